@@ -1,0 +1,152 @@
+"""The component: variables as class fields, behavior as plain functions over them.
+
+Call sequence, the same for every way of running it:
+
+1. Instantiated         memory zero, start values applied; parameters and inputs are set from outside
+2. InitializationMode   `initialize(self)`, maybe repeated while inputs are being found; outputs are those of the start
+3. StepMode             `step(self, t, h)` or `derivatives(self, t)`: inputs are those of `t`, on return outputs are
+                        those of `t + h`
+4. Terminated           nothing is called any more; after an error this is the only way on
+
+Kinds, by the functions a class has:
+
+- continuous: `derivatives(self, t)` sets `der_x` of every state `x`, and the outputs; `method` integrates it
+- sampled: `step(self, t, h)` and a `period` [s]: inputs of `t`, published at `t + period`
+- stepped: `step(self, t, h)` without a period: called at every communication point
+- Python-side (`PythonComponent`): `step` may use all of Python (pymunk, a bus); it cannot become an FMU
+
+An instance is the interpreted form: set inputs, call `start` and `advance`, read outputs, put breakpoints anywhere.
+"""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+from typing import Any, ClassVar
+
+import numpy as np
+
+from twin import clock, solver
+from twin.errors import DeclarationError
+from twin.variable import Layout, Role, Variable, derivative, layout
+
+RESERVED = {"start", "advance", "views", "record", "layout", "variables", "method", "period", "period_ns", "icon"}
+
+
+class Component:
+    """Base of all components; see this module's docstring for what a subclass declares."""
+
+    period: ClassVar[float | None] = None
+    method: ClassVar[solver.Method] = solver.rk4(1e-4)
+
+    variables: ClassVar[tuple[Variable, ...]] = ()
+    layout: ClassVar[Layout] = layout((), {})
+    period_ns: ClassVar[int] = 0
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        declared: dict[str, Variable] = {}
+        for base in reversed(cls.__mro__):
+            for name, value in vars(base).items():
+                if isinstance(value, Variable) and value.role is not Role.derivative:
+                    declared[name] = named(cls, base, name, value)
+        ordered: list[Variable] = []
+        for variable in declared.values():
+            ordered.append(variable)
+            if variable.role is Role.state:
+                ordered.append(derivative(variable))
+                setattr(cls, f"der_{variable.name}", ordered[-1])
+        cls.period_ns = clock.nanoseconds(cls.period, f"{cls.__name__}.period") if cls.period else 0
+        states = sum(variable.size for variable in ordered if variable.role is Role.state)
+        words = layout([variable for variable in ordered if variable.role is Role.input], {}).input_words
+        cls.variables = tuple(ordered)
+        is_continuous = "derivatives" in dir(cls)
+        if states and not is_continuous:
+            raise DeclarationError(f"{cls.__name__}: has a state but no derivatives(self, t). Use local() for memory.")
+        method = cls.method if is_continuous else None
+        cls.layout = layout(ordered, solver.hidden(method, cls.period_ns, states, words))
+
+    def __init__(self, **values: Any) -> None:
+        self.record = np.zeros(1, self.layout.dtype)
+        assert self.layout.dtype.names is not None
+        self.views = {name: self.record[name][0, ...] for name in self.layout.dtype.names}
+        for name, view in self.views.items():
+            if name.startswith("_"):
+                self.__dict__[name] = view
+        for name, value in type(self).start_values().items():
+            self.views[name][...] = value
+        for name, value in values.items():
+            if name not in self.views:
+                hint = "".join(difflib.get_close_matches(name, list(self.views), 1))
+                raise DeclarationError(f"{type(self).__name__}: no variable {name!r}. Did you mean {hint!r}?")
+            self.views[name][...] = value
+
+    @classmethod
+    def start_values(cls) -> dict[str, Any]:
+        """Start value of every variable and of the solver's own fields."""
+        values = {variable.name: variable.start_array() for variable in cls.variables}
+        if "_nominal" in (cls.layout.dtype.names or ()):
+            states = [variable for variable in cls.variables if variable.role is Role.state]
+            nominal = [np.full(variable.size, variable.nominal or 1.0) for variable in states]
+            values["_nominal"] = np.concatenate(nominal)
+        return values
+
+    def start(self, t: float = 0.0) -> None:
+        """Initialize at t [s]: states and outputs follow from parameters and inputs."""
+        functions(type(self))[0](self, t)
+
+    def advance(self, t: float, h: float) -> int:
+        """Go from t to t + h [s] with the inputs as they are; returns a status of `solver`."""
+        return int(functions(type(self))[1](self, t, h))
+
+
+class PythonComponent(Component):
+    """A component whose `step` may use all of Python: pymunk, a CAN bus, a file. Never an FMU.
+
+    `initialize` and `step` are called on the instance itself, which may keep any attributes; `close` is called at the
+    end of a run, however it ends.
+    """
+
+    def close(self) -> None:
+        """Release what the component holds; called once at the end of a run, also after a failure."""
+
+
+def named(cls: type, base: type, name: str, variable: Variable) -> Variable:
+    """The declaration with its name, put back on the class so that instances find it."""
+    if name in RESERVED or name.startswith("_"):
+        raise DeclarationError(f"{cls.__name__}.{name}: this name is the engine's own. Choose another.")
+    if variable.name and variable.name != name:
+        raise DeclarationError(f"{cls.__name__}.{name}: already declared as {variable.name!r}. Declare it once more.")
+    if not variable.name:
+        object.__setattr__(variable, "name", name)
+    return variable
+
+
+def functions(cls: type[Component]) -> tuple[solver.Function, solver.Function]:
+    """`initialize(self, t)` and `advance(self, t, h)` of a component class, as plain Python over its record."""
+    cached: tuple[solver.Function, solver.Function] | None = cls.__dict__.get("_functions")
+    if cached is None:
+        cached = build_functions(cls)
+        cls._functions = cached  # type: ignore[attr-defined]
+    return cached
+
+
+def build_functions(cls: type[Component]) -> tuple[solver.Function, solver.Function]:
+    """Combine a component's own functions with its method and period."""
+    derivatives = getattr(cls, "derivatives", None)
+    step = getattr(cls, "step", None)
+    if (derivatives is None) == (step is None):
+        raise DeclarationError(f"{cls.__name__}: needs either derivatives(self, t) or step(self, t, h).")
+    if derivatives is not None and cls.period_ns:
+        raise DeclarationError(f"{cls.__name__}: a continuous component has no period. Drop it, or use step.")
+    size = cls.layout.state_size
+    if step is not None:
+        advance = solver.discrete_advance(step, inspect.signature(step).return_annotation in (int, "int"))
+        if cls.period_ns:
+            advance = solver.sampled_advance(advance, clock.seconds(cls.period_ns), cls.layout.input_words)
+    elif size:
+        advance = solver.continuous_advance(derivatives, cls.method, size)  # type: ignore[arg-type]
+    else:
+        advance = solver.algebraic_advance(derivatives)  # type: ignore[arg-type]
+    start = solver.initialization(getattr(cls, "initialize", None), derivatives, bool(cls.period_ns))
+    return start, advance

@@ -1,0 +1,212 @@
+"""A member: one component or FMU as the co-simulation algorithm sees it, whatever it is made of.
+
+Call sequence (FMI's): `instantiate`, `set` start values, `enter_initialization(t)`, `set` and `get` while inputs are
+being found, `exit_initialization`, then the loop calls `step_function` by its address, at last `close`.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import machine, solver
+from twin.component import Component, PythonComponent
+from twin.errors import CouplingError
+from twin.variable import Role, Variable
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+# FMI 3.0 type -> type of one scalar in memory; FMI 2.0's Real, Integer, Boolean are Float64, Int32, Boolean here
+DTYPES: dict[str, np.dtype[Any]] = {
+    "Float64": np.dtype(np.float64), "Float32": np.dtype(np.float32),
+    "Int8":    np.dtype(np.int8),    "UInt8":   np.dtype(np.uint8),
+    "Int16":   np.dtype(np.int16),   "UInt16":  np.dtype(np.uint16),
+    "Int32":   np.dtype(np.int32),   "UInt32":  np.dtype(np.uint32),
+    "Int64":   np.dtype(np.int64),   "UInt64":  np.dtype(np.uint64),
+    "Boolean": np.dtype(np.bool_),   "Enumeration": np.dtype(np.int64),
+    "String":  np.dtype(object),     "Binary":  np.dtype(object),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class MemberVariable:
+    """A variable of a member. `dtype` is how one scalar lies in memory where the loop reads or writes it.
+
+    `causality` is FMI's (input, output, parameter, local, ...). `dependencies`: names of the inputs an output depends
+    on directly at one instant, or None if unknown (then all).
+    """
+
+    name: str
+    causality: str
+    variability: str
+    type: str
+    dtype: np.dtype[Any]
+    shape: tuple[int, ...] = ()
+    unit: str = ""
+    display_unit: str = ""
+    start: Any = None
+    description: str = ""
+    dependencies: tuple[str, ...] | None = None
+    references: tuple[int, ...] = ()  # value references: one (FMI 3.0), or one per element (FMI 2.0)
+
+    @property
+    def size(self) -> int:
+        """Number of scalars."""
+        return int(np.prod(self.shape, dtype=int))
+
+    @property
+    def connectable(self) -> bool:
+        """Whether the loop can move its values: numbers and Booleans, not strings and binaries."""
+        return self.dtype.kind != "O"
+
+
+@dataclass(slots=True)
+class Access:
+    """One call that moves values between a member and memory: `fmiNGetXXX` or `fmiNSetXXX` by address."""
+
+    function: int
+    references: np.ndarray[Any, Any]  # uint32 value references
+    count: int  # number of references
+    size: int  # number of values
+
+
+class Member(ABC):
+    """Base of the two kinds of members: records in this process, and FMUs."""
+
+    name: str
+    variables: dict[str, MemberVariable]
+    period_ns: int = 0  # the member's own period; 0: every communication point
+    step_function: int = 0  # address of int32 (*)(void *instance, double t, double h, ...)
+    instance: int = 0  # address of the instance
+    log: list[str]  # last lines it logged
+    terminated_reason: str = ""
+    identity: dict[str, str]  # what ran: kind, version, content hash
+
+    @abstractmethod
+    def instantiate(self) -> None:
+        """Bring the member into the state Instantiated, start values applied."""
+
+    @abstractmethod
+    def enter_initialization(self, t: float, stop: float | None) -> None:
+        """Enter InitializationMode at t [s]."""
+
+    @abstractmethod
+    def exit_initialization(self) -> None:
+        """Leave InitializationMode for StepMode."""
+
+    @abstractmethod
+    def set(self, name: str, value: Any) -> None:
+        """Write a variable."""
+
+    @abstractmethod
+    def get(self, name: str) -> Any:
+        """Read a variable: a scalar, or an array of its shape."""
+
+    @abstractmethod
+    def address(self, name: str) -> int:
+        """Where the variable lies in memory, or 0 if it can only be reached by calls."""
+
+    @abstractmethod
+    def access(self, names: list[str], write: bool) -> Access:
+        """The call that moves these variables, which share one dtype and type, in this order."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Terminate and free. Safe to call twice and in any state."""
+
+
+CAUSALITY = {Role.input: "input", Role.output: "output", Role.parameter: "parameter"}
+
+
+def declared(variable: Variable, continuous: bool) -> MemberVariable:
+    """A component's variable as its members show it."""
+    variability = "continuous" if continuous and variable.type == "Float64" else "discrete"
+    if variable.role is Role.parameter:
+        variability = "fixed" if variable.fixed else "tunable"
+    return MemberVariable(
+        variable.name, CAUSALITY.get(variable.role, "local"), variability, str(variable.type), variable.dtype,
+        variable.shape, variable.unit, variable.display_unit, variable.start_array(), variable.description,
+        None if variable.role is Role.output and continuous else (),
+    )  # fmt: skip
+
+
+@dataclass
+class RecordMember(Member):
+    """A component whose record lies in this process: interpreted, Python-side, or compiled (`code` given).
+
+    `code`: addresses of `initialize(record, t)` and `advance(record, t, h)`; without it the Python functions run.
+    """
+
+    name: str
+    component: Component
+    code: tuple[int, int] | None = None
+    log: list[str] = field(default_factory=list)
+    identity: dict[str, str] = field(default_factory=dict)
+    failure: BaseException | None = None
+
+    def __post_init__(self) -> None:
+        continuous = hasattr(self.component, "derivatives")
+        self.variables = {v.name: declared(v, continuous) for v in self.component.variables}
+        self.period_ns = self.component.period_ns
+        self.instance = self.component.record.ctypes.data
+        self._closed = self._initializing = self._stale = False
+        self._t = 0.0
+        if self.code:
+            self._initialize: Callable[[float], int] = self._by_address(self.code[0])
+            self.step_function = self.code[1]
+        else:
+            self._initialize = self.component.start  # type: ignore[assignment]
+            self._callback = machine.STEP(self._step)
+            self.step_function = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
+
+    def _by_address(self, address: int) -> Callable[[float], int]:
+        function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_double)(address)
+        return lambda t: int(function(self.instance, t))
+
+    def _step(self, _instance: int, t: float, h: float, *_: int) -> int:
+        try:
+            return self.component.advance(t, h)
+        except BaseException as error:  # also Ctrl-C: nothing may pass through native frames
+            self.failure = error
+            self.log.append(f"{type(error).__name__}: {error}")
+            return solver.ERROR
+
+    def instantiate(self) -> None:
+        """Nothing to do: the component was made with its start values."""
+
+    def enter_initialization(self, t: float, stop: float | None) -> None:
+        self._t = t
+        self._initializing = self._stale = True
+
+    def _settle(self) -> None:
+        if self._stale:
+            self._stale = False
+            self._initialize(self._t)
+
+    def exit_initialization(self) -> None:
+        self._settle()
+        self._initializing = False
+
+    def set(self, name: str, value: Any) -> None:
+        self.component.views[name][...] = value
+        self._stale = self._initializing
+
+    def get(self, name: str) -> Any:
+        self._settle()
+        return self.component.views[name].copy()[()]
+
+    def address(self, name: str) -> int:
+        return self.instance + self.component.layout.offset(name)
+
+    def access(self, names: list[str], write: bool) -> Access:
+        raise CouplingError(f"{self.name}: a record is read and written in place.")
+
+    def close(self) -> None:
+        if not self._closed and isinstance(self.component, PythonComponent):
+            self.component.close()
+        self._closed = True

@@ -1,0 +1,171 @@
+"""The linter for components: what cannot be compiled is found in the source, with its line and what to write instead.
+
+A component never raises: an exception in native code would be lost. It writes no input and no parameter. It allocates
+nothing: arrays are declared, and loops go over their elements.
+"""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import inspect
+import textwrap
+from types import FunctionType, ModuleType
+from typing import TYPE_CHECKING, Any
+
+from twin.variable import Role
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from twin.component import Component
+
+FORBIDDEN: dict[type[ast.AST], str] = {
+    ast.Raise:         "`raise` is lost in native code. Return a status (`-> int`, ERROR of twin.solver) instead",
+    ast.Try:           "`try` cannot be compiled. Test for the case before it happens",
+    ast.With:          "`with` cannot be compiled. Components do no I/O; use a PythonComponent",
+    ast.Assert:        "`assert` is lost in native code. Return a status instead",
+    ast.Import:        "`import` inside a function cannot be compiled. Import at the top of the module",
+    ast.ImportFrom:    "`import` inside a function cannot be compiled. Import at the top of the module",
+    ast.Global:        "`global` cannot be compiled. Declare a local() variable",
+    ast.Lambda:        "`lambda` cannot be compiled. Write a function in the module",
+    ast.ListComp:      "a list allocates. Declare an array with shape=... and loop over its elements",
+    ast.List:          "a list allocates. Declare an array with shape=..., or use a tuple of the module",
+    ast.Dict:          "a dict allocates. Declare variables instead",
+    ast.Set:           "a set allocates. Declare variables instead",
+    ast.DictComp:      "a dict allocates. Declare variables instead",
+    ast.SetComp:       "a set allocates. Declare variables instead",
+    ast.GeneratorExp:  "a generator cannot be compiled. Write the loop",
+    ast.JoinedStr:     "a string cannot be compiled. Publish a number instead",
+    ast.Yield:         "`yield` cannot be compiled. Use step(self, t, h)",
+    ast.Await:         "`await` cannot be compiled. Use a PythonComponent",
+}  # fmt: skip
+
+CALLS = {
+    "print": "do I/O", "open": "do I/O", "input": "do I/O", "eval": "be compiled", "exec": "be compiled",
+    "list": "allocate", "dict": "allocate", "set": "allocate", "str": "be compiled", "sorted": "allocate",
+}  # fmt: skip
+ARRAYS = {"zeros", "ones", "empty", "array", "arange", "linspace", "full", "concatenate", "dot", "eye", "copy"}
+METHODS = {"max", "min", "copy", "astype", "dot", "reshape", "tolist", "mean", "sort"}
+
+
+def check(cls: type[Component]) -> list[str]:
+    """Problems of a component's functions and of the helpers they call, one line each; empty if there are none."""
+    problems: list[str] = []
+    seen: set[str] = set()
+    for name in ("initialize", "step", "derivatives"):
+        function = getattr(cls, name, None)
+        if isinstance(function, FunctionType):
+            problems += _check_function(cls, function, seen, owner=True)
+    return problems
+
+
+def _check_function(cls: type[Component], function: FunctionType, seen: set[str], owner: bool) -> Iterator[str]:
+    key = f"{function.__module__}.{function.__qualname__}"
+    if key in seen:
+        return
+    seen.add(key)
+    try:
+        lines, first = inspect.getsourcelines(function)
+    except OSError:
+        return
+    tree = ast.parse(textwrap.dedent("".join(lines)))
+    file = (inspect.getsourcefile(function) or "?").replace("\\", "/").split("/")
+    where = f"{cls.__name__} ({'/'.join(file[-2:])}:%d)"
+    for node, message in _problems(cls, function, tree, owner):
+        yield f"{where % (first + getattr(node, 'lineno', 1) - 1)}: {message}."
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            helper = function.__globals__.get(node.func.id)
+            if isinstance(helper, FunctionType) and not helper.__module__.startswith("numpy"):
+                yield from _check_function(cls, helper, seen, owner=False)
+
+
+def _problems(cls: type[Component], function: FunctionType, tree: ast.AST, owner: bool) -> Iterator[tuple[ast.AST, str]]:
+    variables = {variable.name: variable for variable in cls.variables}
+    me = function.__code__.co_varnames[0] if function.__code__.co_argcount else "self"
+    for node in ast.walk(tree):
+        if type(node) in FORBIDDEN:
+            yield node, FORBIDDEN[type(node)]
+        elif isinstance(node, ast.Call):
+            yield from _call_problems(node, function)
+        elif owner and isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == me:
+            if node.attr not in variables and not node.attr.startswith("_"):
+                near = "".join(difflib.get_close_matches(node.attr, list(variables), 1))
+                yield node, f"`self.{node.attr}` is not declared" + (f". Did you mean `self.{near}`?"[:-1] if near else ". Declare it")
+        if owner and isinstance(node, ast.Assign | ast.AugAssign | ast.AnnAssign):
+            yield from _write_problems(node, me, variables)
+
+
+def _call_problems(node: ast.Call, function: FunctionType) -> Iterator[tuple[ast.AST, str]]:
+    called = node.func
+    if isinstance(called, ast.Name) and called.id in CALLS and called.id not in function.__globals__:
+        yield node, f"`{called.id}()` would {CALLS[called.id]} and cannot stand in a component. Use a PythonComponent for that"
+    if isinstance(called, ast.Attribute):
+        base = called.value
+        module = isinstance(base, ast.Name) and isinstance(function.__globals__.get(base.id), ModuleType)
+        if module and called.attr in ARRAYS:
+            yield node, f"`{ast.unparse(called)}()` allocates an array. Declare a local() with shape=... and loop over it"
+        elif isinstance(base, ast.Attribute) and base.attr in ("random", "linalg"):
+            instead = "twin.noise" if base.attr == "random" else "a loop over the elements"
+            yield node, f"`{ast.unparse(called)}()` pulls Python in. Use {instead}"
+        elif not module and called.attr in METHODS:
+            yield node, f"`.{called.attr}()` of an array pulls Python in. Write the loop over its elements"
+
+
+def _write_problems(
+    node: ast.Assign | ast.AugAssign | ast.AnnAssign, me: str, variables: dict[str, Any]
+) -> Iterator[tuple[ast.AST, str]]:
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+    for target in targets:
+        for place in target.elts if isinstance(target, ast.Tuple) else [target]:
+            inner = place
+            while isinstance(inner, ast.Subscript):
+                inner = inner.value
+            if not (isinstance(inner, ast.Attribute) and isinstance(inner.value, ast.Name) and inner.value.id == me):
+                continue
+            variable = variables.get(inner.attr)
+            if variable is not None and variable.role in (Role.input, Role.parameter):
+                yield node, f"writes {variable.role} `self.{inner.attr}`, which is set from outside. Use a local() for it"
+            if variable is not None and variable.shape and not isinstance(place, ast.Subscript):
+                yield node, f"assigns the whole array `self.{inner.attr}`. Loop over its elements: self.{inner.attr}[i] = ..."
+
+
+def explain_symbols(where: str, foreign: list[str], entries: list[Callable[..., Any]]) -> str:
+    """Why compiled code still refers to Python: the symbols, and the lines that are likely to have brought them."""
+    reason = "an array is allocated or an exception can be raised" if any("NRT" in s for s in foreign) else "Python is called"
+    suspects: list[str] = []
+    seen: set[int] = set()
+    for entry in entries:
+        for function in _reachable(entry, seen):
+            suspects += _array_lines(function)
+    hint = f" Suspected: {'; '.join(suspects[:3])}." if suspects else ""
+    return f"{where}: {reason} ({', '.join(foreign[:3])}).{hint} Write loops over elements, with known bounds."
+
+
+def _reachable(function: Any, seen: set[int]) -> Iterator[FunctionType]:
+    if not isinstance(function, FunctionType) or id(function) in seen:
+        return
+    seen.add(id(function))
+    yield function
+    scope = dict(function.__globals__)
+    for name, cell in zip(function.__code__.co_freevars, function.__closure__ or (), strict=True):
+        scope[name] = cell.cell_contents
+    for name in (*function.__code__.co_names, *function.__code__.co_freevars):
+        yield from _reachable(scope.get(name), seen)
+
+
+def _array_lines(function: FunctionType) -> list[str]:
+    """Lines of a function that handle an array as a whole: slices, whole assignments, array arithmetic."""
+    if function.__module__ == "twin.solver":
+        return []
+    try:
+        lines, first = inspect.getsourcelines(function)
+    except OSError:
+        return []
+    found = []
+    for node in ast.walk(ast.parse(textwrap.dedent("".join(lines)))):
+        whole = isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice)
+        if whole or (isinstance(node, ast.Attribute) and node.attr in METHODS):
+            found.append(f"line {first + node.lineno - 1} `{lines[node.lineno - 1].strip()}`")
+    return found
