@@ -13,7 +13,8 @@ from numba.extending import intrinsic
 from twin import machine
 from twin.errors import BuildError
 
-I64, I32, I8, F64 = ir.IntType(64), ir.IntType(32), ir.IntType(8), ir.DoubleType()
+I64, I32, I16, I8 = (ir.IntType(bits) for bits in (64, 32, 16, 8))
+F64, F32 = ir.DoubleType(), ir.FloatType()
 
 NUMBA_TYPES = {"f8": types.float64, "i8": types.int64}
 
@@ -28,6 +29,8 @@ def _reader(storage: ir.Type, result: Any) -> Any:
     def read(typing_context, address):  # type: ignore[no-untyped-def]
         def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
             value = builder.load(builder.inttoptr(arguments[0], storage.as_pointer()))
+            if storage == F32:
+                return builder.fpext(value, F64)
             return value if storage in (I64, F64) else builder.sext(value, I64)
 
         return result(types.int64), generate
@@ -39,7 +42,11 @@ def _writer(storage: ir.Type, kind: Any) -> Any:
     @intrinsic
     def write(typing_context, address, value):  # type: ignore[no-untyped-def]
         def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-            word = arguments[1] if storage in (I64, F64) else builder.trunc(arguments[1], storage)
+            word = arguments[1]
+            if storage == F32:
+                word = builder.fptrunc(word, storage)
+            elif storage not in (I64, F64):
+                word = builder.trunc(word, storage)
             builder.store(word, builder.inttoptr(arguments[0], storage.as_pointer()))
             return context.get_dummy_value()
 
@@ -71,16 +78,20 @@ def _call_step(typing_context, function, instance, t, h, flags):  # type: ignore
 
 
 WORDS = {
-    machine.read64:      _reader(I64, types.int64),
-    machine.read32:      _reader(I32, types.int64),
-    machine.read8:       _reader(I8, types.int64),
-    machine.read_float:  _reader(F64, types.float64),
-    machine.write64:     _writer(I64, types.int64),
-    machine.write32:     _writer(I32, types.int64),
-    machine.write8:      _writer(I8, types.int64),
-    machine.write_float: _writer(F64, types.float64),
-    machine.call_access: _call_access,
-    machine.call_step:   _call_step,
+    machine.read64:        _reader(I64, types.int64),
+    machine.read32:        _reader(I32, types.int64),
+    machine.read16:        _reader(I16, types.int64),
+    machine.read8:         _reader(I8, types.int64),
+    machine.read_float:    _reader(F64, types.float64),
+    machine.read_float32:  _reader(F32, types.float64),
+    machine.write64:       _writer(I64, types.int64),
+    machine.write32:       _writer(I32, types.int64),
+    machine.write16:       _writer(I16, types.int64),
+    machine.write8:        _writer(I8, types.int64),
+    machine.write_float:   _writer(F64, types.float64),
+    machine.write_float32: _writer(F32, types.float64),
+    machine.call_access:   _call_access,
+    machine.call_step:     _call_step,
 }  # fmt: skip
 
 

@@ -38,6 +38,16 @@ def write32(address: int, value: int) -> None:
     ctypes.c_int32.from_address(int(address)).value = int(value)
 
 
+def read16(address: int) -> int:
+    """The 16-bit word at an address."""
+    return ctypes.c_int16.from_address(int(address)).value
+
+
+def write16(address: int, value: int) -> None:
+    """Store a 16-bit word."""
+    ctypes.c_int16.from_address(int(address)).value = int(value)
+
+
 def read8(address: int) -> int:
     """The byte at an address."""
     return ctypes.c_int8.from_address(int(address)).value
@@ -56,6 +66,16 @@ def read_float(address: int) -> float:
 def write_float(address: int, value: float) -> None:
     """Store a Float64."""
     ctypes.c_double.from_address(int(address)).value = float(value)
+
+
+def read_float32(address: int) -> float:
+    """The Float32 at an address."""
+    return ctypes.c_float.from_address(int(address)).value
+
+
+def write_float32(address: int, value: float) -> None:
+    """Store a Float32, rounded to nearest."""
+    ctypes.c_float.from_address(int(address)).value = float(value)
 
 
 def call_access(function: int, instance: int, references: int, count: int, values: int, size: int) -> int:

@@ -84,7 +84,6 @@ class Member(ABC):
     step_function: int = 0  # address of int32 (*)(void *instance, double t, double h, ...)
     instance: int = 0  # address of the instance
     log: list[str]  # last lines it logged
-    terminated_reason: str = ""
     identity: dict[str, str]  # what ran: kind, version, content hash
 
     @abstractmethod
@@ -114,6 +113,10 @@ class Member(ABC):
     @abstractmethod
     def access(self, names: list[str], write: bool) -> Access:
         """The call that moves these variables, which share one dtype and type, in this order."""
+
+    def finish_reason(self) -> str:
+        """Why the member discarded its step, if that was its wish to end the simulation; else empty."""
+        return ""
 
     @abstractmethod
     def close(self) -> None:

@@ -1,0 +1,283 @@
+"""The co-simulation: initialize, advance, terminate. Owns time and memory; the work is done by the compiled loop."""
+
+from __future__ import annotations
+
+import ctypes
+import time as wall
+from dataclasses import dataclass
+from enum import StrEnum
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock, compiled
+from twin.algorithm import initialization, loop
+from twin.algorithm.plan import Key, Plan, bits, kind, view
+from twin.errors import CouplingError, SimulationError
+from twin.member import RecordMember
+from twin.system import Link, stepping_order
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
+
+    from twin.member import Member
+
+CHUNK_SECONDS = 0.05  # wall-clock length of one native call: how fast Ctrl-C and the progress bar react
+BUFFER_BYTES = 32 << 20  # recording buffer
+LOG_LINES = 5
+
+STATUS = {2: "DISCARD", 3: "ERROR", 4: "FATAL"}
+
+
+class Algorithm(StrEnum):
+    """How members see each other within one communication step."""
+
+    jacobi = "jacobi"
+    gauss_seidel = "gauss_seidel"
+
+
+@lru_cache(maxsize=4)
+def compiled_loop(build: Path) -> Callable[[int], int]:
+    """The loop as a native function of its record's address."""
+    entries = (compiled.Entry("run", loop.run, ()),)
+    code = compiled.compile_entries(entries, loop.RECORD, compiled.host(), "co-simulation loop", build)
+    return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(compiled.load(code, ("run",))[0])
+
+
+@dataclass
+class Recording:
+    """What was recorded: time [s], and per variable an array of rows (and elements)."""
+
+    time: np.ndarray[Any, Any]
+    signals: dict[str, np.ndarray[Any, Any]]
+
+
+class CoSimulation:
+    """Members coupled by links, from `initialize` over `advance` to `terminate`.
+
+    `step`: communication step [ns]. A member's period must be a multiple of it: never a rounding. `record`: variables
+    to record every `every` [ns] as (member, variable).
+    """
+
+    def __init__(
+        self, members: Mapping[str, Member], links: list[Link], step: int, algorithm: Algorithm = Algorithm.jacobi,
+        *, record: list[Key] | None = None, every: int = 0, build: Path, periods: Mapping[str, int] | None = None,
+    ) -> None:  # fmt: skip
+        self.members, self.links, self.step, self.algorithm = members, links, step, algorithm
+        self.periods = {name: (periods or {}).get(name) or m.period_ns or step for name, m in members.items()}
+        self.every = every or step
+        self._check_periods()
+        outputs = [(name, v.name) for name, m in members.items() for v in m.variables.values()
+                   if v.causality == "output" and v.connectable]  # fmt: skip
+        self.recorded = outputs if record is None else record
+        self.build = build
+        self.failure: str = ""
+        self.finished = False
+        self._chunks: list[np.ndarray[Any, Any]] = []
+        self._shadows: dict[Key, int] = {}
+        self._begin = 0
+
+    def _check_periods(self) -> None:
+        problems = []
+        for name, period in {**self.periods, "record": self.every}.items():
+            if period % self.step:
+                low = period // self.step * self.step
+                choice = clock.text(low + self.step) if low == 0 else f"{clock.text(low)} or {clock.text(low + self.step)}"
+                problems.append(
+                    f"{name}: period {clock.text(period)} is not a multiple of {clock.text(self.step)}. Use {choice}, "
+                    f"or a communication step of {clock.text(clock.common_step([period, self.step]))}."
+                )
+        if problems:
+            raise CouplingError(problems)
+
+    def order(self) -> list[list[str]]:
+        """The stages: all members at once, or one by one along their dependencies."""
+        if self.algorithm is Algorithm.jacobi:
+            return [list(self.members)]
+        catalog = {name: member.variables for name, member in self.members.items()}
+        return [[name] for name in stepping_order(list(self.members), self.links, catalog)]
+
+    def delays(self) -> list[tuple[Link, int]]:
+        """How late each connection's value is when it is used, beyond what the source's own step says [ns]."""
+        place = {name: i for i, stage in enumerate(self.order()) for name in stage}
+        found = []
+        for link in self.links:
+            earlier = place[link.source.member] < place[link.target.member]
+            found.append((link, 0 if earlier else self.periods[link.target.member]))
+        return found
+
+    def initialize(self, start: int, stop: int | None = None) -> None:
+        """Take all members through InitializationMode at `start` [ns] and record the first row."""
+        self._begin = start
+        for name, member in self.members.items():
+            self._guard(name, "instantiation", member.instantiate)
+        for name, member in self.members.items():
+            end = None if stop is None else clock.seconds(stop)
+            self._guard(name, "initialization", lambda m=member, e=end: m.enter_initialization(clock.seconds(start), e))
+        initialization.solve(self.members, self.links)
+        for name, member in self.members.items():
+            self._guard(name, "initialization", member.exit_initialization)
+        self._fill(stop)
+
+    def _guard(self, name: str, phase: str, call: Callable[[], object]) -> None:
+        try:
+            call()
+        except SimulationError:
+            raise
+        except Exception as error:
+            raise SimulationError(f"{name}: {phase} failed: {error}{self._log_text(self.members[name])}") from error
+
+    def _fill(self, stop: int | None) -> None:
+        """Build the tables, publish what the members hold, and record the first row."""
+        plan = self.plan = Plan(self.members, self.step, self.periods)
+        plan.build(self.order(), self.links, self.recorded)
+        for (member, name), address in plan.published.items():
+            if not self.members[member].address(name) or self.periods[member] != self.step:
+                variable = self.members[member].variables[name]
+                view(address, variable)[:] = np.ravel(self.members[member].get(name))
+        self.tables = {
+            name: np.array(rows, np.int64).reshape(len(rows), -1) if rows else np.zeros((1, 1), np.int64)
+            for name, rows in (
+                ("stages", plan.stages), ("slots", plan.slots), ("copies", plan.copies), ("converts", plan.converts),
+                ("accesses", plan.accesses), ("steps", plan.steps),
+            )
+        }  # fmt: skip
+        rows = max(16, BUFFER_BYTES // (8 * plan.row_words))
+        if stop is not None:
+            rows = min(rows, (stop - self._begin) // self.every + 2)
+        self._rows = np.zeros((rows, plan.row_words), np.int64)
+        self._record = np.zeros(1, loop.RECORD)
+        self.state = self._record[0]
+        for name, table in self.tables.items():
+            self.state[name] = table.ctypes.data
+        self.state["begin_ns"], self.state["step_ns"] = self._begin, self.step
+        self.state["stage_count"] = len(plan.stages)
+        self.state["rows"], self.state["row_limit"] = self._rows.ctypes.data, rows
+        self.state["row_words"], self.state["every"] = plan.row_words, self.every // self.step
+        ranges = ("record_copy_begin", "record_copy_end", "record_convert_begin", "record_convert_end")
+        for name, value in zip(ranges, plan.record_ranges, strict=True):
+            self.state[name] = value
+        self._loop = compiled_loop(self.build)
+        loop.record(self._record.view(np.recarray)[0])
+
+    @property
+    def time(self) -> int:
+        """Communication point reached [ns]."""
+        return self._begin + int(self.state["tick"]) * self.step
+
+    def advance(self, until: int, progress: Callable[[int], object] | None = None) -> None:
+        """Go to `until` [ns], a communication point; SimulationError if a member fails, with all that is known.
+
+        Stops early, with `finished` set, when a member ends the simulation.
+        """
+        if (until - self._begin) % self.step:
+            raise CouplingError(f"{clock.text(until)} is no communication point of {clock.text(self.step)}.")
+        last = (until - self._begin) // self.step
+        chunk = 64
+        while self.state["tick"] < last and not self.finished:
+            self.state["stop"] = min(last, int(self.state["tick"]) + chunk)
+            begin = wall.perf_counter()
+            result = self._loop(self._record.ctypes.data)
+            took = wall.perf_counter() - begin
+            if result == loop.FULL:
+                self._drain()
+            elif result == loop.FINISHED:
+                self.finished = True
+                self.failure = f"{self._member_name()} ended the simulation at {clock.text(self.time)}"
+            elif result == loop.FAILED:
+                self._fail()
+            chunk = max(64, min(chunk * 4, int(chunk * CHUNK_SECONDS / max(took, 1e-6))))
+            if progress:
+                progress(self.time)
+
+    def _member_name(self) -> str:
+        return list(self.members)[int(self.state["member"])]
+
+    def _fail(self) -> None:
+        """Turn a member's failure into one line: name, time, status, last inputs, last log lines."""
+        name = self._member_name()
+        member = self.members[name]
+        if isinstance(member, RecordMember) and isinstance(member.failure, KeyboardInterrupt):
+            raise member.failure
+        reason = member.finish_reason() if int(self.state["status"]) == 2 else ""
+        if reason:
+            self.finished = True
+            self.failure = f"{name} ended the simulation at {clock.text(self.time)}: {reason}"
+            return
+        inputs = ", ".join(
+            f"{v}={np.array2string(view(address, self.members[m].variables[v]), threshold=6, precision=6)}"
+            for (m, v), address in self.plan.staged.items()
+            if m == name
+        )
+        status = STATUS.get(int(self.state["status"]), "ERROR")
+        raise SimulationError(
+            f"{name}: failed with {status} in the step from t = {clock.text(self.time)}. "
+            f"Last inputs: {inputs or 'none'}.{self._log_text(member)}"
+        ) from (member.failure if isinstance(member, RecordMember) else None)
+
+    @staticmethod
+    def _log_text(member: Member) -> str:
+        return f" Last log: {' | '.join(member.log[-LOG_LINES:])}" if member.log else ""
+
+    def set(self, key: Key, value: Any) -> None:
+        """Set a parameter or an unconnected input of a member, from now on."""
+        self.members[key[0]].set(key[1], value)
+
+    def override(self, key: Key, value: Any) -> None:
+        """From now on all who read this output, or the member that has this input, see `value` instead."""
+        variable = self.members[key[0]].variables[key[1]]
+        rows = self._override_rows(key)
+        if key not in self._shadows:
+            self._shadows[key] = self.plan.memory.take(8 * variable.size)
+        view(self._shadows[key], variable)[:] = np.ravel(np.asarray(value, variable.dtype))
+        for table, row, offset in rows:
+            entry = self.tables[table][row]
+            entry[0] = self._shadows[key] + offset
+            if variable.causality == "input" and table == "converts":
+                entry[[1, 5, 6]] = kind(variable.dtype), bits(1.0), bits(0.0)
+
+    def release(self, key: Key) -> None:
+        """End an override."""
+        for table, row, _ in self._override_rows(key):
+            self.tables[table][row] = getattr(self.plan, table)[row]
+
+    def _override_rows(self, key: Key) -> list[tuple[str, int, int]]:
+        variable = self.members[key[0]].variables[key[1]]
+        rows = self.plan.writers.get(key, []) if variable.causality == "input" else self.plan.readers.get(key, [])
+        if not rows:
+            raise CouplingError(f"{key[0]}.{key[1]}: nothing reads it, so overriding it has no effect. Use set.")
+        return rows
+
+    def _drain(self) -> None:
+        """Take the filled part of the recording buffer."""
+        count = int(self.state["row"])
+        if count:
+            self._chunks.append(self._rows[:count].copy())
+            self.state["row"] = 0
+
+    def recording(self) -> Recording:
+        """All that was recorded until now, decoded."""
+        if not hasattr(self, "plan"):
+            return Recording(np.zeros(0), {})
+        self._drain()
+        words = np.concatenate(self._chunks) if self._chunks else np.zeros((0, self.plan.row_words), np.int64)
+        time = (self._begin + words[:, 0] * self.step) / clock.NANOSECONDS
+        signals = {}
+        for (member, name), first, size in self.plan.columns:
+            variable = self.members[member].variables[name]
+            block = np.ascontiguousarray(words[:, first : first + size])
+            if variable.dtype.kind == "f":
+                values = block.view(np.float64)
+            elif variable.type == "Boolean":
+                values = block != 0
+            else:
+                values = block.view(np.uint64) if variable.dtype.kind == "u" else block
+            signals[f"{member}.{name}"] = values.reshape(len(words), *variable.shape)
+        return Recording(time, signals)
+
+    def terminate(self) -> None:
+        """Close all members, whatever state they are in."""
+        for member in self.members.values():
+            member.close()

@@ -1,0 +1,103 @@
+"""Initialization: values go along the connections in the order of dependencies; algebraic loops are solved."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.errors import SimulationError
+from twin.graph import ordered_groups
+from twin.system import Link, feeds, is_real
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from twin.member import Member
+
+Key = tuple[str, str]
+
+TOLERANCE = 1e-10  # relative change of a loop's values at which it counts as solved
+ITERATIONS = 50
+
+
+def solve(members: Mapping[str, Member], links: list[Link]) -> None:
+    """Set every connected input from its source, members being in InitializationMode."""
+    by_source: dict[Key, list[Link]] = {}
+    for link in links:
+        by_source.setdefault(link.source.key, []).append(link)
+    followers: dict[Key, list[Key]] = {key: [] for key in by_source}
+    for key in by_source:
+        for link in by_source[key]:
+            for other in by_source:
+                if other[0] == link.target.member and feeds(link, members[other[0]].variables[other[1]]):
+                    followers[key].append(other)
+    for group in ordered_groups(list(by_source), followers):
+        if len(group) == 1 and group[0] not in followers[group[0]]:
+            push(members, by_source[group[0]], members[group[0][0]].get(group[0][1]))
+        else:
+            _solve_loop(members, group, by_source)
+
+
+def push(members: Mapping[str, Member], links: list[Link], value: Any) -> None:
+    """Set the targets of one source from its value."""
+    flat = np.ravel(value)
+    for link in links:
+        part = flat[link.source.first : link.source.first + link.source.size]
+        if is_real(link.target.variable):
+            part = np.asarray(part, np.float64) * link.factor + link.offset
+        target, variable = link.target, link.target.variable
+        member = members[target.member]
+        if target.size == variable.size:
+            member.set(variable.name, np.reshape(part, variable.shape) if variable.shape else part[0])
+        else:
+            whole = np.array(member.get(variable.name))
+            whole.reshape(-1)[target.first : target.first + target.size] = part
+            member.set(variable.name, whole)
+
+
+def _solve_loop(members: Mapping[str, Member], group: list[Key], by_source: dict[Key, list[Link]]) -> None:
+    """Solve G(x) = x for the sources of a loop: Newton for real values, else repeated substitution."""
+
+    def evaluate(x: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+        at = 0
+        for member, name in group:
+            size = members[member].variables[name].size
+            push(members, by_source[member, name], x[at : at + size])
+            at += size
+        return read()
+
+    def read() -> np.ndarray[Any, Any]:
+        return np.concatenate([np.ravel(members[m].get(n)).astype(np.float64) for m, n in group])
+
+    x = read()
+    smooth = all(is_real(members[m].variables[n]) for m, n in group)
+    for _ in range(ITERATIONS):
+        y = evaluate(x)
+        scale = np.maximum(np.maximum(np.abs(x), np.abs(y)), 1e-12)
+        if np.all(np.abs(y - x) <= TOLERANCE * scale):
+            evaluate(y)
+            return
+        if not np.all(np.isfinite(y)):
+            break
+        x = _newton(evaluate, x, y) if smooth else y
+    names = ", ".join(f"{m}.{n}" for m, n in group)
+    raise SimulationError(
+        f"initialization: the algebraic loop through {names} has no solution that could be found from its start "
+        f"values. Give better start values, or break the loop with a sampled component."
+    )
+
+
+def _newton(evaluate: Any, x: np.ndarray[Any, Any], y: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """One Newton step for G(x) - x = 0 with a Jacobian by differences."""
+    n = len(x)
+    jacobian = np.empty((n, n))
+    for i in range(n):
+        step = 1e-7 * max(abs(x[i]), 1e-6)
+        moved = x.copy()
+        moved[i] += step
+        jacobian[:, i] = (evaluate(moved) - y) / step
+    try:
+        return x + np.linalg.solve(np.eye(n) - jacobian, y - x)
+    except np.linalg.LinAlgError:
+        return y

@@ -1,0 +1,221 @@
+"""From members and links to the tables that the loop walks.
+
+All memory outside the members lies in one buffer: staged inputs and published outputs of FMUs, published copies of
+slow records, shadows of overridden variables, and the flags of FMI 3.0. A record in this process is read and written
+in place.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.algorithm import loop
+from twin.system import Link
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from twin.member import Access, Member, MemberVariable
+
+Key = tuple[str, str]
+
+@dataclass
+class Memory:
+    """A zeroed buffer that grows by blocks, which never move; every place is on a multiple of 8 byte."""
+
+    blocks: list[np.ndarray[Any, Any]] = field(default_factory=list)
+    used: int = 0
+
+    def take(self, size: int) -> int:
+        """Address of `size` fresh bytes."""
+        words = -(-max(size, 1) // 8)
+        if not self.blocks or self.used + words > len(self.blocks[-1]):
+            self.blocks.append(np.zeros(max(4096, words), np.int64))
+            self.used = 0
+        address = int(self.blocks[-1].ctypes.data) + 8 * self.used
+        self.used += words
+        return address
+
+
+def view(address: int, variable: MemberVariable) -> np.ndarray[Any, Any]:
+    """The values of a variable where they lie, flat."""
+    size = variable.size * variable.dtype.itemsize
+    raw = (ctypes.c_uint8 * size).from_address(address)
+    return np.frombuffer(raw, variable.dtype)
+
+
+def kind(dtype: np.dtype[Any]) -> int:
+    """The loop's word for a type in memory."""
+    return loop.KINDS[f"{dtype.kind}{dtype.itemsize}"]
+
+
+def bits(value: float) -> int:
+    """A Float64 as the word it is."""
+    return int(np.float64(value).view(np.int64))
+
+
+@dataclass
+class Plan:
+    """Tables of the loop, and where everything lies.
+
+    `readers[key]`: rows that read a variable where it is published, `writers[key]`: rows that write an input; both as
+    (table, row, offset in byte of the element), so that an override can point them elsewhere.
+    """
+
+    members: Mapping[str, Member]
+    step_ns: int
+    periods: Mapping[str, int]
+    memory: Memory = field(default_factory=Memory)
+    published: dict[Key, int] = field(default_factory=dict)
+    staged: dict[Key, int] = field(default_factory=dict)
+    readers: dict[Key, list[tuple[str, int, int]]] = field(default_factory=dict)
+    writers: dict[Key, list[tuple[str, int, int]]] = field(default_factory=dict)
+    stages: list[tuple[int, ...]] = field(default_factory=list)
+    slots: list[tuple[int, ...]] = field(default_factory=list)
+    copies: list[list[int]] = field(default_factory=list)
+    converts: list[list[int]] = field(default_factory=list)
+    accesses: list[list[int]] = field(default_factory=list)
+    steps: list[list[int]] = field(default_factory=list)
+    columns: list[tuple[Key, int, int]] = field(default_factory=list)  # recorded: key, first word in the row, words
+    gets: dict[str, list[list[int]]] = field(default_factory=dict)
+    sets: dict[str, list[list[int]]] = field(default_factory=dict)
+    publishes: dict[str, list[list[int]]] = field(default_factory=dict)
+    keep: list[Access] = field(default_factory=list)
+    row_words: int = 1
+    record_ranges: tuple[int, int, int, int] = (0, 0, 0, 0)
+
+    def divider(self, member: str) -> int:
+        """Communication points per step of a member."""
+        return max(1, self.periods[member] // self.step_ns)
+
+    def build(self, order: list[list[str]], links: list[Link], recorded: list[Key]) -> None:
+        """Fill the tables. `order`: the stages, each a list of members."""
+        needed: dict[str, dict[str, MemberVariable]] = {name: {} for name in self.members}
+        inputs: dict[str, dict[str, MemberVariable]] = {name: {} for name in self.members}
+        for link in links:
+            needed[link.source.member][link.source.variable.name] = link.source.variable
+            inputs[link.target.member][link.target.variable.name] = link.target.variable
+        for member, name in recorded:
+            needed[member][name] = self.members[member].variables[name]
+        for index, name in enumerate(self.members):
+            self._publish(index, name, needed[name])
+            self._stage_inputs(index, name, inputs[name])
+        for stage in order:
+            begin = len(self.slots)
+            for divider in sorted({self.divider(name) for name in stage}):
+                names = [name for name in stage if self.divider(name) == divider]
+                self._slot(divider, names, [link for link in links if link.target.member in names])
+            self.stages.append((begin, len(self.slots)))
+        self._record(recorded)
+
+    def _grouped(self, member: str, names: dict[str, MemberVariable], write: bool) -> list[Access]:
+        """Calls that move variables of an FMU, one per type, with their places in the buffer."""
+        by_type: dict[tuple[str, Any], list[MemberVariable]] = {}
+        for variable in names.values():
+            by_type.setdefault((variable.type, variable.dtype), []).append(variable)
+        places = self.staged if write else self.published
+        calls = []
+        for variables in by_type.values():
+            access = self.members[member].access([v.name for v in variables], write)
+            address = self.memory.take(sum(v.size * v.dtype.itemsize for v in variables))
+            calls.append(access)
+            rows = self.sets if write else self.gets
+            references = int(access.references.ctypes.data)
+            row = [access.function, self.members[member].instance, references, access.count, address, access.size]
+            rows[member].append(row)
+            for variable in variables:
+                places[member, variable.name] = address
+                address += variable.size * variable.dtype.itemsize
+        return calls
+
+    def _publish(self, index: int, name: str, needed: dict[str, MemberVariable]) -> None:
+        """Decide where a member's needed variables can be read."""
+        member = self.members[name]
+        self.gets[name], self.publishes[name] = [], []
+        if not all(member.address(v) for v in needed):
+            self.keep += self._grouped(name, needed, write=False)
+        elif self.divider(name) == 1:
+            self.published.update({(name, v): member.address(v) for v in needed})
+        else:
+            for variable in needed.values():
+                address = member.address(variable.name)
+                first, end = address // 8 * 8, address + variable.size * variable.dtype.itemsize
+                words = -(-(end - first) // 8)
+                shadow = self.memory.take(8 * words)
+                self.publishes[name].append([first, shadow, words])
+                self.published[name, variable.name] = shadow + address - first
+        for row in self.gets[name]:
+            row.append(index)
+
+    def _stage_inputs(self, index: int, name: str, inputs: dict[str, MemberVariable]) -> None:
+        """Decide where a member's connected inputs are written."""
+        member = self.members[name]
+        self.sets[name] = []
+        if not all(member.address(v) for v in inputs):
+            self.keep += self._grouped(name, inputs, write=True)
+        else:
+            self.staged.update({(name, v): member.address(v) for v in inputs})
+        for row in self.sets[name]:
+            row.append(index)
+
+    def _slot(self, divider: int, names: list[str], links: list[Link]) -> None:
+        """One slot: members of a stage with the same divider."""
+        copy_begin, convert_begin = len(self.copies), len(self.converts)
+        for link in links:
+            source = self.published[link.source.key] + link.source.first * link.source.variable.dtype.itemsize
+            target = self.staged[link.target.key] + link.target.first * link.target.variable.dtype.itemsize
+            self._move(link, source, target)
+        set_begin = len(self.accesses)
+        self.accesses += [row for name in names for row in self.sets[name]]
+        get_begin = len(self.accesses)
+        self.accesses += [row for name in names for row in self.gets[name]]
+        publish_begin = len(self.copies)
+        step_begin = len(self.steps)
+        order = list(self.members)
+        for name in names:
+            member = self.members[name]
+            self.steps.append([member.step_function, member.instance, self.memory.take(40), order.index(name)])
+        publishes = [row for name in names for row in self.publishes[name]]
+        self.copies += publishes
+        self.slots.append((
+            divider, bits(divider * self.step_ns / 1e9),
+            copy_begin, publish_begin, convert_begin, len(self.converts), set_begin, get_begin,
+            step_begin, len(self.steps),
+            get_begin, len(self.accesses), publish_begin, len(self.copies),
+        ))  # fmt: skip
+
+    def _move(self, link: Link, source: int, target: int) -> None:
+        """A copy where the values lie alike, else a conversion."""
+        a, b = link.source.variable.dtype, link.target.variable.dtype
+        if a == b and a.itemsize == 8 and (link.factor, link.offset) == (1.0, 0.0):
+            row = ("copies", len(self.copies))
+            self.copies.append([source, target, link.source.size])
+        else:
+            row = ("converts", len(self.converts))
+            conversion = [kind(a), target, kind(b), link.source.size, bits(link.factor), bits(link.offset)]
+            self.converts.append([source, *conversion])
+        self.readers.setdefault(link.source.key, []).append((*row, link.source.first * a.itemsize))
+        self.writers.setdefault(link.target.key, []).append((*row, link.target.first * b.itemsize))
+
+    def _record(self, recorded: list[Key]) -> None:
+        """Rows that record: word 0 is the tick; every scalar takes a word, Float64 or Int64."""
+        copy_begin, convert_begin, word = len(self.copies), len(self.converts), 1
+        for key in recorded:
+            variable = self.members[key[0]].variables[key[1]]
+            source = self.published[key]
+            if variable.dtype.itemsize == 8:
+                self.readers.setdefault(key, []).append(("copies", len(self.copies), 0))
+                self.copies.append([source, 8 * word, variable.size])
+            else:
+                target = loop.KINDS["f8" if variable.dtype.kind == "f" else "i8"]
+                self.readers.setdefault(key, []).append(("converts", len(self.converts), 0))
+                row = [source, kind(variable.dtype), 8 * word, target, variable.size, bits(1.0), bits(0.0)]
+                self.converts.append(row)
+            self.columns.append((key, word, variable.size))
+            word += variable.size
+        self.row_words = word
+        self.record_ranges = (copy_begin, len(self.copies), convert_begin, len(self.converts))

@@ -1,0 +1,78 @@
+"""The command line: one file per command, imported only when it is called, so that `twin --help` is quick."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+
+import click
+
+from twin import __version__
+from twin.errors import TwinError
+
+COMMANDS = {
+    "run":      "run a scenario: all variants and seeds, metrics, report",
+    "check":    "find every mistake in scenario files without running them",
+    "simulate": "run any single FMU and write its outputs",
+    "build":    "build all components of fmus/ as FMUs",
+    "new":      "write a new component folder that builds and passes its tests",
+}  # fmt: skip
+
+
+class Commands(click.Group):
+    """A group whose commands are modules of this package."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """The commands in the order in which one meets them."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import the command's module."""
+        if cmd_name not in COMMANDS:
+            return None
+        command: click.Command = importlib.import_module(f"twin.cli.{cmd_name}").command
+        return command
+
+    def resolve_command(self, ctx: click.Context, args: list[str]) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command, or name the nearest one."""
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            from twin.system import nearest
+
+            ctx.fail(f"no command {args[0]!r}. {nearest(args[0], list(COMMANDS))}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(__version__, prog_name="twin")
+def group() -> None:
+    """Digital twins of robotic catheters: components as native FMUs, coupled by a compiled loop.
+
+    \b
+    twin run scenarios/heart_wall_force.yaml     the force experiment of paper A
+    twin simulate pump.fmu --stop-time 10        any FMU, FMI 2.0 or 3.0
+    twin new my_part && twin build my_part       your own component
+    """
+
+
+def main() -> None:
+    """Run the command line; an expected failure is one line on stderr and exit code 1."""
+    try:
+        group(standalone_mode=False)
+    except TwinError as error:
+        for line in str(error).splitlines():
+            click.echo(f"error: {line}", err=True)
+        sys.exit(1)
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except (click.Abort, KeyboardInterrupt):
+        click.echo("interrupted", err=True)
+        sys.exit(130)
+    except BrokenPipeError:
+        sys.stderr.close()
+        sys.exit(141)

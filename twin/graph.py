@@ -1,0 +1,52 @@
+"""Strongly connected components in topological order: what may be evaluated when, and which loops must be solved."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from collections.abc import Hashable, Mapping, Sequence
+
+Node = TypeVar("Node", bound="Hashable")
+
+
+def ordered_groups(nodes: Sequence[Node], followers: Mapping[Node, Sequence[Node]]) -> list[list[Node]]:
+    """Groups of nodes that depend on each other, each group after all it depends on; ties keep the given order.
+
+    Tarjan, SIAM J. Comput. 1(2), 1972, without recursion. networkx has it too, for 0.3 s of start-up.
+    """
+    index: dict[Node, int] = {}
+    low: dict[Node, int] = {}
+    stack: list[Node] = []
+    on_stack: set[Node] = set()
+    groups: list[list[Node]] = []
+    for root in reversed(nodes):
+        if root in index:
+            continue
+        work = [(root, iter(reversed(followers.get(root, ()))))]
+        index[root] = low[root] = len(index)
+        stack.append(root)
+        on_stack.add(root)
+        while work:
+            node, rest = work[-1]
+            for follower in rest:
+                if follower not in index:
+                    index[follower] = low[follower] = len(index)
+                    stack.append(follower)
+                    on_stack.add(follower)
+                    work.append((follower, iter(reversed(followers.get(follower, ())))))
+                    break
+                if follower in on_stack:
+                    low[node] = min(low[node], index[follower])
+            else:
+                work.pop()
+                if work:
+                    low[work[-1][0]] = min(low[work[-1][0]], low[node])
+                if low[node] == index[node]:
+                    at = stack.index(node)
+                    group = stack[at:]
+                    del stack[at:]
+                    on_stack.difference_update(group)
+                    groups.append(group)
+    place = {node: i for i, node in enumerate(nodes)}
+    return [sorted(group, key=place.__getitem__) for group in reversed(groups)]

@@ -1,0 +1,173 @@
+"""A system in SSP's words, as pure data: members with their variables, and connections between connectors.
+
+`check` lists every problem at once; `links` is what the algorithm couples.
+"""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from twin import unit
+from twin.errors import CouplingError
+from twin.graph import ordered_groups
+from twin.member import MemberVariable
+
+Catalog = Mapping[str, Mapping[str, MemberVariable]]
+
+READABLE = ("output", "local", "calculatedParameter", "parameter", "structuralParameter")
+
+
+@dataclass(frozen=True, slots=True)
+class Connection:
+    """`member.variable` to `member.variable`; an element of an array is `member.variable[2]` (counted from 1)."""
+
+    source: str
+    target: str
+    where: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """A variable of a member, or one element of it (`first` counts scalars from 0)."""
+
+    member: str
+    variable: MemberVariable
+    first: int = 0
+    size: int = 1
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """Member and variable name."""
+        return self.member, self.variable.name
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A connection that was found to be sound: target = factor * source + offset."""
+
+    source: Reference
+    target: Reference
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+def nearest(name: str, known: Mapping[str, object] | list[str]) -> str:
+    """A hint with the nearest known name, or the known names if few."""
+    close = difflib.get_close_matches(name, list(known), 1, 0.5)
+    if close:
+        return f"Did you mean {close[0]!r}?"
+    return f"Known: {', '.join(sorted(known)[:8])}." if known else "There are none."
+
+
+def find(path: str, catalog: Catalog) -> Reference:
+    """The variable or array element that `member.variable` or `member.variable[2]` names."""
+    member, dot, name = path.partition(".")
+    if not dot or member not in catalog:
+        raise CouplingError(f"{path!r}: no member {member!r}. {nearest(member, dict(catalog))}")
+    variables = catalog[member]
+    if name in variables:
+        variable = variables[name]
+        return Reference(member, variable, 0, variable.size)
+    element = re.fullmatch(r"(.+)\[(\d+(?:\s*,\s*\d+)*)\]", name)
+    if element and element[1] in variables:
+        variable = variables[element[1]]
+        index = tuple(int(i) - 1 for i in element[2].split(","))
+        if len(index) == len(variable.shape) and all(0 <= i < n for i, n in zip(index, variable.shape, strict=True)):
+            return Reference(member, variable, int(np.ravel_multi_index(index, variable.shape)), 1)
+        raise CouplingError(f"{path!r}: {element[1]} has shape {list(variable.shape)}, elements count from 1.")
+    raise CouplingError(f"{path!r}: {member} has no variable {name!r}. {nearest(name, variables)}")
+
+
+@dataclass
+class System:
+    """Members' variables and connections."""
+
+    catalog: Catalog
+    connections: list[Connection] = field(default_factory=list)
+
+    def check(self) -> list[str]:
+        """Every problem of the connections, one line each."""
+        return self._resolve()[1]
+
+    def links(self) -> list[Link]:
+        """The links of a sound system; CouplingError with all problems otherwise."""
+        links, problems = self._resolve()
+        if problems:
+            raise CouplingError(problems)
+        return links
+
+    def _resolve(self) -> tuple[list[Link], list[str]]:
+        links: list[Link] = []
+        problems: list[str] = []
+        sources: dict[tuple[str, str, int], str] = {}
+        for connection in self.connections:
+            where = f"{connection.where}: " if connection.where else ""
+            try:
+                link = self._link(connection)
+            except CouplingError as error:
+                problems.append(f"{where}{error}")
+                continue
+            target = link.target
+            for i in range(target.first, target.first + target.size):
+                other = sources.setdefault((*target.key, i), connection.source)
+                if other != connection.source:
+                    problems.append(f"{where}{connection.target} has two sources, {other} and {connection.source}. Keep one.")
+                    break
+            links.append(link)
+        return links, problems
+
+    def _link(self, connection: Connection) -> Link:
+        source, target = find(connection.source, self.catalog), find(connection.target, self.catalog)
+        text = f"{connection.source} -> {connection.target}"
+        if source.variable.causality not in READABLE:
+            raise CouplingError(f"{text}: the source is an {source.variable.causality}. Connect from an output.")
+        if target.variable.causality != "input":
+            raise CouplingError(f"{text}: the target is no input but {target.variable.causality}. Connect to an input.")
+        for end in (source, target):
+            if not end.variable.connectable:
+                raise CouplingError(f"{text}: {end.variable.type} values cannot be connected, only numbers and Booleans.")
+        if source.size != target.size:
+            raise CouplingError(f"{text}: {source.size} values do not fit {target.size}. Connect elements, like x[1].")
+        if is_real(source.variable) and not is_real(target.variable):
+            raise CouplingError(f"{text}: {source.variable.type} does not fit {target.variable.type}. Round it in a component.")
+        if not is_real(source.variable) and not is_real(target.variable):
+            a, b = (np.iinfo(v.dtype) if v.dtype.kind != "b" else None for v in (source.variable, target.variable))
+            if b is None and source.variable.type != "Boolean":
+                raise CouplingError(f"{text}: {source.variable.type} does not fit Boolean. Compare it in a component.")
+            if a is not None and b is not None and source.variable.type != "Boolean" and (a.min < b.min or a.max > b.max):
+                raise CouplingError(f"{text}: {source.variable.type} may overflow {target.variable.type}.")
+        factor, offset = unit.conversion(source.variable.unit, target.variable.unit, text)
+        if (factor, offset) != (1.0, 0.0) and not is_real(target.variable):
+            raise CouplingError(f"{text}: units of whole numbers are not converted. Use one unit on both sides.")
+        return Link(source, target, factor, offset)
+
+
+def is_real(variable: MemberVariable) -> bool:
+    """Whether the values are floating-point numbers."""
+    return variable.dtype.kind == "f"
+
+
+def feeds(link: Link, output: MemberVariable) -> bool:
+    """Whether an output of the link's target member depends directly on the link's input."""
+    return output.dependencies is None or link.target.variable.name in output.dependencies
+
+
+def stepping_order(members: list[str], links: list[Link], catalog: Catalog) -> list[str]:
+    """Gauss-Seidel order: along the connections; inside a loop, along direct feedthrough; else as declared."""
+    every: dict[str, list[str]] = {name: [] for name in members}
+    direct: dict[str, list[str]] = {name: [] for name in members}
+    for link in links:
+        every[link.source.member].append(link.target.member)
+        if any(v.causality == "output" and feeds(link, v) for v in catalog[link.target.member].values()):
+            direct[link.source.member].append(link.target.member)
+    order: list[str] = []
+    for group in ordered_groups(members, every):
+        inside = {name: [f for f in direct[name] if f in group] for name in group}
+        for part in ordered_groups(group, inside):
+            order += part
+    return order
