@@ -104,8 +104,8 @@ class CoSimulation:
         place = {name: i for i, stage in enumerate(self.order()) for name in stage}
         found = []
         for link in self.links:
-            earlier = place[link.source.member] < place[link.target.member]
-            found.append((link, 0 if earlier else self.periods[link.target.member]))
+            fresh = place[link.source.member] < place[link.target.member] and self.periods[link.source.member] == self.step
+            found.append((link, 0 if fresh else self.periods[link.target.member]))
         return found
 
     def initialize(self, start: int, stop: int | None = None) -> None:

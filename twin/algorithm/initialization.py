@@ -19,6 +19,7 @@ Key = tuple[str, str]
 
 TOLERANCE = 1e-10  # relative change of a loop's values at which it counts as solved
 ITERATIONS = 50
+SINGULAR = 1e7  # condition number at which differences of 1e-7 no longer tell a solution from none
 
 
 def solve(members: Mapping[str, Member], links: list[Link]) -> None:
@@ -78,9 +79,9 @@ def _solve_loop(members: Mapping[str, Member], group: list[Key], by_source: dict
         if np.all(np.abs(y - x) <= TOLERANCE * scale):
             evaluate(y)
             return
-        if not np.all(np.isfinite(y)):
-            break
         x = _newton(evaluate, x, y) if smooth else y
+        if not np.all(np.isfinite(x)):
+            break
     names = ", ".join(f"{m}.{n}" for m, n in group)
     raise SimulationError(
         f"initialization: the algebraic loop through {names} has no solution that could be found from its start "
@@ -97,7 +98,7 @@ def _newton(evaluate: Any, x: np.ndarray[Any, Any], y: np.ndarray[Any, Any]) -> 
         moved = x.copy()
         moved[i] += step
         jacobian[:, i] = (evaluate(moved) - y) / step
-    try:
-        return x + np.linalg.solve(np.eye(n) - jacobian, y - x)
-    except np.linalg.LinAlgError:
-        return y
+    system = np.eye(n) - jacobian
+    if np.linalg.cond(system) > SINGULAR:
+        return np.full(n, np.nan)
+    return x + np.linalg.solve(system, y - x)
