@@ -78,7 +78,10 @@ class Variable:
         if instance is None:
             return self
         view = instance.views[self.name]
-        return view if self.shape else view[()]
+        if self.shape:
+            return view
+        # whole numbers as Python's own: compiled code computes with 64 bit too, where numpy would wrap at 32
+        return view[()] if self.type is Float64 else view.item()
 
     def __set__(self, instance: Any, value: Any) -> None:
         instance.views[self.name][...] = value
