@@ -15,6 +15,7 @@ import numpy as np
 
 from twin import machine, solver
 from twin.component import Component, PythonComponent
+from twin.dependencies import dependencies
 from twin.errors import CouplingError
 from twin.variable import Role, Variable
 
@@ -126,15 +127,21 @@ class Member(ABC):
 CAUSALITY = {Role.input: "input", Role.output: "output", Role.parameter: "parameter"}
 
 
-def declared(variable: Variable, continuous: bool) -> MemberVariable:
+def declared_variables(cls: type[Component]) -> dict[str, MemberVariable]:
+    """The variables of a component as its members show them."""
+    feedthrough = dependencies(cls)
+    continuous = hasattr(cls, "derivatives")
+    return {v.name: declared(v, continuous, feedthrough.get(v.name, ())) for v in cls.variables}
+
+
+def declared(variable: Variable, continuous: bool, feedthrough: tuple[str, ...]) -> MemberVariable:
     """A component's variable as its members show it."""
     variability = "continuous" if continuous and variable.type == "Float64" else "discrete"
     if variable.role is Role.parameter:
         variability = "fixed" if variable.fixed else "tunable"
     return MemberVariable(
         variable.name, CAUSALITY.get(variable.role, "local"), variability, str(variable.type), variable.dtype,
-        variable.shape, variable.unit, variable.display_unit, variable.start_array(), variable.description,
-        None if variable.role is Role.output and continuous else (),
+        variable.shape, variable.unit, variable.display_unit, variable.start_array(), variable.description, feedthrough,
     )  # fmt: skip
 
 
@@ -153,8 +160,7 @@ class RecordMember(Member):
     failure: BaseException | None = None
 
     def __post_init__(self) -> None:
-        continuous = hasattr(self.component, "derivatives")
-        self.variables = {v.name: declared(v, continuous) for v in self.component.variables}
+        self.variables = declared_variables(type(self.component))
         self.period_ns = self.component.period_ns
         self.instance = self.component.record.ctypes.data
         self._closed = self._initializing = self._stale = False

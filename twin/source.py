@@ -165,7 +165,8 @@ def _array_lines(function: FunctionType) -> list[str]:
         return []
     found = []
     for node in ast.walk(ast.parse(textwrap.dedent("".join(lines)))):
-        whole = isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice)
-        if whole or (isinstance(node, ast.Attribute) and node.attr in METHODS):
+        if (isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice)) or (
+            isinstance(node, ast.Attribute) and node.attr in METHODS
+        ):
             found.append(f"line {first + node.lineno - 1} `{lines[node.lineno - 1].strip()}`")
     return found

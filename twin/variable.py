@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -29,9 +29,11 @@ class Type(StrEnum):
     Boolean = "Boolean"
 
 
+TypeName: TypeAlias = Type  # the field of Variable called `type` hides the name
+
 Float64, Int32, Int64, Boolean = Type.Float64, Type.Int32, Type.Int64, Type.Boolean
 
-DTYPES = {
+DTYPES: dict[Type, np.dtype[Any]] = {
     Float64: np.dtype(np.float64),
     Int32:   np.dtype(np.int32),
     Int64:   np.dtype(np.int64),
@@ -64,7 +66,7 @@ class Variable:
     unit: str
     description: str
     start: Start = 0.0
-    type: Type = Float64
+    type: TypeName = Float64
     shape: tuple[int, ...] = ()
     display_unit: str = ""
     minimum: float | None = None
@@ -74,7 +76,7 @@ class Variable:
     source: str = ""
     name: str = ""
 
-    def __get__(self, instance: Any, owner: type | None = None) -> Any:
+    def __get__(self, instance: Any, owner: Any = None) -> Any:
         if instance is None:
             return self
         view = instance.views[self.name]
@@ -211,4 +213,5 @@ def layout(variables: Sequence[Variable], hidden: dict[str, tuple[Type, tuple[in
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise DeclarationError(f"variable {twice!r} is declared twice. Rename one of them.")
-    return Layout(tuple(variables), np.dtype(fields, align=True), state_size, input_words)
+    dtype: np.dtype[Any] = np.dtype(fields, align=True)  # type: ignore[call-overload]
+    return Layout(tuple(variables), dtype, state_size, input_words)

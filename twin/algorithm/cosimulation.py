@@ -6,14 +6,14 @@ import ctypes
 import time as wall
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin import clock, compiled
 from twin.algorithm import initialization, loop
-from twin.algorithm.plan import Key, Plan, bits, kind, view
+from twin.algorithm.plan import Key, Place, Plan, bits, kind, merged, view
 from twin.errors import CouplingError, SimulationError
 from twin.member import RecordMember
 from twin.system import Link, stepping_order
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from twin.member import Member
 
 CHUNK_SECONDS = 0.05  # wall-clock length of one native call: how fast Ctrl-C and the progress bar react
-BUFFER_BYTES = 32 << 20  # recording buffer
+BUFFER_BYTES = 64 << 20  # recording buffer, touched before the loop runs: no page faults in it
 LOG_LINES = 5
 
 STATUS = {2: "DISCARD", 3: "ERROR", 4: "FATAL"}
@@ -113,9 +113,9 @@ class CoSimulation:
         self._begin = start
         for name, member in self.members.items():
             self._guard(name, "instantiation", member.instantiate)
+        end = None if stop is None else clock.seconds(stop)
         for name, member in self.members.items():
-            end = None if stop is None else clock.seconds(stop)
-            self._guard(name, "initialization", lambda m=member, e=end: m.enter_initialization(clock.seconds(start), e))
+            self._guard(name, "initialization", partial(member.enter_initialization, clock.seconds(start), end))
         initialization.solve(self.members, self.links)
         for name, member in self.members.items():
             self._guard(name, "initialization", member.exit_initialization)
@@ -141,13 +141,13 @@ class CoSimulation:
             name: np.array(rows, np.int64).reshape(len(rows), -1) if rows else np.zeros((1, 1), np.int64)
             for name, rows in (
                 ("stages", plan.stages), ("slots", plan.slots), ("copies", plan.copies), ("converts", plan.converts),
-                ("accesses", plan.accesses), ("steps", plan.steps),
+                ("accesses", plan.accesses), ("steps", plan.steps), ("records", plan.records),
             )
         }  # fmt: skip
         rows = max(16, BUFFER_BYTES // (8 * plan.row_words))
         if stop is not None:
             rows = min(rows, (stop - self._begin) // self.every + 2)
-        self._rows = np.zeros((rows, plan.row_words), np.int64)
+        self._rows = np.full((rows, plan.row_words), 0, np.int64)
         self._record = np.zeros(1, loop.RECORD)
         self.state = self._record[0]
         for name, table in self.tables.items():
@@ -156,9 +156,8 @@ class CoSimulation:
         self.state["stage_count"] = len(plan.stages)
         self.state["rows"], self.state["row_limit"] = self._rows.ctypes.data, rows
         self.state["row_words"], self.state["every"] = plan.row_words, self.every // self.step
-        ranges = ("record_copy_begin", "record_copy_end", "record_convert_begin", "record_convert_end")
-        for name, value in zip(ranges, plan.record_ranges, strict=True):
-            self.state[name] = value
+        self.state["record_convert_begin"], self.state["record_convert_end"] = plan.record_converts
+        self._merge_records()
         self._loop = compiled_loop(self.build)
         loop.record(self._record.view(np.recarray)[0])
 
@@ -232,18 +231,26 @@ class CoSimulation:
         if key not in self._shadows:
             self._shadows[key] = self.plan.memory.take(8 * variable.size)
         view(self._shadows[key], variable)[:] = np.ravel(np.asarray(value, variable.dtype))
-        for table, row, offset in rows:
+        for table, row, column, offset in rows:
             entry = self.tables[table][row]
-            entry[0] = self._shadows[key] + offset
+            entry[column] = self._shadows[key] + offset
             if variable.causality == "input" and table == "converts":
                 entry[[1, 5, 6]] = kind(variable.dtype), bits(1.0), bits(0.0)
+        self._merge_records()
 
     def release(self, key: Key) -> None:
         """End an override."""
-        for table, row, _ in self._override_rows(key):
+        for table, row, _, _ in self._override_rows(key):
             self.tables[table][row] = getattr(self.plan, table)[row]
+        self._merge_records()
 
-    def _override_rows(self, key: Key) -> list[tuple[str, int, int]]:
+    def _merge_records(self) -> None:
+        """Hand the loop the rows that record, in as few runs as may be."""
+        rows = self.tables["records"][: len(self.plan.records)]
+        self._runs = merged(rows) if len(rows) else rows
+        self.state["records"], self.state["record_count"] = self._runs.ctypes.data, len(self._runs)
+
+    def _override_rows(self, key: Key) -> list[Place]:
         variable = self.members[key[0]].variables[key[1]]
         rows = self.plan.writers.get(key, []) if variable.causality == "input" else self.plan.readers.get(key, [])
         if not rows:
@@ -251,11 +258,12 @@ class CoSimulation:
         return rows
 
     def _drain(self) -> None:
-        """Take the filled part of the recording buffer."""
+        """Take the filled part of the recording buffer, and a fresh one rather than a copy."""
         count = int(self.state["row"])
         if count:
-            self._chunks.append(self._rows[:count].copy())
-            self.state["row"] = 0
+            self._chunks.append(self._rows[:count])
+            self._rows = np.full_like(self._rows, 0)
+            self.state["rows"], self.state["row"] = self._rows.ctypes.data, 0
 
     def recording(self) -> Recording:
         """All that was recorded until now, decoded."""

@@ -62,7 +62,7 @@ RECORD = np.dtype(
             "tick", "stop", "begin_ns", "step_ns",
             "stages", "stage_count", "slots", "copies", "converts", "accesses", "steps",
             "rows", "row", "row_limit", "row_words", "every",
-            "record_copy_begin", "record_copy_end", "record_convert_begin", "record_convert_end",
+            "records", "record_count", "record_convert_begin", "record_convert_end",
             "member", "status", "finished",
         )
     ],
@@ -156,13 +156,14 @@ def record(self: Any) -> None:
     """Write one row: the tick, then the recorded values."""
     row = self.rows + self.row * self.row_words * 8
     write64(row, self.tick)
-    for i in range(self.record_copy_begin, self.record_copy_end):
-        entry = self.copies + 24 * i
+    for i in range(self.record_count):
+        entry = self.records + 24 * i
         source = read64(entry)
         target = row + read64(entry + 8)
         for j in range(read64(entry + 16)):
             write64(target + 8 * j, read64(source + 8 * j))
-    convert(self.converts, self.record_convert_begin, self.record_convert_end, row)
+    if self.record_convert_begin < self.record_convert_end:
+        convert(self.converts, self.record_convert_begin, self.record_convert_end, row)
     self.row += 1
 
 
@@ -182,8 +183,12 @@ def run(self: Any) -> int:
                 slot = slots + 112 * i
                 divider = read64(slot)
                 if divider == 1 or tick % divider == 0:
-                    copy(copies, read64(slot + 16), read64(slot + 24))
-                    convert(converts, read64(slot + 32), read64(slot + 40), 0)
+                    copy_begin, copy_end = read64(slot + 16), read64(slot + 24)
+                    if copy_begin < copy_end:
+                        copy(copies, copy_begin, copy_end)
+                    convert_begin, convert_end = read64(slot + 32), read64(slot + 40)
+                    if convert_begin < convert_end:
+                        convert(converts, convert_begin, convert_end, 0)
                     failed = access(accesses, read64(slot + 48), read64(slot + 56))
                     if failed >= 0:
                         self.member = read64(accesses + 56 * failed + 48)
@@ -202,7 +207,7 @@ def run(self: Any) -> int:
                             self.member = read64(row + 24)
                             self.status = status
                             return FAILED
-                        if read64(flags + 8) != 0:
+                        if read8(flags + 8) != 0:
                             self.member = read64(row + 24)
                             self.finished = 1
             for i in range(slot_begin, slot_end):
@@ -214,7 +219,9 @@ def run(self: Any) -> int:
                         self.member = read64(accesses + 56 * failed + 48)
                         self.status = 3
                         return FAILED
-                    copy(copies, read64(slot + 96), read64(slot + 104))
+                    copy_begin, copy_end = read64(slot + 96), read64(slot + 104)
+                    if copy_begin < copy_end:
+                        copy(copies, copy_begin, copy_end)
         self.tick = tick + 1
         if self.every == 1 or (tick + 1) % self.every == 0:
             record(self)

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from twin.member import Access, Member, MemberVariable
 
 Key = tuple[str, str]
+Place = tuple[str, int, int, int]
 
 @dataclass
 class Memory:
@@ -43,9 +44,8 @@ class Memory:
 
 def view(address: int, variable: MemberVariable) -> np.ndarray[Any, Any]:
     """The values of a variable where they lie, flat."""
-    size = variable.size * variable.dtype.itemsize
-    raw = (ctypes.c_uint8 * size).from_address(address)
-    return np.frombuffer(raw, variable.dtype)
+    raw = (ctypes.c_uint8 * (variable.size * variable.dtype.itemsize)).from_address(address)
+    return np.ctypeslib.as_array(raw).view(variable.dtype)
 
 
 def kind(dtype: np.dtype[Any]) -> int:
@@ -63,7 +63,7 @@ class Plan:
     """Tables of the loop, and where everything lies.
 
     `readers[key]`: rows that read a variable where it is published, `writers[key]`: rows that write an input; both as
-    (table, row, offset in byte of the element), so that an override can point them elsewhere.
+    (table, row, column of the source, offset in byte of the element), so that an override can point them elsewhere.
     """
 
     members: Mapping[str, Member]
@@ -72,10 +72,11 @@ class Plan:
     memory: Memory = field(default_factory=Memory)
     published: dict[Key, int] = field(default_factory=dict)
     staged: dict[Key, int] = field(default_factory=dict)
-    readers: dict[Key, list[tuple[str, int, int]]] = field(default_factory=dict)
-    writers: dict[Key, list[tuple[str, int, int]]] = field(default_factory=dict)
+    readers: dict[Key, list[Place]] = field(default_factory=dict)
+    writers: dict[Key, list[Place]] = field(default_factory=dict)
     stages: list[tuple[int, ...]] = field(default_factory=list)
     slots: list[tuple[int, ...]] = field(default_factory=list)
+    records: list[list[int]] = field(default_factory=list)
     copies: list[list[int]] = field(default_factory=list)
     converts: list[list[int]] = field(default_factory=list)
     accesses: list[list[int]] = field(default_factory=list)
@@ -86,7 +87,7 @@ class Plan:
     publishes: dict[str, list[list[int]]] = field(default_factory=dict)
     keep: list[Access] = field(default_factory=list)
     row_words: int = 1
-    record_ranges: tuple[int, int, int, int] = (0, 0, 0, 0)
+    record_converts: tuple[int, int] = (0, 0)
 
     def divider(self, member: str) -> int:
         """Communication points per step of a member."""
@@ -103,6 +104,7 @@ class Plan:
             needed[member][name] = self.members[member].variables[name]
         for index, name in enumerate(self.members):
             self._publish(index, name, needed[name])
+        for index, name in enumerate(self.members):
             self._stage_inputs(index, name, inputs[name])
         for stage in order:
             begin = len(self.slots)
@@ -165,12 +167,14 @@ class Plan:
     def _slot(self, divider: int, names: list[str], links: list[Link]) -> None:
         """One slot: members of a stage with the same divider."""
         copy_begin, convert_begin = len(self.copies), len(self.converts)
+        set_begin = len(self.accesses)
+        direct = {id(link) for name in names for link in self._set_rows(name, links)}
         for link in links:
+            if id(link) in direct:
+                continue
             source = self.published[link.source.key] + link.source.first * link.source.variable.dtype.itemsize
             target = self.staged[link.target.key] + link.target.first * link.target.variable.dtype.itemsize
             self._move(link, source, target)
-        set_begin = len(self.accesses)
-        self.accesses += [row for name in names for row in self.sets[name]]
         get_begin = len(self.accesses)
         self.accesses += [row for name in names for row in self.gets[name]]
         publish_begin = len(self.copies)
@@ -188,14 +192,34 @@ class Plan:
             get_begin, len(self.accesses), publish_begin, len(self.copies),
         ))  # fmt: skip
 
+    def _set_rows(self, name: str, links: list[Link]) -> list[Link]:
+        """Add the calls that set a member's inputs; the links that need no copy since the call reads the source."""
+        direct = []
+        for row in self.sets[name]:
+            place = len(self.accesses)
+            self.accesses.append(row)
+            into = [link for link in links if link.target.member == name and self.staged[link.target.key] == row[4]]
+            if len(into) != 1 or row[3] != 1:
+                continue
+            link = into[0]
+            variable, foreign = link.source.variable, not self.members[link.source.member].address(link.source.variable.name)
+            same = variable.dtype == link.target.variable.dtype and (link.factor, link.offset) == (1.0, 0.0)
+            if same and foreign and link.target.size == row[5]:
+                offset = link.source.first * variable.dtype.itemsize
+                row[4] = self.staged[link.target.key] = self.published[link.source.key] + offset
+                self.readers.setdefault(link.source.key, []).append(("accesses", place, 4, offset))
+                self.writers.setdefault(link.target.key, []).append(("accesses", place, 4, 0))
+                direct.append(link)
+        return direct
+
     def _move(self, link: Link, source: int, target: int) -> None:
         """A copy where the values lie alike, else a conversion."""
         a, b = link.source.variable.dtype, link.target.variable.dtype
         if a == b and a.itemsize == 8 and (link.factor, link.offset) == (1.0, 0.0):
-            row = ("copies", len(self.copies))
+            row = ("copies", len(self.copies), 0)
             self.copies.append([source, target, link.source.size])
         else:
-            row = ("converts", len(self.converts))
+            row = ("converts", len(self.converts), 0)
             conversion = [kind(a), target, kind(b), link.source.size, bits(link.factor), bits(link.offset)]
             self.converts.append([source, *conversion])
         self.readers.setdefault(link.source.key, []).append((*row, link.source.first * a.itemsize))
@@ -203,19 +227,30 @@ class Plan:
 
     def _record(self, recorded: list[Key]) -> None:
         """Rows that record: word 0 is the tick; every scalar takes a word, Float64 or Int64."""
-        copy_begin, convert_begin, word = len(self.copies), len(self.converts), 1
+        convert_begin, word = len(self.converts), 1
         for key in recorded:
             variable = self.members[key[0]].variables[key[1]]
             source = self.published[key]
             if variable.dtype.itemsize == 8:
-                self.readers.setdefault(key, []).append(("copies", len(self.copies), 0))
-                self.copies.append([source, 8 * word, variable.size])
+                self.readers.setdefault(key, []).append(("records", len(self.records), 0, 0))
+                self.records.append([source, 8 * word, variable.size])
             else:
                 target = loop.KINDS["f8" if variable.dtype.kind == "f" else "i8"]
-                self.readers.setdefault(key, []).append(("converts", len(self.converts), 0))
+                self.readers.setdefault(key, []).append(("converts", len(self.converts), 0, 0))
                 row = [source, kind(variable.dtype), 8 * word, target, variable.size, bits(1.0), bits(0.0)]
                 self.converts.append(row)
             self.columns.append((key, word, variable.size))
             word += variable.size
         self.row_words = word
-        self.record_ranges = (copy_begin, len(self.copies), convert_begin, len(self.converts))
+        self.record_converts = (convert_begin, len(self.converts))
+
+
+def merged(rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Copy rows with neighbors made one where both their sources and their targets adjoin."""
+    result: list[list[int]] = []
+    for source, target, words in rows.tolist():
+        if result and result[-1][0] + 8 * result[-1][2] == source and result[-1][1] + 8 * result[-1][2] == target:
+            result[-1][2] += words
+        else:
+            result.append([source, target, words])
+    return np.array(result, np.int64).reshape(len(result), 3)

@@ -15,6 +15,7 @@ COMMANDS = {
     "check":    "find every mistake in scenario files without running them",
     "simulate": "run any single FMU and write its outputs",
     "build":    "build all components of fmus/ as FMUs",
+    "test":     "check that a component does the same interpreted, compiled and as FMU",
     "new":      "write a new component folder that builds and passes its tests",
 }  # fmt: skip
 

@@ -1,0 +1,63 @@
+"""What holds for every component of the force experiment."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fmus
+from twin import reference, source, unit
+from twin.catalog import component
+from twin.variable import Role
+
+FOLDER = Path(fmus.__path__[0])
+NAMES = (
+    "bouc_wen_compensator", "chirp", "em_tracker", "force_sensor", "heart", "heart_estimate", "pi_bouc_wen_control",
+    "pi_control", "pi_feedforward_control", "servomotor", "sheath", "wall",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_source_is_fit_for_compilation(name):
+    assert source.check(component(name)) == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_expected_is_reproduced_to_the_bit(name, native):
+    cls = component(name)
+    expected = reference.read(FOLDER / name / "expected.csv", cls)
+    assert reference.differences(expected, reference.replay(cls, expected)) == {}
+    assert reference.differences(expected, reference.replay(reference.InstanceTarget(native(cls)), expected)) == {}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_expected_exercises_every_output(name):
+    cls = component(name)
+    expected = reference.read(FOLDER / name / "expected.csv", cls)
+    for column, output in enumerate(expected.outputs, 1 + len(expected.inputs)):
+        assert len({row[column] for row in expected.rows}) > 3, output
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_units_exist_and_every_parameter_has_a_source(name):
+    text = (FOLDER / name / "README.md").read_text()
+    for variable in component(name).variables:
+        unit.conversion(variable.unit, variable.display_unit, variable.name)
+        unit.describe(variable.unit)
+        if variable.role is Role.parameter:
+            assert variable.source, variable.name
+            assert f"| {variable.name} | " in text
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_initialization_can_be_repeated(name):
+    instance = component(name)()
+    instance.start(0.0)
+    first = instance.record.copy()
+    instance.advance(0.0, 0.025)
+    instance.start(0.0)
+
+    # a latency line and the scratch of a solver may keep what nobody reads before it is written
+    for variable in instance.variables:
+        if variable.role is Role.output:
+            np.testing.assert_array_equal(instance.record[variable.name], first[variable.name], variable.name)

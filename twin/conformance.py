@@ -1,0 +1,180 @@
+"""What every component must pass; `twin test NAME` and the test suite run these same checks.
+
+A check takes a component class and the build folder and raises ConformanceError with one line if it does not hold.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import compiled, machine, reference, source
+from twin.component import Component, PythonComponent, functions
+from twin.errors import TwinError
+from twin.member import Member, RecordMember
+from twin.variable import Float64, Role
+
+if TYPE_CHECKING:
+    from twin.reference import Trajectory, Value
+
+VERSIONS = ("2.0", "3.0")
+
+
+class ConformanceError(TwinError):
+    """A component does not do what every component must."""
+
+
+class MemberTarget:
+    """A member on which a reference trajectory is replayed, through the address that the loop would call."""
+
+    def __init__(self, member: Member) -> None:
+        self.member = member
+        self.flags = np.zeros(8, np.int64)
+        self.places = {
+            name: (variable.name, index)
+            for variable in member.variables.values()
+            for name, index in zip(elements(variable.name, variable.shape), np.ndindex(variable.shape), strict=True)
+        }
+        member.instantiate()
+
+    def set(self, name: str, value: Value) -> None:
+        """Write an input."""
+        variable, index = self.places[name]
+        whole = np.array(self.member.get(variable)) if index else np.array(value)
+        whole[index] = value
+        self.member.set(variable, whole if index else value)
+
+    def get(self, name: str) -> Value:
+        """Read an output."""
+        variable, index = self.places[name]
+        whole = np.asarray(self.member.get(variable))
+        value: Value = whole[index].item()
+        return bool(value) if self.member.variables[variable].type == "Boolean" else value
+
+    def start(self, t: float) -> None:
+        """Initialize at t [s]."""
+        self.member.enter_initialization(t, None)
+        self.member.exit_initialization()
+
+    def advance(self, t: float, h: float) -> int:
+        """Step from t to t + h [s]."""
+        address = int(self.flags.ctypes.data)
+        return machine.call_step(self.member.step_function, self.member.instance, t, h, address)
+
+
+def elements(name: str, shape: tuple[int, ...]) -> list[str]:
+    """Names of the scalars of a variable, as in `Variable.elements`."""
+    return [f"{name}[{','.join(str(i + 1) for i in index)}]" for index in np.ndindex(shape)] if shape else [name]
+
+
+def expected(cls: type[Component]) -> Trajectory:
+    """The trajectory in the component's expected.csv."""
+    path = Path(inspect.getfile(cls)).parent / "expected.csv"
+    if not path.exists():
+        raise ConformanceError(f"{cls.__name__}: has no {path}. Run: {reference.command(path)}")
+    return reference.read(path, cls)
+
+
+def same(cls: type[Component], what: str, wanted: Trajectory, found: Trajectory) -> None:
+    """Demand equality to the bit."""
+    wrong = reference.differences(wanted, found)
+    if wrong:
+        text = ", ".join(f"{name} by {size:.3g}" for name, size in wrong.items())
+        raise ConformanceError(f"{cls.__name__}: {what} differs from expected.csv in {text}.")
+
+
+def check_source(cls: type[Component], _build: Path) -> None:
+    """The functions hold nothing that cannot be compiled, and write no input or parameter."""
+    problems = source.check(cls)
+    if problems:
+        raise ConformanceError("\n".join(problems))
+
+
+def check_documentation(cls: type[Component], _build: Path) -> None:
+    """Docstring and descriptions are there, units are coherent SI, parameters name their source."""
+    from twin import unit
+
+    if not (cls.__doc__ or "").strip():
+        raise ConformanceError(f"{cls.__name__}: has no docstring. Say what it is and where the equations come from.")
+    for variable in cls.variables:
+        where = f"{cls.__name__}.{variable.name}"
+        if not variable.description:
+            raise ConformanceError(f"{where}: has no description. Say what it means, with its sign.")
+        if unit.describe(variable.unit).factor != 1.0:
+            raise ConformanceError(f"{where}: unit {variable.unit} is not SI. Use SI inside and display_unit beside it.")
+        if variable.role is Role.parameter and variable.type is Float64 and not variable.source:
+            raise ConformanceError(f"{where}: has no source. Say where the value comes from, or `assumed`.")
+
+
+def check_outputs_written(cls: type[Component], _build: Path) -> None:
+    """Outputs that were poisoned with NaN are written by initialization and again by a step."""
+    part = cls()
+    outputs = [v.name for v in cls.variables if v.role is Role.output and v.type is Float64]
+    for phase, call in (("initialization", part.start), ("a step", lambda: part.advance(0.0, step_size(cls)))):
+        for name in outputs:
+            part.views[name][...] = np.nan
+        call()
+        missing = [name for name in outputs if np.any(np.isnan(part.views[name]))]
+        if missing:
+            raise ConformanceError(f"{cls.__name__}: {phase} does not write {', '.join(missing)}.")
+
+
+def step_size(cls: type[Component]) -> float:
+    """A communication step that makes a component step [s]."""
+    return cls.period or 1e-3
+
+
+def check_interpreted(cls: type[Component], _build: Path) -> None:
+    """Interpreted, the component reproduces expected.csv to the bit."""
+    wanted = expected(cls)
+    same(cls, "interpreted", wanted, reference.replay(cls, wanted))
+
+
+def check_compiled(cls: type[Component], build: Path) -> None:
+    """Compiled in process, the component reproduces expected.csv to the bit."""
+    wanted = expected(cls)
+    member = RecordMember("part", cls(), compiled.load_component(cls, build))
+    same(cls, "compiled", wanted, reference.replay(MemberTarget(member), wanted))
+
+
+def check_fmu(cls: type[Component], build: Path) -> None:
+    """As FMI 2.0 and as FMI 3.0 FMU, the component reproduces expected.csv to the bit and passes FMPy's validation."""
+    from fmpy.validation import validate_fmu
+
+    from twin.fmi import exporter
+    from twin.fmi.importer import FMUMember
+
+    wanted = expected(cls)
+    for version in VERSIONS:
+        path = exporter.build(cls, version, build)
+        problems = validate_fmu(str(path))
+        if problems:
+            raise ConformanceError(f"{cls.__name__}: FMPy says of {path}: {'; '.join(map(str, problems))}")
+        member = FMUMember("part", path)
+        try:
+            same(cls, f"the FMI {version} FMU", wanted, reference.replay(MemberTarget(member), wanted))
+        finally:
+            member.close()
+
+
+CHECKS: dict[str, Callable[[type[Component], Path], None]] = {
+    "source":        check_source,
+    "documentation": check_documentation,
+    "outputs":       check_outputs_written,
+    "interpreted":   check_interpreted,
+    "compiled":      check_compiled,
+    "fmu":           check_fmu,
+}  # fmt: skip
+
+
+def checks(cls: type[Component]) -> dict[str, Callable[[type[Component], Path], Any]]:
+    """The checks that apply: a Python-side component is neither compiled nor an FMU."""
+    functions(cls)
+    if issubclass(cls, PythonComponent):
+        return {name: CHECKS[name] for name in ("documentation", "interpreted")}
+    return CHECKS
+
