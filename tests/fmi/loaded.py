@@ -1,0 +1,72 @@
+"""An FMU loaded with FMPy, spoken to in the component's own names."""
+
+import numpy as np
+from fmpy import fmi2, fmi3, read_model_description
+
+VERSIONS = ("2.0", "3.0")
+SLAVES = {"2.0": fmi2.FMU2Slave, "3.0": fmi3.FMU3Slave}
+TYPES_2 = {"Float64": "Real", "Int32": "Integer", "Int64": "Integer", "Boolean": "Boolean"}
+
+
+class Fmu:
+    """A loaded FMU whose variables are read and written by the component's names, arrays whole."""
+
+    def __init__(self, fmus, part, version, token=None, logging=False):
+        path, self.folder = fmus[part, version]
+        self.version, self.part, self.log = version, part, []
+        description = read_model_description(str(path))
+        identifier = description.coSimulation.modelIdentifier
+        self.slave = SLAVES[version](
+            guid=token or description.guid,
+            modelIdentifier=identifier,
+            unzipDirectory=str(self.folder),
+            instanceName="it",
+        )
+        getattr(self, f"_instantiate_{version[0]}")(logging)
+        self.references = {v.name: v.valueReference for v in description.modelVariables}
+
+    def _instantiate_2(self, logging):
+        callbacks = fmi2.fmi2CallbackFunctions()
+        self.logger = fmi2.fmi2CallbackLoggerTYPE(lambda _, name, *line: self.log.append(line))
+        callbacks.logger = self.logger
+        self.slave.instantiate(callbacks=callbacks, loggingOn=logging)
+
+    def _instantiate_3(self, logging):
+        self.slave.instantiate(logMessage=lambda _, *line: self.log.append(line), loggingOn=logging)
+
+    def access(self, name, verb):
+        variable = next(v for v in self.part.variables if v.name == name)
+        names = [name] if self.version == "3.0" else variable.elements()
+        kind = (TYPES_2 if self.version == "2.0" else {}).get(variable.type, variable.type)
+        return variable, [self.references[n] for n in names], getattr(self.slave, f"{verb}{kind}")
+
+    def get(self, name):
+        variable, references, getter = self.access(name, "get")
+        values = getter(references, variable.size) if self.version == "3.0" else getter(references)
+        return np.array(values, variable.dtype)
+
+    def set(self, name, value):
+        _, references, setter = self.access(name, "set")
+        setter(references, np.atleast_1d(value).tolist())
+
+    def enter(self, t=0.0, stop=None):
+        if self.version == "2.0":
+            self.slave.setupExperiment(startTime=t, stopTime=stop)
+            self.slave.enterInitializationMode()
+        else:
+            self.slave.enterInitializationMode(startTime=t, stopTime=stop)
+
+    def begin(self, t=0.0, stop=None):
+        self.enter(t, stop)
+        self.slave.exitInitializationMode()
+        return self
+
+    def step(self, t, h):
+        self.slave.doStep(currentCommunicationPoint=t, communicationStepSize=h)
+
+    def outputs(self):
+        return b"".join(self.get(v.name).tobytes() for v in self.part.variables if v.role == "output")
+
+
+def reference_outputs(component):
+    return b"".join(component.views[v.name].tobytes() for v in component.variables if v.role == "output")

@@ -1,0 +1,200 @@
+"""Which function may be called in which state: every pair is tried and compared with the standard, written down anew.
+
+States by letter: i Instantiated, m Initialization Mode, s Step Mode, d step discarded, t Terminated, e after an error,
+f after a fatal error. A refused call returns Error and changes nothing.
+"""
+
+import ctypes
+import subprocess
+
+import pytest
+
+from tests.fmi.loaded import VERSIONS, Fmu
+from tests.fmi.parts import Failing
+
+STATES = "imsdtef"
+GETTERS, SETTERS, KEEPERS = "msdte", "ims", "imsdte"
+TYPES = {
+    "2.0": ("Real", "Integer", "Boolean", "String"),
+    "3.0": (
+        "Float32", "Float64", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64",
+        "Boolean", "String", "Binary", "Clock",
+    ),
+}  # fmt: skip
+EXPECTED = {
+    "2.0": {
+        "SetupExperiment":         "i",
+        "GetFMUstate":             KEEPERS,
+        "SetFMUstate":             KEEPERS,
+        "FreeFMUstate":            KEEPERS,
+        "SerializedFMUstateSize":  KEEPERS,
+        "SerializeFMUstate":       KEEPERS,
+        "DeSerializeFMUstate":     KEEPERS,
+        "GetStatus":               "sdt",
+        "GetRealStatus":           "sdt",
+        "GetBooleanStatus":        "sdt",
+    },
+    "3.0": {
+        "GetFMUState":             KEEPERS,
+        "SetFMUState":             KEEPERS,
+        "FreeFMUState":            KEEPERS,
+        "SerializedFMUStateSize":  KEEPERS,
+        "SerializeFMUState":       KEEPERS,
+        "DeserializeFMUState":     KEEPERS,
+    },
+}  # fmt: skip
+COMMON = {
+    "SetDebugLogging":         KEEPERS,
+    "EnterInitializationMode": "i",
+    "ExitInitializationMode":  "m",
+    "DoStep":                  "s",
+    "Terminate":               "sd",
+    "Reset":                   KEEPERS,
+}  # fmt: skip
+for version in VERSIONS:
+    EXPECTED[version].update(COMMON)
+    EXPECTED[version].update({f"Get{kind}": GETTERS for kind in TYPES[version]})
+    EXPECTED[version].update({f"Set{kind}": SETTERS for kind in TYPES[version]})
+NOT_CALLED = {
+    "GetVersion", "GetTypesPlatform", "Instantiate", "InstantiateCoSimulation", "InstantiateModelExchange",
+    "InstantiateScheduledExecution", "FreeInstance",
+}  # fmt: skip
+NO_ANSWER = {"GetIntegerStatus", "GetStringStatus"}  # legal, but there is no such status: Discard
+
+STEP_TO = {"d": 2, "e": 3, "f": 4}
+
+
+def in_state(fmus, version, state):
+    """A new instance brought into a state; after a failed step it is still asked what it can be asked."""
+    fmu = Fmu(fmus, Failing, version)
+    if state == "i":
+        return fmu
+    if state == "m":
+        fmu.enter()
+        return fmu
+    fmu.begin()
+    if state in STEP_TO:
+        fmu.set("status", STEP_TO[state])
+        assert step(fmu) == STEP_TO[state]
+    if state == "t":
+        fmu.slave.terminate()
+    return fmu
+
+
+def function(fmu, name):
+    found = fmu.slave.dll[f"fmi{fmu.version[0]}{name}"]  # a new function object: FMPy's argument types stay FMPy's
+    found.restype = ctypes.c_int
+    return found
+
+
+def step(fmu):
+    flags = [ctypes.byref(ctypes.c_double()) for _ in range(4)]
+    more = flags if fmu.version == "3.0" else []
+    me = ctypes.c_void_p(fmu.slave.component)
+    return function(fmu, "DoStep")(me, ctypes.c_double(0.0), ctypes.c_double(0.1), 1, *more)
+
+
+def call(fmu, name, state, data):
+    """Call a function with arguments that are all right; returns its status."""
+    me, called = ctypes.c_void_p(fmu.slave.component), function(fmu, name)
+    size, real, status = ctypes.c_size_t(), ctypes.c_double(), ctypes.c_int()
+    no, zero, other = ctypes.c_int(0), ctypes.c_double(0.0), ctypes.c_void_p()
+    arguments = {
+        "SetupExperiment": (no, zero, zero, no, zero),
+        "EnterInitializationMode": (no, zero, zero, no, zero) if fmu.version == "3.0" else (),
+        "getfmustate": (ctypes.byref(other),),
+        "setfmustate": (state,),
+        "freefmustate": (ctypes.byref(other),),
+        "serializedfmustatesize": (state, ctypes.byref(size)),
+        "serializefmustate": (state, data, ctypes.c_size_t(len(data))),
+        "deserializefmustate": (data, ctypes.c_size_t(len(data)), ctypes.byref(other)),
+        "GetStatus": (0, ctypes.byref(status)),
+        "GetRealStatus": (2, ctypes.byref(real)),
+        "GetBooleanStatus": (3, ctypes.byref(status)),
+    }
+    if name == "DoStep":
+        return step(fmu)
+    given = arguments.get(name, arguments.get(name.lower(), (None,) + (ctypes.c_size_t(0),) * 7))
+    result = called(me, *given)
+    if name.lower() in ("getfmustate", "deserializefmustate"):
+        function(fmu, "FreeFMUstate" if fmu.version == "2.0" else "FreeFMUState")(me, ctypes.byref(other))
+    return result
+
+
+def kept(fmu):
+    """A saved state of the instance, and its bytes."""
+    me, state, size = ctypes.c_void_p(fmu.slave.component), ctypes.c_void_p(), ctypes.c_size_t()
+    word = "FMUstate" if fmu.version == "2.0" else "FMUState"
+    function(fmu, f"Get{word}")(me, ctypes.byref(state))
+    function(fmu, f"Serialized{word}Size")(me, state, ctypes.byref(size))
+    data = ctypes.create_string_buffer(size.value)
+    function(fmu, f"Serialize{word}")(me, state, data, size)
+    return state, data
+
+
+def exported(fmus, version):
+    library = next(fmus[Failing, version][1].glob("binaries/*/*.so"))
+    lines = subprocess.run(["nm", "-D", "--defined-only", library], capture_output=True, text=True, check=True).stdout
+    return {line.split()[-1].removeprefix(f"fmi{version[0]}") for line in lines.splitlines()}
+
+
+@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize("version", VERSIONS)
+def test_every_function_in_every_state(fmus, version, state):
+    names = exported(fmus, version)
+    assert EXPECTED[version].keys() <= names
+    wrong = []
+    for name in sorted(names - NOT_CALLED - NO_ANSWER):
+        fmu = in_state(fmus, version, state)
+        before = kept(fmu)
+        status = call(fmu, name, *before)
+        legal = state in EXPECTED[version].get(name, "")
+        if (status == 0) != legal or (not legal and status != 3):
+            wrong.append(f"{name} returned {status}")
+        if not legal and state != "f":
+            if kept(fmu)[1].raw != before[1].raw:
+                wrong.append(f"{name} was refused and changed something")
+            if not fmu.log or fmu.log[-1][0] != 3 or name.encode() not in fmu.log[-1][-1]:
+                wrong.append(f"{name} was refused without a message")
+        fmu.slave.freeInstance()
+    assert wrong == []
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_no_instance_is_an_error(fmus, version):
+    fmu = Fmu(fmus, Failing, version)
+    old = fmu.slave.component
+    fmu.slave.freeInstance()
+    for instance in (None, old, old + 8, 1 << 40):  # NULL, freed, inside another, anywhere
+        for name in sorted(exported(fmus, version) - NOT_CALLED):
+            assert function(fmu, name)(ctypes.c_void_p(instance), *([None] * 9)) == 3, name
+        function(fmu, "FreeInstance")(ctypes.c_void_p(instance))
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_saved_state_leads_back_from_an_error(fmus, version):
+    fmu = in_state(fmus, version, "s")
+    state, data = kept(fmu)
+    fmu.set("status", 3)
+    assert step(fmu) == 3
+    assert call(fmu, "SetFMUstate" if version == "2.0" else "SetFMUState", state, data) == 0
+    fmu.set("status", 0)
+    assert step(fmu) == 0
+    assert fmu.get("y")[0] == 1
+
+
+def test_status_of_a_discarded_step(fmus):
+    fmu = in_state(fmus, "2.0", "d")
+    assert fmu.slave.getStatus(0) == 2
+    assert fmu.slave.getRealStatus(2) == 0.0
+    assert not fmu.slave.getBooleanStatus(3)
+    assert function(fmu, "GetIntegerStatus")(ctypes.c_void_p(fmu.slave.component), 1, None) == 2
+
+
+def test_modes_that_are_not_offered_give_no_instance(fmus):
+    fmu = Fmu(fmus, Failing, "3.0")
+    for options in ({"eventModeUsed": True}, {"requiredIntermediateVariables": [1]}):
+        with pytest.raises(Exception, match="instantiate"):
+            fmu.slave.instantiate(**options)
+    for name, count in (("InstantiateModelExchange", 7), ("InstantiateScheduledExecution", 10)):
+        assert function(fmu, name)(*([None] * count)) == 0

@@ -1,0 +1,60 @@
+"""Components by name, with errors that name the nearest right one."""
+
+import sys
+
+import pytest
+
+from twin import catalog
+from twin.errors import DeclarationError
+
+MODEL = '''
+from twin.component import Component
+from twin.variable import output
+
+class Spring(Component):
+    """A spring."""
+    y = output("", "y")
+
+    def step(self, t, h):
+        self.y = 1.0
+'''
+
+
+@pytest.fixture
+def project(tmp_path, monkeypatch):
+    """A project with two components, one of them broken."""
+    for name, text in (("spring", MODEL), ("broken", "from twin.component import Component\n")):
+        folder = tmp_path / "fmus" / name
+        folder.mkdir(parents=True)
+        (folder / "model.py").write_text(text)
+        (folder / "__init__.py").touch()
+    (tmp_path / "fmus" / "__init__.py").touch()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
+    modules = dict(sys.modules)
+    for module in modules:
+        if module.split(".")[0] == "fmus":
+            del sys.modules[module]
+    yield tmp_path
+    sys.modules.clear()
+    sys.modules.update(modules)
+
+
+def test_names_and_components(project):
+    assert catalog.names() == ["broken", "spring"]
+    assert catalog.component("spring").__name__ == "Spring"
+    assert catalog.component("fmus.spring.model:Spring") is catalog.component("spring")
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("sprung", "Did you mean 'spring'"),
+        ("broken", "found none"),
+        ("fmus.spring.model:Sprang", "Did you mean 'Spring'"),
+        ("fmus.nothing:Spring", "no module"),
+    ],
+)
+def test_errors_name_what_is_right(project, name, reason):
+    with pytest.raises(DeclarationError, match=reason):
+        catalog.component(name)

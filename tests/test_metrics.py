@@ -1,0 +1,208 @@
+"""Expressions, reductions and verdicts, against numpy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from twin import expression
+from twin.errors import ScenarioError
+from twin.metrics import REDUCE, Expectation, Metric, evaluate
+from twin.signals import Signals, Window, shown
+
+TIME = np.arange(1001) * 0.01
+FORCE = 0.2 + 0.05 * np.sin(TIME)
+X = np.stack([TIME, -TIME, TIME**2], 1)
+
+
+def signals(scale: float = 1.0, *, complete: bool = True) -> Signals:
+    values = {"a.force": 0.2 + scale * (FORCE - 0.2), "a.x": X * 1000, "a.count": np.arange(1001), "a.on": TIME > 5}
+    return Signals(TIME, values, {"a.force": "N", "a.x": "mm"}, complete)
+
+
+def metric(text: str = "a.force", reduce: str = "std", **options: object) -> Metric:
+    return Metric("m", expression.parse(text), reduce, **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("a.force", FORCE),
+        ("-a.force + 0.2", 0.2 - FORCE),
+        ("abs(a.force - 0.2) * 2 / 4", np.abs(FORCE - 0.2) / 2),
+        ("a.x[2]", -TIME),
+        ("norm(a.x)", np.linalg.norm(X, axis=1)),
+        ("max(a.x[1], a.x[3], 2)", np.maximum(np.maximum(TIME, TIME**2), 2)),
+        ("min(a.force, 0.2)", np.minimum(FORCE, 0.2)),
+        ("sqrt(a.force) ** 2", FORCE),
+        ("a.count * 1e-3", np.arange(1001) * 1e-3),
+        ("a.on", TIME > 5),
+        ("0.5", np.full(1001, 0.5)),
+    ],
+)
+def test_expressions(text: str, expected: np.ndarray) -> None:
+    found = signals().evaluate(expression.parse(text))
+    assert found is not None
+    np.testing.assert_allclose(found[1], expected, rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("force", "cannot be used"),
+        ("a.b; c", "is not an expression"),
+        ("__import__('os').system('x')", "cannot be used"),
+        ("f('os').system", "is not a signal"),
+        ("a.b()", "cannot be used"),
+        ("a.b if a.c else a.d", "cannot be used"),
+        ("[a.b for x in a.c]", "cannot be used"),
+        ("a.x[0]", "counted from 1"),
+        ("a.x[1:2]", "counted from 1"),
+        ("a.x[True]", "counted from 1"),
+        ("min(a.b)", "takes two or more arguments, not 1"),
+        ("abs(a.b, a.c)", "takes one argument, not 2"),
+        ("abs(x=a.b)", "cannot be used"),
+        ("'a'", "cannot be used"),
+        ("a.b < 1", "cannot be used"),
+        ("True", "cannot be used"),
+        ("", "expected an expression"),
+        ("(" * 300, "is not an expression"),
+        ("a.b+" * 200 + "1", "is too long"),
+        ("x" * 401, "is too long"),
+    ],
+)
+def test_what_is_no_expression(text: str, expected: str) -> None:
+    with pytest.raises(ScenarioError, match=r".") as caught:
+        expression.parse(text)
+    assert expected in str(caught.value)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.text("ab.x[]()+-*/ 0123,'", max_size=40) | st.text(max_size=20))
+def test_any_text_is_an_expression_or_says_why(text: str) -> None:
+    try:
+        parsed = expression.parse(text)
+    except ScenarioError:
+        return
+    parsed_signals = {signal.name: FORCE for signal in parsed.signals if not signal.index}
+    Signals(TIME, parsed_signals).evaluate(parsed)
+
+
+def test_names_in_expressions() -> None:
+    parsed = expression.parse("a.b.c[1,2] - d.e + d.e")
+    assert [str(signal) for signal in parsed.signals] == ["a.b.c[1,2]", "d.e"]
+    assert parsed.single is None
+    assert str(expression.parse(" a.x[3]").single) == "a.x[3]"
+
+
+EXPECTED = {
+    "mean": np.mean, "std": np.std, "min": np.min, "max": np.max, "peak_to_peak": np.ptp, "final": lambda x: x[-1],
+    "max_abs": lambda x: np.abs(x).max(), "rms": lambda x: np.sqrt((x**2).mean()),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("reduce", REDUCE)
+def test_reductions(reduce: str) -> None:
+    window = Window(4 * 10**9, 7 * 10**9)
+    (figure,) = evaluate({"m": metric(reduce=reduce, window=window)}, [], {("A", 1): signals()}).figures
+    assert figure.values[1] == pytest.approx(EXPECTED[reduce](FORCE[400:701]), rel=1e-14)
+
+
+def test_windows_include_both_ends() -> None:
+    found = signals().evaluate(expression.parse("a.force"), Window(4 * 10**9, 4 * 10**9))
+    assert found is not None
+    assert found[0].tolist() == [4.0]
+
+
+def tables(*scales: float) -> dict[tuple[str, int], Signals]:
+    return {
+        (name, seed): signals(scale * (1 + 0.1 * seed))
+        for name, scale in zip("ABC", scales, strict=False)
+        for seed in (0, 1)
+    }
+
+
+STD = float(np.std(FORCE))
+
+
+@pytest.mark.parametrize(
+    ("paper", "tolerance", "applies", "verdict"),
+    [
+        ({"A": STD}, 0.2, True, "pass"),
+        ({"A": STD}, 0.01, True, "fail"),
+        ({"A": STD}, 0.01, False, "other"),
+        ({"A": STD}, None, True, "info"),
+        ({}, None, True, "info"),
+        ({"B": STD}, 0.1, True, "info"),
+    ],
+)
+def test_verdicts(paper: dict[str, float], tolerance: float | None, applies: bool, verdict: str) -> None:
+    evaluation = evaluate({"m": metric(paper=paper, tolerance=tolerance)}, [], tables(1.0), applies)
+    (figure,) = evaluation.figures
+    assert figure.verdict == verdict
+    assert evaluation.passed is (verdict != "fail")
+    assert figure.mean == pytest.approx(1.05 * STD)
+    assert figure.worst == pytest.approx(1.1 * STD)
+    if "A" in paper:
+        assert figure.ratio == pytest.approx(1.05)
+
+
+def test_a_decimal_tolerance_is_kept_to_the_last_digit() -> None:
+    constant = {("A", 1): Signals(TIME, {"a.force": np.full(1001, 0.12)})}
+    (figure,) = evaluate({"m": metric(reduce="mean", paper={"A": 0.1}, tolerance=0.2)}, [], constant).figures
+    assert figure.verdict == "pass"
+
+
+def test_no_number_fails_and_a_signal_of_another_variant_is_left_out() -> None:
+    broken = {("A", 1): Signals(TIME, {"a.force": np.full(1001, np.nan)}), ("B", 1): Signals(TIME, {"b.x": FORCE})}
+    evaluation = evaluate({"m": metric()}, [], broken)
+    assert [(figure.variant, figure.verdict, figure.mean) for figure in evaluation.figures] == [("A", "none", None)]
+    assert not evaluation.passed
+
+
+def test_what_did_not_finish_is_left_out() -> None:
+    evaluation = evaluate({"m": metric()}, [], {("A", 1): signals(complete=False), ("B", 1): signals()})
+    assert [figure.variant for figure in evaluation.figures] == ["B"]
+
+
+@pytest.mark.parametrize(
+    ("expectation", "verdict", "detail"),
+    [
+        (Expectation("", metric="m", ordered=("A", "B", "C")), "pass", f"m: A {shown(1.05 * STD, 'N')} > B {shown(0.525 * STD, 'N')} > C {shown(0.105 * STD, 'N')}."),
+        (Expectation("", metric="m", ordered=("B", "A"), descending=False), "pass", f"m: B {shown(0.525 * STD, 'N')} < A {shown(1.05 * STD, 'N')}."),
+        (Expectation("", metric="m", ordered=("B", "A")), "fail", f"m: B {shown(0.525 * STD, 'N')} but not above A {shown(1.05 * STD, 'N')}."),
+        (Expectation("", metric="m", ordered=("A", "X")), "skipped", "m is known for fewer than two of the variants."),
+        (Expectation("", metric="m", at_most=0.035), "fail", f"m is {shown(1.1 * STD, 'N')} in A, seed 1; expected at most 0.035 N."),
+        (Expectation("", metric="m", at_most=0.035, variants=("B",)), "pass", f"m was {shown(0.5 * STD, 'N')} to {shown(0.55 * STD, 'N')}; expected at most"),
+        (Expectation("", metric="m", at_least=1.0), "fail", f"m is {shown(STD, 'N')} in A, seed 0; expected at least 1 N."),
+        (Expectation("", signal=expression.parse("a.force"), at_least=0.1, at_most=0.3), "pass", "a.force was 0.145 N to 0.255 N"),
+        (Expectation("", signal=expression.parse("a.force"), at_least=0.1, at_most=0.25), "fail",
+         "a.force is 0.255 N at 1.57 s in A, seed 1; expected from 0.1 N to 0.25 N."),
+        (Expectation("", signal=expression.parse("a.nothing"), at_least=0.1), "skipped", "a.nothing was not recorded"),
+    ],
+)  # fmt: skip
+def test_expectations(expectation: Expectation, verdict: str, detail: str) -> None:
+    from dataclasses import replace
+
+    evaluation = evaluate({"m": metric()}, [replace(expectation, unit="N")], tables(1.0, 0.5, 0.1))
+    (outcome,) = evaluation.outcomes
+    assert outcome.verdict == verdict
+    assert outcome.detail.startswith(detail), outcome.detail
+    assert evaluation.passed is (verdict != "fail")
+
+
+def test_nan_breaks_a_limit() -> None:
+    broken = {("A", 1): Signals(TIME, {"a.force": np.where(TIME > 3, np.nan, 0.2)})}
+    (outcome,) = evaluate({}, [Expectation("", signal=expression.parse("a.force"), at_most=1.0)], broken).outcomes
+    assert outcome.verdict == "fail"
+
+
+def test_shown() -> None:
+    assert [shown(0.0362, "N"), shown(0.0362, "mN"), shown(None, "N"), shown(2.0, "")] == [
+        "0.0362 N",
+        "36.2 mN",
+        "-",
+        "2",
+    ]

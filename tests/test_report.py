@@ -1,0 +1,197 @@
+"""What people see: the terminal's table, report.html, and the plots in it."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+from html.parser import HTMLParser
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rich.console import Console
+
+from twin import expression, plotting, report, results
+from twin.metrics import Curve, Evaluation, Expectation, Metric, Plot, evaluate
+from twin.signals import Signals
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+TIME = np.arange(5001) * 0.001
+
+
+def tables(*, complete: bool = True) -> dict[tuple[str, int], Signals]:
+    return {
+        (variant, seed): Signals(
+            TIME,
+            {"a.force": 0.2 + scale * np.sin(6 * TIME + seed), "a.x": np.cos(6 * TIME), "a.v": np.zeros((5001, 2))},
+            {"a.force": "N", "a.x": "m"},
+            complete,
+        )
+        for variant, scale in (("PI", 0.05), ("PI+FF", 0.02))
+        for seed in (1, 2)
+    }
+
+
+FORCE = expression.parse("a.force")
+METRIC = Metric(
+    "error_std", expression.parse("a.force - 0.2"), "std", unit="mN", paper={"PI": 0.0362, "PI+FF": 0.1}, tolerance=0.2
+)
+ORDER = Expectation("", metric="error_std", ordered=("PI", "PI+FF"), unit="mN")
+LIMIT = Expectation("stays <in> band", signal=FORCE, at_least=0.1, at_most=0.22, unit="N")
+PLOTS = [
+    Plot(
+        "Force <per> controller",
+        (Curve(FORCE, "force"),),
+        "force",
+        "N",
+        per_variant=True,
+        band=(0.1, 0.4),
+        lines=(0.2,),
+    ),
+    Plot("Loop", (Curve(FORCE, "force", expression.parse("a.x")),), unit="N", x_unit="mm"),
+    Plot("Nothing", (Curve(expression.parse("a.nothing"), "x"),)),
+]
+
+
+def judged(*, applies: bool = True) -> Evaluation:
+    return evaluate({"error_std": METRIC}, [ORDER, LIMIT], tables(), applies)
+
+
+def text(evaluation: Evaluation, width: int = 100) -> str:
+    out = io.StringIO()
+    Console(file=out, width=width).print(report.table(evaluation))
+    return out.getvalue()
+
+
+def test_table_is_plain_text_within_100_columns() -> None:
+    lines = text(judged()).splitlines()
+    assert "\x1b" not in "".join(lines)
+    assert max(map(len, lines)) <= 100
+    row = next(line for line in lines if "PI+FF " in line)
+    std = [1000 * float(np.std(tables()["PI+FF", seed].values["a.force"])) for seed in (1, 2)]
+    mean, worst = f"{np.mean(std):.4g}", f"{max(std):.4g}"
+    assert row.split() == ["PI+FF", "100", "mN", mean, "mN", worst, "mN", "0.14", "±", "20", "%", "FAIL"]
+    assert any(line.startswith("pass    error_std: PI ") and line.endswith(f"> PI+FF {mean} mN.") for line in lines)
+    assert any(line.startswith("FAIL    stays <in> band: a.force is 0.25 N at") for line in lines)
+    assert "other settings" in text(judged(applies=False))
+    assert "paper" not in text(evaluate({"m": Metric("m", FORCE, "mean")}, [], tables()))
+    assert not text(Evaluation()).strip()
+
+
+class Tags(HTMLParser):
+    """Checks that every tag is closed in order."""
+
+    VOID = frozenset({"meta", "br", "link", "img", "hr"})
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.seen: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: Sequence[object]) -> None:  # noqa: ARG002
+        self.seen.append(tag)
+        if tag not in self.VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: Sequence[object]) -> None:  # noqa: ARG002
+        self.seen.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def page(
+    run: results.Run, evaluation: Evaluation, cases: dict[tuple[str, int], Signals], plots: Sequence[Plot] = ()
+) -> str:
+    rows = [report.ParameterRow("a", "k", "3", "N/m", "stiffness", "paper A", given=True, variants="PI")]
+    events = [report.EventRow("2 s", "set a.k = 4 N/m")]
+    return report.html(results.summary(run, evaluation, cases), evaluation, cases, plots, rows, events, [2.0])
+
+
+def test_html() -> None:
+    run = results.Run("contact", "Contact & force", overrides=("a.k=3",), wall_time=0.1, simulated_time=10.0)
+    html = page(run, judged(), tables(), PLOTS)
+    tags = Tags()
+    tags.feed(html)
+    assert not tags.open
+    assert tags.seen.count("svg") == 2
+    assert {"script", "link", "img"}.isdisjoint(tags.seen)
+    assert "http" not in html.replace("http://www.w3.org", "")
+    for part in ("Contact &amp; force", "36.2 mN", "✗ fail", "✓ pass", "stays &lt;in&gt; band", "--set a.k=3", "stiffness",
+                 "set a.k = 4 N/m", "None of its signals was recorded", "Force &lt;per&gt; controller"):  # fmt: skip
+        assert part in html, part
+    assert len(html) < 500_000
+
+
+def test_html_of_a_run_that_failed_before_anything() -> None:
+    html = page(results.Run("x", status="failed", reason="servo: not a number at 1 s"), Evaluation(), {})
+    assert "servo: not a number at 1 s" in html
+
+
+def test_html_says_what_did_not_finish() -> None:
+    cases = tables() | {("PI", 2): tables(complete=False)["PI", 2]}
+    html = page(results.Run("x", status="interrupted"), evaluate({"error_std": METRIC}, [], cases), cases)
+    assert "did not finish: PI, seed 2" in html
+
+
+def test_without_plots_every_signal_is_drawn() -> None:
+    assert [(plot.title, plot.unit, plot.per_variant) for plot in plotting.default_plots(tables())] == [
+        ("a", "N", True),
+        ("a", "m", True),
+    ]
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=400), st.integers(2, 50))
+def test_envelope_keeps_every_peak(values: list[float], points: int) -> None:
+    y = np.array(values)
+    x, shown = plotting.envelope(np.arange(len(y)), y, points)
+    assert len(x) == len(shown) <= max(points, len(y) if len(y) <= points else points)
+    assert (shown.min(), shown.max()) == (y.min(), y.max())
+    assert (np.diff(x) >= 0).all()
+
+
+def test_plots_survive_what_is_not_a_number() -> None:
+    broken = {("A", 1): Signals(TIME, {"a.force": np.where(TIME > 2, np.nan, np.inf)}, {"a.force": "N"})}
+    assert plotting.draw(PLOTS[0], broken, [1.0]).startswith("<svg")
+    one = {("A", 1): Signals(TIME[:1], {"a.force": TIME[:1]})}
+    assert plotting.draw(PLOTS[0], one).startswith("<svg")
+
+
+def test_matplotlib_and_others_are_loaded_only_when_needed() -> None:
+    code = "import sys, twin.scenario, twin.metrics, twin.results, twin.report, twin.cli.check; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert {"matplotlib", "pyarrow", "jinja2", "rich", "pint", "numba"}.isdisjoint(done.stdout.split())
+
+
+def test_check_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from twin.cli.check import command
+
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.py").write_text(
+        "from twin.component import Component\nfrom twin.variable import input, output, parameter\n\n\n"
+        "class Gain(Component):\n    '''Gain.'''\n    u = input('N', 'in')\n    y = output('N', 'out')\n"
+        "    k = parameter(2.0, '', 'gain')\n\n    def step(self, t, h):\n        self.y = self.k * self.u\n"
+    )
+    monkeypatch.syspath_prepend(str(tmp_path))
+    good = (
+        "stop_time: 1\nmembers:\n  a: {component: own:Gain}\n  b: {component: own:Gain}\nconnections:\n  - a.y -> b.u\n"
+    )
+    (tmp_path / "good.yaml").write_text(good)
+    (tmp_path / "bad.yaml").write_text(good.replace("a.y", "a.z") + "record: [a.q]\n")
+    (tmp_path / "none.yaml").write_text(good.replace("own:Gain", "own:Gian", 1))
+    done = CliRunner().invoke(command, ["good.yaml"])
+    assert (done.exit_code, done.output) == (0, "good.yaml: ok (1 variant, 1 seed, 2 members, 1 connection)\n")
+    done = CliRunner().invoke(command, ["good.yaml", "bad.yaml", "none.yaml"])
+    assert done.exit_code == 1
+    lines = done.output.splitlines()
+    assert lines[1].startswith("bad.yaml:6: 'a.z': a has no variable 'z'")
+    assert lines[2].startswith("bad.yaml:7: a has no variable `q`.")
+    assert lines[3].startswith("none.yaml:3: member `a`:")

@@ -1,0 +1,85 @@
+"""Finding components by name: a folder of `fmus`, or `module:Class`."""
+
+from __future__ import annotations
+
+import difflib
+import importlib
+import inspect
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from twin.component import Component
+from twin.errors import DeclarationError
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+
+def _folders() -> list[Path]:
+    """Folders of the `fmus` package: the installed one, or the one in the current directory."""
+    here = str(Path.cwd())
+    if (Path(here) / "fmus").is_dir() and here not in sys.path:
+        sys.path.insert(0, here)
+    try:
+        package = importlib.import_module("fmus")
+    except ModuleNotFoundError:
+        raise DeclarationError(f"There is no folder `fmus` in {here}. Run this from the project's folder.") from None
+    return [Path(place) for place in package.__path__]
+
+
+def names() -> list[str]:
+    """Names of all components: folders of `fmus` with a model.py."""
+    return sorted({place.parent.name for folder in _folders() for place in folder.glob("*/model.py")})
+
+
+def component(name: str) -> type[Component]:
+    """Import the component class of a folder of `fmus`, or of `module:Class`."""
+    module_name, colon, class_name = name.partition(":")
+    if colon:
+        return _named(_imported(module_name, name), class_name, name)
+    known = names()
+    if name not in known:
+        raise DeclarationError(f"There is no component {name!r} in fmus/.{_hint(name, known)}")
+    module = _imported(f"fmus.{name}.model", name)
+    found = _defined(module)
+    if len(found) != 1:
+        listed = ", ".join(sorted(found)) or "none"
+        raise DeclarationError(f"{module.__name__}: one Component was expected, found {listed}. Move others elsewhere.")
+    return next(iter(found.values()))
+
+
+def _imported(module: str, name: str) -> ModuleType:
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name and (module == error.name or module.startswith(error.name + ".")):
+            raise DeclarationError(f"{name}: there is no module {error.name}. Write `module:Class`.") from None
+        raise
+
+
+def _defined(module: ModuleType) -> dict[str, type[Component]]:
+    """Component classes that a module defines itself; names that begin with an underscore are its own affair."""
+    return {
+        key: value
+        for key, value in vars(module).items()
+        if inspect.isclass(value)
+        and issubclass(value, Component)
+        and value.__module__ == module.__name__
+        and not key.startswith("_")
+    }
+
+
+def _named(module: ModuleType, class_name: str, name: str) -> type[Component]:
+    value = getattr(module, class_name, None)
+    if inspect.isclass(value) and issubclass(value, Component):
+        return value
+    known = sorted(_defined(module))
+    raise DeclarationError(f"{name}: {module.__name__} has no component {class_name!r}.{_hint(class_name, known)}")
+
+
+def _hint(name: str, known: list[str]) -> str:
+    near = difflib.get_close_matches(name, known, 1, cutoff=0.4)
+    if near:
+        return f" Did you mean {near[0]!r}?"
+    return f" There are: {', '.join(known)}." if known else ""

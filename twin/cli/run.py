@@ -1,0 +1,118 @@
+"""`twin run SCENARIO`: all variants and seeds, metrics, report."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from twin.run import Outcome
+
+FORMS = ("fmu", "compiled", "interpreted")
+
+
+@click.command(name="run")
+@click.argument("file", type=click.Path(path_type=Path), metavar="SCENARIO")
+@click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE",
+              help='Override a value of the file, such as heart.rate="1.4 Hz", stop_time="5 s" or seeds="[1, 2]".')
+@click.option("--variant", "variants", multiple=True, metavar="NAME", help="Run this variant only; may be repeated.")
+@click.option("--seed", "seeds", multiple=True, type=int, help="Run this seed only; may be repeated.")
+@click.option("--as", "form", type=click.Choice(FORMS), default="fmu", show_default=True,
+              help="How the project's own components run; the results are the same to the bit.")
+@click.option("--runs", type=click.Path(file_okay=False, path_type=Path), default=Path("runs"), show_default=True,
+              help="Folder of results.")
+@click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
+              help="Folder of FMUs and compiled code.")
+@click.option("--json", "as_json", is_flag=True, help="Print summary.json to stdout, and nothing else there.")
+@click.option("--no-report", is_flag=True, help="Write no report.html.")
+def command(
+    file: Path, overrides: tuple[str, ...], variants: tuple[str, ...], seeds: tuple[int, ...], form: str,
+    runs: Path, build: Path, as_json: bool, no_report: bool,
+) -> None:  # fmt: skip
+    """Run a scenario: every variant with every seed, then metrics beside the paper's figures, and a report.
+
+    Results go to runs/<scenario>/<time>/: signals.parquet, summary.json, scenario.yaml, report.html.
+    Exit code 1 if an expectation does not hold or a member failed, 130 after Ctrl-C; what was recorded is kept.
+
+    \b
+    twin run scenarios/heart_wall_force.yaml
+    twin run scenarios/heart_wall_force.yaml --variant PI --seed 1 --set heart.rate="1.4 Hz"
+    """
+    from twin.members import Form
+    from twin.run import run_scenario
+    from twin.scenario import Scenario
+
+    scenario = Scenario.load(file, overrides)
+    with progress_display(scenario.title, not as_json) as progress:
+        outcome = run_scenario(
+            scenario, Form(form), variants=variants, seeds=seeds, root=runs, build=build,
+            progress=progress, report=not no_report,
+        )  # fmt: skip
+    if as_json:
+        click.echo((outcome.folder / "summary.json").read_text(), nl=False)
+    else:
+        show(outcome, not no_report)
+    if outcome.run.status == "interrupted":
+        sys.exit(130)
+    if not outcome.passed:
+        sys.exit(1)
+
+
+class progress_display:  # noqa: N801 - used like a function
+    """A progress bar on a terminal, one plain line per case elsewhere; both on stderr."""
+
+    def __init__(self, title: str, shown: bool) -> None:
+        self.title, self.shown = title, shown
+        self.case = ""
+
+    def __enter__(self) -> Callable[[str, float], None]:
+        self.bar = None
+        if self.shown and sys.stderr.isatty():
+            from rich.console import Console
+            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+            columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
+            self.bar = Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True)
+            self.bar.start()
+            self.task = self.bar.add_task(self.title, total=1.0)
+        return self.update
+
+    def update(self, case: str, part: float) -> None:
+        """Show how far a case is."""
+        if self.bar is not None:
+            self.bar.update(self.task, description=case, completed=part)
+        elif self.shown and case != self.case:
+            click.echo(f"running {case}", err=True)
+        self.case = case
+
+    def __exit__(self, *_: object) -> None:
+        if self.bar is not None:
+            self.bar.stop()
+
+
+def show(outcome: Outcome, report: bool) -> None:
+    """The table of metrics, then where everything lies."""
+    from rich.console import Console
+
+    from twin.report import table
+
+    console = Console(width=None if sys.stdout.isatty() else 110)
+    console.print(f"[bold]{outcome.scenario.title}[/bold]")
+    console.print(table(outcome.evaluation))
+    for name, variants in outcome.run.extra.get("analyses", {}).items():
+        for variant, seeds in variants.items():
+            for seed, figures in seeds.items():
+                text = ", ".join(f"{key} {value:.4g}" for key, value in figures.items())
+                console.print(f"{name} ({variant}, seed {seed}): {text}", highlight=False)
+    factor = outcome.run.real_time_factor
+    if factor:
+        console.print(f"{outcome.run.simulated_time:g} s simulated in {outcome.run.wall_time:.2f} s, "
+                      f"{factor:.0f} times real time", highlight=False)  # fmt: skip
+    if outcome.run.status != "completed":
+        click.echo(f"{outcome.run.status}: {outcome.run.reason}", err=True)
+    console.print(f"{outcome.folder / ('report.html' if report else 'summary.json')}", highlight=False, soft_wrap=True)

@@ -1,0 +1,162 @@
+"""`twin simulate`: run any FMU alone and write its outputs."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from twin.errors import FMUError, SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from rich.progress import Progress
+
+    from twin.fmi.tables import Results
+
+PATIENCE = 1.0  # a bar appears after this time [s]
+
+
+class Bar:
+    """A progress bar that appears only when a run takes long."""
+
+    def __init__(self) -> None:
+        self.began = time.monotonic()
+        self.progress: Progress | None = None
+
+    def __call__(self, share: float) -> None:
+        """Show how far the run is."""
+        if self.progress is None:
+            if time.monotonic() - self.began < PATIENCE:
+                return
+            from rich.progress import Progress
+
+            self.progress = Progress(transient=True)
+            self.task = self.progress.add_task("simulating", total=1.0)
+            self.progress.start()
+        self.progress.update(self.task, completed=share)
+
+    def close(self) -> None:
+        """Remove the bar."""
+        if self.progress is not None:
+            self.progress.stop()
+
+
+@click.command("simulate", short_help="Run any FMU alone and write its outputs.")
+@click.argument("fmu", type=click.Path(path_type=Path))
+@click.option(
+    "--input",
+    "-i",
+    "input_",
+    type=click.Path(path_type=Path),
+    metavar="CSV",
+    help="Inputs over time: column `time`, then names; `x [mm]` converts, `u[1]` is an element.",
+)
+@click.option(
+    "--output",
+    "-o",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Results, .csv or .parquet. [default: FMU_out.csv here]",
+)
+@click.option(
+    "--start-value",
+    "-s",
+    "start_values",
+    multiple=True,
+    metavar="NAME=VALUE",
+    help="Value before the run: `m=0.2`, `A=[[1,2],[3,4]]`, `A[1,2]=5`. May be repeated.",
+)
+@click.option("--start-time", type=float, metavar="S", help="[default: as the FMU suggests, or 0]")
+@click.option("--stop-time", type=float, metavar="S", help="[default: as the FMU suggests, or 1 s later]")
+@click.option("--step-size", type=float, metavar="S", help="[default: as the FMU suggests, or at least 500 steps]")
+@click.option("--output-interval", type=float, metavar="S", help="Time between rows. [default: the step size]")
+@click.option(
+    "--record",
+    "-r",
+    multiple=True,
+    metavar="NAME",
+    help="Variable to record instead of the outputs; * matches any text. May be repeated.",
+)
+@click.option("--log", "show_log", is_flag=True, help="Let the FMU log, and show its last lines.")
+def command(
+    *,
+    fmu: Path,
+    input_: Path | None,
+    output: Path | None,
+    start_values: tuple[str, ...],
+    start_time: float | None,
+    stop_time: float | None,
+    step_size: float | None,
+    output_interval: float | None,
+    record: tuple[str, ...],
+    show_log: bool,
+) -> None:
+    """Run the Co-Simulation FMU (FMI 2.0 or 3.0) alone and write its outputs.
+
+    The folder it is unpacked to is removed at the end.
+    """  # fmt: skip
+    from twin.fmi import tables
+    from twin.fmi.importer import FMUMember
+    from twin.fmi.simulate import plan, simulate
+
+    target = output or Path(f"{fmu.stem}_out.csv")
+    tables.check_output(target)
+    member = FMUMember(fmu.stem, fmu, parsed(start_values), logging=show_log)
+    bar = Bar() if sys.stdout.isatty() else None
+    try:
+        planned = plan(
+            member, start=start_time, stop=stop_time, step=step_size, interval=output_interval, record=record
+        )
+        inputs = tables.read_inputs(input_, member) if input_ else None
+        outcome = simulate(member, planned, inputs, progress=bar)
+    finally:
+        member.close()
+        if bar:
+            bar.close()
+        if show_log:
+            for line in member.log:
+                click.echo(f"log: {line}", err=True)
+    replaced = output is None and target.exists()
+    tables.write(outcome.results, target)
+    for note in outcome.notes:
+        click.echo(f"note: {fmu.stem}: {note}", err=True)
+    if bar:
+        summarize(outcome.results)
+    rows = outcome.results.times
+    click.echo(f"{target}: {len(rows)} rows, {rows[0] / 1e9:g} s to {rows[-1] / 1e9:g} s" + " (replaced)" * replaced)
+    if outcome.failure:
+        raise SimulationError(f"{outcome.failure} What was recorded until then is in {target}.")
+
+
+def parsed(start_values: tuple[str, ...]) -> dict[str, str]:
+    """`NAME=VALUE` arguments as a table."""
+    values: dict[str, str] = {}
+    for text in start_values:
+        name, found, value = text.partition("=")
+        if not found or not name.strip():
+            raise FMUError(f"--start-value {text!r}: expected NAME=VALUE, such as mass=0.2.")
+        if name.strip() in values:
+            raise FMUError(f"--start-value {name.strip()} is given twice. Give it once.")
+        values[name.strip()] = value
+    return values
+
+
+def summarize(results: Results) -> None:
+    """Print smallest, largest and last value of every recorded number."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("variable", *(), box=None)
+    for title in ("min", "max", "final"):
+        table.add_column(title, justify="right")
+    table.add_column("unit")
+    for name, variable, column in results.columns():
+        show: Callable[[Any], str] = str if variable.dtype.kind == "O" else lambda value: f"{value:.6g}"
+        ends = ("", "") if variable.dtype.kind == "O" else (show(column.min()), show(column.max()))
+        table.add_row(name, *ends, show(column[-1]), variable.unit)
+    Console().print(table)

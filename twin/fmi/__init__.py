@@ -1,0 +1,1 @@
+"""FMUs: description, export of components, import of anyone's."""

@@ -1,0 +1,201 @@
+"""The archive of an FMU: checked before anything is written, unpacked into a folder of its own, described.
+
+Nothing of an archive is trusted: neither its file names, nor the sizes it claims, nor its XML. Every defect is one
+`FMUError`, and the folder is gone when `close` has been called, at the latest when the process ends.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import shutil
+import stat
+import tempfile
+import zipfile
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any
+
+from twin.errors import FMUError
+from twin.fmi import markup
+
+if TYPE_CHECKING:
+    from types import TracebackType
+    from typing import IO, Self
+
+FILES = 100_000  # largest number of entries
+TOTAL = 2 << 30  # largest size of everything [byte]
+DESCRIPTION = 64 << 20  # largest modelDescription.xml [byte]
+HARMLESS = 256 << 20  # below this size [byte] no compression ratio is suspicious
+RATIO = 200  # largest ratio of size to archive beyond that; deflate can reach 1030
+CHUNK = 1 << 20
+METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}  # the two that FMI allows
+
+
+@dataclass
+class Unpacked:
+    """An FMU in a folder: `folder` holds its files, `description` is FMPy's model description.
+
+    `binary` is the library for this platform; `notes` are remarks for the user that do not stop a run. Close it, or
+    use it as a context manager: both remove the folder.
+    """
+
+    path: Path
+    folder: Path
+    description: Any
+    fmi: str
+    binary: Path
+    sha256: str
+    notes: list[str] = field(default_factory=list)
+    _temporary: tempfile.TemporaryDirectory[str] | None = None
+
+    def close(self) -> None:
+        """Remove the folder. Safe to call twice."""
+        if self._temporary is not None:
+            self._temporary.cleanup()
+            self._temporary = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
+        self.close()
+
+
+def unpack(path: str | Path) -> Unpacked:
+    """Check an FMU, then unpack it into a temporary folder and read its description."""
+    path = Path(path)
+    if not path.is_file():
+        found = "is a folder" if path.is_dir() else "is not there"
+        raise FMUError(f"{path}: {found}. Give the path of an .fmu file.")
+    temporary: tempfile.TemporaryDirectory[str] | None = None
+    try:
+        with path.open("rb") as file:
+            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+            with open_archive(path, file) as archive:
+                entries = check_entries(path, archive)
+                description = read_description(path, archive, entries)
+                binary = find_binary(path, description, entries)
+
+                # the folder is canonical: a library's own idea of its path must not differ
+                temporary = tempfile.TemporaryDirectory(prefix="twin-fmu-", ignore_cleanup_errors=True)
+                root = Path(temporary.name).resolve()
+                extract(path, archive, entries, root / "fmu")
+        (root / "fmu" / "resources").mkdir(exist_ok=True)
+        parsed = markup.parse(path, description, root / "description.xml")
+        notes = ["needs the tool it was made with on this machine"] if description.needs_tool else []
+        return Unpacked(path, root / "fmu", parsed, description.fmi, root / "fmu" / binary, sha256, notes, temporary)
+    except BaseException as error:
+        if temporary is not None:
+            temporary.cleanup()
+        if isinstance(error, FMUError) or not isinstance(error, Exception):
+            raise
+        # damaged archives make zipfile raise nearly anything: zlib.error, struct.error, EOFError, OverflowError, ...
+        raise FMUError(f"{path}: cannot be unpacked ({markup.one_line(error)}). Get or build it once more.") from None
+
+
+def open_archive(path: Path, file: IO[bytes]) -> zipfile.ZipFile:
+    """Open the archive, or say what the file is instead."""
+    try:
+        return zipfile.ZipFile(file)
+    except zipfile.BadZipFile as error:
+        raise FMUError(f"{path}: is not a zip archive, or cut off ({error}). Get or build it once more.") from None
+
+
+def check_entries(path: Path, archive: zipfile.ZipFile) -> dict[str, zipfile.ZipInfo]:
+    """Names and sizes of the files, by normalized path; everything that could write elsewhere is refused."""
+    infos = archive.infolist()
+    if len(infos) > FILES:
+        raise FMUError(f"{path}: has {len(infos)} files, more than {FILES}. This is not an FMU.")
+    entries: dict[str, zipfile.ZipInfo] = {}
+    seen: dict[str, str] = {}
+    for info in infos:
+        name = checked_name(path, info)
+        if info.flag_bits & 0x1:
+            raise FMUError(f"{path}: {name!r} is encrypted. Export the FMU without a password.")
+        if info.compress_type not in METHODS:
+            raise FMUError(f"{path}: {name!r} is compressed in another way than deflate, the only one that FMI allows.")
+        mode = stat.S_IFMT(info.external_attr >> 16)
+        if mode not in (0, stat.S_IFREG, stat.S_IFDIR):
+            kind = "a symbolic link" if mode == stat.S_IFLNK else "not a plain file"
+            raise FMUError(f"{path}: {name!r} is {kind}. An FMU holds plain files only.")
+        if info.is_dir():
+            continue
+        if name.casefold() in seen:
+            raise FMUError(f"{path}: {name!r} and {seen[name.casefold()]!r} are the same file. Remove one of them.")
+        seen[name.casefold()] = name
+        entries[name] = info
+    claimed = sum(info.file_size for info in entries.values())
+    if claimed > TOTAL:
+        raise FMUError(f"{path}: unpacks to {claimed >> 20} MiB, more than {TOTAL >> 20} MiB. This is not an FMU.")
+    return entries
+
+
+def checked_name(path: Path, info: zipfile.ZipInfo) -> str:
+    """The entry's path inside the FMU's folder, without `.` and doubled slashes."""
+    raw = info.orig_filename
+    parts = PurePosixPath(raw).parts
+    wrong = ""
+    if "\\" in raw:
+        wrong = "has a backslash"
+    elif ":" in raw:
+        wrong = "has a drive letter or a colon"
+    elif raw.startswith("/"):
+        wrong = "is an absolute path"
+    elif ".." in parts:
+        wrong = "leads out of its folder"
+    elif any(ord(letter) < 32 or ord(letter) == 127 for letter in raw):
+        wrong = "has control characters"
+    elif not parts and not info.is_dir():
+        wrong = "is empty"
+    if wrong:
+        raise FMUError(f"{path}: the file name {raw!r} {wrong}. An FMU holds relative paths with forward slashes only.")
+    return str(PurePosixPath(*parts))
+
+
+def read_description(path: Path, archive: zipfile.ZipFile, entries: dict[str, zipfile.ZipInfo]) -> markup.Description:
+    """modelDescription.xml, parsed safely and checked for what a run needs."""
+    info = entries.get("modelDescription.xml")
+    if info is None:
+        inner = next((name for name in entries if name.endswith("/modelDescription.xml")), None)
+        hint = f"It is in {inner!r}: zip the content of that folder" if inner else "This is not an FMU"
+        raise FMUError(f"{path}: has no modelDescription.xml at its top. {hint}.")
+    with archive.open(info) as file:
+        content = file.read(DESCRIPTION + 1)
+    if len(content) > DESCRIPTION:
+        raise FMUError(f"{path}: modelDescription.xml is larger than {DESCRIPTION >> 20} MiB. This is not an FMU.")
+    return markup.check(path, content)
+
+
+def find_binary(path: Path, description: markup.Description, entries: dict[str, zipfile.ZipInfo]) -> str:
+    """The library for this platform, or an error with the platforms that there are."""
+    import fmpy
+
+    platform = fmpy.platform if description.fmi == "2.0" else fmpy.platform_tuple
+    binary = f"binaries/{platform}/{description.identifier}{fmpy.sharedLibraryExtension}"
+    if binary in entries:
+        return binary
+    others = sorted({found[1] for name in entries if (found := re.fullmatch(r"binaries/([^/]+)/[^/]+", name))})
+    if platform in others:
+        raise FMUError(f"{path}: {binary} is missing. The library must be named like modelIdentifier.")
+    sources = " and C sources" if any(name.startswith("sources/") for name in entries) else ""
+    has = f"only {', '.join(others)}{sources}" if others else f"no binaries{sources}"
+    raise FMUError(f"{path}: has {has}, none for {platform}. Export it for this platform.")
+
+
+def extract(path: Path, archive: zipfile.ZipFile, entries: dict[str, zipfile.ZipInfo], folder: Path) -> None:
+    """Write the files, counting what really comes out: the sizes in the archive are only claims."""
+    total = 0
+    allowed = min(TOTAL, max(HARMLESS, RATIO * path.stat().st_size))
+    if shutil.disk_usage(folder.parent).free < sum(info.file_size for info in entries.values()):
+        raise FMUError(f"{path}: does not fit on the disk of {folder.parent}. Free some space, or set TMPDIR.")
+    folder.mkdir()
+    for name, info in entries.items():
+        target = folder / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with archive.open(info) as source, target.open("xb") as copy:
+            while chunk := source.read(CHUNK):
+                total += len(chunk)
+                if total > allowed:
+                    raise FMUError(f"{path}: unpacks to more than {allowed >> 20} MiB. This is not an FMU.")
+                copy.write(chunk)

@@ -1,0 +1,270 @@
+/* FMI 2.0 for Co-Simulation, slave side. */
+
+#define GETTABLE (INITIALIZATION | STEP | STEP_FAILED | TERMINATED | FAILED)
+#define STATUS   (STEP | STEP_FAILED | TERMINATED)
+#define ALIVE    (ANY & ~DEAD)
+
+/* section 4.2.4 of the standard; fmi2FreeInstance is allowed after a fatal error too, or its place would be lost */
+#define FUNCTIONS(X)                                                               \
+    X(fmi2SetDebugLogging,          ALIVE,                                 0)      \
+    X(fmi2FreeInstance,             ANY,                                   0)      \
+    X(fmi2SetupExperiment,          INSTANTIATED,                          0)      \
+    X(fmi2EnterInitializationMode,  INSTANTIATED,                          0)      \
+    X(fmi2ExitInitializationMode,   INITIALIZATION,                        0)      \
+    X(fmi2Terminate,                STEP | STEP_FAILED,                    0)      \
+    X(fmi2Reset,                    ALIVE,                                 0)      \
+    X(fmi2GetReal,                  GETTABLE,                              FLOAT64)       \
+    X(fmi2GetInteger,               GETTABLE,                              INT32 | INT64) \
+    X(fmi2GetBoolean,               GETTABLE,                              BOOLEAN)       \
+    X(fmi2GetString,                GETTABLE,                              NO_TYPE)       \
+    X(fmi2SetReal,                  INSTANTIATED | INITIALIZATION | STEP,  FLOAT64)       \
+    X(fmi2SetInteger,               INSTANTIATED | INITIALIZATION | STEP,  INT32 | INT64) \
+    X(fmi2SetBoolean,               INSTANTIATED | INITIALIZATION | STEP,  BOOLEAN)       \
+    X(fmi2SetString,                INSTANTIATED | INITIALIZATION | STEP,  NO_TYPE)       \
+    X(fmi2GetFMUstate,              ALIVE,                                 0)      \
+    X(fmi2SetFMUstate,              ALIVE,                                 0)      \
+    X(fmi2FreeFMUstate,             ALIVE,                                 0)      \
+    X(fmi2SerializedFMUstateSize,   ALIVE,                                 0)      \
+    X(fmi2SerializeFMUstate,        ALIVE,                                 0)      \
+    X(fmi2DeSerializeFMUstate,      ALIVE,                                 0)      \
+    X(fmi2DoStep,                   STEP,                                  0)      \
+    X(fmi2GetStatus,                STATUS,                                0)      \
+    X(fmi2GetRealStatus,            STATUS,                                0)      \
+    X(fmi2GetIntegerStatus,         STATUS,                                0)      \
+    X(fmi2GetBooleanStatus,         STATUS,                                0)      \
+    X(fmi2GetStringStatus,          STATUS,                                0)      \
+    X(fmi2CancelStep,               0,                                     0)      \
+    X(fmi2SetRealInputDerivatives,  0,                                     0)      \
+    X(fmi2GetRealOutputDerivatives, 0,                                     0)      \
+    X(fmi2GetDirectionalDerivative, 0,                                     0)      \
+    X(fmi2EnterEventMode,           0,                                     0)      \
+    X(fmi2NewDiscreteStates,        0,                                     0)      \
+    X(fmi2EnterContinuousTimeMode,  0,                                     0)      \
+    X(fmi2CompletedIntegratorStep,  0,                                     0)      \
+    X(fmi2SetTime,                  0,                                     0)      \
+    X(fmi2SetContinuousStates,      0,                                     0)      \
+    X(fmi2GetDerivatives,           0,                                     0)      \
+    X(fmi2GetEventIndicators,       0,                                     0)      \
+    X(fmi2GetContinuousStates,      0,                                     0)      \
+    X(fmi2GetNominalsOfContinuousStates, 0,                                0)
+
+#include "core.h"
+
+typedef void (*Logger)(void *environment, const char *instance, int status, const char *category, const char *message, ...);
+
+typedef struct {
+    Logger logger;
+    void  *(*allocate_memory)(size_t count, size_t size);
+    void   (*free_memory)(void *memory);
+    void   (*step_finished)(void *environment, int status);
+    void  *environment;
+} Callbacks;
+
+static void send(const Sink *sink, int status, const char *category, const char *text)
+{
+    ((Logger)sink->logger)(sink->environment, sink->name, status, category, text);
+}
+
+EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
+EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
+
+EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const char *resources,
+                             const Callbacks *callbacks, int visible, int logging)
+{
+    (void)resources, (void)visible;
+    Sink sink = {NULL, NULL, name ? name : MODEL, 0};
+    if (callbacks) sink.logger = (void *)callbacks->logger, sink.environment = callbacks->environment;
+    if (type != 1) {
+        say(&sink, ERROR, "%s: is for Co-Simulation, not for Model Exchange.", MODEL);
+        return NULL;
+    }
+    return instantiate(sink, guid, logging);
+}
+
+EXPORT void fmi2FreeInstance(void *instance)
+{
+    Slot *me = enter(instance, fmi2FreeInstance_number);
+    if (me) release(me);
+}
+
+EXPORT int fmi2SetDebugLogging(void *instance, int on, size_t count, const char *const names[])
+{
+    ENTER(fmi2SetDebugLogging);
+    return set_logging(me, on, count, names);
+}
+
+EXPORT int fmi2SetupExperiment(void *instance, int tolerance_defined, double tolerance_, double start_time,
+                               int stop_defined, double stop_time)
+{
+    (void)tolerance_defined, (void)tolerance_;
+    ENTER(fmi2SetupExperiment);
+    return define_experiment(me, start_time, stop_defined, stop_time) ? OK : ERROR;
+}
+
+EXPORT int fmi2EnterInitializationMode(void *instance)
+{
+    ENTER(fmi2EnterInitializationMode);
+    return enter_initialization(me);
+}
+
+EXPORT int fmi2ExitInitializationMode(void *instance)
+{
+    ENTER(fmi2ExitInitializationMode);
+    return exit_initialization(me);
+}
+
+EXPORT int fmi2Terminate(void *instance)
+{
+    ENTER(fmi2Terminate);
+    me->memory.mode = TERMINATED;
+    return OK;
+}
+
+EXPORT int fmi2Reset(void *instance)
+{
+    ENTER(fmi2Reset);
+    start(me);
+    return OK;
+}
+
+EXPORT int fmi2DoStep(void *instance, double t, double h, int no_rollback)
+{
+    (void)no_rollback;
+    ENTER(fmi2DoStep);
+    return advance(me, t, h);
+}
+
+/* ------------------------------------------------------------------------------------------------------ variables */
+
+static NOINLINE int get(void *instance, int function, const uint32_t references[], size_t count, void *values)
+{
+    Slot *me = enter(instance, function);
+    if (!me || !accessible(me, function, false, references, count, values, count) || settle(me) != OK) return ERROR;
+    for (size_t i = 0; i < count; i++) {
+        const Field *field = &FIELDS[references[i]];
+        const unsigned char *from = me->memory.record + field->offset;
+        int64_t wide = 0;
+        switch (field->type) {
+        case FLOAT64: ((double *)values)[i] = *(const double *)from; break;
+        case INT32:   ((int32_t *)values)[i] = *(const int32_t *)from; break;
+        case BOOLEAN: ((int32_t *)values)[i] = *from != 0; break;
+        default:
+            wide = *(const int64_t *)from;
+            if (wide != (int32_t)wide) {
+                say(&me->sink, ERROR, "%s is %i, which does not fit the 32 bits of FMI 2.0. Use FMI 3.0.", NAMES + field->name, wide);
+                return ERROR;
+            }
+            ((int32_t *)values)[i] = (int32_t)wide;
+        }
+    }
+    return OK;
+}
+
+static NOINLINE int set(void *instance, int function, const uint32_t references[], size_t count, const void *values)
+{
+    Slot *me = enter(instance, function);
+    if (!me || !accessible(me, function, true, references, count, values, count)) return ERROR;
+    for (size_t i = 0; i < count; i++) {
+        const Field *field = &FIELDS[references[i]];
+        unsigned char *to = me->memory.record + field->offset;
+        switch (field->type) {
+        case FLOAT64: *(double *)to = ((const double *)values)[i]; break;
+        case INT32:   *(int32_t *)to = ((const int32_t *)values)[i]; break;
+        case BOOLEAN: *to = ((const int32_t *)values)[i] != 0; break;
+        default:      *(int64_t *)to = ((const int32_t *)values)[i]; break;
+        }
+    }
+    me->memory.stale = me->memory.mode == INITIALIZATION;
+    return OK;
+}
+
+#define ACCESSORS(Name, type)                                                                           \
+    EXPORT int fmi2Get##Name(void *instance, const uint32_t references[], size_t count, type values[])  \
+    { return get(instance, fmi2Get##Name##_number, references, count, values); }                        \
+    EXPORT int fmi2Set##Name(void *instance, const uint32_t references[], size_t count, const type values[]) \
+    { return set(instance, fmi2Set##Name##_number, references, count, values); }
+ACCESSORS(Real, double)
+ACCESSORS(Integer, int)
+ACCESSORS(Boolean, int)
+typedef const char *String;
+ACCESSORS(String, String)
+
+/* --------------------------------------------------------------------------------------------------- saved states */
+
+EXPORT int fmi2GetFMUstate(void *instance, void **state)
+{
+    ENTER(fmi2GetFMUstate);
+    return save(me, state);
+}
+
+EXPORT int fmi2SetFMUstate(void *instance, void *state)
+{
+    ENTER(fmi2SetFMUstate);
+    return restore(me, state);
+}
+
+EXPORT int fmi2FreeFMUstate(void *instance, void **state)
+{
+    ENTER(fmi2FreeFMUstate);
+    return drop(me, state);
+}
+
+EXPORT int fmi2SerializedFMUstateSize(void *instance, void *state, size_t *size)
+{
+    ENTER(fmi2SerializedFMUstateSize);
+    return serialized_size(me, state, size);
+}
+
+EXPORT int fmi2SerializeFMUstate(void *instance, void *state, char bytes[], size_t size)
+{
+    ENTER(fmi2SerializeFMUstate);
+    return serialize(me, state, bytes, size);
+}
+
+EXPORT int fmi2DeSerializeFMUstate(void *instance, const char bytes[], size_t size, void **state)
+{
+    ENTER(fmi2DeSerializeFMUstate);
+    return deserialize(me, bytes, size, state);
+}
+
+/* ---------------------------------------------------------------------------------------------- status of a step */
+
+enum { DO_STEP_STATUS, PENDING_STATUS, LAST_SUCCESSFUL_TIME, TERMINATED_STATUS };
+
+/* FMI's answer to a question that has no answer here: nothing runs asynchronously. */
+static int unknown(Slot *me, int function, int kind)
+{
+    say(&me->sink, DISCARD, "%s: status kind %i is not available.", LEGAL[function].name, (int64_t)kind);
+    return DISCARD;
+}
+
+#define STATUS_FUNCTION(Name, type, kind, answer)                             \
+    EXPORT int fmi2Get##Name(void *instance, int asked, type *value)          \
+    {                                                                         \
+        ENTER(fmi2Get##Name);                                                 \
+        if (asked != (kind) || !value) return unknown(me, fmi2Get##Name##_number, asked); \
+        *value = (answer);                                                    \
+        return OK;                                                            \
+    }
+STATUS_FUNCTION(Status, int, DO_STEP_STATUS, me->memory.mode == STEP_FAILED ? DISCARD : OK)
+STATUS_FUNCTION(RealStatus, double, LAST_SUCCESSFUL_TIME, me->memory.time)
+STATUS_FUNCTION(BooleanStatus, int, TERMINATED_STATUS, 0)
+STATUS_FUNCTION(IntegerStatus, int, -1, 0)
+STATUS_FUNCTION(StringStatus, String, PENDING_STATUS, "")
+
+/* ------------------------------------------------------------------------------------------- interfaces not offered */
+
+ABSENT(fmi2CancelStep)
+ABSENT(fmi2SetRealInputDerivatives, const uint32_t *, size_t, const int *, const double *)
+ABSENT(fmi2GetRealOutputDerivatives, const uint32_t *, size_t, const int *, double *)
+ABSENT(fmi2GetDirectionalDerivative, const uint32_t *, size_t, const uint32_t *, size_t, const double *, double *)
+ABSENT(fmi2EnterEventMode)
+ABSENT(fmi2NewDiscreteStates, void *)
+ABSENT(fmi2EnterContinuousTimeMode)
+ABSENT(fmi2CompletedIntegratorStep, int, int *, int *)
+ABSENT(fmi2SetTime, double)
+ABSENT(fmi2SetContinuousStates, const double *, size_t)
+ABSENT(fmi2GetDerivatives, double *, size_t)
+ABSENT(fmi2GetEventIndicators, double *, size_t)
+ABSENT(fmi2GetContinuousStates, double *, size_t)
+ABSENT(fmi2GetNominalsOfContinuousStates, double *, size_t)

@@ -1,0 +1,333 @@
+"""Somebody's FMU as a member of a co-simulation: FMI 2.0 or 3.0, Co-Simulation, its C functions by address."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+from fmpy.fmi1 import FMICallException
+
+from twin.errors import CouplingError, FMUError, SimulationError
+from twin.fmi import binary, values
+from twin.fmi import declared as declarations
+from twin.fmi.archive import unpack
+from twin.member import Access, Member, MemberVariable
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+# the part of fmi2GetXXX and fmi3GetXXX that stands for a type
+FMI2_FUNCTIONS = {"Float64": "Real", "Int32": "Integer", "Enumeration": "Integer"}
+FMI3_FUNCTIONS = {"Enumeration": "Int64"}
+
+
+class FMUMember(Member):
+    """An FMU. Its archive is checked and unpacked here, its library loaded by `instantiate`.
+
+    `start_values`: by variable name, `A[1,2]` for one element of an array; text is converted. Several instances of one
+    FMU each have a folder and thus a library of their own. What hangs or crashes in the library cannot be caught.
+    """
+
+    alone: ClassVar[dict[str, FMUMember]] = {}  # by token: living instances of FMUs that allow one per process
+    abandoned: ClassVar[list[Any]] = []  # libraries that failed fatally
+
+    def __init__(
+        self,
+        name: str,
+        path: str | Path,
+        start_values: dict[str, Any] | None = None,
+        visible: bool = False,
+        logging: bool = False,
+    ) -> None:
+        self.name = name
+        self.log: list[str] = []
+        self.notes: list[str] = []
+        self.tolerance: float | None = None
+        self._visible, self._logging = visible, logging
+        self._fmu: Any = None
+        self._state = "none"
+        self._log: binary.Log | None = None
+        self._unpacked = unpack(path)
+        try:
+            self._describe(dict(start_values or {}))
+        except BaseException:
+            self._unpacked.close()
+            raise
+
+    # description
+
+    def _describe(self, start_values: dict[str, Any]) -> None:
+        unpacked, where = self._unpacked, str(self._unpacked.path)
+        description = unpacked.description
+        self._declared = {declared.name: declared for declared in description.modelVariables}
+        self._items = {name: declarations.items(declared, where) for name, declared in self._declared.items()}
+        self._dependencies = declarations.dependencies(description)
+        declarations.refuse_clocks(self._declared.values(), where)
+        interface = description.coSimulation
+        self.capabilities = {field: value for field in dir(interface)
+                             if not field.startswith("_") and isinstance(value := getattr(interface, field), bool)}  # fmt: skip
+        self.can_get_and_set_state = bool(interface.canGetAndSetFMUstate)
+        self.default_experiment = declarations.experiment(description.defaultExperiment, where)
+        self.fixed_step = declarations.step_size(interface.fixedInternalStepSize, where)
+        if not interface.canHandleVariableCommunicationStepSize:
+            suggested = self.default_experiment.step_size if unpacked.fmi == "2.0" else None
+            self.period_ns = declarations.period(self.fixed_step, suggested, where)
+        self.notes += unpacked.notes
+        self.identity = {
+            "kind": "fmu", "fmi": unpacked.fmi, "generator": description.generationTool or "",
+            "sha256": unpacked.sha256, "file": unpacked.path.name,
+        }  # fmt: skip
+        self._structural: dict[str, np.ndarray[Any, Any]] = {}
+        self.variables = self._variables({})
+        self._start = self._start_values(start_values)
+
+    def _variables(self, sizes: dict[int, int]) -> dict[str, MemberVariable]:
+        types = declarations.FMI2_TYPES if self._unpacked.fmi == "2.0" else declarations.FMI3_TYPES
+        where = str(self._unpacked.path)
+        return {name: declarations.variable(declared, types, sizes, self._dependencies, where)
+                for name, declared in self._declared.items()}  # fmt: skip
+
+    def _start_values(self, given: dict[str, Any]) -> dict[str, np.ndarray[Any, Any]]:
+        """Convert the start values; structural parameters come first since they change the shapes of others."""
+        where = f"{self.name}: start value"
+        for name in [name for name in given if self._is_structural(name)]:
+            self._check_settable(self.variables[name], where)
+            self._structural[name] = values.array(self.variables[name], given.pop(name), {}, where)
+        if self._structural:
+            sizes = {self._declared[name].valueReference: int(value) for name, value in self._structural.items()}
+            self.variables = self._variables(sizes)
+        result: dict[str, np.ndarray[Any, Any]] = {}
+        for name, value in given.items():
+            variable, place = values.find(name, self.variables, where)
+            self._check_settable(variable, where)
+            items = self._items[variable.name]
+            if place is None:
+                result[variable.name] = values.array(variable, value, items, where)
+                continue
+            base = result.get(variable.name, variable.start)
+            if base is None:
+                raise FMUError(f"{where}: {variable.name} has no start value to change one element of. Give all of it.")
+            result[variable.name] = changed = np.array(base, dtype=variable.dtype)
+            changed.flat[place] = values.scalar_of(variable, items, where)(value)
+        for name, value in result.items():
+            self.variables[name] = replace(self.variables[name], start=value[()])
+        return result
+
+    def _is_structural(self, name: str) -> bool:
+        return name in self._declared and self._declared[name].causality == "structuralParameter"
+
+    def _check_settable(self, variable: MemberVariable, where: str) -> None:
+        declared = self._declared[variable.name]
+        if declared.variability != "constant" and declared.initial in ("exact", "approx"):
+            return
+        what = f"{declared.causality}, {declared.variability}, initial {declared.initial}"
+        raise FMUError(f"{where}: {variable.name} cannot be set ({what}). Set a parameter, an input or a start state.")
+
+    # call sequence
+
+    def instantiate(self) -> None:
+        path = self._unpacked.path
+        token = self._unpacked.description.guid
+        if self._state != "none":
+            raise SimulationError(f"{self.name}: is instantiated already. Make a new member for a new run.")
+        if self.capabilities["canBeInstantiatedOnlyOncePerProcess"]:
+            if token in self.alone:
+                raise FMUError(
+                    f"{path}: allows one instance per process; {self.alone[token].name!r} is there. Use one only."
+                )
+            self.alone[token] = self
+        self._log = binary.Log(self.name, self.log)
+        try:
+            self._fmu = binary.load(self._unpacked, self.name)
+            self.instance = binary.instantiate(self._fmu, self._log, self._visible, self._logging)
+        except FMUError:
+            raise
+        except binary.MissingFunctionError as error:
+            raise FMUError(f"{path}: {error}") from None
+        except Exception as error:  # FMPy raises plain Exception when the FMU returns NULL
+            reason = binary.last_words(self.log) or f" ({error})"
+            raise FMUError(f"{path}: refuses to be instantiated.{reason}") from None
+        self._state = "instantiated"
+        self.step_function = self._address("DoStep")
+        if self._structural:
+            self._call("fmi3EnterConfigurationMode", self.instance)
+            for name, value in self._structural.items():
+                self._write(self.variables[name], value)
+            self._call("fmi3ExitConfigurationMode", self.instance)
+        for name, value in self._start.items():
+            self._write(self.variables[name], value)
+
+    def enter_initialization(self, t: float, stop: float | None) -> None:
+        experiment = (self.tolerance is not None, self.tolerance or 0.0, t, stop is not None, stop or 0.0)
+        if self._unpacked.fmi == "2.0":
+            self._call("fmi2SetupExperiment", self.instance, *experiment)
+            self._call("fmi2EnterInitializationMode", self.instance)
+        else:
+            self._call("fmi3EnterInitializationMode", self.instance, *experiment)
+        self._state = "initializing"
+
+    def exit_initialization(self) -> None:
+        self._call(f"{self._prefix}ExitInitializationMode", self.instance)
+        self._state = "stepping"
+
+    def finish_reason(self) -> str:
+        """Why the FMU discarded its step, if that was its wish to end the simulation; "" if it failed."""
+        if self._unpacked.fmi == "2.0" and self._asked("fmi2GetBooleanStatus", 3, ctypes.c_int(0)):  # 3: fmi2Terminated
+            return f"it set fmi2Terminated.{binary.last_words(self.log)}"
+        return ""
+
+    def check(self, status: int, what: str) -> None:
+        """Raise `SimulationError` if a call of this member's functions by address returned more than WARNING."""
+        if status in (binary.OK, binary.WARNING):
+            return
+        self._state = "fatal" if status == binary.FATAL else "failed"
+        hint = " Asynchronous steps are not supported." if status == binary.PENDING else ""
+        raise binary.failed(self.name, what, status, self.log, hint)
+
+    def last_successful_time(self, reached: float) -> float | None:
+        """Until where [s] the last step came; `reached` is what FMI 3.0 wrote, FMI 2.0 is asked."""
+        if self._unpacked.fmi != "2.0":
+            return reached
+        last: float | None = self._asked("fmi2GetRealStatus", 2, ctypes.c_double(0.0))  # 2: fmi2LastSuccessfulTime
+        return last
+
+    def _asked(self, function: str, kind: int, answer: Any) -> Any:
+        """An answer about the last step of FMI 2.0, None if there is none: many FMUs lack these functions."""
+        try:
+            self._call(function, self.instance, kind, ctypes.byref(answer))
+        except (SimulationError, FMUError):
+            return None
+        return answer.value
+
+    def close(self) -> None:
+        try:
+            if self._state == "stepping":
+                self._call(f"{self._prefix}Terminate", self.instance)
+        except (SimulationError, FMUError) as error:
+            self.log.append(str(error))
+        try:
+            self._free()
+        except binary.MissingFunctionError as error:
+            self.log.append(str(error))
+        finally:
+            self._fmu, self.instance, self.step_function, self._state = None, 0, 0, "closed"
+            if self._log is not None:
+                self._log.close()
+            self._unpacked.close()
+
+    def _free(self) -> None:
+        token = self._unpacked.description.guid
+        if self._state == "fatal":
+            # no function may be called any more, and neither its code nor its callbacks may vanish
+            self.abandoned.append(self._fmu)
+            return
+        if self.alone.get(token) is self:
+            del self.alone[token]
+        if self.instance:
+            self._fmu.freeInstance()
+        elif self._fmu is not None:
+            self._fmu.freeLibrary()
+
+    # values
+
+    def set(self, name: str, value: Any) -> None:
+        variable = self.variables[name]
+        self._write(variable, values.array(variable, value, self._items[name], self.name))
+
+    def get(self, name: str) -> Any:
+        variable = self.variables[name]
+        if not variable.connectable:
+            return self._read_objects(variable)
+        buffer = np.zeros(variable.size, variable.dtype)
+        self._move("Get", variable, buffer)
+        if variable.type == "Boolean":
+            buffer = buffer.astype(np.bool_)
+        return buffer.reshape(variable.shape)[()]
+
+    def items(self, name: str) -> values.Items:
+        """Items of an enumeration, by name; none for other types."""
+        return self._items[name]
+
+    def address(self, name: str) -> int:
+        return 0
+
+    def access(self, names: list[str], write: bool) -> Access:
+        variables = [self.variables[name] for name in names]
+        if not all(variable.connectable for variable in variables):
+            raise CouplingError(f"{self.name}: String, Binary and Clock variables cannot be moved by the loop.")
+        references = np.array([variable.references[0] for variable in variables], np.uint32)
+        address = self._address(f"{'Set' if write else 'Get'}{self._type(variables[0])}")
+        return Access(address, references, len(references), sum(variable.size for variable in variables))
+
+    @property
+    def _prefix(self) -> str:
+        return "fmi2" if self._unpacked.fmi == "2.0" else "fmi3"
+
+    def _type(self, variable: MemberVariable) -> str:
+        table = FMI2_FUNCTIONS if self._unpacked.fmi == "2.0" else FMI3_FUNCTIONS
+        return table.get(variable.type, variable.type)
+
+    def _address(self, function: str) -> int:
+        try:
+            return int(self._fmu.dll.address(self._prefix + function))
+        except binary.MissingFunctionError as error:
+            raise FMUError(f"{self._unpacked.path}: {error}") from None
+
+    def _call(self, function: str, *arguments: Any) -> None:
+        if self._fmu is None:
+            raise SimulationError(f"{self.name}: is not instantiated. Call instantiate first.")
+        try:
+            getattr(self._fmu, function)(*arguments)
+        except FMICallException as error:
+            if error.status > binary.DISCARD:
+                self._state = "fatal" if error.status == binary.FATAL else "failed"
+            raise binary.failed(self.name, error.function, error.status, self.log) from None
+        except binary.MissingFunctionError as error:
+            raise FMUError(f"{self._unpacked.path}: {error}") from None
+
+    def _move(self, verb: str, variable: MemberVariable, buffer: np.ndarray[Any, Any]) -> None:
+        function = f"{self._prefix}{verb}{self._type(variable)}"
+        if self._fmu is None:
+            raise SimulationError(f"{self.name}: is not instantiated. Call instantiate first.")
+        kind = self._fmu._functions[function].argtypes[3]
+        reference = (ctypes.c_uint * 1)(variable.references[0])
+        pointer = ctypes.cast(ctypes.c_void_p(buffer.ctypes.data), kind)
+        size = () if self._unpacked.fmi == "2.0" else (buffer.size,)
+        self._call(function, self.instance, reference, 1, pointer, *size)
+
+    def _write(self, variable: MemberVariable, value: np.ndarray[Any, Any]) -> None:
+        if variable.connectable:
+            self._move("Set", variable, np.ascontiguousarray(value).reshape(-1))
+            return
+        reference = (ctypes.c_uint * 1)(variable.references[0])
+        size = () if self._unpacked.fmi == "2.0" else (variable.size,)
+        if variable.type == "String":
+            texts = (ctypes.c_char_p * variable.size)(*(text.encode() for text in value.flat))
+            self._call(f"{self._prefix}SetString", self.instance, reference, 1, texts, *size)
+            return
+        buffers = [(ctypes.c_uint8 * max(len(data), 1)).from_buffer_copy(data or b"\0") for data in value.flat]
+        lengths = (ctypes.c_size_t * variable.size)(*(len(data) for data in value.flat))
+        pointers = (ctypes.POINTER(ctypes.c_uint8) * variable.size)(
+            *(ctypes.cast(buffer, ctypes.POINTER(ctypes.c_uint8)) for buffer in buffers)
+        )
+        self._call("fmi3SetBinary", self.instance, reference, 1, lengths, pointers, *size)
+
+    def _read_objects(self, variable: MemberVariable) -> Any:
+        reference = (ctypes.c_uint * 1)(variable.references[0])
+        size = () if self._unpacked.fmi == "2.0" else (variable.size,)
+        result = np.empty(variable.size, dtype=object)
+        if variable.type == "String":
+            texts = (ctypes.c_char_p * variable.size)()
+            self._call(f"{self._prefix}GetString", self.instance, reference, 1, texts, *size)
+            result[:] = [(text or b"").decode(errors="replace") for text in texts]
+        elif variable.type == "Binary":
+            lengths = (ctypes.c_size_t * variable.size)()
+            pointers = (ctypes.POINTER(ctypes.c_uint8) * variable.size)()
+            self._call("fmi3GetBinary", self.instance, reference, 1, lengths, pointers, *size)
+            pairs = zip(pointers, lengths, strict=True)
+            result[:] = [ctypes.string_at(pointer, n) if pointer else b"" for pointer, n in pairs]
+        else:
+            raise SimulationError(f"{self.name}: {variable.name} is a clock. Clocks need event mode.")
+        return result.reshape(variable.shape)[()]

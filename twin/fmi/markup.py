@@ -1,0 +1,149 @@
+"""modelDescription.xml of somebody else's FMU: parsed without trust, checked for what a run needs, handed to FMPy.
+
+FMPy reads without the schema here, since many FMUs break it in places that do not matter; what does matter is checked
+first, with line numbers.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from lxml import etree
+
+from twin.errors import FMUError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+FMI2_TYPES = {"Real", "Integer", "Boolean", "String", "Enumeration"}
+FMI3_TYPES = {
+    *("Float32", "Float64", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64"),
+    *("Boolean", "String", "Binary", "Enumeration", "Clock"),
+}
+LISTS = ("dependencies", "dependenciesKind", "clocks")  # FMPy splits these at single blanks
+REFERENCES = 1 << 32  # value references are 32 bit
+TRUE = {"true", "1"}
+
+
+@dataclass(frozen=True, slots=True)
+class Description:
+    """What must be known before unpacking; `tree` is the whole document."""
+
+    fmi: str
+    identifier: str
+    needs_tool: bool
+    tree: Any
+
+
+def one_line(error: BaseException) -> str:
+    """An error of somebody else's code in one line of bearable length."""
+    problems = getattr(error, "problems", None)
+    text = " ".join(str(problems[0] if problems else error).split())
+    named = text if len(text.split()) > 2 else f"{type(error).__name__} {text}".strip()
+    return named if len(named) <= 240 else named[:237] + "..."
+
+
+def check(path: Path, content: bytes) -> Description:
+    """Parse the document and check version, interface and variables."""
+    where = f"{path}: modelDescription.xml"
+    parser = etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, dtd_validation=False, huge_tree=False
+    )
+    try:
+        root = etree.fromstring(content, parser)
+    except (etree.XMLSyntaxError, ValueError) as error:
+        raise FMUError(f"{where} is not well-formed XML ({one_line(error)}). Export the FMU once more.") from None
+    if root.getroottree().docinfo.doctype or root.getroottree().docinfo.internalDTD is not None:
+        raise FMUError(f"{where} has a document type declaration. FMI needs none, and it can be harmful: remove it.")
+    if root.tag != "fmiModelDescription":
+        raise FMUError(f"{where} has the root <{root.tag}>, expected <fmiModelDescription>. This is not an FMU.")
+    version = root.get("fmiVersion", "")
+    if not re.fullmatch(r"2\.0|3\.0(\.\d+)?", version):
+        said = f"is for FMI {version}" if version else "does not say for which FMI version it is"
+        raise FMUError(f"{where} {said}; FMI 2.0 and 3.0 are supported. Export the FMU for one of them.")
+    interface = root.find("CoSimulation")
+    if interface is None:
+        others = [text for tag, text in (("ModelExchange", "Model Exchange"),
+                                         ("ScheduledExecution", "Scheduled Execution")) if root.find(tag) is not None]  # fmt: skip
+        what = f"is for {' and '.join(others)} only" if others else "names no interface"
+        raise FMUError(f"{path}: {what}; Co-Simulation is needed. Export it for Co-Simulation.")
+    identifier = interface.get("modelIdentifier", "")
+    if not re.fullmatch(r"\w[\w.+\- ]*", identifier):
+        raise FMUError(f"{where}: modelIdentifier {identifier!r} is not the name of a library. Use letters and digits.")
+    token = root.get("guid" if version == "2.0" else "instantiationToken")
+    if token is None:
+        word = "guid" if version == "2.0" else "instantiationToken"
+        raise FMUError(f"{where} has no {word}, without which no FMU starts. Export the FMU once more.")
+    check_variables(where, root, version)
+    return Description("2.0" if version == "2.0" else "3.0", identifier,
+                       interface.get("needsExecutionTool") in TRUE, root)  # fmt: skip
+
+
+def check_variables(where: str, root: Any, version: str) -> None:
+    """Names, value references and types of all variables; dimensions against the variables that hold them."""
+    container = root.find("ModelVariables")
+    if container is None:
+        raise FMUError(f"{where} has no <ModelVariables>. Export the FMU once more.")
+    names: dict[str, int] = {}
+    sizes: dict[int, Any] = {}
+    elements = [element for element in container if isinstance(element.tag, str)]
+    for element in elements:
+        place = f"{where} line {element.sourceline}"
+        name = element.get("name")
+        if not name:
+            raise FMUError(f"{place}: a variable has no name. Name it.")
+        for word in [name, *(alias.get("name", "") for alias in element.findall("Alias"))]:
+            if word in names:
+                raise FMUError(f"{place}: variable {word!r} is there twice, first in line {names[word]}. Rename one.")
+            names[word] = element.sourceline
+        reference = whole(element.get("valueReference"))
+        if reference is None or reference >= REFERENCES:
+            given = element.get("valueReference")
+            raise FMUError(f"{place}: {name!r} has the value reference {given!r}, expected 0 to {REFERENCES - 1}.")
+        known = FMI2_TYPES if version == "2.0" else FMI3_TYPES
+        kinds = {child.tag for child in element} & known if version == "2.0" else {element.tag} & known
+        if len(kinds) != 1:
+            raise FMUError(f"{place}: {name!r} has no known type. Expected one of {', '.join(sorted(known))}.")
+        if version != "2.0" and reference in sizes:
+            raise FMUError(f"{place}: {name!r} has the value reference {reference} of another variable. Renumber it.")
+        sizes[reference] = element
+    for element in elements:
+        for dimension in element.findall("Dimension"):
+            check_dimension(f"{where} line {dimension.sourceline}: {element.get('name')!r}", dimension, sizes)
+
+
+def check_dimension(place: str, dimension: Any, variables: dict[int, Any]) -> None:
+    """A dimension is a whole number, or refers to a structural parameter which has one."""
+    if dimension.get("start") is not None:
+        if whole(dimension.get("start")) is None:
+            raise FMUError(f"{place} has the dimension {dimension.get('start')!r}, expected a whole number.")
+        return
+    reference = whole(dimension.get("valueReference"))
+    holder = variables.get(-1 if reference is None else reference)
+    if holder is None:
+        raise FMUError(f"{place} has a dimension that refers to no variable. Give start, or a valueReference.")
+    if whole(holder.get("start")) is None:
+        raise FMUError(f"{place} has the dimension {holder.get('name')!r}, which starts with no whole number.")
+
+
+def whole(text: str | None) -> int | None:
+    """A number without sign, as XML holds it."""
+    return int(text) if text is not None and re.fullmatch(r"\s*[0-9]{1,19}\s*", text) else None
+
+
+def parse(path: Path, description: Description, copy: Path) -> Any:
+    """FMPy's model description, read from a copy in which lists are tidy; the FMU's own file stays as it is."""
+    from fmpy import read_model_description
+
+    for element in description.tree.iter(etree.Element):
+        for attribute in LISTS:
+            if attribute in element.attrib:
+                element.set(attribute, " ".join(element.get(attribute).split()))
+    copy.write_bytes(etree.tostring(description.tree.getroottree(), encoding="utf-8", xml_declaration=True))
+    try:
+        return read_model_description(str(copy), validate=False)
+    except Exception as error:  # whatever FMPy stumbles over in a description that breaks the standard
+        reason = one_line(error)
+        raise FMUError(f"{path}: modelDescription.xml cannot be read ({reason}). Export the FMU once more.") from None

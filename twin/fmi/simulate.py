@@ -1,0 +1,319 @@
+"""One FMU alone: inputs from a table, outputs into a table.
+
+At each communication point: set the inputs of `t`, step to `t + h`, record the outputs. Time is k * h in whole
+nanoseconds, so nothing accumulates.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import math
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock, machine
+from twin.errors import CouplingError, FMUError, SimulationError
+from twin.fmi import binary
+from twin.fmi.tables import Column, Results
+from twin.system import nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from twin.fmi.importer import FMUMember
+    from twin.fmi.tables import Inputs
+    from twin.member import Access, MemberVariable
+
+POINTS = 500  # steps where the FMU suggests no step size
+SCALARS = 200_000_000  # largest number of recorded scalars
+FLAGS = 5  # words that fmi3DoStep writes: event, terminate, early return, last successful time, spare
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """When to step and what to record; times in ns. `every`: steps between two recorded rows."""
+
+    start: int
+    stop: int
+    step: int
+    every: int
+    record: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def steps(self) -> int:
+        """Number of steps; the last one may be shorter."""
+        return -(-(self.stop - self.start) // self.step)
+
+
+@dataclass
+class Outcome:
+    """Results, remarks for the user, and what went wrong (or "")."""
+
+    results: Results
+    notes: list[str] = field(default_factory=list)
+    failure: str = ""
+
+
+def plan(
+    member: FMUMember,
+    *,
+    start: float | None = None,
+    stop: float | None = None,
+    step: float | None = None,
+    interval: float | None = None,
+    record: tuple[str, ...] = (),
+) -> Plan:
+    """Times from the arguments, else from what the FMU suggests, else (stop - start) / 500; times in s."""
+    suggested, name = member.default_experiment, member.identity["file"]
+    notes: list[str] = []
+    begin = whole(start, suggested.start, 0, f"{name}: start time", notes)
+    end = whole(stop, suggested.stop, begin + clock.NANOSECONDS, f"{name}: stop time", notes)
+    if end <= begin:
+        raise FMUError(f"{name}: stops at {clock.text(end)}, not after its start {clock.text(begin)}. Use --stop-time.")
+    default = member.period_ns or decimal_step(end - begin)
+    size = whole(step, None if member.period_ns else suggested.step_size or member.fixed_step, default,
+                 f"{name}: step size", notes)  # fmt: skip
+    if size <= 0:
+        raise FMUError(f"{name}: step size {clock.text(size)} is not positive. Use --step-size.")
+    check_step(member, begin, end, size)
+    spacing = whole(interval, None, size, f"{name}: output interval", notes)
+    if spacing <= 0 or spacing % size:
+        raise FMUError(
+            f"{name}: output interval {clock.text(spacing)} is not a multiple of the step {clock.text(size)}."
+        )
+    return Plan(begin, end, size, spacing // size, choose(member, record, notes), tuple(notes))
+
+
+def whole(given: float | None, suggested: float | None, default: int, what: str, notes: list[str]) -> int:
+    """A time [ns]: what the user gave must be exact, what the FMU suggests may be rounded to 1 ns with a note."""
+    if given is not None:
+        return clock.nanoseconds(given, what)
+    if suggested is None or not math.isfinite(suggested):
+        return default
+    try:
+        return clock.nanoseconds(suggested, what)
+    except CouplingError:
+        rounded = round(suggested * clock.NANOSECONDS)
+        notes.append(f"{what} {suggested} s is rounded to {clock.seconds(rounded)} s")
+        return rounded or default
+
+
+def decimal_step(duration: int) -> int:
+    """The largest 1, 2 or 5 times a power of ten [ns] that makes at least 500 steps."""
+    wanted = max(duration // POINTS, 1)
+    power: int = 10 ** (len(str(wanted)) - 1)
+    return max(factor * power for factor in (1, 2, 5) if factor * power <= wanted)
+
+
+def check_step(member: FMUMember, begin: int, end: int, step: int) -> None:
+    """Refuse what a fixed-step FMU cannot do."""
+    if member.capabilities["canHandleVariableCommunicationStepSize"]:
+        return
+    name, period = member.identity["file"], member.period_ns
+    if member.fixed_step is not None and step % period:
+        low, high = step // period * period or period, -(-step // period) * period
+        advice = clock.text(low) if low == high else f"{clock.text(low)} or {clock.text(high)}"
+        raise FMUError(
+            f"{name}: steps of {clock.text(step)} are no multiple of its {clock.text(period)}. Use {advice}."
+        )
+    if (end - begin) % step:
+        last = begin + (end - begin) // step * step
+        advice = f"{clock.text(last)} or {clock.text(last + step)}"
+        raise FMUError(f"{name}: cannot shorten its last step of {clock.text(step)} to stop at {clock.text(end)}. "
+                       f"Use --stop-time {advice}.")  # fmt: skip
+
+
+def choose(member: FMUMember, wanted: tuple[str, ...], notes: list[str]) -> tuple[str, ...]:
+    """Names to record: those asked for (`*` and `?` match any text), else the outputs, else the local variables."""
+    where = member.identity["file"]
+    if not wanted:
+        for causality in ("output", "local"):
+            found = [each.name for each in member.variables.values()
+                     if each.causality == causality and each.type != "Clock"]  # fmt: skip
+            if found:
+                if causality == "local":
+                    notes.append("has no outputs: its local variables are recorded")
+                return tuple(found)
+        raise FMUError(f"{where}: has no outputs and no local variables. Name what to record with --record.")
+    names: dict[str, None] = {}
+    for pattern in wanted:
+        matched = [pattern] if pattern in member.variables else fnmatch.filter(
+            [name for name, each in member.variables.items() if each.type != "Clock"], pattern.replace("[", "[[]"))  # fmt: skip
+        if not matched:
+            raise FMUError(
+                f"{where}: has no variable {pattern!r} to record. {nearest(pattern, list(member.variables))}"
+            )
+        names.update(dict.fromkeys(matched))
+    return tuple(names)
+
+
+class Mover:
+    """Variables of one type, moved between the FMU and a buffer in one call."""
+
+    def __init__(self, member: FMUMember, variables: list[MemberVariable], write: bool) -> None:
+        self.names = [variable.name for variable in variables]
+        self.member = member
+        self.call: Access = member.access(self.names, write)
+        self.buffer = np.zeros(self.call.size, variables[0].dtype)
+        ends = np.cumsum([variable.size for variable in variables])
+        self.parts = [slice(end - each.size, end) for each, end in zip(variables, ends, strict=True)]
+
+    def __call__(self) -> None:
+        """Move them."""
+        call = self.call
+        status = machine.call_access(
+            call.function,
+            self.member.instance,
+            call.references.ctypes.data,
+            call.count,
+            self.buffer.ctypes.data,
+            call.size,
+        )
+        self.member.check(status, f"access to {', '.join(self.names[:3])}")
+
+
+def grouped(variables: list[MemberVariable]) -> list[list[MemberVariable]]:
+    """Variables that one call can move together: same type, in order."""
+    groups: dict[str, list[MemberVariable]] = {}
+    for variable in variables:
+        if variable.connectable:
+            groups.setdefault(variable.type, []).append(variable)
+    return list(groups.values())
+
+
+class Feeder:
+    """Sets the inputs of a table at a time."""
+
+    def __init__(self, member: FMUMember, inputs: Inputs) -> None:
+        self.member, self.inputs = member, inputs
+        columns = {column.variable.name: column for column in inputs.columns}
+        self.groups = [
+            (Mover(member, group, write=True), [columns[variable.name] for variable in group])
+            for group in grouped([column.variable for column in inputs.columns])
+        ]
+        self.objects = [column for column in inputs.columns if not column.variable.connectable]
+        self.last: dict[str, Any] = {}
+
+    def __call__(self, t: float) -> None:
+        """Set all inputs to their values at t [s]."""
+        for mover, columns in self.groups:
+            for part, column in zip(mover.parts, columns, strict=True):
+                mover.buffer[part] = self.inputs.at(column, t)
+            mover()
+        for column in self.objects:
+            self.feed_objects(column, t)
+
+    def feed_objects(self, column: Column, t: float) -> None:
+        """Strings and binaries are set when they change."""
+        value = self.inputs.at(column, t).tolist()
+        name = column.variable.name
+        if self.last.get(name) != value:
+            self.last[name] = value
+            self.member.set(name, value if column.variable.shape else value[0])
+
+
+class Sampler:
+    """Records variables of a running FMU."""
+
+    def __init__(self, member: FMUMember, names: tuple[str, ...], rows: int) -> None:
+        self.member = member
+        self.variables = [member.variables[name] for name in names]
+        scalars = rows * sum(variable.size for variable in self.variables)
+        if scalars > SCALARS:
+            raise FMUError(
+                f"{member.name}: {scalars} values to record are too many. Use --output-interval or --record."
+            )
+        self.times: list[int] = []
+        self.rows = {each.name: np.empty((rows, each.size), each.dtype) for each in self.variables}
+        self.movers = [Mover(member, group, write=False) for group in grouped(self.variables)]
+        self.objects = [variable for variable in self.variables if not variable.connectable]
+
+    def __call__(self, time: int) -> None:
+        """Record a row at a time [ns]."""
+        row = len(self.times)
+        for mover in self.movers:
+            mover()
+            for name, part in zip(mover.names, mover.parts, strict=True):
+                self.rows[name][row] = mover.buffer[part]
+        for variable in self.objects:
+            self.rows[variable.name][row] = np.asarray(self.member.get(variable.name), dtype=object).reshape(-1)
+        self.times.append(time)
+
+    def results(self) -> Results:
+        """What was recorded so far."""
+        rows = [self.rows[variable.name][: len(self.times)] for variable in self.variables]
+        return Results(self.times, self.variables, rows)
+
+
+def simulate(
+    member: FMUMember, plan: Plan, inputs: Inputs | None = None, *, progress: Callable[[float], None] | None = None
+) -> Outcome:
+    """Run a member that is not instantiated yet; after a failure the results until then are kept. Closes it."""
+    sampler: Sampler | None = None
+    try:
+        member.instantiate()
+        sampler = Sampler(member, plan.record, plan.steps // plan.every + 3)
+        outcome = Outcome(sampler.results(), [*member.notes, *plan.notes])
+        feed = Feeder(member, inputs) if inputs else None
+        begin = clock.seconds(plan.start)
+        member.enter_initialization(begin, clock.seconds(plan.stop))
+        if feed:
+            feed(begin)
+        member.exit_initialization()
+        sampler(plan.start)
+        loop(member, plan, feed=feed, sampler=sampler, outcome=outcome, progress=progress)
+    except SimulationError as error:
+        if sampler is None or not sampler.times:
+            raise
+        outcome.failure = str(error)
+    except KeyboardInterrupt:
+        if sampler is None or not sampler.times:
+            raise
+        outcome.failure = f"{member.name}: interrupted after {clock.seconds(sampler.times[-1])} s."
+    finally:
+        member.close()
+    outcome.results = sampler.results()
+    return outcome
+
+
+def loop(
+    member: FMUMember,
+    plan: Plan,
+    *,
+    feed: Feeder | None,
+    sampler: Sampler,
+    outcome: Outcome,
+    progress: Callable[[float], None] | None,
+) -> None:
+    """Step from start to stop, or to where the FMU ends the simulation."""
+    flags = np.zeros(FLAGS, np.int64)
+    event, terminate, early, reached = (flags.ctypes.data + 8 * i for i in range(4))
+    steps = plan.steps
+    do_step = machine.STEP(member.step_function)
+    for k in range(steps):
+        time = plan.start + k * plan.step
+        end = min(time + plan.step, plan.stop)
+        t, h = clock.seconds(time), clock.seconds(end - time)
+        if feed:
+            feed(t)
+        status = do_step(member.instance, t, h, 1, event, terminate, early, reached)
+        if machine.read8(terminate) or status > binary.WARNING:
+            reason = "its terminate flag is set" if machine.read8(terminate) else member.finish_reason()
+            if not reason:
+                member.check(status, "doStep")
+            outcome.notes.append(f"ended the simulation in the step from {clock.text(time)}: {reason}")
+            last = member.last_successful_time(machine.read_float(reached))
+            if last is not None and sampler.times[-1] < (stopped := round(last * clock.NANOSECONDS)) <= end:
+                sampler(stopped)
+            return
+        if machine.read8(early):
+            raise SimulationError(
+                f"{member.name}: returned early at {machine.read_float(reached)} s, though not allowed to."
+            )
+        if (k + 1) % plan.every == 0 or end == plan.stop:
+            sampler(end)
+        if progress and k % 64 == 0:
+            progress(k / steps)

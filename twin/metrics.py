@@ -1,0 +1,247 @@
+"""Figures of a run: metrics over recorded signals, the paper's value beside them, and what is expected of them.
+
+Everything here is in coherent SI units; the unit a metric is shown in is applied when it is shown.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.signals import WHOLE, Signals, Window, shown
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+
+    from twin.expression import Expression
+
+REDUCE: dict[str, Callable[[np.ndarray[Any, Any]], Any]] = {
+    "mean":         np.mean,
+    "std":          np.std,
+    "rms":          lambda x: np.sqrt(np.mean(np.square(x))),
+    "max_abs":      lambda x: np.max(np.abs(x)),
+    "min":          np.min,
+    "max":          np.max,
+    "final":        lambda x: x[-1],
+    "peak_to_peak": np.ptp,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One number per run. `paper`: the published figure of each variant; `tolerance`: 0.2 is ± 20 % of it."""
+
+    name: str
+    signal: Expression
+    reduce: str
+    window: Window = WHOLE
+    unit: str = ""
+    paper: dict[str, float] = field(default_factory=dict)
+    tolerance: float | None = None
+    description: str = ""
+    where: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """A limit that makes a run fail: on a metric, on every sample of a signal, or on the order of variants."""
+
+    name: str
+    metric: str | None = None
+    signal: Expression | None = None
+    variants: tuple[str, ...] = ()
+    at_least: float | None = None
+    at_most: float | None = None
+    ordered: tuple[str, ...] = ()
+    descending: bool = True
+    window: Window = WHOLE
+    unit: str = ""
+    where: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A line of a plot; `x` is given for loops such as force over position."""
+
+    signal: Expression
+    label: str
+    x: Expression | None = None
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A figure of the report. `per_variant`: one panel for each variant, else one panel with every variant's lines."""
+
+    title: str
+    curves: tuple[Curve, ...]
+    label: str = ""
+    unit: str = ""
+    x_label: str = ""
+    x_unit: str = ""
+    window: Window = WHOLE
+    per_variant: bool = False
+    band: tuple[float, float] | None = None
+    lines: tuple[float, ...] = ()
+    variants: tuple[str, ...] = ()
+    where: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One metric of one variant: its value for each seed, beside the paper's. SI; None: not a finite number.
+
+    `verdict`: pass, fail, info (nothing to compare with), other (not at the paper's settings), none (no value: fails).
+    """
+
+    metric: Metric
+    variant: str
+    values: dict[int, float | None]
+    paper: float | None
+    verdict: str = "info"
+
+    @property
+    def mean(self) -> float | None:
+        """Mean over seeds; None if one of them has no value."""
+        values = [value for value in self.values.values() if value is not None]
+        return float(np.mean(values)) if values and len(values) == len(self.values) else None
+
+    @property
+    def worst(self) -> float | None:
+        """The smallest of the seeds for `min`, else the largest in size."""
+        values = [value for value in self.values.values() if value is not None]
+        if not values or len(values) < len(self.values):
+            return None
+        return min(values) if self.metric.reduce == "min" else max(values, key=abs)
+
+    @property
+    def ratio(self) -> float | None:
+        """Mean over the paper's figure."""
+        return self.mean / self.paper if self.mean is not None and self.paper else None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one expectation: pass, fail, or skipped if nothing that it names was run."""
+
+    name: str
+    verdict: str
+    detail: str
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """All figures and outcomes of a run."""
+
+    figures: tuple[Figure, ...] = ()
+    outcomes: tuple[Outcome, ...] = ()
+    paper_applies: bool = True
+
+    @property
+    def passed(self) -> bool:
+        """Whether everything that was expected holds."""
+        verdicts = {one.verdict for one in self.figures} | {one.verdict for one in self.outcomes}
+        return not {"fail", "none"} & verdicts
+
+
+def evaluate(
+    metrics: Mapping[str, Metric],
+    expectations: Iterable[Expectation],
+    tables: Mapping[tuple[str, int], Signals],
+    paper_applies: bool = True,
+) -> Evaluation:
+    """Judge what was recorded; `tables`: (variant, seed) -> signals. Cases that are not complete are left out."""
+    complete = {case: signals for case, signals in tables.items() if signals.complete}
+    figures = [
+        judged(figure(metric, variant, complete), paper_applies)
+        for metric in metrics.values()
+        for variant in dict.fromkeys(variant for variant, _ in complete)
+    ]
+    present = [one for one in figures if one.values]
+    outcomes = [outcome(one, present, complete) for one in expectations]
+    return Evaluation(tuple(present), tuple(outcomes), paper_applies)
+
+
+def figure(metric: Metric, variant: str, tables: Mapping[tuple[str, int], Signals]) -> Figure:
+    """A metric of a variant; without values if the variant has no such signal."""
+    values: dict[int, float | None] = {}
+    for (name, seed), signals in tables.items():
+        if name != variant or (found := signals.evaluate(metric.signal, metric.window)) is None:
+            continue
+        with np.errstate(all="ignore"):
+            value = float(REDUCE[metric.reduce](found[1])) if len(found[1]) else np.nan
+        values[seed] = value if np.isfinite(value) else None
+    return Figure(metric, variant, values, metric.paper.get(variant))
+
+
+def judged(one: Figure, paper_applies: bool) -> Figure:
+    """With its verdict: whether the mean over seeds is within the tolerance of the paper's figure."""
+    verdict = "info"
+    if one.mean is None:
+        verdict = "none"
+    elif one.paper is not None and not paper_applies:
+        verdict = "other"
+    elif one.paper is not None and one.metric.tolerance is not None:
+        # the last digit of a decimal tolerance must not decide: 1.2 times 0.1 is not exactly 0.12
+        allowed = one.metric.tolerance * abs(one.paper) * (1 + 1e-9)
+        verdict = "pass" if abs(one.mean - one.paper) <= allowed else "fail"
+    return replace(one, verdict=verdict)
+
+
+def outcome(one: Expectation, figures: Iterable[Figure], tables: Mapping[tuple[str, int], Signals]) -> Outcome:
+    """What became of an expectation."""
+    own = {figure.variant: figure for figure in figures if figure.metric.name == one.metric}
+    if one.ordered:
+        return order(one, own)
+    found: list[tuple[str, float, float, str]] = []  # case, lowest and highest value, when the worse one was
+    for (variant, seed), signals in tables.items():
+        if one.variants and variant not in one.variants:
+            continue
+        case = f"{variant}, seed {seed}"
+        if one.signal is None:
+            value = own[variant].values.get(seed) if variant in own else None
+            if variant in own:
+                found.append((case, *((np.nan, np.nan) if value is None else (value, value)), ""))
+        elif (samples := signals.evaluate(one.signal, one.window)) is not None and len(samples[1]):
+            low, high = int(np.argmin(samples[1])), int(np.argmax(samples[1]))
+            worse = low if one.at_least is not None and not samples[1][low] >= one.at_least else high
+            found.append((case, samples[1][low], samples[1][high], f" at {samples[0][worse]:.6g} s"))
+    return limits(one, found)
+
+
+def limits(one: Expectation, found: list[tuple[str, float, float, str]]) -> Outcome:
+    """Whether every case keeps the limits; else by which case and value they are broken first."""
+    what = one.metric or (one.signal.text if one.signal else "")
+    low, high = shown(one.at_least, one.unit), shown(one.at_most, one.unit)
+    if one.at_least is not None and one.at_most is not None:
+        expected = f"from {low} to {high}"
+    else:
+        expected = f"at most {high}" if one.at_least is None else f"at least {low}"
+    name = one.name or f"{what} {expected}"
+    if not found:
+        return Outcome(name, "skipped", f"{what} was not recorded in a complete run.")
+    for case, least, most, when in found:
+        below = one.at_least is not None and not least >= one.at_least
+        if below or (one.at_most is not None and not most <= one.at_most):
+            value = shown(least if below else most, one.unit)
+            return Outcome(name, "fail", f"{what} is {value}{when} in {case}; expected {expected}.")
+    span = f"{shown(min(row[1] for row in found), one.unit)} to {shown(max(row[2] for row in found), one.unit)}"
+    return Outcome(name, "pass", f"{what} was {span}; expected {expected}.")
+
+
+def order(one: Expectation, own: Mapping[str, Figure]) -> Outcome:
+    """Whether the variants' means are in the expected order."""
+    name = one.name or f"{one.metric} {'falls' if one.descending else 'rises'}: {', '.join(one.ordered)}"
+    means = [(variant, own[variant].mean) for variant in one.ordered if variant in own]
+    if len(means) < 2:
+        return Outcome(name, "skipped", f"{one.metric} is known for fewer than two of the variants.")
+    parts = [f"{means[0][0]} {shown(means[0][1], one.unit)}"]
+    holds = means[0][1] is not None
+    for (_, before), (variant, after) in itertools.pairwise(means):
+        right = before is not None and after is not None and (after < before if one.descending else after > before)
+        sign = (">" if one.descending else "<") if right else "but not " + ("above" if one.descending else "below")
+        parts.append(f"{sign} {variant} {shown(after, one.unit)}")
+        holds = holds and right
+    return Outcome(name, "pass" if holds else "fail", f"{one.metric}: {' '.join(parts)}.")

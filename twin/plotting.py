@@ -1,0 +1,201 @@
+"""Plots of a report as SVG text. The only file that imports matplotlib, and only when a plot is drawn."""
+
+from __future__ import annotations
+
+import io
+import re
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import expression
+from twin.errors import ScenarioError
+from twin.metrics import Curve, Plot
+from twin.signals import coherent
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from twin.signals import Signals
+
+    Tables = Mapping[tuple[str, int], Signals]
+
+COLORS = ("#0b62a4", "#d1495b", "#2a9d6f", "#8e5ea2", "#e08e0b", "#4f6d7a", "#4aa3df", "#a0522d")
+STYLES = ("-", "--", "-.", ":")
+POINTS = 1400  # about twice the pixels across a panel: more cannot be seen
+WIDTH = 9.4  # [inch]
+
+STYLE: dict[str, Any] = {
+    "font.family": ["sans-serif"], "font.sans-serif": ["Inter", "Helvetica Neue", "Arial", "DejaVu Sans"],
+    "font.size": 9.5, "svg.fonttype": "none", "axes.spines.top": False, "axes.spines.right": False,
+    "axes.edgecolor": "#9aa5b1", "axes.labelcolor": "#3e4c59", "axes.linewidth": 0.8, "axes.titlesize": 10,
+    "axes.titleweight": "bold", "axes.titlelocation": "left", "axes.titlecolor": "#1f2933",
+    "xtick.color": "#7b8794", "ytick.color": "#7b8794", "xtick.labelcolor": "#3e4c59", "ytick.labelcolor": "#3e4c59",
+    "axes.grid": True, "grid.color": "#e4e7eb", "grid.linewidth": 0.7, "axes.axisbelow": True,
+    "legend.frameon": False, "legend.fontsize": 9, "lines.linewidth": 1.2, "path.simplify_threshold": 0.2,
+}  # fmt: skip
+
+
+def envelope(x: Any, y: Any, points: int = POINTS) -> tuple[Any, Any]:
+    """A line of at most `points` samples with the same smallest and largest value in every part: no peak is lost."""
+    if len(x) <= points:
+        return x, y
+    edges = np.linspace(0, len(x), points // 2 + 1).astype(int)[:-1]
+    low = np.fmin.reduceat(y, edges)
+    high = np.fmax.reduceat(y, edges)
+    # the order within a part, so that a rising edge does not look like a falling one
+    first = y[edges]
+    rising = first - low <= high - first
+    pairs = np.where(rising[:, None], np.stack([low, high], 1), np.stack([high, low], 1))
+    ends = np.append(edges[1:], len(x)) - 1
+    return np.stack([x[edges], (x[edges] + x[ends]) / 2], 1).ravel(), pairs.ravel()
+
+
+def thinned(x: Any, y: Any, points: int = POINTS) -> tuple[Any, Any]:
+    """A loop with evenly fewer samples: three times as many, since it turns more often than a line over time."""
+    stride = -(-len(x) // (3 * points)) or 1
+    return x[::stride], y[::stride]
+
+
+def in_unit(values: Any, unit: str) -> Any:
+    """SI values in the unit they are shown in."""
+    factor, offset = coherent(unit)
+    return (values - offset) / factor
+
+
+def axis_label(label: str, unit: str) -> str:
+    """`force [N]`."""
+    return f"{label} [{unit}]" if label and unit else label or unit
+
+
+def default_plots(tables: Tables, limit: int = 8) -> list[Plot]:
+    """Plots of a scenario that names none: the signals of each member with one unit together."""
+    groups: dict[tuple[str, str], list[Curve]] = {}
+    for signals in tables.values():
+        for name, values in signals.values.items():
+            if values.ndim > 1:
+                continue
+            try:
+                curve = Curve(expression.parse(name), name.partition(".")[2])
+            except ScenarioError:  # an FMU's name that is no expression, such as der(x)
+                continue
+            group = groups.setdefault((name.partition(".")[0], signals.units.get(name, "")), [])
+            if curve not in group and len(group) < 4:
+                group.append(curve)
+    several = len({variant for variant, _ in tables}) > 1
+    return [
+        Plot(member, tuple(curves), label=curves[0].label if len(curves) == 1 else "", unit=unit, per_variant=several)
+        for (member, unit), curves in list(groups.items())[:limit]
+    ]
+
+
+def draw(plot: Plot, tables: Tables, events: Sequence[float] = (), salt: str = "") -> str:
+    """One plot as an SVG element; nothing if none of its signals was recorded. `events`: times to mark [s]."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    chosen = {case: signals for case, signals in tables.items() if not plot.variants or case[0] in plot.variants}
+    variants = [name for name in dict.fromkeys(variant for variant, _ in chosen) if drawable(plot, chosen, name)]
+    if not variants:
+        return ""
+    panels = [[name] for name in variants] if plot.per_variant else [variants]
+    is_loop = any(curve.x is not None for curve in plot.curves)
+    columns = min(len(panels), 3) if is_loop else 1 if len(panels) <= 6 else 2
+    rows = -(-len(panels) // columns)
+    height = (3.2 if is_loop else 1.65 if len(panels) > 1 else 2.9) * rows + 0.75
+    with mpl.rc_context({**STYLE, "svg.hashsalt": f"{plot.title}{salt}"}):
+        figure = Figure((WIDTH, height), layout="constrained")
+        grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+        axes = list(grid.ravel())
+        for axis in axes[len(panels) :]:
+            axis.set_visible(False)
+        for axis, names in zip(axes, panels, strict=False):
+            panel(axis, plot, {case: signals for case, signals in chosen.items() if case[0] in names}, names)
+            if len(panels) > 1:
+                axis.set_title(names[0])
+            if not is_loop:
+                mark(axis, plot, events)
+        finish(figure, grid, plot, is_loop)
+        text = io.StringIO()
+        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+    svg = text.getvalue()
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
+    # a hundredth of a point is enough, and halves the file
+    svg = re.sub(r"(\d\.\d\d)\d+", r"\1", svg)
+    return svg.replace("<svg ", '<svg role="img" ', 1)
+
+
+def drawable(plot: Plot, tables: Tables, variant: str) -> bool:
+    """Whether a variant recorded something of the plot."""
+    own = [signals for (name, _), signals in tables.items() if name == variant]
+    return any(line(curve, plot, signals) is not None for curve in plot.curves for signals in own[:1])
+
+
+def line(curve: Curve, plot: Plot, signals: Signals) -> tuple[Any, Any] | None:
+    """Points of a curve in SI, or None if its signals were not recorded."""
+    found = signals.evaluate(curve.signal, plot.window)
+    if found is None or not len(found[0]):
+        return None
+    if curve.x is None:
+        return found[0], np.where(np.isfinite(found[1]), found[1], np.nan)
+    across = signals.evaluate(curve.x, plot.window)
+    return None if across is None else (across[1], found[1])
+
+
+def panel(axis: Any, plot: Plot, tables: Tables, names: Sequence[str]) -> None:
+    """Draw one panel: the first seed in full, the others faint behind it."""
+    several = len(names) > 1
+    single = len(plot.curves) == 1
+    seen: set[str] = set()
+    for (variant, _), signals in tables.items():
+        is_first = variant not in seen
+        seen.add(variant)
+        for number, curve in enumerate(plot.curves):
+            points = line(curve, plot, signals)
+            if points is None:
+                continue
+            x, y = points if curve.x is None else (in_unit(points[0], plot.x_unit), points[1])
+            points_shown = POINTS if is_first else POINTS // 3
+            x, y = (envelope if curve.x is None else thinned)(x, in_unit(y, plot.unit), points_shown)
+            color = COLORS[(names.index(variant) if several and single else number) % len(COLORS)]
+            label = (variant if single else f"{variant}: {curve.label}") if several else curve.label
+            style = STYLES[names.index(variant) % len(STYLES)] if several and not single else "-"
+            axis.plot(
+                x, y, style, color=color, label=label if is_first else None, alpha=1.0 if is_first else 0.22,
+                linewidth=1.2 if is_first else 0.7, zorder=3 if is_first else 2,
+            )  # fmt: skip
+
+
+def mark(axis: Any, plot: Plot, events: Iterable[float]) -> None:
+    """Band, lines and times of events."""
+    if plot.band:
+        axis.axhspan(
+            *(in_unit(edge, plot.unit) for edge in plot.band), color="#2a9d6f", alpha=0.10, linewidth=0, zorder=0
+        )
+    for value in plot.lines:
+        axis.axhline(in_unit(value, plot.unit), color="#3e4c59", linewidth=0.9, linestyle=(0, (5, 4)), zorder=1)
+    left, right = axis.get_xlim()
+    for time in events:
+        if left < time < right:
+            axis.axvline(time, color="#e08e0b", linewidth=0.9, linestyle=":", zorder=1)
+
+
+def finish(figure: Any, grid: Any, plot: Plot, is_loop: bool) -> None:
+    """Labels and legend."""
+    x_label = axis_label(plot.x_label or (plot.curves[0].x.text if plot.curves[0].x else "time"), plot.x_unit or "s")
+    if is_loop and not plot.x_unit:
+        x_label = plot.x_label or x_label.removesuffix(" [s]")
+    for axis in grid[-1]:
+        axis.set_xlabel(x_label)
+    label = axis_label(plot.label or (plot.curves[0].label if len(plot.curves) == 1 else ""), plot.unit)
+    if len(grid) > 2:
+        figure.supylabel(label, fontsize=9.5, color="#3e4c59")
+    else:
+        for row in grid:
+            row[0].set_ylabel(label)
+    axis = grid[0][0]
+    if not is_loop:
+        axis.margins(x=0)
+    handles, labels = axis.get_legend_handles_labels()
+    if len(labels) > 1:
+        figure.legend(handles, labels, loc="outside upper right", ncols=min(len(labels), 4))

@@ -1,0 +1,228 @@
+"""What people see of a run: the table in the terminal, and report.html, one file that needs nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock
+from twin.metrics import Evaluation, Figure, Outcome, Plot
+from twin.signals import coherent, shown
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from rich.console import Group
+
+    from twin.scenario import Case
+    from twin.scenario.scenario import Catalog
+    from twin.signals import Signals
+
+VERDICTS = {  # word in the table, color in the terminal
+    "pass":    ("pass", "green"),
+    "fail":    ("FAIL", "bold red"),
+    "none":    ("no value", "bold red"),
+    "info":    ("-", "dim"),
+    "other":   ("other settings", "yellow"),  # than the paper's
+    "skipped": ("skipped", "dim"),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class ParameterRow:
+    """A parameter as the report shows it. `given`: the scenario sets it; `variants`: where, if not in all."""
+
+    member: str
+    name: str
+    value: str
+    unit: str = ""
+    description: str = ""
+    source: str = ""
+    given: bool = False
+    variants: str = ""
+
+
+@dataclass(frozen=True)
+class EventRow:
+    """An event as the report shows it."""
+
+    time: str
+    what: str
+    variants: str = ""
+
+
+def cells(one: Figure) -> dict[str, str]:
+    """A metric of one variant as text."""
+    symbol = one.metric.unit
+    tolerance = one.metric.tolerance
+    return {
+        "metric": one.metric.name, "variant": one.variant, "verdict": one.verdict,
+        "paper": shown(one.paper, symbol), "mean": shown(one.mean, symbol), "worst": shown(one.worst, symbol),
+        "ratio": "-" if one.ratio is None else f"{one.ratio:.2f}",
+        "tolerance": f"± {100 * tolerance:g} %" if tolerance is not None and one.paper is not None else "-",
+        "description": one.metric.description,
+        "definition": definition(one),
+    }  # fmt: skip
+
+
+def definition(one: Figure) -> str:
+    """What the number is: `std of sensor.force - 0.2, from 4 s`."""
+    window = one.metric.window
+    text = f"{one.metric.reduce.replace('_', ' ')} of {one.metric.signal.text}"
+    text += f", from {clock.text(window.start_ns)}" if window.start_ns is not None else ""
+    return text + (f", to {clock.text(window.stop_ns)}" if window.stop_ns is not None else "")
+
+
+def table(evaluation: Evaluation) -> Group:
+    """Figures beside the paper's, and what became of the expectations, for a terminal of 100 columns."""
+    from rich import box
+    from rich.console import Group
+    from rich.table import Table
+    from rich.text import Text
+
+    parts: list[Any] = []
+    if evaluation.figures:
+        rows = [cells(one) for one in evaluation.figures]
+        compared = any(row["paper"] != "-" for row in rows)
+        grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
+        grid.add_column("metric")
+        grid.add_column("variant")
+        shown_keys = ("paper", "mean", "worst", "ratio", "tolerance") if compared else ("mean", "worst")
+        for name in shown_keys:
+            grid.add_column("twin" if name == "mean" and compared else name, justify="right", no_wrap=True)
+        if compared:
+            grid.add_column("verdict")
+        before = ""
+        for row in rows:
+            if before and before != row["metric"]:
+                grid.add_section()
+            values = [row["metric"] if row["metric"] != before else "", row["variant"]]
+            values += [row[key] for key in shown_keys]
+            word, color = VERDICTS[row["verdict"]]
+            grid.add_row(*(Text(value) for value in values), *([Text(word, color)] if compared else []))
+            before = row["metric"]
+        parts.append(grid)
+    for one in evaluation.outcomes:
+        word, color = VERDICTS[one.verdict]
+        name = f"{one.name}: " if named(one) else ""
+        parts.append(Text.assemble((f"{word:<8}", color), name, one.detail))
+    return Group(*parts)
+
+
+def named(one: Outcome) -> bool:
+    """Whether an expectation has a name of its own, one that its detail does not tell anyway."""
+    return not one.name.startswith(one.detail.partition(" ")[0].rstrip(":"))
+
+
+def parameters(
+    cases: Sequence[Case], catalogs: Mapping[str, Catalog], sources: Mapping[str, str] | None = None
+) -> list[ParameterRow]:
+    """Every parameter of every variant, equal ones once. `sources`: member.parameter -> where it is from."""
+    found: dict[tuple[str, str], dict[tuple[str, str, bool], list[str]]] = {}
+    descriptions: dict[tuple[str, str], str] = {}
+    for case in cases:
+        for member, variables in catalogs[case.variant].items():
+            values = case.values(member, variables)
+            for name, variable in variables.items():
+                if variable.causality not in ("parameter", "structuralParameter"):
+                    continue
+                unit = variable.display_unit or variable.unit
+                text = value_text(values.get(name, variable.start), variable.unit, unit)
+                given = any(key.partition("[")[0] == name for key in case.members[member].parameters)
+                found.setdefault((member, name), {}).setdefault((text, unit, given), []).append(case.variant)
+                descriptions[member, name] = variable.description
+    count = len({case.variant for case in cases})
+    return [
+        ParameterRow(
+            member, name, text, unit, descriptions[member, name], (sources or {}).get(f"{member}.{name}", ""), given,
+            "" if len(variants) == count else ", ".join(variants),
+        )
+        for (member, name), texts in found.items()
+        for (text, unit, given), variants in texts.items()
+    ]  # fmt: skip
+
+
+def value_text(value: Any, unit: str, display: str) -> str:
+    """A value in its display unit, long arrays shortened."""
+    if value is None:
+        return ""
+    array = np.asarray(value)
+    if array.dtype.kind == "f" and display != unit:
+        (factor, offset), (shown_factor, shown_offset) = coherent(unit), coherent(display)
+        array = (array * factor + offset - shown_offset) / shown_factor
+    texts = [f"{item:.6g}" if isinstance(item, float) else str(item) for item in array.ravel().tolist()]
+    if array.ndim == 0:
+        return texts[0]
+    return f"[{', '.join(texts)}]" if len(texts) <= 6 else f"[{', '.join(texts[:3])}, … {texts[-1]}] ({len(texts)})"
+
+
+def events(cases: Sequence[Case]) -> list[EventRow]:
+    """What happens when, those of all variants once."""
+    found: dict[tuple[int, str], list[str]] = {}
+    for case in cases:
+        for event in case.events:
+            what = f"{event.kind} {event.variable}" + ("" if event.kind == "release" else f" = {event.value}")
+            names = found.setdefault((event.time_ns, what), [])
+            if case.variant not in names:
+                names.append(case.variant)
+    count = len({case.variant for case in cases})
+    rows = sorted(found.items(), key=lambda item: item[0][0])
+    return [
+        EventRow(clock.text(time), what, "" if len(names) == count else ", ".join(names))
+        for (time, what), names in rows
+    ]
+
+
+def html(
+    summary: Mapping[str, Any],
+    evaluation: Evaluation,
+    tables: Mapping[tuple[str, int], Signals],
+    plots: Iterable[Plot] = (),
+    parameters: Sequence[ParameterRow] = (),
+    events: Sequence[EventRow] = (),
+    event_times: Sequence[float] = (),
+) -> str:
+    """report.html as text. `summary` is that of `results.summary`; without `plots` every recorded signal is drawn."""
+    import jinja2
+
+    from twin import plotting
+
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("twin"), autoescape=True, trim_blocks=True, lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )  # fmt: skip
+    drawn = []
+    for number, plot in enumerate(list(plots) or plotting.default_plots(tables)):
+        svg = plotting.draw(plot, tables, event_times, str(number))
+        drawn.append({"title": plot.title, "svg": svg, "note": note(plot, tables, event_times)})
+    members: dict[str, list[ParameterRow]] = {}
+    for row in parameters:
+        members.setdefault(row.member, []).append(row)
+    groups: dict[str, list[dict[str, str]]] = {}
+    for one in evaluation.figures:
+        groups.setdefault(one.metric.name, []).append(cells(one))
+    return environment.get_template("report.html").render(
+        summary=summary, groups=groups, outcomes=evaluation.outcomes, plots=drawn, members=members, events=events,
+        words={key: word for key, (word, _) in VERDICTS.items()}, named=named,
+        compared=any(one.paper is not None for one in evaluation.figures),
+        variants=list(dict.fromkeys(variant for variant, _ in tables)),
+        seeds=list(dict.fromkeys(seed for _, seed in tables)),
+        incomplete=[f"{variant}, seed {seed}" for (variant, seed), signals in tables.items() if not signals.complete],
+    )  # fmt: skip
+
+
+def note(plot: Plot, tables: Mapping[tuple[str, int], Signals], event_times: Sequence[float]) -> str:
+    """What the eye cannot know about a plot."""
+    parts = []
+    if plot.band:
+        parts.append(f"band: {shown(plot.band[0], plot.unit)} to {shown(plot.band[1], plot.unit)}")
+    if plot.lines:
+        parts.append("dashed: " + ", ".join(shown(value, plot.unit) for value in plot.lines))
+    if event_times and plot.curves[0].x is None:
+        parts.append("dotted: events")
+    seeds = list(dict.fromkeys(seed for _, seed in tables))
+    if len(seeds) > 1:
+        parts.append(f"seed {seeds[0]}, the others faint behind it")
+    return "; ".join(parts)

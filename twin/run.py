@@ -1,0 +1,224 @@
+"""From a scenario to its results: every variant with every seed, whatever happens on the way is kept."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock, members, results
+from twin.algorithm.cosimulation import Algorithm, CoSimulation
+from twin.catalog import component
+from twin.errors import CouplingError, ScenarioError, SimulationError, TwinError
+from twin.members import Form
+from twin.metrics import Evaluation, evaluate
+from twin.scenario import Scenario
+from twin.scenario.lookup import look_up
+from twin.signals import Signals
+from twin.system import Connection, System, find
+
+if TYPE_CHECKING:
+    from twin.member import Member
+    from twin.scenario.scenario import Case, Catalog
+
+Progress = Callable[[str, float], object]  # name of the case, part of it that is done (0 to 1)
+
+
+def silent(_name: str, _part: float) -> None:
+    """No progress shown."""
+
+
+@dataclass
+class Outcome:
+    """What a run of a scenario gave."""
+
+    scenario: Scenario
+    catalogs: dict[str, Catalog]
+    run: results.Run
+    tables: dict[tuple[str, int], Signals] = field(default_factory=dict)
+    evaluation: Evaluation = field(default_factory=Evaluation)
+    folder: Path = Path()
+    summary: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def passed(self) -> bool:
+        """Whether the run is complete and everything that was expected holds."""
+        return self.run.status == "completed" and self.evaluation.passed
+
+
+def prepare(scenario: Scenario) -> dict[str, Catalog]:
+    """Variables of all members; ScenarioError with every problem that can be found without running."""
+    catalogs, problems = look_up(scenario)
+    if problems:
+        raise ScenarioError(problems)
+    return catalogs
+
+
+def simulation(case: Case, catalog: Catalog, form: Form, build: Path) -> CoSimulation:
+    """The members of a case, coupled and not yet initialized."""
+    parts: dict[str, Member] = {}
+    try:
+        for name, spec in case.members.items():
+            parts[name] = members.make(name, spec.component, case.values(name, catalog[name]), form, build)
+        found = {name: part.variables for name, part in parts.items()}
+        system = System(found, [Connection(one.source, one.target, one.where) for one in case.connections])
+        recorded = [find(path, found).key for path in case.record.select(found)]
+        periods = {name: spec.period_ns for name, spec in case.members.items() if spec.period_ns}
+        return CoSimulation(
+            parts, system.links(), case.step_ns, Algorithm(case.algorithm),
+            record=list(dict.fromkeys(recorded)), every=case.record.every_ns or 0, build=build, periods=periods,
+        )  # fmt: skip
+    except BaseException:
+        for part in parts.values():
+            part.close()
+        raise
+
+
+def run_case(case: Case, simulated: CoSimulation, progress: Progress) -> None:
+    """Take a case from start to stop, with its events."""
+    whole = max(1, case.stop_ns - case.start_ns)
+    catalog = {name: member.variables for name, member in simulated.members.items()}
+
+    def advance(until: int) -> None:
+        simulated.advance(until, lambda now: progress(case.name, (now - case.start_ns) / whole))
+
+    simulated.initialize(case.start_ns, case.stop_ns)
+    for event in case.events:
+        advance(event.time_ns)
+        if simulated.finished:
+            return
+        reference = find(event.variable, catalog)
+        value = None if event.kind == "release" else case.event_value(event, catalog)
+        if value is not None and reference.size != reference.variable.size:
+            whole_value = np.array(simulated.members[reference.member].get(reference.variable.name))
+            whole_value.reshape(-1)[reference.first] = value
+            value = whole_value
+        if event.kind == "release":
+            simulated.release(reference.key)
+        elif event.kind == "override":
+            simulated.override(reference.key, value)
+        else:
+            simulated.set(reference.key, value)
+    advance(case.stop_ns)
+
+
+def columns(scenario: Scenario, catalogs: dict[str, Catalog]) -> list[results.Column]:
+    """Every variable that any variant records."""
+    found = {}
+    for case in scenario.variants:
+        catalog = catalogs[case.variant]
+        for path in case.record.select(catalog):
+            variable = find(path, catalog).variable
+            kind = variable.dtype.kind
+            dtype = np.dtype(np.float64 if kind == "f" else np.bool_ if variable.type == "Boolean" else np.int64)
+            found.setdefault(path, results.Column(
+                path, dtype, variable.shape, variable.unit, variable.display_unit, variable.description,
+            ))  # fmt: skip
+    return list(found.values())
+
+
+def signals(simulated: CoSimulation, complete: bool) -> Signals:
+    """What a simulation recorded, with units."""
+    recording = simulated.recording()
+    units = {f"{m}.{n}": simulated.members[m].variables[n].unit for m, n in simulated.recorded}
+    return Signals(recording.time, recording.signals, units, complete)
+
+
+def run_scenario(
+    scenario: Scenario, form: Form = Form.fmu, *, variants: Sequence[str] = (), seeds: Sequence[int] = (),
+    root: Path = Path("runs"), build: Path = Path("build"), progress: Progress = silent, report: bool = True,
+) -> Outcome:  # fmt: skip
+    """Run a scenario and write its folder; a failing member or Ctrl-C ends it early, with what there is written."""
+    catalogs = prepare(scenario)
+    cases = scenario.cases(variants, seeds)
+    about = results.Run(
+        scenario.name, scenario.title, scenario.source, scenario.description, str(scenario.path),
+        overrides=scenario.overrides, step_ns=scenario.step_ns, algorithm=scenario.algorithm,
+    )  # fmt: skip
+    outcome = Outcome(scenario, catalogs, about, folder=results.folder(root, scenario.name))
+    results.write_text(outcome.folder / "scenario.yaml", scenario.frozen())
+    identities: dict[str, dict[str, str]] = {}
+    with results.SignalFile(outcome.folder / "signals.parquet", columns(scenario, catalogs), {"scenario": scenario.name}) as file:
+        for case in cases:
+            if not _run_one(case, outcome, form, build, progress, file, identities):
+                break
+    about.members = identities
+    outcome.evaluation = evaluate(scenario.metrics, scenario.expectations, outcome.tables, scenario.paper_applies)
+    analyze(outcome)
+    write(outcome, cases, report)
+    return outcome
+
+
+def _run_one(
+    case: Case, outcome: Outcome, form: Form, build: Path, progress: Progress, file: results.SignalFile,
+    identities: dict[str, dict[str, str]],
+) -> bool:  # fmt: skip
+    """Run one case and write what it recorded; False if the run ends here."""
+    about = outcome.run
+    simulated: CoSimulation | None = None
+    complete = False
+    try:
+        simulated = simulation(case, outcome.catalogs[case.variant], form, build)
+        for name, member in simulated.members.items():
+            identities.setdefault(name if name not in identities else f"{case.variant}: {name}", member.identity)
+        begin = time.perf_counter()
+        try:
+            run_case(case, simulated, progress)
+        finally:
+            about.wall_time += time.perf_counter() - begin
+        complete = True
+        if simulated.failure:
+            about.extra = {**about.extra, "notes": [*about.extra.get("notes", []), f"{case.name}: {simulated.failure}"]}
+    except KeyboardInterrupt:
+        about.status, about.reason = "interrupted", f"interrupted in {case.name}"
+    except (SimulationError, CouplingError, TwinError) as error:
+        about.status, about.reason = "failed", f"{case.name}: {error}"
+    finally:
+        if simulated is not None:
+            simulated.terminate()
+            recorded = signals(simulated, complete)
+            outcome.tables[case.variant, case.seed] = recorded
+            file.write(case.variant, case.seed, recorded)
+            about.simulated_time += float(recorded.time[-1] - recorded.time[0]) if len(recorded.time) else 0.0
+    return complete
+
+
+def analyze(outcome: Outcome) -> None:
+    """Call the scenario's analyses on what was recorded; their figures go into the summary."""
+    found: dict[str, Any] = {}
+    for one in outcome.scenario.analyses:
+        for (variant, seed), table in outcome.tables.items():
+            if table.complete and (not one.variants or variant in one.variants):
+                found.setdefault(one.name, {}).setdefault(variant, {})[seed] = one.apply(table)
+    if found:
+        outcome.run.extra = {**outcome.run.extra, "analyses": found}
+
+
+def sources(cases: Iterable[Case]) -> dict[str, str]:
+    """Where the parameters' values come from, as their components declare it."""
+    found = {}
+    for case in cases:
+        for name, spec in case.members.items():
+            if not spec.component.endswith(".fmu"):
+                found.update({f"{name}.{v.name}": v.source for v in component(spec.component).variables if v.source})
+    return found
+
+
+def write(outcome: Outcome, cases: Sequence[Case], report: bool) -> None:
+    """Write summary.json and report.html."""
+    outcome.summary = results.summary(outcome.run, outcome.evaluation, outcome.tables)
+    results.write_summary(outcome.folder / "summary.json", outcome.summary)
+    if report:
+        from twin import report as page
+
+        distinct = list({case.variant: case for case in cases}.values())
+        text = page.html(
+            outcome.summary, outcome.evaluation, outcome.tables, outcome.scenario.plots,
+            page.parameters(distinct, outcome.catalogs, sources(distinct)), page.events(distinct),
+            sorted({clock.seconds(event.time_ns) for case in distinct for event in case.events}),
+        )  # fmt: skip
+        results.write_text(outcome.folder / "report.html", text)

@@ -1,0 +1,287 @@
+"""Checks of names, times and values: first by the file alone, then against the variables that the members have.
+
+What the graph of members and connections needs (sources, units and causality of connections, loops, periods) is
+checked by `twin.system`.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock
+from twin.errors import CouplingError
+from twin.scenario import value
+from twin.scenario.merge import nearest
+from twin.scenario.model import NAME
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from twin.expression import Expression
+    from twin.member import MemberVariable
+    from twin.scenario.model import ScenarioKeys
+    from twin.scenario.scenario import Case, Catalog, EventSpec, MemberSpec, RecordSpec, Scenario, Variables
+    from twin.scenario.tree import Node
+
+ELEMENT = re.compile(r"(.+?)\[(\d+(?:\s*,\s*\d+)*)\]")
+SETTABLE = ("parameter", "structuralParameter", "input")
+
+
+def check(scenario: Scenario, keys: ScenarioKeys, tree: Node, trees: dict[str, Node]) -> list[str]:
+    """Every problem that can be seen without knowing the members' variables."""
+    problems: list[str] = []
+    if keys.stop_time is None and "stop_time" not in scenario.tree.entries:
+        problems.append(f"{tree.place.file}: `stop_time` is missing. Add it, such as `stop_time: 10 s`.")
+    if "members" not in scenario.tree.entries and not any(case.members for case in scenario.variants):
+        problems.append(f"{tree.place.file}: `members` is missing. Add it, such as `servo: {{component: servomotor}}`.")
+    if keys.seed is not None:
+        problems.append(f"{tree.find(('seed',)).place}: seed and seeds are both given. Keep one.")
+    twice = sorted({seed for seed in keys.seeds if keys.seeds.count(seed) > 1})
+    problems += [f"{tree.find(('seeds',)).place}: seed {seed} is given twice. Every seed is one run." for seed in twice]
+    for case in scenario.variants:
+        problems += check_case(case, trees[case.variant], keys)
+    members = {name for case in scenario.variants for name in case.members}
+    for place, name in references(scenario, keys, tree):
+        member = name.partition(".")[0]
+        if "*" not in member and member not in members:
+            problems.append(f"{place}: there is no member `{member}`.{nearest(member, members)}")
+    return problems
+
+
+def references(scenario: Scenario, keys: ScenarioKeys, tree: Node) -> Iterable[tuple[str, str]]:
+    """(place, `member.variable`) of all that record, metrics, expectations and plots name."""
+    for index, pattern in enumerate(keys.record.variables):
+        yield str(tree.find(("record", "variables", index)).place), pattern
+    for where, expressions in figures_of(scenario):
+        for one in expressions:
+            yield from ((where, str(signal)) for signal in one.signals)
+
+
+def figures_of(scenario: Scenario) -> Iterable[tuple[str, list[Expression]]]:
+    """(place, expressions) of every metric, expectation and plot."""
+    for metric in scenario.metrics.values():
+        yield metric.where, [metric.signal]
+    for expectation in scenario.expectations:
+        yield expectation.where, [expectation.signal] if expectation.signal else []
+    for plot in scenario.plots:
+        yield plot.where, [one for curve in plot.curves for one in (curve.x, curve.signal) if one is not None]
+
+
+def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
+    """Problems of one variant: members, connections, times and events."""
+    problems: list[str] = []
+    for name, member in case.members.items():
+        if not NAME.fullmatch(name):
+            problems.append(f"{member.where}: member `{name}`: use letters, digits and _ only.")
+        if not member.component:
+            problems.append(f"{member.where}: member `{name}` has no component. Add one: `component: servomotor`.")
+        elif member.component.endswith(".fmu"):
+            problems += missing_file(name, member)
+    for connection in case.connections:
+        for end in (connection.source, connection.target):
+            owner = end.partition(".")[0]
+            if owner not in case.members:
+                problems.append(f"{connection.where}: there is no member `{owner}`.{nearest(owner, case.members)}")
+    stop = tree.find(("stop_time",)).place
+    if keys.stop_time is not None or case.stop_ns:
+        if case.stop_ns <= case.start_ns:
+            problems.append(
+                f"{stop}: stop_time {clock.text(case.stop_ns)} is not after start_time {clock.text(case.start_ns)}."
+            )
+        elif (case.stop_ns - case.start_ns) % case.step_ns:
+            problems.append(
+                f"{stop}: the run of {clock.text(case.stop_ns - case.start_ns)} is not a multiple of step"
+                f" {clock.text(case.step_ns)}. Change stop_time or step."
+            )
+    every = keys.record.every
+    if every is not None and every % case.step_ns:
+        place = tree.find(("record", "every")).place
+        problems.append(f"{place}: every {clock.text(every)} is not a multiple of step {clock.text(case.step_ns)}.")
+    return problems + check_events(case)
+
+
+def missing_file(name: str, member: MemberSpec) -> list[str]:
+    """An FMU that is not there."""
+    from pathlib import Path
+
+    path = Path(member.component)
+    if path.is_file():
+        return []
+    known = [other.name for other in path.parent.glob("*.fmu")] if path.parent.is_dir() else []
+    return [f"{member.where}: member `{name}`: there is no file {path}.{nearest(path.name, known)}"]
+
+
+def check_events(case: Case) -> list[str]:
+    """Events at times that do not exist, on members that do not exist, and releases of what is not overridden."""
+    problems = []
+    held: set[str] = set()
+    for event in case.events:
+        owner, when = event.variable.partition(".")[0], clock.text(event.time_ns)
+        if owner not in case.members:
+            problems.append(f"{event.where}: there is no member `{owner}`.{nearest(owner, case.members)}")
+        if not case.start_ns <= event.time_ns < case.stop_ns:
+            span = f"{clock.text(case.start_ns)} to {clock.text(case.stop_ns)}"
+            problems.append(f"{event.where}: event at {when} is outside the run, {span}. Move it or the run's end.")
+        elif (event.time_ns - case.start_ns) % case.step_ns:
+            step = clock.text(case.step_ns)
+            problems.append(f"{event.where}: event at {when} is no multiple of step {step}. Move it.")
+        if event.kind == "override":
+            held.add(event.variable)
+        elif event.kind == "release" and event.variable not in held:
+            problems.append(f"{event.where}: {event.variable} is released but was not overridden before {when}.")
+    return problems
+
+
+def check_against(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str]:
+    """Every problem of parameters, events, record, metrics and plots; `catalogs`: variant -> member -> variables."""
+    problems: list[str] = []
+    for case in scenario.variants:
+        catalog = catalogs[case.variant]
+        for name, member in case.members.items():
+            problems += member_values(member, name, catalog[name])[1]
+        targets = {connection.target for connection in case.connections}
+        for event in case.events:
+            problems += event_problems(event, catalog, targets)
+    problems += check_names(scenario, catalogs)
+    return list(dict.fromkeys(problems))
+
+
+def check_names(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str]:
+    """What record, metrics and plots name must exist in one variant at least."""
+    problems: list[str] = []
+    wanted = [(scenario.record.where, pattern, ()) for pattern in scenario.record.patterns]
+    for where, expressions in figures_of(scenario):
+        wanted += [(where, signal.name, signal.index) for one in expressions for signal in one.signals]  # type: ignore[misc]
+    for where, name, index in wanted:
+        found = [problem_of(name, index, catalog) for catalog in catalogs.values()]
+        if all(found):
+            problems.append(f"{where}: {found[0]}")
+    return problems
+
+
+def problem_of(name: str, index: tuple[int, ...], catalog: Catalog) -> str:
+    """Why a signal or pattern names nothing that can be recorded, or nothing."""
+    try:
+        if "*" in name:
+            return "" if matching(name, catalog) else f"{name} matches no variable. Write member.* or member.variable."
+        variable, _ = find(name, catalog)
+        if index and not inside(index, variable.shape):
+            return no_element(name, index, variable)
+    except CouplingError as error:
+        return str(error)
+    return "" if variable.connectable else f"{name} is {variable.type}: only numbers are recorded. Leave it out."
+
+
+def inside(index: tuple[int, ...], shape: tuple[int, ...]) -> bool:
+    """Whether an index, counted from 1, lies in a shape."""
+    return len(index) == len(shape) and all(1 <= i <= n for i, n in zip(index, shape, strict=True))
+
+
+def no_element(name: str, index: tuple[int, ...], variable: MemberVariable) -> str:
+    """An array element that does not exist."""
+    wanted = f"[{','.join(map(str, index))}]"
+    if not variable.shape:
+        return f"{name} is a single value: it has no element {wanted}. Leave the brackets out."
+    return f"{name} has no element {wanted}: its size is {' x '.join(map(str, variable.shape))}, counted from 1."
+
+
+def find(reference: str, catalog: Catalog) -> tuple[MemberVariable, tuple[int, ...]]:
+    """The variable of `member.variable` or of one element of it (shape () then), and the element's index from 1."""
+    from dataclasses import replace
+
+    member, _, name = reference.partition(".")
+    if member not in catalog:
+        raise CouplingError(f"there is no member `{member}` for {reference}.{nearest(member, catalog)}")
+    variables = catalog[member]
+    if name in variables:
+        return variables[name], ()
+    match = ELEMENT.fullmatch(name)
+    if not match or match[1] not in variables:
+        hint = nearest(match[1] if match else name, variables)
+        raise CouplingError(f"{member} has no variable `{name}`.{hint}")
+    variable, index = variables[match[1]], tuple(int(part) for part in match[2].split(","))
+    if not inside(index, variable.shape):
+        raise CouplingError(no_element(f"{member}.{match[1]}", index, variable))
+    return replace(variable, shape=()), index
+
+
+def member_values(member: MemberSpec, name: str, variables: Variables) -> tuple[dict[str, Any], list[str]]:
+    """Start values as numpy values in the variables' units, and what is wrong with them."""
+    values: dict[str, Any] = {}
+    problems: list[str] = []
+    for parameter, raw in member.parameters.items():
+        where = member.places.get(parameter, member.where)
+        try:
+            variable, index = find(f"{name}.{parameter}", {name: variables})
+            if variable.causality not in SETTABLE:
+                kind = {"output": "an output", "local": "a local variable"}.get(variable.causality, variable.causality)
+                raise CouplingError(f"{name}.{parameter} is {kind}. Only parameters and inputs can be set.")  # noqa: TRY301
+            resolved = value.resolve(raw, variable, f"{name}.{parameter}")
+        except CouplingError as error:
+            problems += [f"{where}: {problem}" for problem in error.problems]
+            continue
+        if index:
+            whole = variables[variable.name]
+            start = np.zeros(whole.shape, whole.dtype) if whole.start is None else whole.start
+            array = values.setdefault(whole.name, np.array(np.broadcast_to(start, whole.shape), whole.dtype))
+            array[tuple(i - 1 for i in index)] = resolved
+        else:
+            values[variable.name] = resolved
+    return values, problems
+
+
+def event_problems(event: EventSpec, catalog: Catalog, targets: set[str]) -> list[str]:
+    """What is wrong with an event now that its variable is known."""
+    try:
+        variable, _ = find(event.variable, catalog)
+        if not variable.connectable and event.kind != "set":
+            raise CouplingError(f"{event.variable} is {variable.type}: only numbers can be overridden.")  # noqa: TRY301
+        if event.kind != "release":
+            value.resolve(event.value, variable, event.variable)
+    except CouplingError as error:
+        return [f"{event.where}: {problem}" for problem in error.problems]
+    if event.kind != "set":
+        return []
+    if variable.causality not in SETTABLE:
+        return [f"{event.where}: {event.variable} is {variable.causality}, not a parameter or input. Use override."]
+    if variable.causality != "input" and variable.variability != "tunable":
+        return [f"{event.where}: {event.variable} is {variable.variability}. Set it in members."]
+    if event.variable in targets:
+        return [f"{event.where}: {event.variable} is connected and would be written over. Override its source instead."]
+    return []
+
+
+def matching(pattern: str, catalog: Catalog) -> list[str]:
+    """All that a pattern with `*` means: everything that can be recorded but parameters."""
+    expression = re.compile(".*".join(re.escape(part) for part in pattern.split("*")))
+    return [
+        f"{member}.{name}"
+        for member, variables in catalog.items()
+        for name, variable in variables.items()
+        if variable.connectable and "arameter" not in variable.causality and expression.fullmatch(f"{member}.{name}")
+    ]
+
+
+def selected(record: RecordSpec, catalog: Catalog) -> list[str]:
+    """What to record of a variant, arrays whole, in the order of members and variables."""
+    wanted: set[str] = set()
+    for name in (*record.patterns, *record.needed):
+        if "*" in name:
+            wanted.update(matching(name, catalog))
+            continue
+        try:
+            variable, _ = find(name, catalog)
+        except CouplingError:
+            continue  # another variant's member
+        if variable.connectable:
+            wanted.add(f"{name.partition('.')[0]}.{variable.name}")
+    every_output = not record.patterns
+    return [
+        f"{member}.{name}"
+        for member, variables in catalog.items()
+        for name, variable in variables.items()
+        if f"{member}.{name}" in wanted or (every_output and variable.connectable and variable.causality == "output")
+    ]

@@ -1,0 +1,159 @@
+"""Metrics, expectations and plots of a scenario file, converted to coherent SI units."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from twin import signals
+from twin.errors import CouplingError
+from twin.metrics import Curve, Expectation, Metric, Plot
+from twin.scenario import value
+from twin.scenario.merge import nearest
+from twin.signals import Window
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from twin.scenario.model import ExpectKeys, MetricKeys, PlotKeys, ScenarioKeys, WindowKeys
+    from twin.scenario.tree import Node
+
+
+class Builder:
+    """Converts what a file says about figures, and collects what is wrong with it."""
+
+    def __init__(self, keys: ScenarioKeys, tree: Node, variants: list[str], metrics: Iterable[str]) -> None:
+        self.keys = keys
+        self.tree = tree
+        self.variants = variants
+        self.metrics = metrics  # all names in the file, also of those that are wrong and left out
+        self.problems: list[str] = []
+
+    def problem(self, path: tuple[str | int, ...], message: str) -> None:
+        """Note a problem with what stands at a path."""
+        self.problems.append(f"{self.tree.find(path).place}: {message}")
+
+    def si(self, path: tuple[str | int, ...], raw: Any, unit: str, what: str) -> float | None:
+        """A value of the file in SI; `unit` is the one it is shown in, and its kind must be the same."""
+        try:
+            return None if raw is None else value.si(raw, unit, what)
+        except CouplingError as error:
+            self.problem(path, str(error))
+            return None
+
+    def unit(self, path: tuple[str | int, ...], unit: str, what: str) -> str:
+        """A unit that is known, or none."""
+        try:
+            signals.coherent(unit)
+        except CouplingError:
+            self.problem(path, f"{what}: unit `{unit}` is not known. Write it like N, mm/s, mm/(s*N), deg.")
+            return ""
+        return unit
+
+    def known(self, path: tuple[str | int, ...], names: Iterable[str], what: str) -> tuple[str, ...]:
+        """Names of variants that exist."""
+        names = list(names)
+        for name in names:
+            if name not in self.variants:
+                self.problem(path, f"{what}: there is no variant `{name}`.{nearest(name, self.variants)}")
+        for name in {name for name in names if names.count(name) > 1}:
+            self.problem(path, f"{what}: variant `{name}` is given twice. Keep one.")
+        return tuple(name for name in names if name in self.variants)
+
+    def window(self, path: tuple[str | int, ...], keys: WindowKeys, what: str) -> Window:
+        """A part of the run that is not empty."""
+        begin, end = self.keys.start_time, self.keys.stop_time
+        start, stop = keys.start, keys.stop
+        if start is not None and not (begin <= start and (end is None or start < end)):
+            self.problem((*path, "from"), f"{what}: from lies outside the run. Choose a time in it.")
+        elif stop is not None and not (begin <= stop and (end is None or stop <= end)):
+            self.problem((*path, "to"), f"{what}: to lies outside the run. Choose a time in it.")
+        elif start is not None and stop is not None and stop <= start:
+            self.problem((*path, "to"), f"{what}: to is not after from. Swap them.")
+        return Window(start, stop)
+
+    def metric(self, name: str, keys: MetricKeys) -> Metric:
+        """A metric, its paper's figures converted."""
+        path, what = ("metrics", name), f"metrics.{name}"
+        unit = self.unit((*path, "unit"), keys.unit, what)
+        paper = keys.paper if isinstance(keys.paper, dict) else {}
+        if keys.paper is not None and not isinstance(keys.paper, dict):
+            paper = dict.fromkeys(self.variants, keys.paper)
+        self.known((*path, "paper"), paper, f"{what}.paper")
+        figures = {}
+        for variant, raw in paper.items():
+            figure = self.si((*path, "paper", variant), raw, unit, f"{what}.paper")
+            if figure is not None and variant in self.variants:
+                figures[variant] = figure
+        if keys.tolerance is not None and not paper:
+            self.problem((*path, "tolerance"), f"{what}: a tolerance needs a figure to compare with. Add `paper`.")
+        window = self.window(path, keys, what)
+        where = str(self.tree.find(path).place)
+        return Metric(name, keys.signal, keys.reduce, window, unit, figures, keys.tolerance, keys.description, where)
+
+    def expectation(self, index: int, keys: ExpectKeys, metrics: dict[str, Metric]) -> Expectation:
+        """An expectation; it must say of what, and exactly one thing."""
+        path, what = ("expect", index), f"expect {keys.name}".rstrip()
+        metric = metrics.get(keys.metric or "")
+        if keys.metric is not None and keys.metric not in self.metrics:
+            self.problem((*path, "metric"), f"{what}: no metric `{keys.metric}`.{nearest(keys.metric, self.metrics)}")
+        if (keys.metric is None) == (keys.signal is None):
+            self.problem(path, f"{what}: give either `metric` or `signal`.")
+        limits = [key for key in ("at_least", "at_most", "within", "ordered") if getattr(keys, key) is not None]
+        if not limits:
+            self.problem(path, f"{what}: nothing is expected. Add at_least, at_most, within or ordered.")
+        if len(limits) > 1 and set(limits) != {"at_least", "at_most"}:
+            self.problem(path, f"{what}: {' and '.join(limits)} cannot stand together. Use two items.")
+        if keys.ordered is not None and keys.signal is not None:
+            self.problem((*path, "ordered"), f"{what}: only metrics can be ordered. Name a metric.")
+        if metric is not None and (keys.start is not None or keys.stop is not None):
+            self.problem(path, f"{what}: a metric has its own from and to. Give them there.")
+        unit = self.unit((*path, "unit"), keys.unit, what) or (metric.unit if metric else "") or spelled(keys)
+        low, high = keys.within or (keys.at_least, keys.at_most)
+        at_least = self.si((*path, "within" if keys.within else "at_least"), low, unit, what)
+        at_most = self.si((*path, "within" if keys.within else "at_most"), high, unit, what)
+        if at_least is not None and at_most is not None and at_least > at_most:
+            self.problem(path, f"{what}: the lower limit is above the upper one. Swap them.")
+        return Expectation(
+            keys.name, keys.metric, keys.signal, self.known((*path, "variants"), keys.variants, what), at_least, at_most,
+            self.known((*path, "ordered"), keys.ordered or (), what), keys.descending,
+            self.window(path, keys, what), unit, str(self.tree.find(path).place),
+        )  # fmt: skip
+
+    def plot(self, index: int, keys: PlotKeys) -> Plot:
+        """A plot."""
+        path, what = ("plots", index), f"plot `{keys.title}`"
+        if (keys.xy is None) == (not keys.signals):
+            self.problem(path, f"{what}: give either `signals` or `xy: [x, y]`.")
+        curves = tuple(Curve(one.signal, one.label or one.signal.text) for one in keys.signals)
+        if keys.xy is not None:
+            curves = (Curve(keys.xy[1], keys.xy[1].text, keys.xy[0]),)
+        unit = self.unit((*path, "unit"), keys.unit, what)
+        band = [self.si((*path, "band"), raw, unit, f"{what}: band") for raw in keys.band or ()]
+        lines = [self.si((*path, "lines"), raw, unit, f"{what}: lines") for raw in keys.lines]
+        return Plot(
+            keys.title, curves, keys.label, unit, keys.x_label, self.unit((*path, "x_unit"), keys.x_unit, what),
+            self.window(path, keys, what), keys.per == "variant",
+            (band[0], band[1]) if len(band) == 2 and band[0] is not None and band[1] is not None else None,
+            tuple(line for line in lines if line is not None),
+            self.known((*path, "variants"), keys.variants, what), str(self.tree.find(path).place),
+        )  # fmt: skip
+
+
+def spelled(keys: ExpectKeys) -> str:
+    """The unit in which an expectation's limits are written, so that they are shown as they were meant."""
+    for raw in (*(keys.within or ()), keys.at_least, keys.at_most):
+        parts = value.split(raw) if isinstance(raw, str) else None
+        if parts and parts[1]:
+            return parts[1]
+    return ""
+
+
+def figures(
+    keys: ScenarioKeys, tree: Node, variants: list[str], names: Iterable[str]
+) -> tuple[dict[str, Metric], tuple[Expectation, ...], tuple[Plot, ...], list[str]]:
+    """Metrics, expectations and plots, and what is wrong with them."""
+    builder = Builder(keys, tree, variants, names)
+    metrics = {name: builder.metric(name, one) for name, one in keys.metrics.items()}
+    expectations = tuple(builder.expectation(index, one, metrics) for index, one in enumerate(keys.expect))
+    plots = tuple(builder.plot(index, one) for index, one in enumerate(keys.plots))
+    return metrics, expectations, plots, builder.problems

@@ -1,0 +1,198 @@
+"""Scenarios over scenarios: `extends`, `variants` and `--set` are all patches of one tree by the same rules.
+
+A dict is merged key by key, and `null` removes what was there. A member that names another component replaces the
+old one with its parameters. Connections are merged by target (`{from: null, to: x}` disconnects), events are added
+(`events: null` first drops those inherited). Every other list is replaced.
+"""
+
+from __future__ import annotations
+
+import difflib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from twin.errors import ScenarioError
+from twin.scenario import tree
+from twin.scenario.tree import Node
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+Keys = tuple[str, ...]
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """` Did you mean `x`?`, or the known names if there are few, or nothing."""
+    names = sorted(set(known))
+    close = difflib.get_close_matches(name, names, 1, 0.6)
+    if close:
+        return f" Did you mean `{close[0]}`?"
+    return f" Known: {', '.join(names)}." if 0 < len(names) <= 20 else ""
+
+
+def load(path: Path, shown: str, above: tuple[Path, ...] = ()) -> Node:
+    """A file merged over those it extends, paths of FMUs made absolute, connections in their normal form."""
+    return complete(tree.read(path, shown), path, shown, above)
+
+
+def complete(root: Node, path: Path, shown: str, above: tuple[Path, ...] = ()) -> Node:
+    """The same for a tree that stands for the file `path`."""
+    own = path.resolve()
+    if not isinstance(root.value, dict):
+        raise ScenarioError(f"{root.place}: a scenario is a list of `key: value` lines. Begin with `members:`.")
+    root = normal(root, own.parent)
+    parent = root.entries.get("extends")
+    if parent is None or parent.value is None:
+        return merged(Node({}, root.place), root)
+    if not isinstance(parent.value, str):
+        raise ScenarioError(f"{parent.place}: extends: expected the path of one scenario, such as contact.yaml.")
+    target = path.parent / parent.value
+    if target.resolve() in (own, *above):
+        raise ScenarioError(f"{parent.place}: extends: {parent.value} extends this file again. Break the circle.")
+    if not target.is_file():
+        known = [other.name for other in target.parent.glob("*.y*ml")] if target.parent.is_dir() else []
+        hint = nearest(target.name, known) or " Give a path relative to this file."
+        raise ScenarioError(f"{parent.place}: extends: there is no file {parent.value}.{hint}")
+    base = load(target, str(Path(shown).parent / parent.value), (own, *above))
+    result = merged(base, root)
+    return Node({key: node for key, node in result.entries.items() if key != "extends"}, root.place)
+
+
+def normal(root: Node, folder: Path) -> Node:
+    """The tree with one `{from, to}` per connection and absolute paths of FMUs, also in its variants."""
+    entries = dict(root.entries)
+    if "seed" in entries and "seeds" not in entries:
+        node = entries.pop("seed")
+        entries["seeds"] = Node([node] if node.value is not None else None, node.place)
+    for key, node in entries.items():
+        if key == "connections" and isinstance(node.value, list):
+            entries[key] = Node([one for item in node.items for one in connections(item)], node.place)
+        elif key == "record" and isinstance(node.value, list):
+            entries[key] = Node({"variables": node}, node.place)
+        elif key == "members" and isinstance(node.value, dict):
+            entries[key] = Node({name: located(item, folder) for name, item in node.entries.items()}, node.place)
+        elif key == "variants" and isinstance(node.value, dict):
+            entries[key] = Node({name: normal(item, folder) for name, item in node.entries.items()}, node.place)
+    return Node(entries, root.place) if isinstance(root.value, dict) else root
+
+
+def located(member: Node, folder: Path) -> Node:
+    """A member whose component, if it is the path of an FMU, is absolute."""
+    component = member.entries.get("component")
+    if component is None or not isinstance(component.value, str) or not component.value.endswith(".fmu"):
+        return member
+    absolute = Node(str((folder / component.value).resolve()), component.place)
+    return Node(member.entries | {"component": absolute}, member.place)
+
+
+def connections(item: Node) -> list[Node]:
+    """`a -> b, c` and `{from: a, to: [b, c]}` as one node for each target; anything else unchanged."""
+    if isinstance(item.value, str):
+        source, arrow, targets = item.value.partition("->")
+        if not arrow:
+            return [item]
+        parts = [part.strip() for part in targets.split(",")]
+        start = Node(source.strip(), item.place)
+        return [Node({"from": start, "to": Node(part, item.place)}, item.place) for part in parts]
+    target = item.entries.get("to")
+    if target is None or not isinstance(target.value, list):
+        return [item]
+    return [Node(item.entries | {"to": Node(one.value, one.place)}, item.place) for one in target.items]
+
+
+def merged(base: Node, patch: Node, path: Keys = (), keep_null: bool = False) -> Node:
+    """`patch` over `base`. `keep_null`: both are patches themselves, so that a `null` is still to be applied."""
+    if not isinstance(patch.value, dict):
+        return merged_list(base, patch, path, keep_null) if isinstance(patch.value, list) else patch
+    if len(path) == 2 and path[0] == "members" and replaces(base, patch):
+        base = Node({}, patch.place)
+    if not path and not keep_null:
+        base = without(base, [name for name, node in members(patch).items() if node.value is None])
+    entries = dict(base.entries)
+    for key, node in patch.entries.items():
+        if node.value is None and not keep_null:
+            entries.pop(key, None)
+            continue
+        before = entries.get(key, Node(None, node.place))
+        below = () if path == ("variants",) else (*path, key)
+        entries[key] = merged(before, node, below, keep_null or path == ("variants",))
+    return Node(entries, base.place if base.entries else patch.place)
+
+
+def merged_list(base: Node, patch: Node, path: Keys, keep_null: bool) -> Node:
+    """Events are added, connections replace those into the same target, any other list replaces the old one."""
+    if path == ("events",):
+        return Node(base.items + patch.items, patch.place)
+    if path != ("connections",):
+        return patch
+    targets = {target(item) for item in patch.items} - {None}
+    kept = [item for item in base.items if target(item) not in targets]
+    added = [
+        item for item in patch.items if keep_null or not ("from" in item.entries and item.entries["from"].value is None)
+    ]
+    return Node(kept + added, patch.place)
+
+
+def target(connection: Node) -> str | None:
+    """Where a connection in normal form ends, if it is well formed."""
+    node = connection.entries.get("to")
+    return node.value if node is not None and isinstance(node.value, str) else None
+
+
+def members(root: Node) -> dict[str, Node]:
+    """The members of a scenario or variant."""
+    return root.entries["members"].entries if "members" in root.entries else {}
+
+
+def replaces(base: Node, patch: Node) -> bool:
+    """Whether a member's patch names another component than it had: then the old parameters mean nothing."""
+    new, old = patch.entries.get("component"), base.entries.get("component")
+    return new is not None and old is not None and new.value != old.value
+
+
+def without(root: Node, names: list[str]) -> Node:
+    """The scenario without some members: their connections and events go with them."""
+    if not names:
+        return root
+    entries = dict(root.entries)
+
+    def gone(reference: object) -> bool:
+        return isinstance(reference, str) and reference.partition(".")[0] in names
+
+    if "connections" in entries:
+        node = entries["connections"]
+        ends = [
+            (item, [end.value for key, end in item.entries.items() if key in ("from", "to")]) for item in node.items
+        ]
+        entries["connections"] = Node([item for item, both in ends if not any(map(gone, both))], node.place)
+    if "events" in entries:
+        node = entries["events"]
+        entries["events"] = Node([event for item in node.items for event in kept_event(item, gone)], node.place)
+    return Node(entries, root.place)
+
+
+def kept_event(event: Node, gone: Callable[[object], bool]) -> list[Node]:
+    """The event without what it does to members that are gone; nothing if that was all."""
+    entries: dict[str, Node] = {}
+    for key, node in event.entries.items():
+        if isinstance(node.value, dict):
+            node = Node({name: value for name, value in node.entries.items() if not gone(name)}, node.place)  # noqa: PLW2901
+        elif isinstance(node.value, list):
+            node = Node([item for item in node.items if not gone(item.value)], node.place)  # noqa: PLW2901
+        elif gone(node.value):
+            continue
+        if key == "at" or node.value:
+            entries[key] = node
+    return [Node(entries, event.place)] if set(entries) - {"at"} else []
+
+
+def variant_trees(root: Node) -> dict[str, Node]:
+    """Each variant's full tree in the order of the file; `base` is the only one if there are no variants."""
+    base = Node({key: node for key, node in root.entries.items() if key != "variants"}, root.place)
+    variants = root.entries["variants"].entries if "variants" in root.entries else {}
+    if not variants:
+        return {"base": base}
+    return {
+        name: merged(base, patch if isinstance(patch.value, dict) else Node({}, patch.place))
+        for name, patch in variants.items()
+    }

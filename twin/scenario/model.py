@@ -1,0 +1,220 @@
+"""Shape of a scenario file: keys, their types and what they mean. Names and units are checked in `check`."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from twin import expression
+from twin.errors import CouplingError, ScenarioError
+from twin.expression import Expression
+from twin.scenario.value import duration, number, raw, short
+
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+REFERENCE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\.[^\s>*]+")
+PATTERN = re.compile(r"[A-Za-z_*][A-Za-z0-9_*]*\.[^\s>]+|\*")
+
+
+def positive(value: Any) -> int:
+    """A time above zero [ns]."""
+    if (time := duration(value)) <= 0:
+        raise ValueError(f"expected a time above zero, not {short(value)}")
+    return time
+
+
+def text(value: Any) -> Any:
+    """Text; YAML reads a title such as `8` as a number."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return str(value)
+    return value
+
+
+def reference(value: Any) -> str:
+    """member.variable, whatever letters the variable has."""
+    if not isinstance(value, str) or not REFERENCE.fullmatch(value):
+        raise ValueError(f"expected member.variable, not `{short(value)}`")
+    return value
+
+
+def pattern(value: Any) -> str:
+    """The same, or with `*` for any text."""
+    if not isinstance(value, str) or not PATTERN.fullmatch(value):
+        raise ValueError(f"expected member.variable or member.*, not `{short(value)}`")
+    return value
+
+
+def parsed(value: Any) -> Expression:
+    """A parsed expression."""
+    try:
+        return expression.parse(value)
+    except ScenarioError as error:
+        raise ValueError(str(error)) from None
+
+
+def fraction(value: Any) -> float:
+    """A ratio, from `20 %` or 0.2."""
+    try:
+        ratio = number(value, "", "tolerance") if not str(value).rstrip().endswith("%") else percent(value)
+    except (ValueError, CouplingError):
+        raise ValueError(f"expected a ratio such as 20 % or 0.2, not {short(value)}") from None
+    if not 0 <= ratio <= 10:
+        raise ValueError(f"expected a ratio between 0 and 10, such as 20 % or 0.2, not {short(value)}")
+    return ratio
+
+
+def percent(value: str) -> float:
+    """The ratio that `20 %` means."""
+    return float(value.rstrip().removesuffix("%")) / 100
+
+
+def published(value: Any) -> Any:
+    """One figure, or one for each variant."""
+    if isinstance(value, dict):
+        return {name: raw(item, 4) for name, item in value.items()}
+    return raw(value, 4)
+
+
+def one_or_more(value: Any) -> Any:
+    """A list, also of one."""
+    return value if isinstance(value, list) else [value]
+
+
+Time = Annotated[int, BeforeValidator(duration)]
+Period = Annotated[int, BeforeValidator(positive)]
+Text = Annotated[str, BeforeValidator(text)]
+Reference = Annotated[str, BeforeValidator(reference)]
+Pattern = Annotated[str, BeforeValidator(pattern)]
+Value = Annotated[Any, BeforeValidator(raw)]
+Signal = Annotated[Any, BeforeValidator(parsed)]
+Seed = Annotated[int, Field(strict=True, ge=0, lt=2**31)]
+Algorithm = Literal["jacobi", "gauss_seidel"]
+
+
+class Keys(BaseModel):
+    """A group of keys; anything not named in it is an error."""
+
+    model_config = ConfigDict(extra="forbid", arbitrary_types_allowed=True, populate_by_name=False)
+
+
+class MemberKeys(Keys):
+    """`servo: {component: servomotor, parameters: {mass: 0.65 kg}, period: 1 ms}`; in a variant all are optional."""
+
+    component: Text | None = None
+    parameters: dict[str, Value] = {}
+    period: Period | None = None
+    description: Text = ""
+
+
+class ConnectionKeys(Keys):
+    """`servo.position -> sheath.gripper_position`; from `null` disconnects what a patch inherits."""
+
+    source: Reference | None = Field(alias="from")
+    target: Reference = Field(alias="to")
+
+
+class EventKeys(Keys):
+    """What happens at a communication point."""
+
+    at: Time
+    set: dict[Reference, Value] = {}
+    override: dict[Reference, Value] = {}
+    release: Annotated[list[Reference], BeforeValidator(one_or_more)] = []
+    description: Text = ""
+
+
+class RecordKeys(Keys):
+    """Variables to record, with `*` for any text, and how often; nothing: all outputs at every step."""
+
+    every: Period | None = None
+    variables: list[Pattern] = []
+
+
+class WindowKeys(Keys):
+    """A part of the run."""
+
+    start: Time | None = Field(None, alias="from")
+    stop: Time | None = Field(None, alias="to")
+
+
+class MetricKeys(WindowKeys):
+    """One number per run; `paper` is one value, or one for each variant."""
+
+    signal: Signal
+    reduce: Literal["mean", "std", "rms", "max_abs", "min", "max", "final", "peak_to_peak"]
+    unit: Text = ""
+    paper: Annotated[Any, BeforeValidator(published)] = None
+    tolerance: Annotated[float, BeforeValidator(fraction)] | None = None
+    description: Text = ""
+
+
+class ExpectKeys(WindowKeys):
+    """A limit that must hold in every run, or an order of variants by a metric's mean."""
+
+    name: Text = ""
+    metric: str | None = None
+    signal: Signal | None = None
+    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+    at_least: Value | None = None
+    at_most: Value | None = None
+    within: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
+    ordered: Annotated[list[Text], Field(min_length=2)] | None = None
+    descending: bool = True
+    unit: Text = ""
+
+
+class CurveKeys(Keys):
+    """A line of a plot."""
+
+    signal: Signal
+    label: Text = ""
+
+
+def curve(value: Any) -> Any:
+    """A line of a plot, also if only its signal is given."""
+    return {"signal": value} if isinstance(value, str) else value
+
+
+class PlotKeys(WindowKeys):
+    """A figure of the report: signals over time, or `xy: [x, y]` for a loop."""
+
+    title: Text
+    signals: list[Annotated[CurveKeys, BeforeValidator(curve)]] = []
+    xy: Annotated[list[Signal], Field(min_length=2, max_length=2)] | None = None
+    label: Text = ""
+    unit: Text = ""
+    x_label: Text = ""
+    x_unit: Text = ""
+    per: Literal["variant"] | None = None
+    variants: list[Text] = []
+    band: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
+    lines: Annotated[list[Value], BeforeValidator(one_or_more)] = []
+
+
+class RunKeys(Keys):
+    """What a variant may change."""
+
+    title: Text = ""
+    stop_time: Time | None = None
+    step: Period | None = None
+    algorithm: Algorithm | None = None
+    members: dict[str, MemberKeys | None] = {}
+    connections: list[ConnectionKeys] = []
+    events: list[EventKeys] | None = None
+
+
+class ScenarioKeys(RunKeys):
+    """A scenario file."""
+
+    description: Text = ""
+    source: Text = ""
+    extends: Text = ""
+    start_time: Time = 0
+    seeds: Annotated[list[Seed], Field(min_length=1)] = [0]
+    seed: Seed | None = None
+    variants: dict[str, RunKeys | None] = {}
+    record: RecordKeys = RecordKeys()
+    metrics: dict[str, MetricKeys] = {}
+    expect: list[ExpectKeys] = []
+    plots: list[PlotKeys] = []

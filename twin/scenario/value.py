@@ -1,0 +1,178 @@
+"""Values with units: durations at once and exactly, everything else when the variable it is meant for is known."""
+
+from __future__ import annotations
+
+import math
+import re
+from fractions import Fraction
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import signals, unit
+from twin.errors import CouplingError
+
+if TYPE_CHECKING:
+    from twin.member import MemberVariable
+
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
+# A unit starts with a letter or as `1/s`. Powers have one digit: pint would compute `m**9**9**9` forever.
+QUANTITY = re.compile(rf"\s*({NUMBER})\s*((?:1\s*/\s*)?[A-Za-zµμΩ°%][A-Za-zµμΩ°%_\s*/()^·0-9.-]{{0,60}})?\s*")
+POWER = re.compile(r"(\*\*|\^)\s*-?\s*\d(?![\d.*^])|(?<!\*)[*/](?!\*)|[A-Za-zµμΩ°%_()\s·]+|1\s*/|(?<=[A-Za-z])\d")
+
+DURATIONS = {
+    "s": 10**9,
+    "ms": 10**6,
+    "us": 10**3,
+    "µs": 10**3,
+    "μs": 10**3,
+    "ns": 1,
+    "min": 60 * 10**9,
+    "h": 3600 * 10**9,
+}
+LONGEST = 10**7 * 10**9  # four months [ns]
+
+
+def split(text: str) -> tuple[str, str] | None:
+    """Number and unit of a quantity's text, or None if it is not one."""
+    match = QUANTITY.fullmatch(text)
+    if not match or len(text) > 80:
+        return None
+    symbol = (match[2] or "").strip()
+    return (match[1], symbol) if not POWER.sub("", symbol).strip() else None
+
+
+def duration(value: Any) -> int:
+    """A time in whole nanoseconds: `1 ms`, or a bare number of seconds. ValueError says what is wrong."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"expected a time, such as 1 ms, not {short(value)}")
+    parts = split(value) if isinstance(value, str) else (repr(value), "s")
+    if parts is None or (isinstance(value, float) and not math.isfinite(value)):
+        raise ValueError(f"{short(value)} is not a time. Write a number and a unit, such as 1 ms")
+    number, symbol = parts
+    if symbol not in DURATIONS and symbol:
+        raise ValueError(f"{short(value)} is not a time: use s, ms, us, ns, min or h")
+    exact = Fraction(number) * DURATIONS[symbol or "s"]
+    if abs(exact) > LONGEST:
+        raise ValueError(f"{short(value)} is longer than {LONGEST // 10**9} s. Check the unit")
+    if exact.denominator != 1:
+        raise ValueError(f"{short(value)} is not a whole number of nanoseconds. Round it")
+    return int(exact)
+
+
+def short(value: Any) -> str:
+    """A value for a message: never long."""
+    text = value if isinstance(value, str) else repr(value)
+    kinds = {dict: "a group of keys", list: "a list", type(None): "nothing"}
+    text = kinds.get(type(value), text)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def raw(value: Any, depth: int = 0) -> Any:
+    """A value as the file gives it: number, text, true or false, or lists of them."""
+    if isinstance(value, list) and depth < 4:
+        return [raw(item, depth + 1) for item in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        raise ValueError(f"{value} is not a finite number")
+    if value is None or isinstance(value, dict | list):
+        raise ValueError(f"expected a value or a list of values, not {short(value)}")
+    return value
+
+
+@lru_cache(maxsize=512)
+def conversion(source: str, target: str) -> tuple[float, float]:
+    """(factor, offset) between two units; `""` is dimensionless, unlike in a connection, where it is unknown."""
+    if source == target:
+        return 1.0, 0.0
+    return unit.conversion(source or "1", target or "1", "")
+
+
+def number(value: Any, target: str, what: str) -> float:
+    """A scalar in the unit `target`; a bare number is in `target` already. CouplingError says what is wrong."""
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise CouplingError(f"{what}: expected a number{in_unit(target)}, not {short(value)}.")
+    if not isinstance(value, str):
+        return float(value)
+    parts = split(value)
+    if parts is None:
+        example = f"0.2 {target}".strip()
+        raise CouplingError(f"{what}: `{short(value)}` is not a quantity. Write a number and a unit: {example}.")
+    digits, symbol = float(parts[0]), parts[1]
+    if not math.isfinite(digits):
+        raise CouplingError(f"{what}: `{short(value)}` is not a finite number.")
+    if not symbol or symbol == target:
+        return digits
+    try:
+        factor, offset = conversion(symbol, target)
+    except CouplingError as error:
+        if "is not known" in str(error):
+            text = f"{what}: unit `{symbol}` is not known. Write it like N, mm/s, mm/(s*N), deg."
+            raise CouplingError(text) from None
+        wanted = target or "a plain number"
+        raise CouplingError(f"{what}: `{short(value)}` does not convert to {wanted}. Give it as {wanted}.") from None
+    return unit.round_trip(digits * factor + offset)
+
+
+def si(value: Any, symbol: str, what: str) -> float:
+    """A scalar in coherent SI units; with a unit of its own it must be of the kind of `symbol`, if that is given."""
+    parts = split(value) if isinstance(value, str) else None
+    if parts is None or not parts[1]:
+        return number(value, "", what)
+    converted = number(value, symbol or parts[1], what)
+    factor, offset = signals.coherent(symbol or parts[1])
+    return unit.round_trip(converted * factor + offset)
+
+
+def in_unit(symbol: str) -> str:
+    """` in N`, for messages."""
+    return f" in {symbol}" if symbol not in ("", "1") else ""
+
+
+def resolve(value: Any, variable: MemberVariable, what: str) -> Any:
+    """A value from the file as numpy scalar or array of the variable's type, shape and unit."""
+    if variable.shape:
+        return array(value, variable, what)
+    if isinstance(value, list):
+        raise CouplingError(f"{what}: expected one value, not a list of {len(value)}.")
+    return element(value, variable, what)
+
+
+def array(value: Any, variable: MemberVariable, what: str) -> Any:
+    """An array; one value is meant for all its elements."""
+    flat: list[Any] = []
+
+    def shape(item: Any) -> tuple[int, ...]:
+        if not isinstance(item, list):
+            flat.append(element(item, variable, what))
+            return ()
+        shapes = {shape(one) for one in item}
+        return (len(item), *(shapes.pop() if len(shapes) == 1 else (-1,) * bool(shapes)))
+
+    given = shape(value)
+    if given not in ((), variable.shape):
+        sizes = " x ".join(map(str, variable.shape))
+        raise CouplingError(f"{what}: expected {sizes} values or one for all, not {' x '.join(map(str, given))}.")
+    result = np.empty(variable.shape, variable.dtype)
+    result[...] = np.asarray(flat, variable.dtype).reshape(given)
+    return result
+
+
+def element(value: Any, variable: MemberVariable, what: str) -> Any:
+    """One scalar of a variable's type."""
+    kind = variable.dtype.kind
+    if kind == "O":
+        if not isinstance(value, str):
+            raise CouplingError(f"{what}: expected text, not {short(value)}. Put it in quotes.")
+        return value
+    if kind == "b":
+        if not isinstance(value, bool):
+            raise CouplingError(f"{what}: expected true or false, not {short(value)}.")
+        return np.bool_(value)
+    if kind == "f":
+        return variable.dtype.type(number(value, variable.unit, what))
+    exact = value if isinstance(value, int) and not isinstance(value, bool) else number(value, variable.unit, what)
+    limits = np.iinfo(variable.dtype)
+    if exact != int(exact) or not limits.min <= exact <= limits.max:
+        raise CouplingError(f"{what}: expected a whole number ({variable.type}), not {short(value)}.")
+    return variable.dtype.type(int(exact))

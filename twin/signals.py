@@ -1,0 +1,86 @@
+"""What a run recorded, in the members' units, and expressions over it in coherent SI units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock, unit
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from twin.expression import Expression
+
+COMMON = "1 - m s kg N rad A V K Hz Pa W J T ohm m/s m/s^2 m/s**2 rad/s N/m N*m N*s/m 1/s 1/m"
+COHERENT = frozenset(["", *COMMON.split()])
+
+
+@dataclass(frozen=True)
+class Window:
+    """Part of a run, both ends included [ns]; None: its start or end."""
+
+    start_ns: int | None = None
+    stop_ns: int | None = None
+
+
+WHOLE = Window()
+
+
+@dataclass
+class Signals:
+    """What one case recorded. `values`: member.variable -> array (n, ...), in the variable's own unit.
+
+    `complete` is False for a case that was interrupted or failed: it is plotted, but no metric is taken from it.
+    """
+
+    time: np.ndarray[Any, Any]  # [s], (n,)
+    values: Mapping[str, np.ndarray[Any, Any]]
+    units: Mapping[str, str] = field(default_factory=dict)
+    complete: bool = True
+
+    def si(self, names: set[str]) -> dict[str, np.ndarray[Any, Any]]:
+        """The named signals in coherent SI units, as floats."""
+        result = {}
+        for name in names & set(self.values):
+            factor, offset = coherent(self.units.get(name, ""))
+            values = np.asarray(self.values[name], np.float64)
+            result[name] = values if (factor, offset) == (1.0, 0.0) else values * factor + offset
+        return result
+
+    def evaluate(self, expression: Expression, window: Window = WHOLE) -> tuple[Any, Any] | None:
+        """(time, value) of an expression in a window, or None if a signal of it was not recorded or has no element."""
+        values = self.si({signal.name for signal in expression.signals})
+        try:
+            value = expression.evaluate(values)
+        except (KeyError, IndexError):
+            return None
+        value = np.broadcast_to(value, self.time.shape) if np.ndim(value) == 0 else value
+        # by whole nanoseconds: a sample at exactly 4 s belongs to `from: 4 s`
+        time = np.rint(self.time * clock.NANOSECONDS)
+        inside = np.ones(len(time), bool)
+        if window.start_ns is not None:
+            inside &= time >= window.start_ns
+        if window.stop_ns is not None:
+            inside &= time <= window.stop_ns
+        return (self.time[inside], value[inside]) if np.ndim(value) == 1 else None
+
+
+@lru_cache(maxsize=256)
+def coherent(symbol: str) -> tuple[float, float]:
+    """(factor, offset) to SI; pint is not loaded for the units that nearly every variable has."""
+    if symbol in COHERENT:
+        return 1.0, 0.0
+    found = unit.describe(symbol)
+    return found.factor, found.offset
+
+
+def shown(value: float | None, symbol: str) -> str:
+    """A value in the unit it is to be read in, with four digits: `0.0362 N`."""
+    if value is None:
+        return "-"
+    factor, offset = coherent(symbol)
+    return f"{(value - offset) / factor:.4g} {symbol}".rstrip()
