@@ -206,3 +206,10 @@ def test_shown() -> None:
         "-",
         "2",
     ]
+
+
+def test_a_unit_that_nobody_knows_stays_as_it_is() -> None:
+    odd = Signals(TIME, {"a.force": FORCE}, {"a.force": "furlong/parsnip"})
+    found = odd.evaluate(expression.parse("a.force"))
+    assert found is not None
+    assert found[1].tolist() == FORCE.tolist()

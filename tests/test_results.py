@@ -11,7 +11,7 @@ import pytest
 from pyarrow import parquet
 
 from twin import expression, results
-from twin.errors import TwinError
+from twin.errors import CouplingError, TwinError
 from twin.metrics import Expectation, Metric, evaluate
 from twin.results import Column, Run, SignalFile
 from twin.signals import Signals
@@ -93,6 +93,13 @@ def test_columns_of_two_variants_are_joined() -> None:
     assert [(one.label, one.dtype.name) for one in flat] == [
         ("a.n", "float64"), ("a.m[1,1]", "float64"), ("a.m[1,2]", "float64"), ("a.m[2,1]", "float64"), ("a.m[2,2]", "float64"),
     ]  # fmt: skip
+
+
+def test_columns_of_two_kinds_are_refused_before_anything_runs() -> None:
+    with pytest.raises(
+        CouplingError, match=r"a\.x, which two variants have in different units: N does not convert to m"
+    ):
+        results.flat([Column("a.x", unit="N"), Column("a.x", unit="m")])
 
 
 def test_summary(tmp_path: Path) -> None:

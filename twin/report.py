@@ -48,9 +48,14 @@ class ParameterRow:
 class EventRow:
     """An event as the report shows it."""
 
-    time: str
+    time_ns: int
     what: str
     variants: str = ""
+
+    @property
+    def time(self) -> str:
+        """`1.5 s`."""
+        return clock.text(self.time_ns)
 
 
 def cells(one: Figure) -> dict[str, str]:
@@ -128,9 +133,11 @@ def parameters(
             for name, variable in variables.items():
                 if variable.causality not in ("parameter", "structuralParameter"):
                     continue
+                given = any(key.partition("[")[0] == name for key in case.members[member].parameters)
+                if name == "seed" and not given:
+                    continue  # another one in every run
                 unit = variable.display_unit or variable.unit
                 text = value_text(values.get(name, variable.start), variable.unit, unit)
-                given = any(key.partition("[")[0] == name for key in case.members[member].parameters)
                 found.setdefault((member, name), {}).setdefault((text, unit, given), []).append(case.variant)
                 descriptions[member, name] = variable.description
     count = len({case.variant for case in cases})
@@ -169,20 +176,17 @@ def events(cases: Sequence[Case]) -> list[EventRow]:
                 names.append(case.variant)
     count = len({case.variant for case in cases})
     rows = sorted(found.items(), key=lambda item: item[0][0])
-    return [
-        EventRow(clock.text(time), what, "" if len(names) == count else ", ".join(names))
-        for (time, what), names in rows
-    ]
+    return [EventRow(time, what, "" if len(names) == count else ", ".join(names)) for (time, what), names in rows]
 
 
 def html(
     summary: Mapping[str, Any],
     evaluation: Evaluation,
     tables: Mapping[tuple[str, int], Signals],
+    *,
     plots: Iterable[Plot] = (),
     parameters: Sequence[ParameterRow] = (),
     events: Sequence[EventRow] = (),
-    event_times: Sequence[float] = (),
 ) -> str:
     """report.html as text. `summary` is that of `results.summary`; without `plots` every recorded signal is drawn."""
     import jinja2
@@ -193,10 +197,17 @@ def html(
         loader=jinja2.PackageLoader("twin"), autoescape=True, trim_blocks=True, lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )  # fmt: skip
+    times = [clock.seconds(row.time_ns) for row in events]
     drawn = []
     for number, plot in enumerate(list(plots) or plotting.default_plots(tables)):
-        svg = plotting.draw(plot, tables, event_times, str(number))
-        drawn.append({"title": plot.title, "svg": svg, "note": note(plot, tables, event_times)})
+        svg = plotting.draw(plot, tables, times, str(number))
+        drawn.append(
+            {
+                "title": plot.title,
+                "svg": svg,
+                "note": note(plot, tables, any(within(plot, row.time_ns) for row in events)),
+            }
+        )
     members: dict[str, list[ParameterRow]] = {}
     for row in parameters:
         members.setdefault(row.member, []).append(row)
@@ -213,14 +224,20 @@ def html(
     )  # fmt: skip
 
 
-def note(plot: Plot, tables: Mapping[tuple[str, int], Signals], event_times: Sequence[float]) -> str:
+def within(plot: Plot, time_ns: int) -> bool:
+    """Whether a time lies in the part of the run that a plot shows."""
+    start, stop = plot.window.start_ns, plot.window.stop_ns
+    return (start is None or start < time_ns) and (stop is None or time_ns < stop)
+
+
+def note(plot: Plot, tables: Mapping[tuple[str, int], Signals], has_events: bool) -> str:
     """What the eye cannot know about a plot."""
     parts = []
     if plot.band:
         parts.append(f"band: {shown(plot.band[0], plot.unit)} to {shown(plot.band[1], plot.unit)}")
     if plot.lines:
         parts.append("dashed: " + ", ".join(shown(value, plot.unit) for value in plot.lines))
-    if event_times and plot.curves[0].x is None:
+    if has_events and plot.curves[0].x is None:
         parts.append("dotted: events")
     seeds = list(dict.fromkeys(seed for _, seed in tables))
     if len(seeds) > 1:

@@ -102,6 +102,7 @@ def flat(columns: Iterable[Column]) -> list[Column]:
         for index in np.ndindex(column.shape):
             one = replace(column, shape=(), index=index)
             known = result.setdefault(one.label, one)
+            unit.conversion(known.unit, one.unit, f"{one.label}, which two variants have in different units")
             if known.dtype != one.dtype:
                 result[one.label] = replace(known, dtype=np.dtype(np.float64))
     return list(result.values())

@@ -190,7 +190,7 @@ def _run_one(
 def analyze(outcome: Outcome) -> None:
     """Call the scenario's analyses on what was recorded; their figures go into the summary."""
     found: dict[str, Any] = {}
-    for one in outcome.scenario.analyses:
+    for one in getattr(outcome.scenario, "analyses", ()):
         for (variant, seed), table in outcome.tables.items():
             if table.complete and (not one.variants or variant in one.variants):
                 found.setdefault(one.name, {}).setdefault(variant, {})[seed] = one.apply(table)

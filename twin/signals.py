@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock, unit
+from twin.errors import CouplingError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -71,10 +72,16 @@ class Signals:
 
 @lru_cache(maxsize=256)
 def coherent(symbol: str) -> tuple[float, float]:
-    """(factor, offset) to SI; pint is not loaded for the units that nearly every variable has."""
+    """(factor, offset) to SI; a unit that is not known, as FMUs may have, stays as it is.
+
+    pint takes 0.3 s to load, so not for the units that nearly every variable has.
+    """
     if symbol in COHERENT:
         return 1.0, 0.0
-    found = unit.describe(symbol)
+    try:
+        found = unit.describe(symbol)
+    except CouplingError:
+        return 1.0, 0.0
     return found.factor, found.offset
 
 

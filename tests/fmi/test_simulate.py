@@ -231,6 +231,14 @@ def test_discard_fmi2(tmp_path: Path) -> None:
     assert [line[0] for line in rows("Stops_out.csv")[1]][:4] == ["0.0", "0.1", "0.2", "0.3"]
 
 
+def test_log(tmp_path: Path) -> None:
+    path = python_fmu(tmp_path, FMI2, "Seizes", "raise RuntimeError('bearing seized')")
+    refused(run(path), "Seizes: doStep returned FATAL. Use --log to see what it logs.")
+    result = run(path, "--log")
+    refused(result, "bearing seized")
+    assert "log: FATAL" in result.output
+
+
 def test_interrupted(native: Path) -> None:
     member = FMUMember("part", native)
 
@@ -294,13 +302,14 @@ def held_column(count: int) -> Column:
 def test_any_text(gain: Path, tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
     path = tmp_path_factory.getbasetemp() / "any.csv"
     path.write_bytes(("time,u\n" + text).encode(errors="surrogatepass"))
-    member = FMUMember("part", gain)
+    member, message = FMUMember("part", gain), ""
     try:
         assert np.all(np.isfinite(read_inputs(path, member).times))
     except FMUError as error:
-        assert "\n" not in str(error)
+        message = str(error)
     finally:
         member.close()
+    assert "\n" not in message
 
 
 def cell(text: str) -> list[float] | str:

@@ -130,7 +130,8 @@ def command(
     rows = outcome.results.times
     click.echo(f"{target}: {len(rows)} rows, {rows[0] / 1e9:g} s to {rows[-1] / 1e9:g} s" + " (replaced)" * replaced)
     if outcome.failure:
-        raise SimulationError(f"{outcome.failure} What was recorded until then is in {target}.")
+        hint = "" if show_log or member.log else " Use --log to see what it logs."
+        raise SimulationError(f"{outcome.failure}{hint} What was recorded until then is in {target}.")
 
 
 def parsed(start_values: tuple[str, ...]) -> dict[str, str]:

@@ -66,13 +66,13 @@ def period(fixed: float | None, suggested: float | None, where: str) -> int:
     step = suggested if fixed is None else fixed
     try:
         size = clock.nanoseconds(step, "fixed step size") if step else 0
-        if size < 0:
-            raise CouplingError(f"fixed step size: {step} s is negative. Export the FMU once more.")
     except CouplingError as error:
         if fixed is not None:
             raise FMUError(f"{where}: {error}") from None
         size = 0
-    return size
+    if size < 0 and fixed is not None:
+        raise FMUError(f"{where}: fixed step size {step} s is negative. Export the FMU once more.")
+    return max(size, 0)
 
 
 def items(declared: Any, where: str) -> values.Items:

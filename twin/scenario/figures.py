@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from twin import signals
 from twin.errors import CouplingError
 from twin.metrics import Curve, Expectation, Metric, Plot
 from twin.scenario import value
@@ -43,7 +42,7 @@ class Builder:
     def unit(self, path: tuple[str | int, ...], unit: str, what: str) -> str:
         """A unit that is known, or none."""
         try:
-            signals.coherent(unit)
+            value.to_si(unit)
         except CouplingError:
             self.problem(path, f"{what}: unit `{unit}` is not known. Write it like N, mm/s, mm/(s*N), deg.")
             return ""

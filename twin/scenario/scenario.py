@@ -6,6 +6,7 @@ the file until the unit of the variable they are meant for is known; `Case.value
 
 from __future__ import annotations
 
+import re
 import zlib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -181,7 +182,7 @@ class Dumper(yaml.SafeDumper):
         return True
 
 
-Dumper.add_implicit_resolver("tag:yaml.org,2002:float", FLOAT, list("-+.0123456789"))
+Dumper.add_implicit_resolver("tag:yaml.org,2002:float", re.compile(f"({FLOAT.pattern})$"), list("-+.0123456789"))
 
 
 def member_seed(seed: int, name: str) -> int:

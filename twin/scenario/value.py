@@ -19,7 +19,9 @@ if TYPE_CHECKING:
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
 # A unit starts with a letter or as `1/s`. Powers have one digit: pint would compute `m**9**9**9` forever.
 QUANTITY = re.compile(rf"\s*({NUMBER})\s*((?:1\s*/\s*)?[A-Za-zµμΩ°%][A-Za-zµμΩ°%_\s*/()^·0-9.-]{{0,60}})?\s*")
-POWER = re.compile(r"(\*\*|\^)\s*-?\s*\d(?![\d.*^])|(?<!\*)[*/](?!\*)|[A-Za-zµμΩ°%_()\s·]+|1\s*/|(?<=[A-Za-z])\d")
+POWER = re.compile(
+    r"(\*\*|\^)\s*-?\s*\d(?!\d|\.|\s*\*\*|\s*\^)|(?<!\*)[*/](?!\*)|[A-Za-zµμΩ°%_()\s·]+|1\s*/|(?<=[A-Za-z])\d"
+)
 
 DURATIONS = {
     "s": 10**9,
@@ -46,7 +48,7 @@ def split(text: str) -> tuple[str, str] | None:
 def duration(value: Any) -> int:
     """A time in whole nanoseconds: `1 ms`, or a bare number of seconds. ValueError says what is wrong."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
-        raise ValueError(f"expected a time, such as 1 ms, not {short(value)}")
+        raise ValueError(f"expected a time, such as 1 ms, not {short(value)}")  # noqa: TRY004 - what pydantic catches
     parts = split(value) if isinstance(value, str) else (repr(value), "s")
     if parts is None or (isinstance(value, float) and not math.isfinite(value)):
         raise ValueError(f"{short(value)} is not a time. Write a number and a unit, such as 1 ms")
@@ -120,8 +122,15 @@ def si(value: Any, symbol: str, what: str) -> float:
     if parts is None or not parts[1]:
         return number(value, "", what)
     converted = number(value, symbol or parts[1], what)
-    factor, offset = signals.coherent(symbol or parts[1])
+    factor, offset = to_si(symbol or parts[1])
     return unit.round_trip(converted * factor + offset)
+
+
+def to_si(symbol: str) -> tuple[float, float]:
+    """(factor, offset) to SI of a unit that must be known."""
+    if symbol not in signals.COHERENT:
+        unit.describe(symbol)
+    return signals.coherent(symbol)
 
 
 def in_unit(symbol: str) -> str:
