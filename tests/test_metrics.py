@@ -162,6 +162,11 @@ def test_no_number_fails_and_a_signal_of_another_variant_is_left_out() -> None:
     assert not evaluation.passed
 
 
+def test_a_metric_of_some_variants() -> None:
+    evaluation = evaluate({"m": metric(variants=("B",))}, [], tables(1.0, 0.5))
+    assert [figure.variant for figure in evaluation.figures] == ["B"]
+
+
 def test_what_did_not_finish_is_left_out() -> None:
     evaluation = evaluate({"m": metric()}, [], {("A", 1): signals(complete=False), ("B", 1): signals()})
     assert [figure.variant for figure in evaluation.figures] == ["B"]

@@ -305,6 +305,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         ("signal: sensor.force - 0.2", "signal: open('x')", "s.yaml:21: metrics.error.signal: `open('x')`: `open('x')` cannot be"),
         ("signal: sensor.force - 0.2", "signal: sensor.force -", "s.yaml:21: metrics.error.signal: `sensor.force -` is not an exp"),
         ("signal: sensor.force - 0.2, ", "", "s.yaml:21: metrics.error: `signal` is missing."),
+        ("reduce: std", "reduce: std, variants: PJ", "s.yaml:21: metrics.error.variants: there is no variant `PJ`."),
         ("reduce: std", "reduce: sdt", "s.yaml:21: metrics.error.reduce: `sdt` is not known. Did you mean `std`?"),
         ("from: 4 s, unit", "from: 40 s, unit", "s.yaml:21: metrics.error: from lies outside the run."),
         ("unit: mN", "unit: fork", "s.yaml:21: metrics.error: unit `fork` is not known."),

@@ -119,6 +119,13 @@ class Member(ABC):
         """Why the member discarded its step, if that was its wish to end the simulation; else empty."""
         return ""
 
+    def failed(self, status: int) -> None:
+        """Take note that a step by address returned `status`, ERROR or FATAL: `close` calls nothing forbidden then."""
+
+    def last_successful_time(self, reached: float) -> float | None:
+        """Until where [s] the last step came; `reached` is what the member itself wrote, if it did."""
+        return reached
+
     @abstractmethod
     def close(self) -> None:
         """Terminate and free. Safe to call twice and in any state."""

@@ -32,7 +32,7 @@ REDUCE: dict[str, Callable[[np.ndarray[Any, Any]], Any]] = {
 
 @dataclass(frozen=True)
 class Metric:
-    """One number per run. `paper`: the published figure of each variant; `tolerance`: 0.2 is ± 20 % of it."""
+    """One number per run. `paper`: the published figure of each variant; `tolerance`: 0.2 is ± 20 %; no `variants`: all."""
 
     name: str
     signal: Expression
@@ -41,6 +41,7 @@ class Metric:
     unit: str = ""
     paper: dict[str, float] = field(default_factory=dict)
     tolerance: float | None = None
+    variants: tuple[str, ...] = ()
     description: str = ""
     where: str = field(default="", compare=False)
 
@@ -158,6 +159,7 @@ def evaluate(
         judged(figure(metric, variant, complete), paper_applies)
         for metric in metrics.values()
         for variant in dict.fromkeys(variant for variant, _ in complete)
+        if not metric.variants or variant in metric.variants
     ]
     present = [one for one in figures if one.values]
     outcomes = [outcome(one, present, complete) for one in expectations]

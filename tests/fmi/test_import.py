@@ -122,7 +122,7 @@ def test_several_instances(all_types_2: Path, native: Path) -> None:
     for path, name, value in ((all_types_2, "k", 1.0), (native, "limit", 5.0)):
         with Run(path, **{name: value}) as a, Run(path, **{name: 2 * value}) as b:
             assert a.member.instance != b.member.instance
-            assert a.member.step_function != b.member.step_function
+            assert a.member.step_function == b.member.step_function  # one library
             assert a.step(0.0, 0.1) == b.step(0.0, 0.1) == 0
             if name == "k":
                 assert (a.member.get(name), b.member.get(name)) == (value, 2 * value)

@@ -202,9 +202,9 @@ class CoSimulation:
             raise member.failure
         reason = member.finish_reason() if int(self.state["status"]) == 2 else ""
         if reason:
-            self.finished = True
-            self.failure = f"{name} ended the simulation at {clock.text(self.time)}: {reason}"
+            self._finish(member, reason)
             return
+        member.failed(int(self.state["status"]))
         inputs = ", ".join(
             f"{v}={np.array2string(view(address, self.members[m].variables[v]), threshold=6, precision=6)}"
             for (m, v), address in self.plan.staged.items()
@@ -215,6 +215,20 @@ class CoSimulation:
             f"{name}: failed with {status} in the step from t = {clock.text(self.time)}. "
             f"Last inputs: {inputs or 'none'}.{self._log_text(member)}"
         ) from (member.failure if isinstance(member, RecordMember) else None)
+
+    def _finish(self, member: Member, reason: str) -> None:
+        """A member discarded its step in order to end the simulation: keep how far it came."""
+        self.finished = True
+        came = member.last_successful_time(clock.seconds(self.time))
+        if came is not None and abs(came - clock.seconds(self.time + self.step)) < 1e-9:
+            for (owner, name), address in self.plan.published.items():
+                if self.members[owner] is member:
+                    view(address, member.variables[name])[:] = np.ravel(member.get(name))
+            self.state["tick"] += 1
+            if int(self.state["row"]) >= int(self.state["row_limit"]):
+                self._drain()
+            loop.record(self._record.view(np.recarray)[0])
+        self.failure = f"{member.name} ended the simulation at {clock.text(self.time)}: {reason}"
 
     @staticmethod
     def _log_text(member: Member) -> str:

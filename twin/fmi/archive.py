@@ -48,10 +48,12 @@ class Unpacked:
     sha256: str
     notes: list[str] = field(default_factory=list)
     _temporary: tempfile.TemporaryDirectory[str] | None = None
+    users: int = 1
 
     def close(self) -> None:
-        """Remove the folder. Safe to call twice."""
-        if self._temporary is not None:
+        """Remove the folder when its last user has closed it. Safe to call once too often."""
+        self.users -= 1
+        if self.users <= 0 and self._temporary is not None:
             self._temporary.cleanup()
             self._temporary = None
 
@@ -62,16 +64,40 @@ class Unpacked:
         self.close()
 
 
-def unpack(path: str | Path) -> Unpacked:
-    """Check an FMU, then unpack it into a temporary folder and read its description."""
+_open: dict[tuple[Path, str], Unpacked] = {}
+
+
+def share(path: str | Path) -> Unpacked:
+    """Unpack an FMU, or join those who use it already: its instances then share one library, as FMI means them to.
+
+    Known by its content: a file that was replaced is unpacked anew. Every user calls `close` once.
+    """
     path = Path(path)
+    key = (path, digest(path))
+    known = _open.get(key)
+    if known is not None and known.users > 0:
+        known.users += 1
+        return known
+    _open[key] = unpack(path)
+    return _open[key]
+
+
+def digest(path: Path) -> str:
+    """SHA-256 of a file; FMUError if there is none."""
     if not path.is_file():
         found = "is a folder" if path.is_dir() else "is not there"
         raise FMUError(f"{path}: {found}. Give the path of an .fmu file.")
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def unpack(path: str | Path) -> Unpacked:
+    """Check an FMU, then unpack it into a temporary folder and read its description."""
+    path = Path(path)
+    sha256 = digest(path)
     temporary: tempfile.TemporaryDirectory[str] | None = None
     try:
         with path.open("rb") as file:
-            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
             with open_archive(path, file) as archive:
                 entries = check_entries(path, archive)
                 description = read_description(path, archive, entries)

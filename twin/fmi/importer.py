@@ -12,7 +12,7 @@ from fmpy.fmi1 import FMICallException
 from twin.errors import CouplingError, FMUError, SimulationError
 from twin.fmi import binary, values
 from twin.fmi import declared as declarations
-from twin.fmi.archive import unpack
+from twin.fmi.archive import share
 from twin.member import Access, Member, MemberVariable
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ class FMUMember(Member):
     """An FMU. Its archive is checked and unpacked here, its library loaded by `instantiate`.
 
     `start_values`: by variable name, `A[1,2]` for one element of an array; text is converted. Several instances of one
-    FMU each have a folder and thus a library of their own. What hangs or crashes in the library cannot be caught.
+    FMU share its library. What hangs or crashes in the library cannot be caught.
     """
 
     alone: ClassVar[dict[str, FMUMember]] = {}  # by token: living instances of FMUs that allow one per process
@@ -49,7 +49,8 @@ class FMUMember(Member):
         self._fmu: Any = None
         self._state = "none"
         self._log: binary.Log | None = None
-        self._unpacked = unpack(path)
+        self._closed = False
+        self._unpacked = share(path)
         try:
             self._describe(dict(start_values or {}))
         except BaseException:
@@ -178,11 +179,14 @@ class FMUMember(Member):
             return f"it set fmi2Terminated.{binary.last_words(self.log)}"
         return ""
 
+    def failed(self, status: int) -> None:
+        self._state = "fatal" if status == binary.FATAL else "failed"
+
     def check(self, status: int, what: str) -> None:
         """Raise `SimulationError` if a call of this member's functions by address returned more than WARNING."""
         if status in (binary.OK, binary.WARNING):
             return
-        self._state = "fatal" if status == binary.FATAL else "failed"
+        self.failed(status)
         hint = " Asynchronous steps are not supported." if status == binary.PENDING else ""
         raise binary.failed(self.name, what, status, self.log, hint)
 

@@ -87,7 +87,10 @@ class Builder:
             self.problem((*path, "tolerance"), f"{what}: a tolerance needs a figure to compare with. Add `paper`.")
         window = self.window(path, keys, what)
         where = str(self.tree.find(path).place)
-        return Metric(name, keys.signal, keys.reduce, window, unit, figures, keys.tolerance, keys.description, where)
+        variants = self.known((*path, "variants"), keys.variants, f"{what}.variants")
+        return Metric(
+            name, keys.signal, keys.reduce, window, unit, figures, keys.tolerance, variants, keys.description, where
+        )
 
     def expectation(self, index: int, keys: ExpectKeys, metrics: dict[str, Metric]) -> Expectation:
         """An expectation; it must say of what, and exactly one thing."""

@@ -146,6 +146,7 @@ class MetricKeys(WindowKeys):
     unit: Text = ""
     paper: Annotated[Any, BeforeValidator(published)] = None
     tolerance: Annotated[float, BeforeValidator(fraction)] | None = None
+    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
     description: Text = ""
 
 
