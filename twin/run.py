@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin import clock, members, results
+from twin import members, results
 from twin.algorithm.cosimulation import Algorithm, CoSimulation
 from twin.catalog import component
 from twin.errors import CouplingError, ScenarioError, SimulationError, TwinError
@@ -110,7 +110,7 @@ def columns(scenario: Scenario, catalogs: dict[str, Catalog]) -> list[results.Co
     """Every variable that any variant records."""
     found = {}
     for case in scenario.variants:
-        catalog = catalogs[case.variant]
+        catalog = {**catalogs[case.variant], **scenario.derived(case.variant)}
         for path in case.record.select(catalog):
             variable = find(path, catalog).variable
             kind = variable.dtype.kind
@@ -148,7 +148,6 @@ def run_scenario(
                 break
     about.members = identities
     outcome.evaluation = evaluate(scenario.metrics, scenario.expectations, outcome.tables, scenario.paper_applies)
-    analyze(outcome)
     write(outcome, cases, report)
     return outcome
 
@@ -180,22 +179,19 @@ def _run_one(
     finally:
         if simulated is not None:
             simulated.terminate()
-            recorded = signals(simulated, complete)
+            recorded = analyzed(outcome.scenario, case.variant, signals(simulated, complete))
             outcome.tables[case.variant, case.seed] = recorded
             file.write(case.variant, case.seed, recorded)
             about.simulated_time += float(recorded.time[-1] - recorded.time[0]) if len(recorded.time) else 0.0
     return complete
 
 
-def analyze(outcome: Outcome) -> None:
-    """Call the scenario's analyses on what was recorded; their figures go into the summary."""
-    found: dict[str, Any] = {}
-    for one in getattr(outcome.scenario, "analyses", ()):
-        for (variant, seed), table in outcome.tables.items():
-            if table.complete and (not one.variants or variant in one.variants):
-                found.setdefault(one.name, {}).setdefault(variant, {})[seed] = one.apply(table)
-    if found:
-        outcome.run.extra = {**outcome.run.extra, "analyses": found}
+def analyzed(scenario: Scenario, variant: str, recorded: Signals) -> Signals:
+    """The signals of a complete case with those of its analyses."""
+    for one in scenario.analyses:
+        if recorded.complete and (not one.variants or variant in one.variants):
+            recorded = one.apply(recorded)
+    return recorded
 
 
 def sources(cases: Iterable[Case]) -> dict[str, str]:
@@ -217,8 +213,7 @@ def write(outcome: Outcome, cases: Sequence[Case], report: bool) -> None:
 
         distinct = list({case.variant: case for case in cases}.values())
         text = page.html(
-            outcome.summary, outcome.evaluation, outcome.tables, outcome.scenario.plots,
-            page.parameters(distinct, outcome.catalogs, sources(distinct)), page.events(distinct),
-            sorted({clock.seconds(event.time_ns) for case in distinct for event in case.events}),
+            outcome.summary, outcome.evaluation, outcome.tables, plots=outcome.scenario.plots,
+            parameters=page.parameters(distinct, outcome.catalogs, sources(distinct)), events=page.events(distinct),
         )  # fmt: skip
         results.write_text(outcome.folder / "report.html", text)

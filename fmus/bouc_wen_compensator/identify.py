@@ -100,6 +100,18 @@ def identify(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> Fit:
                MILLIMETER * float(best.x[5]), MILLIMETER * residual)  # fmt: skip
 
 
+def analysis(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> dict[str, float | NDArray[np.float64]]:
+    """The identification for a scenario: constants, residual, and what the fitted model answers to x_in."""
+    fit = identify(x_in, x_out)
+    model = simulate(fit.constants, x_in) + fit.offset
+    return {**fit.constants._asdict(), "residual": fit.residual, "offset": fit.offset, "x_model": model}
+
+
+analysis.outputs = {  # type: ignore[attr-defined]
+    **dict.fromkeys(Constants._fields, ""), "residual": "m", "offset": "m", "x_model": "m",
+}  # fmt: skip
+
+
 def _hysteresis(c: Constants, x_in: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """State h [mm] over x_in [mm], and its sensitivities to alpha, beta, delta, gamma; integrated over x_in, not over time."""
     _, alpha, beta, delta, gamma = c

@@ -104,11 +104,6 @@ def show(outcome: Outcome, report: bool) -> None:
     console = Console(width=None if sys.stdout.isatty() else 110)
     console.print(f"[bold]{outcome.scenario.title}[/bold]")
     console.print(table(outcome.evaluation))
-    for name, variants in outcome.run.extra.get("analyses", {}).items():
-        for variant, seeds in variants.items():
-            for seed, figures in seeds.items():
-                text = ", ".join(f"{key} {value:.4g}" for key, value in figures.items())
-                console.print(f"{name} ({variant}, seed {seed}): {text}", highlight=False)
     factor = outcome.run.real_time_factor
     if factor:
         console.print(f"{outcome.run.simulated_time:g} s simulated in {outcome.run.wall_time:.2f} s, "

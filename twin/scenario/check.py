@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.errors import CouplingError
+from twin.errors import CouplingError, ScenarioError
 from twin.scenario import value
 from twin.scenario.merge import nearest
 from twin.scenario.model import NAME
@@ -43,7 +43,7 @@ def check(scenario: Scenario, keys: ScenarioKeys, tree: Node, trees: dict[str, N
     problems += [f"{tree.find(('seeds',)).place}: seed {seed} is given twice. Every seed is one run." for seed in twice]
     for case in scenario.variants:
         problems += check_case(case, trees[case.variant], keys)
-    members = {name for case in scenario.variants for name in case.members}
+    members = {name for case in scenario.variants for name in case.members} | {one.name for one in scenario.analyses}
     for place, name in references(scenario, keys, tree):
         member = name.partition(".")[0]
         if "*" not in member and member not in members:
@@ -61,7 +61,9 @@ def references(scenario: Scenario, keys: ScenarioKeys, tree: Node) -> Iterable[t
 
 
 def figures_of(scenario: Scenario) -> Iterable[tuple[str, list[Expression]]]:
-    """(place, expressions) of every metric, expectation and plot."""
+    """(place, expressions) of every analysis, metric, expectation and plot."""
+    for analysis in scenario.analyses:
+        yield analysis.where, list(analysis.inputs.values())
     for metric in scenario.metrics.values():
         yield metric.where, [metric.signal]
     for expectation in scenario.expectations:
@@ -145,7 +147,11 @@ def check_against(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[s
         targets = {connection.target for connection in case.connections}
         for event in case.events:
             problems += event_problems(event, catalog, targets)
-    problems += check_names(scenario, catalogs)
+    try:
+        every = {variant: {**catalog, **scenario.derived(variant)} for variant, catalog in catalogs.items()}
+    except ScenarioError as error:
+        return [*problems, *error.problems]
+    problems += check_names(scenario, every)
     return list(dict.fromkeys(problems))
 
 

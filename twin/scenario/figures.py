@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from twin.analysis import Analysis
 from twin.errors import CouplingError
 from twin.metrics import Curve, Expectation, Metric, Plot
 from twin.scenario import value
@@ -13,7 +14,7 @@ from twin.signals import Window
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from twin.scenario.model import ExpectKeys, MetricKeys, PlotKeys, ScenarioKeys, WindowKeys
+    from twin.scenario.model import AnalysisKeys, ExpectKeys, MetricKeys, PlotKeys, ScenarioKeys, WindowKeys
     from twin.scenario.tree import Node
 
 
@@ -141,6 +142,16 @@ class Builder:
         )  # fmt: skip
 
 
+    def analysis(self, name: str, keys: AnalysisKeys) -> Analysis:
+        """An analysis."""
+        path, what = ("analyses", name), f"analyses.{name}"
+        if name in self.keys.members:
+            self.problem(path, f"{what}: a member has this name already. Choose another.")
+        variants = self.known((*path, "variants"), keys.variants, f"{what}.variants")
+        window, where = self.window(path, keys, what), str(self.tree.find(path).place)
+        return Analysis(name, keys.function, keys.inputs, window, variants, where)
+
+
 def spelled(keys: ExpectKeys) -> str:
     """The unit in which an expectation's limits are written, so that they are shown as they were meant."""
     for raw in (*(keys.within or ()), keys.at_least, keys.at_most):
@@ -152,10 +163,11 @@ def spelled(keys: ExpectKeys) -> str:
 
 def figures(
     keys: ScenarioKeys, tree: Node, variants: list[str], names: Iterable[str]
-) -> tuple[dict[str, Metric], tuple[Expectation, ...], tuple[Plot, ...], list[str]]:
-    """Metrics, expectations and plots, and what is wrong with them."""
+) -> tuple[tuple[Analysis, ...], dict[str, Metric], tuple[Expectation, ...], tuple[Plot, ...], list[str]]:
+    """Analyses, metrics, expectations and plots, and what is wrong with them."""
     builder = Builder(keys, tree, variants, names)
     metrics = {name: builder.metric(name, one) for name, one in keys.metrics.items()}
     expectations = tuple(builder.expectation(index, one, metrics) for index, one in enumerate(keys.expect))
     plots = tuple(builder.plot(index, one) for index, one in enumerate(keys.plots))
-    return metrics, expectations, plots, builder.problems
+    analyses = tuple(builder.analysis(name, one) for name, one in keys.analyses.items())
+    return analyses, metrics, expectations, plots, builder.problems

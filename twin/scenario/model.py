@@ -165,6 +165,15 @@ class ExpectKeys(WindowKeys):
     unit: Text = ""
 
 
+class AnalysisKeys(WindowKeys):
+    """A function of recorded signals; see `twin.analysis`."""
+
+    function: Text
+    inputs: Annotated[dict[str, Signal], Field(min_length=1)]
+    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+    description: Text = ""
+
+
 class CurveKeys(Keys):
     """A line of a plot."""
 
@@ -216,6 +225,7 @@ class ScenarioKeys(RunKeys):
     seed: Seed | None = None
     variants: dict[str, RunKeys | None] = {}
     record: RecordKeys = RecordKeys()
+    analyses: dict[str, AnalysisKeys] = {}
     metrics: dict[str, MetricKeys] = {}
     expect: list[ExpectKeys] = []
     plots: list[PlotKeys] = []

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from twin.member import MemberVariable
+    from twin.analysis import Analysis
     from twin.metrics import Expectation, Metric, Plot
     from twin.scenario.model import ScenarioKeys
 
@@ -143,6 +144,7 @@ class Scenario:
     seeds: tuple[int, ...]
     variants: tuple[Case, ...]  # one for each variant, with the first seed
     record: RecordSpec
+    analyses: tuple[Analysis, ...]
     metrics: dict[str, Metric]
     expectations: tuple[Expectation, ...]
     plots: tuple[Plot, ...]
@@ -168,6 +170,11 @@ class Scenario:
                 raise ScenarioError(f"{self.path}: there is no variant `{name}`.{merge.nearest(name, known)}")
         chosen = [case for case in self.variants if not variants or case.variant in variants]
         return [replace(case, seed=seed) for case in chosen for seed in (seeds or self.seeds)]
+
+    def derived(self, variant: str) -> Catalog:
+        """What the analyses of a variant give, as if each were a member."""
+        chosen = [one for one in self.analyses if not one.variants or variant in one.variants]
+        return {one.name: one.variables() for one in chosen}
 
     def frozen(self) -> str:
         """The scenario as one YAML text: everything merged, overrides applied, paths of FMUs absolute."""
@@ -202,13 +209,13 @@ def build(root: Node, path: Path, overrides: Sequence[str]) -> Scenario:
     for name, tree in trees.items():
         own, tree, _ = validate(tree)  # noqa: PLW2901 - its problems are already listed
         variants[name] = case_of(name, own, tree, keys)
-    metrics, expectations, plots, found = figures.figures(keys, kept, list(variants), root.find(("metrics",)).entries)
+    analyses, metrics, expectations, plots, found = figures.figures(keys, kept, list(variants), root.find(("metrics",)).entries)
     problems += found
-    record = record_of(keys, kept, metrics, expectations, plots)
+    record = record_of(keys, kept, analyses, metrics, expectations, plots)
     scenario = Scenario(
         path, path.stem, keys.title or path.stem, keys.description, keys.source,
         keys.start_time, keys.stop_time or 0, keys.step or MILLISECOND, keys.algorithm or "jacobi",
-        tuple(keys.seeds), tuple(variants.values()), record, metrics, expectations, plots, tuple(overrides),
+        tuple(keys.seeds), tuple(variants.values()), record, analyses, metrics, expectations, plots, tuple(overrides),
         not any(touches(option) for option in effective), root,
     )  # fmt: skip
     problems += check.check(scenario, keys, kept, trees)
@@ -267,9 +274,10 @@ def case_of(name: str, keys: ScenarioKeys, tree: Node, base: ScenarioKeys) -> Ca
     )  # fmt: skip
 
 
-def record_of(keys: ScenarioKeys, tree: Node, metrics: Any, expectations: Any, plots: Any) -> RecordSpec:
-    """What is recorded, and what has to be because a metric, an expectation or a plot reads it."""
-    expressions = [metric.signal for metric in metrics.values()] + [one.signal for one in expectations if one.signal]
+def record_of(keys: ScenarioKeys, tree: Node, analyses: Any, metrics: Any, expectations: Any, plots: Any) -> RecordSpec:
+    """What is recorded, and what has to be because an analysis, a metric, an expectation or a plot reads it."""
+    expressions = [one for analysis in analyses for one in analysis.inputs.values()]
+    expressions += [metric.signal for metric in metrics.values()] + [one.signal for one in expectations if one.signal]
     for plot in plots:
         expressions += [one for curve in plot.curves for one in (curve.signal, curve.x) if one is not None]
     needed = dict.fromkeys(signal.name for one in expressions for signal in one.signals)
