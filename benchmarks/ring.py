@@ -11,7 +11,6 @@ import statistics
 import subprocess
 import sys
 import time
-import zipfile
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
@@ -39,7 +38,7 @@ def c_loop() -> Path:
 
 
 def time_c(program: Path, version: str, path: Path, members: int, steps: int) -> tuple[float, float]:
-    """ns per member and step, and the last output."""
+    """Ns per member and step, and the last output."""
     unpacked = unpack(path)
     library = next((unpacked.folder / "binaries").rglob("*.so"))
     variables = {variable.name: str(variable.valueReference) for variable in unpacked.description.modelVariables}

@@ -1,5 +1,7 @@
 """Declarations, memory layout, and the interpreted form."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -59,7 +61,7 @@ def test_layout_is_aligned_and_blocks_do_not_overlap():
         assert offset % variable.dtype.itemsize == 0
         ends.append((offset, offset + variable.size * variable.dtype.itemsize))
     ends.sort()
-    assert all(a[1] <= b[0] for a, b in zip(ends, ends[1:], strict=False))
+    assert all(a[1] <= b[0] for a, b in pairwise(ends))
     assert dtype.itemsize % 8 == 0
     assert Everything.layout.state_size == 2
 
@@ -93,7 +95,7 @@ def test_inherited_variables_and_overridden_start():
 
 
 def test_mistakes_are_named():
-    with pytest.raises(DeclarationError, match="no variable 'vectr'. Did you mean 'vector'"):
+    with pytest.raises(DeclarationError, match=r"no variable 'vectr'\. Did you mean 'vector'"):
         Everything(vectr=1.0)
     with pytest.raises(DeclarationError, match=r"Odd\.start: this name is the engine's own"):
         type("Odd", (Component,), {"start": input("", "clash")})

@@ -5,7 +5,7 @@ from math import exp
 from twin.component import Component, PythonComponent
 from twin.dependencies import dependencies, flow
 from twin.noise import normal, seed_stream
-from twin.variable import Int64, input, local, output, parameter, state  # noqa: A004 - FMI's own word
+from twin.variable import Int64, input, local, output, parameter, state
 
 
 def shift(buffer, value):

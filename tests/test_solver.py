@@ -127,5 +127,3 @@ def test_a_component_may_return_a_status():
     assert refuses.advance(0.0, 1.0) == solver.OK
     refuses.u = -1.0
     assert refuses.advance(0.0, 1.0) == solver.ERROR
-
-

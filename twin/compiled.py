@@ -40,9 +40,51 @@ TARGETS = {
 }  # fmt: skip
 
 LIBM = frozenset(
-    """acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh erf erfc exp exp2 expm1 fabs floor fma fmax
-    fmin fmod frexp hypot ldexp lgamma log log10 log1p log2 modf nearbyint pow rint round sin sinh sqrt tan tanh tgamma
-    trunc""".split()
+    [
+        "acos",
+        "acosh",
+        "asin",
+        "asinh",
+        "atan",
+        "atan2",
+        "atanh",
+        "cbrt",
+        "ceil",
+        "copysign",
+        "cos",
+        "cosh",
+        "erf",
+        "erfc",
+        "exp",
+        "exp2",
+        "expm1",
+        "fabs",
+        "floor",
+        "fma",
+        "fmax",
+        "fmin",
+        "fmod",
+        "frexp",
+        "hypot",
+        "ldexp",
+        "lgamma",
+        "log",
+        "log10",
+        "log1p",
+        "log2",
+        "modf",
+        "nearbyint",
+        "pow",
+        "rint",
+        "round",
+        "sin",
+        "sinh",
+        "sqrt",
+        "tan",
+        "tanh",
+        "tgamma",
+        "trunc",
+    ]
 )
 
 
@@ -117,7 +159,7 @@ class Entry:
 
 @lru_cache(maxsize=1)
 def _numba() -> Any:
-    """numba with our machine words, imported on first use; its SVML calls would tie the code to one runtime."""
+    """Numba with our machine words, imported on first use; its SVML calls would tie the code to one runtime."""
     os.environ["NUMBA_DISABLE_INTEL_SVML"] = "1"
     from twin import intrinsics
 
@@ -170,11 +212,15 @@ def _optimize(module: llvm.ModuleRef, target: str) -> tuple[llvm.ModuleRef, llvm
     triple = TARGETS[target]
     target_machine = llvm.Target.from_triple(triple).create_target_machine(opt=3, reloc="pic", codemodel="small")
     text = "\n".join(line for line in str(module).splitlines() if not line.startswith("target "))
-    module = llvm.parse_assembly(text.replace('"target-cpu"="', '"was-cpu"="').replace('"target-features"="', '"was-features"="'))
+    module = llvm.parse_assembly(
+        text.replace('"target-cpu"="', '"was-cpu"="').replace('"target-features"="', '"was-features"="')
+    )
     module.triple = triple
     module.data_layout = str(target_machine.target_data)
     options = llvm.create_pipeline_tuning_options(speed_level=3)
-    llvm.create_pass_builder(target_machine, options).getModulePassManager().run(module, llvm.create_pass_builder(target_machine, options))
+    llvm.create_pass_builder(target_machine, options).getModulePassManager().run(
+        module, llvm.create_pass_builder(target_machine, options)
+    )
     return module, target_machine
 
 
@@ -201,7 +247,9 @@ def _object(entries: tuple[Entry, ...], dtype: np.dtype[Any], target: str, where
 
 def compile_entries(entries: tuple[Entry, ...], dtype: np.dtype[Any], target: str, where: str, build: Path) -> bytes:
     """Object file with the entries as hidden symbols, from the cache in `build` where it holds them."""
-    shape = f"{target} {dtype.descr if dtype.names is None else dtype.fields} {[(e.symbol, e.arguments) for e in entries]}"
+    shape = (
+        f"{target} {dtype.descr if dtype.names is None else dtype.fields} {[(e.symbol, e.arguments) for e in entries]}"
+    )
     key = content_hash(tuple(entry.function for entry in entries), shape)
     place = build / "objects" / f"{key}.o"
     if place.exists():

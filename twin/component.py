@@ -49,7 +49,7 @@ class Component:
         for base in reversed(cls.__mro__):
             for name, value in vars(base).items():
                 if isinstance(value, Variable) and value.role is not Role.derivative:
-                    declared[name] = named(cls, base, name, value)
+                    declared[name] = named(cls, name, value)
         ordered: list[Variable] = []
         for variable in declared.values():
             ordered.append(variable)
@@ -111,7 +111,7 @@ class PythonComponent(Component):
         """Release what the component holds; called once at the end of a run, also after a failure."""
 
 
-def named(cls: type, base: type, name: str, variable: Variable) -> Variable:
+def named(cls: type, name: str, variable: Variable) -> Variable:
     """The declaration with its name, put back on the class so that instances find it."""
     if name in RESERVED or name.startswith("_"):
         raise DeclarationError(f"{cls.__name__}.{name}: this name is the engine's own. Choose another.")

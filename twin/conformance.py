@@ -105,7 +105,9 @@ def check_documentation(cls: type[Component], _build: Path) -> None:
         if not variable.description:
             raise ConformanceError(f"{where}: has no description. Say what it means, with its sign.")
         if unit.describe(variable.unit).factor != 1.0:
-            raise ConformanceError(f"{where}: unit {variable.unit} is not SI. Use SI inside and display_unit beside it.")
+            raise ConformanceError(
+                f"{where}: unit {variable.unit} is not SI. Use SI inside and display_unit beside it."
+            )
         if variable.role is Role.parameter and variable.type is Float64 and not variable.source:
             raise ConformanceError(f"{where}: has no source. Say where the value comes from, or `assumed`.")
 
@@ -177,4 +179,3 @@ def checks(cls: type[Component]) -> dict[str, Callable[[type[Component], Path], 
     if issubclass(cls, PythonComponent):
         return {name: CHECKS[name] for name in ("documentation", "interpreted")}
     return CHECKS
-

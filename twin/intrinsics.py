@@ -117,7 +117,7 @@ def llvm_text(function: Any, dtype: Any, arguments: tuple[str, ...], where: str)
 
 
 def _message(error: Any, where: str) -> str:
-    """numba's pages in one line: component, place, construct."""
+    """Numba's pages in one line: component, place, construct."""
     text = str(error)
     places = [line.strip() for line in text.splitlines() if line.strip().startswith("File ")]
     reasons = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith((" ", "\t"))]

@@ -108,7 +108,7 @@ def run_case(case: Case, simulated: CoSimulation, progress: Progress) -> None:
 
 def columns(scenario: Scenario, catalogs: dict[str, Catalog]) -> list[results.Column]:
     """Every variable that any variant records."""
-    found = {}
+    found: dict[str, results.Column] = {}
     for case in scenario.variants:
         catalog = {**catalogs[case.variant], **scenario.derived(case.variant)}
         for path in case.record.select(catalog):
@@ -142,7 +142,9 @@ def run_scenario(
     outcome = Outcome(scenario, catalogs, about, folder=results.folder(root, scenario.name))
     results.write_text(outcome.folder / "scenario.yaml", scenario.frozen())
     identities: dict[str, dict[str, str]] = {}
-    with results.SignalFile(outcome.folder / "signals.parquet", columns(scenario, catalogs), {"scenario": scenario.name}) as file:
+    with results.SignalFile(
+        outcome.folder / "signals.parquet", columns(scenario, catalogs), {"scenario": scenario.name}
+    ) as file:
         for case in cases:
             if not _run_one(case, outcome, form, build, progress, file, identities):
                 break

@@ -159,7 +159,7 @@ def continuous_advance(derivatives: Function, method: Method, states: int) -> Fu
     longest = method.substep
 
     def advance(self: Any, t: float, h: float) -> int:
-        count = max(1, int(ceil(h / longest - 1e-9)))
+        count = max(1, int(ceil(h / longest - 1e-9)))  # noqa: RUF046 - a float when compiled
         part = h / count
         for i in range(count):
             substep(self, t + i * part, part)

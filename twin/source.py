@@ -81,7 +81,9 @@ def _check_function(cls: type[Component], function: FunctionType, seen: set[str]
                 yield from _check_function(cls, helper, seen, owner=False)
 
 
-def _problems(cls: type[Component], function: FunctionType, tree: ast.AST, owner: bool) -> Iterator[tuple[ast.AST, str]]:
+def _problems(
+    cls: type[Component], function: FunctionType, tree: ast.AST, owner: bool
+) -> Iterator[tuple[ast.AST, str]]:
     variables = {variable.name: variable for variable in cls.variables}
     me = function.__code__.co_varnames[0] if function.__code__.co_argcount else "self"
     for node in ast.walk(tree):
@@ -92,7 +94,11 @@ def _problems(cls: type[Component], function: FunctionType, tree: ast.AST, owner
         elif owner and isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == me:
             if node.attr not in variables and not node.attr.startswith("_"):
                 near = "".join(difflib.get_close_matches(node.attr, list(variables), 1))
-                yield node, f"`self.{node.attr}` is not declared" + (f". Did you mean `self.{near}`?"[:-1] if near else ". Declare it")
+                yield (
+                    node,
+                    f"`self.{node.attr}` is not declared"
+                    + (f". Did you mean `self.{near}`?"[:-1] if near else ". Declare it"),
+                )
         if owner and isinstance(node, ast.Assign | ast.AugAssign | ast.AnnAssign):
             yield from _write_problems(node, me, variables)
 
@@ -100,12 +106,18 @@ def _problems(cls: type[Component], function: FunctionType, tree: ast.AST, owner
 def _call_problems(node: ast.Call, function: FunctionType) -> Iterator[tuple[ast.AST, str]]:
     called = node.func
     if isinstance(called, ast.Name) and called.id in CALLS and called.id not in function.__globals__:
-        yield node, f"`{called.id}()` would {CALLS[called.id]} and cannot stand in a component. Use a PythonComponent for that"
+        yield (
+            node,
+            f"`{called.id}()` would {CALLS[called.id]} and cannot stand in a component. Use a PythonComponent for that",
+        )
     if isinstance(called, ast.Attribute):
         base = called.value
         module = isinstance(base, ast.Name) and isinstance(function.__globals__.get(base.id), ModuleType)
         if module and called.attr in ARRAYS:
-            yield node, f"`{ast.unparse(called)}()` allocates an array. Declare a local() with shape=... and loop over it"
+            yield (
+                node,
+                f"`{ast.unparse(called)}()` allocates an array. Declare a local() with shape=... and loop over it",
+            )
         elif isinstance(base, ast.Attribute) and base.attr in ("random", "linalg"):
             instead = "twin.noise" if base.attr == "random" else "a loop over the elements"
             yield node, f"`{ast.unparse(called)}()` pulls Python in. Use {instead}"
@@ -126,14 +138,24 @@ def _write_problems(
                 continue
             variable = variables.get(inner.attr)
             if variable is not None and variable.role in (Role.input, Role.parameter):
-                yield node, f"writes {variable.role} `self.{inner.attr}`, which is set from outside. Use a local() for it"
+                yield (
+                    node,
+                    f"writes {variable.role} `self.{inner.attr}`, which is set from outside. Use a local() for it",
+                )
             if variable is not None and variable.shape and not isinstance(place, ast.Subscript):
-                yield node, f"assigns the whole array `self.{inner.attr}`. Loop over its elements: self.{inner.attr}[i] = ..."
+                yield (
+                    node,
+                    f"assigns the whole array `self.{inner.attr}`. Loop over its elements: self.{inner.attr}[i] = ...",
+                )
 
 
 def explain_symbols(where: str, foreign: list[str], entries: list[Callable[..., Any]]) -> str:
     """Why compiled code still refers to Python: the symbols, and the lines that are likely to have brought them."""
-    reason = "an array is allocated or an exception can be raised" if any("NRT" in s for s in foreign) else "Python is called"
+    reason = (
+        "an array is allocated or an exception can be raised"
+        if any("NRT" in s for s in foreign)
+        else "Python is called"
+    )
     suspects: list[str] = []
     seen: set[int] = set()
     for entry in entries:

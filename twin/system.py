@@ -116,7 +116,9 @@ class System:
             for i in range(target.first, target.first + target.size):
                 other = sources.setdefault((*target.key, i), connection.source)
                 if other != connection.source:
-                    problems.append(f"{where}{connection.target} has two sources, {other} and {connection.source}. Keep one.")
+                    problems.append(
+                        f"{where}{connection.target} has two sources, {other} and {connection.source}. Keep one."
+                    )
                     break
             links.append(link)
         return links, problems
@@ -130,16 +132,25 @@ class System:
             raise CouplingError(f"{text}: the target is no input but {target.variable.causality}. Connect to an input.")
         for end in (source, target):
             if not end.variable.connectable:
-                raise CouplingError(f"{text}: {end.variable.type} values cannot be connected, only numbers and Booleans.")
+                raise CouplingError(
+                    f"{text}: {end.variable.type} values cannot be connected, only numbers and Booleans."
+                )
         if source.size != target.size:
             raise CouplingError(f"{text}: {source.size} values do not fit {target.size}. Connect elements, like x[1].")
         if is_real(source.variable) and not is_real(target.variable):
-            raise CouplingError(f"{text}: {source.variable.type} does not fit {target.variable.type}. Round it in a component.")
+            raise CouplingError(
+                f"{text}: {source.variable.type} does not fit {target.variable.type}. Round it in a component."
+            )
         if not is_real(source.variable) and not is_real(target.variable):
             a, b = (np.iinfo(v.dtype) if v.dtype.kind != "b" else None for v in (source.variable, target.variable))
             if b is None and source.variable.type != "Boolean":
                 raise CouplingError(f"{text}: {source.variable.type} does not fit Boolean. Compare it in a component.")
-            if a is not None and b is not None and source.variable.type != "Boolean" and (a.min < b.min or a.max > b.max):
+            if (
+                a is not None
+                and b is not None
+                and source.variable.type != "Boolean"
+                and (a.min < b.min or a.max > b.max)
+            ):
                 raise CouplingError(f"{text}: {source.variable.type} may overflow {target.variable.type}.")
         factor, offset = unit.conversion(source.variable.unit, target.variable.unit, text)
         if (factor, offset) != (1.0, 0.0) and not is_real(target.variable):

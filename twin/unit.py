@@ -22,7 +22,7 @@ class Unit:
 
 @lru_cache(maxsize=1)
 def registry() -> Any:
-    """pint's registry, made on first use: it takes 0.1 s."""
+    """Pint's registry, made on first use: it takes 0.1 s."""
     import pint
 
     units = pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=":auto:")
@@ -78,7 +78,9 @@ def quantity(text: str, unit: str, what: str) -> float:
     try:
         value = units.Quantity(text)
     except Exception:
-        raise CouplingError(f"{what}: {text!r} is not a quantity. Write a number and a unit, such as 0.2 {unit}.") from None
+        raise CouplingError(
+            f"{what}: {text!r} is not a quantity. Write a number and a unit, such as 0.2 {unit}."
+        ) from None
     if isinstance(value, int | float):
         return float(value)
     if value.dimensionless and value.unitless:

@@ -121,7 +121,9 @@ def couple(
     members = {}
     for name, component in parts.items():
         native = mode == "compiled" and not isinstance(component, PythonComponent)
-        members[name] = RecordMember(name, component, compiled.load_component(type(component), build) if native else None)
+        members[name] = RecordMember(
+            name, component, compiled.load_component(type(component), build) if native else None
+        )
     catalog = {name: member.variables for name, member in members.items()}
     system = System(catalog, [Connection(*connection.split(" -> ")) for connection in connections])
     return CoSimulation(

@@ -4,7 +4,17 @@ import numpy as np
 import pytest
 
 from tests.algorithm.parts import (
-    Bomb, Clock, Diverging, Gain, Hold, Lag, Millimeters, SlowClock, SlowHold, couple, trajectory,
+    Bomb,
+    Clock,
+    Diverging,
+    Gain,
+    Hold,
+    Lag,
+    Millimeters,
+    SlowClock,
+    SlowHold,
+    couple,
+    trajectory,
 )  # fmt: skip
 from twin.algorithm.cosimulation import Algorithm
 from twin.errors import CouplingError, SimulationError
@@ -53,7 +63,9 @@ def test_a_slow_member_publishes_when_due(build, algorithm):
 
 
 def test_a_period_that_does_not_divide_is_an_error(build):
-    with pytest.raises(CouplingError, match=r"slow: period 10 ms is not a multiple of 3 ms. Use 9 ms or 12 ms, or .* 1 ms"):
+    with pytest.raises(
+        CouplingError, match=r"slow: period 10 ms is not a multiple of 3 ms. Use 9 ms or 12 ms, or .* 1 ms"
+    ):
         couple(build, {"slow": SlowHold()}, [], step=3 * MS)
 
 
@@ -84,7 +96,9 @@ def test_failure_names_member_time_inputs_and_log_and_keeps_the_recording(build)
     bomb = Bomb()
     pair = couple(build, {"lag": Lag(x=1.0), "bomb": bomb}, ["lag.y -> bomb.u"])
     pair.initialize(0, 100 * MS)
-    with pytest.raises(SimulationError, match=r"bomb: failed with ERROR in the step from t = 50 ms.*u=.*ValueError: boom"):
+    with pytest.raises(
+        SimulationError, match=r"bomb: failed with ERROR in the step from t = 50 ms.*u=.*ValueError: boom"
+    ):
         pair.advance(100 * MS)
     pair.terminate()
     pair.terminate()

@@ -5,7 +5,7 @@ from math import exp
 from twin import solver
 from twin.component import Component
 from twin.noise import normal, seed_stream
-from twin.variable import Int32, Int64, input, local, output, parameter, state  # noqa: A004 - FMI's own word
+from twin.variable import Int32, Int64, input, local, output, parameter, state
 
 
 class Masses(Component):

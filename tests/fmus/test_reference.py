@@ -3,7 +3,7 @@ import pytest
 from twin import reference
 from twin.component import Component
 from twin.errors import DeclarationError, SimulationError
-from twin.variable import Int32, input, output  # noqa: A004 - the form of a component
+from twin.variable import Int32, input, output
 
 
 class Mixed(Component):

@@ -84,7 +84,9 @@ class CoSimulation:
         for name, period in {**self.periods, "record": self.every}.items():
             if period % self.step:
                 low = period // self.step * self.step
-                choice = clock.text(low + self.step) if low == 0 else f"{clock.text(low)} or {clock.text(low + self.step)}"
+                choice = (
+                    clock.text(low + self.step) if low == 0 else f"{clock.text(low)} or {clock.text(low + self.step)}"
+                )
                 problems.append(
                     f"{name}: period {clock.text(period)} is not a multiple of {clock.text(self.step)}. Use {choice}, "
                     f"or a communication step of {clock.text(clock.common_step([period, self.step]))}."
@@ -104,7 +106,9 @@ class CoSimulation:
         place = {name: i for i, stage in enumerate(self.order()) for name in stage}
         found = []
         for link in self.links:
-            fresh = place[link.source.member] < place[link.target.member] and self.periods[link.source.member] == self.step
+            fresh = (
+                place[link.source.member] < place[link.target.member] and self.periods[link.source.member] == self.step
+            )
             found.append((link, 0 if fresh else self.periods[link.target.member]))
         return found
 

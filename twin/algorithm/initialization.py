@@ -28,16 +28,16 @@ def solve(members: Mapping[str, Member], links: list[Link]) -> None:
     for link in links:
         by_source.setdefault(link.source.key, []).append(link)
     followers: dict[Key, list[Key]] = {key: [] for key in by_source}
-    for key in by_source:
-        for link in by_source[key]:
+    for key, group in by_source.items():
+        for link in group:
             for other in by_source:
                 if other[0] == link.target.member and feeds(link, members[other[0]].variables[other[1]]):
                     followers[key].append(other)
-    for group in ordered_groups(list(by_source), followers):
-        if len(group) == 1 and group[0] not in followers[group[0]]:
-            push(members, by_source[group[0]], members[group[0][0]].get(group[0][1]))
+    for keys in ordered_groups(list(by_source), followers):
+        if len(keys) == 1 and keys[0] not in followers[keys[0]]:
+            push(members, by_source[keys[0]], members[keys[0][0]].get(keys[0][1]))
         else:
-            _solve_loop(members, group, by_source)
+            _solve_loop(members, keys, by_source)
 
 
 def push(members: Mapping[str, Member], links: list[Link], value: Any) -> None:

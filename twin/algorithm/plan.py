@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 Key = tuple[str, str]
 Place = tuple[str, int, int, int]
 
+
 @dataclass
 class Memory:
     """A zeroed buffer that grows by blocks, which never move; every place is on a multiple of 8 byte."""
@@ -202,7 +203,10 @@ class Plan:
             if len(into) != 1 or row[3] != 1:
                 continue
             link = into[0]
-            variable, foreign = link.source.variable, not self.members[link.source.member].address(link.source.variable.name)
+            variable, foreign = (
+                link.source.variable,
+                not self.members[link.source.member].address(link.source.variable.name),
+            )
             same = variable.dtype == link.target.variable.dtype and (link.factor, link.offset) == (1.0, 0.0)
             if same and foreign and link.target.size == row[5]:
                 offset = link.source.first * variable.dtype.itemsize

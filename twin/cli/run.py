@@ -18,16 +18,37 @@ FORMS = ("fmu", "compiled", "interpreted")
 
 @click.command(name="run")
 @click.argument("file", type=click.Path(path_type=Path), metavar="SCENARIO")
-@click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE",
-              help='Override a value of the file, such as heart.rate="1.4 Hz", stop_time="5 s" or seeds="[1, 2]".')
+@click.option(
+    "--set",
+    "overrides",
+    multiple=True,
+    metavar="PATH=VALUE",
+    help='Override a value of the file, such as heart.rate="1.4 Hz", stop_time="5 s" or seeds="[1, 2]".',
+)
 @click.option("--variant", "variants", multiple=True, metavar="NAME", help="Run this variant only; may be repeated.")
 @click.option("--seed", "seeds", multiple=True, type=int, help="Run this seed only; may be repeated.")
-@click.option("--as", "form", type=click.Choice(FORMS), default="fmu", show_default=True,
-              help="How the project's own components run; the results are the same to the bit.")
-@click.option("--runs", type=click.Path(file_okay=False, path_type=Path), default=Path("runs"), show_default=True,
-              help="Folder of results.")
-@click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
-              help="Folder of FMUs and compiled code.")
+@click.option(
+    "--as",
+    "form",
+    type=click.Choice(FORMS),
+    default="fmu",
+    show_default=True,
+    help="How the project's own components run; the results are the same to the bit.",
+)
+@click.option(
+    "--runs",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("runs"),
+    show_default=True,
+    help="Folder of results.",
+)
+@click.option(
+    "--build",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("build"),
+    show_default=True,
+    help="Folder of FMUs and compiled code.",
+)
 @click.option("--json", "as_json", is_flag=True, help="Print summary.json to stdout, and nothing else there.")
 @click.option("--no-report", is_flag=True, help="Write no report.html.")
 def command(

@@ -97,16 +97,15 @@ def unpack(path: str | Path) -> Unpacked:
     sha256 = digest(path)
     temporary: tempfile.TemporaryDirectory[str] | None = None
     try:
-        with path.open("rb") as file:
-            with open_archive(path, file) as archive:
-                entries = check_entries(path, archive)
-                description = read_description(path, archive, entries)
-                binary = find_binary(path, description, entries)
+        with path.open("rb") as file, open_archive(path, file) as archive:
+            entries = check_entries(path, archive)
+            description = read_description(path, archive, entries)
+            binary = find_binary(path, description, entries)
 
-                # the folder is canonical: a library's own idea of its path must not differ
-                temporary = tempfile.TemporaryDirectory(prefix="twin-fmu-", ignore_cleanup_errors=True)
-                root = Path(temporary.name).resolve()
-                extract(path, archive, entries, root / "fmu")
+            # the folder is canonical: a library's own idea of its path must not differ
+            temporary = tempfile.TemporaryDirectory(prefix="twin-fmu-", ignore_cleanup_errors=True)
+            root = Path(temporary.name).resolve()
+            extract(path, archive, entries, root / "fmu")
         (root / "fmu" / "resources").mkdir(exist_ok=True)
         parsed = markup.parse(path, description, root / "description.xml")
         notes = ["needs the tool it was made with on this machine"] if description.needs_tool else []

@@ -141,7 +141,6 @@ class Builder:
             self.known((*path, "variants"), keys.variants, what), str(self.tree.find(path).place),
         )  # fmt: skip
 
-
     def analysis(self, name: str, keys: AnalysisKeys) -> Analysis:
         """An analysis."""
         path, what = ("analyses", name), f"analyses.{name}"

@@ -23,8 +23,8 @@ from twin.scenario.tree import FLOAT, Node, parse
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from twin.member import MemberVariable
     from twin.analysis import Analysis
+    from twin.member import MemberVariable
     from twin.metrics import Expectation, Metric, Plot
     from twin.scenario.model import ScenarioKeys
 
@@ -209,7 +209,9 @@ def build(root: Node, path: Path, overrides: Sequence[str]) -> Scenario:
     for name, tree in trees.items():
         own, tree, _ = validate(tree)  # noqa: PLW2901 - its problems are already listed
         variants[name] = case_of(name, own, tree, keys)
-    analyses, metrics, expectations, plots, found = figures.figures(keys, kept, list(variants), root.find(("metrics",)).entries)
+    analyses, metrics, expectations, plots, found = figures.figures(
+        keys, kept, list(variants), root.find(("metrics",)).entries
+    )
     problems += found
     record = record_of(keys, kept, analyses, metrics, expectations, plots)
     scenario = Scenario(
