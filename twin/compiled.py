@@ -27,7 +27,7 @@ from twin.errors import BuildError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-FORMAT = 3  # raise when generated code changes although no function did
+FORMAT = 5  # raise when generated code changes although no function did
 
 HOST = "x86_64-linux"
 
@@ -37,6 +37,13 @@ TARGETS = {
     "x86_64-windows":  "x86_64-w64-windows-gnu",
     "x86_64-darwin":   "x86_64-apple-macosx11.0.0",
     "aarch64-darwin":  "arm64-apple-macosx11.0.0",
+}  # fmt: skip
+
+# numba's attributes that must go: its CPU, and its wrapper's wish that the wrapped function stays apart
+ATTRIBUTES = {
+    '"target-cpu"="':      '"was-cpu"="',
+    '"target-features"="': '"was-features"="',
+    "{ noinline }":        "{ nounwind }",
 }  # fmt: skip
 
 LIBM = frozenset(
@@ -212,15 +219,13 @@ def _optimize(module: llvm.ModuleRef, target: str) -> tuple[llvm.ModuleRef, llvm
     triple = TARGETS[target]
     target_machine = llvm.Target.from_triple(triple).create_target_machine(opt=3, reloc="pic", codemodel="small")
     text = "\n".join(line for line in str(module).splitlines() if not line.startswith("target "))
-    module = llvm.parse_assembly(
-        text.replace('"target-cpu"="', '"was-cpu"="').replace('"target-features"="', '"was-features"="')
-    )
+    for attribute, instead in ATTRIBUTES.items():
+        text = text.replace(attribute, instead)
+    module = llvm.parse_assembly(text)
     module.triple = triple
     module.data_layout = str(target_machine.target_data)
-    options = llvm.create_pipeline_tuning_options(speed_level=3)
-    llvm.create_pass_builder(target_machine, options).getModulePassManager().run(
-        module, llvm.create_pass_builder(target_machine, options)
-    )
+    builder = llvm.create_pass_builder(target_machine, llvm.create_pipeline_tuning_options(speed_level=3))
+    builder.getModulePassManager().run(module, builder)
     return module, target_machine
 
 

@@ -54,6 +54,8 @@ class MemberVariable:
     description: str = ""
     dependencies: tuple[str, ...] | None = None
     references: tuple[int, ...] = ()  # value references: one (FMI 3.0), or one per element (FMI 2.0)
+    initial: str = ""  # FMI's: exact and approx mean that the start value may be set, also of a state or an output
+    items: tuple[tuple[str, int], ...] = ()  # of an enumeration: name and number
 
     @property
     def size(self) -> int:

@@ -23,12 +23,15 @@ class Form(StrEnum):
     interpreted = "interpreted"
 
 
-def variables(component: str) -> Mapping[str, MemberVariable]:
-    """The variables that a member made of `component` will have, without running anything."""
+def variables(component: str, sizes: Mapping[str, Any] | None = None) -> Mapping[str, MemberVariable]:
+    """The variables that a member made of `component` will have, without running anything.
+
+    `sizes`: values of structural parameters, on which the shapes of others depend.
+    """
     if component.endswith(".fmu"):
         from twin.fmi.importer import FMUMember
 
-        member = FMUMember("member", component)
+        member = FMUMember("member", component, dict(sizes or {}))
         member.close()
         return member.variables
     return declared_variables(catalog.component(component))

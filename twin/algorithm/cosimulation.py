@@ -144,8 +144,8 @@ class CoSimulation:
         self.tables = {
             name: np.array(rows, np.int64).reshape(len(rows), -1) if rows else np.zeros((1, 1), np.int64)
             for name, rows in (
-                ("stages", plan.stages), ("slots", plan.slots), ("copies", plan.copies), ("converts", plan.converts),
-                ("accesses", plan.accesses), ("steps", plan.steps), ("records", plan.records),
+                ("copies", plan.copies), ("converts", plan.converts), ("accesses", plan.accesses),
+                ("steps", plan.steps), ("records", plan.records),
             )
         }  # fmt: skip
         rows = max(16, BUFFER_BYTES // (8 * plan.row_words))
@@ -154,13 +154,15 @@ class CoSimulation:
         self._rows = np.full((rows, plan.row_words), 0, np.int64)
         self._record = np.zeros(1, loop.RECORD)
         self.state = self._record[0]
-        for name, table in self.tables.items():
-            self.state[name] = table.ctypes.data
+        self._operations = plan.operation_rows(self.tables)
+        self.state["operations"], self.state["operation_count"] = self._operations.ctypes.data, len(self._operations)
         self.state["begin_ns"], self.state["step_ns"] = self._begin, self.step
-        self.state["stage_count"] = len(plan.stages)
-        self.state["rows"], self.state["row_limit"] = self._rows.ctypes.data, rows
-        self.state["row_words"], self.state["every"] = plan.row_words, self.every // self.step
-        self.state["record_convert_begin"], self.state["record_convert_end"] = plan.record_converts
+        self.state["row_bytes"], self.state["every"] = 8 * plan.row_words, self.every // self.step
+        self._use_buffer()
+        begin, end = plan.record_converts
+        converts = self.tables["converts"]
+        self.state["record_converts"] = converts.ctypes.data + begin * converts.strides[0]
+        self.state["record_convert_count"] = end - begin
         self._merge_records()
         self._loop = compiled_loop(self.build)
         loop.record(self._record.view(np.recarray)[0])
@@ -229,8 +231,7 @@ class CoSimulation:
                 if self.members[owner] is member:
                     view(address, member.variables[name])[:] = np.ravel(member.get(name))
             self.state["tick"] += 1
-            if int(self.state["row"]) >= int(self.state["row_limit"]):
-                self._drain()
+            self._drain()
             loop.record(self._record.view(np.recarray)[0])
         self.failure = f"{member.name} ended the simulation at {clock.text(self.time)}: {reason}"
 
@@ -275,13 +276,18 @@ class CoSimulation:
             raise CouplingError(f"{key[0]}.{key[1]}: nothing reads it, so overriding it has no effect. Use set.")
         return rows
 
+    def _use_buffer(self) -> None:
+        """Let the loop record into the buffer from its first row."""
+        begin = self._rows.ctypes.data
+        self.state["place"], self.state["limit"] = begin, begin + self._rows.nbytes
+
     def _drain(self) -> None:
         """Take the filled part of the recording buffer, and a fresh one rather than a copy."""
-        count = int(self.state["row"])
+        count = (int(self.state["place"]) - self._rows.ctypes.data) // int(self.state["row_bytes"])
         if count:
             self._chunks.append(self._rows[:count])
             self._rows = np.full_like(self._rows, 0)
-            self.state["rows"], self.state["row"] = self._rows.ctypes.data, 0
+            self._use_buffer()
 
     def recording(self) -> Recording:
         """All that was recorded until now, decoded."""

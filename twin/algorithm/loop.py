@@ -3,11 +3,14 @@
 `run` is plain Python over a record, like a component: compiled it costs what a hand-written C loop costs, interpreted
 it can be stepped through. It allocates nothing and calls no Python but Python-side members.
 
-From communication point k to k + 1, stage by stage (Jacobi: one stage; Gauss-Seidel: one per member):
+From communication point k to k + 1 it works off a list of operations, each with its own divider: it is due at every
+n-th communication point, counted at k, or for those that publish at k + 1. An operation moves values (copies,
+conversions, fmiGetXXX or fmiSetXXX), then steps members. Stage by stage (Jacobi: one stage; Gauss-Seidel: one per
+member) they are:
 
-1. every member of the stage that is due takes its inputs: copies, conversions, fmiSetXXX
-2. every member that is due steps, over its own period
-3. every member whose period ends at k + 1 publishes: fmiGetXXX, copies
+1. members that are due take their inputs
+2. members that are due step, over their own period
+3. members whose period ends at k + 1 publish
 
 so a slow member's outputs appear when its step is due, and within a stage nobody sees another's future.
 """
@@ -39,12 +42,9 @@ from twin.machine import (
 DONE, FAILED, FINISHED, FULL = 0, 1, 2, 3
 
 # columns of the tables: int64 words unless said otherwise
-STAGE = ("slot_begin", "slot_end")
-SLOT = (
-    "divider", "h",  # communication points per step; h [s] as the bits of a Float64
-    "copy_begin", "copy_end", "convert_begin", "convert_end", "set_begin", "set_end",
-    "step_begin", "step_end",
-    "get_begin", "get_end", "publish_begin", "publish_end",
+OPERATION = (
+    "divider", "shift", "h",  # due if (k + shift) % divider == 0; h: step of its members [s], Float64 bits
+    "copies", "copy_count", "converts", "convert_count", "accesses", "access_count", "steps", "step_count",
 )  # fmt: skip
 COPY = ("source", "target", "words")
 CONVERT = ("source", "source_kind", "target", "target_kind", "count", "factor", "offset")  # the last two Float64 bits
@@ -59,10 +59,9 @@ RECORD = np.dtype(
     [
         (name, np.int64)
         for name in (
-            "tick", "stop", "begin_ns", "step_ns",
-            "stages", "stage_count", "slots", "copies", "converts", "accesses", "steps",
-            "rows", "row", "row_limit", "row_words", "every",
-            "records", "record_count", "record_convert_begin", "record_convert_end",
+            "tick", "stop", "begin_ns", "step_ns", "operations", "operation_count",
+            "place", "limit", "row_bytes", "every",  # recording: address of the next row, and of the end
+            "records", "record_count", "record_converts", "record_convert_count",
             "member", "status", "finished",
         )
     ],
@@ -106,29 +105,26 @@ def convert_one(source: int, source_kind: int, target: int, target_kind: int, fa
         write8(target, whole)
 
 
-def copy(copies: int, begin: int, end: int) -> None:
+def copy(row: int, count: int) -> None:
     """Runs of 64-bit words from source to target."""
-    for i in range(begin, end):
-        row = copies + 24 * i
-        source = read64(row)
-        target = read64(row + 8)
+    for _ in range(count):
+        source, target = read64(row), read64(row + 8)
         for j in range(read64(row + 16)):
             write64(target + 8 * j, read64(source + 8 * j))
+        row += 24
 
 
-def convert(converts: int, begin: int, end: int, shift: int) -> None:
-    """Conversions of type or unit; `shift` moves the target (the row being recorded)."""
-    for i in range(begin, end):
-        row = converts + 56 * i
-        source = read64(row)
-        source_kind = read64(row + 8)
-        target = read64(row + 16) + shift
-        target_kind = read64(row + 24)
-        factor = read_float(row + 40)
-        offset = read_float(row + 48)
+def convert(row: int, count: int, shift: int) -> None:
+    """Conversions of type or unit; `shift` moves the target (to the row being recorded)."""
+    for _ in range(count):
+        source, source_kind = read64(row), read64(row + 8)
+        target, target_kind = read64(row + 16) + shift, read64(row + 24)
+        factor, offset = read_float(row + 40), read_float(row + 48)
+        source_width, target_width = width(source_kind), width(target_kind)
         for j in range(read64(row + 32)):
-            at = source + j * width(source_kind)
-            convert_one(at, source_kind, target + j * width(target_kind), target_kind, factor, offset)
+            at, to = source + j * source_width, target + j * target_width
+            convert_one(at, source_kind, to, target_kind, factor, offset)
+        row += 56
 
 
 def width(kind: int) -> int:
@@ -140,91 +136,72 @@ def width(kind: int) -> int:
     return 2 if kind == 4 or kind == 5 else 1
 
 
-def access(accesses: int, begin: int, end: int) -> int:
-    """Call fmiGetXXX or fmiSetXXX; -1, or the row that failed."""
-    for i in range(begin, end):
-        row = accesses + 56 * i
-        status = call_access(
-            read64(row), read64(row + 8), read64(row + 16), read64(row + 24), read64(row + 32), read64(row + 40)
-        )
-        if status > 1:
-            return i
-    return -1
+def record_words(place: int, tick: int, row: int, count: int) -> None:
+    """Write the tick, then the recorded 64-bit values: small enough to become part of `run`."""
+    write64(place, tick)
+    for _ in range(count):
+        source, target = read64(row), read64(row + 8) + place
+        for j in range(read64(row + 16)):
+            write64(target + 8 * j, read64(source + 8 * j))
+        row += 24
 
 
 def record(self: Any) -> None:
-    """Write one row: the tick, then the recorded values."""
-    row = self.rows + self.row * self.row_words * 8
-    write64(row, self.tick)
-    for i in range(self.record_count):
-        entry = self.records + 24 * i
-        source = read64(entry)
-        target = row + read64(entry + 8)
-        for j in range(read64(entry + 16)):
-            write64(target + 8 * j, read64(source + 8 * j))
-    if self.record_convert_begin < self.record_convert_end:
-        convert(self.converts, self.record_convert_begin, self.record_convert_end, row)
-    self.row += 1
+    """Write one row, outside of `run`."""
+    record_words(self.place, self.tick, self.records, self.record_count)
+    convert(self.record_converts, self.record_convert_count, self.place)
+    self.place += self.row_bytes
 
 
 def run(self: Any) -> int:
     """Go on until `stop`, a full recording buffer, a member that fails, or one that finishes the simulation."""
-    stages, stage_count, slots, steps = self.stages, self.stage_count, self.slots, self.steps
-    copies, converts, accesses = self.copies, self.converts, self.accesses
-    while self.tick < self.stop:
-        if self.row >= self.row_limit:
+    operations, operation_count, every = self.operations, self.operation_count, self.every
+    begin_ns, step_ns = self.begin_ns, self.step_ns
+    tick = self.tick
+    while tick < self.stop:
+        if self.place >= self.limit:
             return FULL
-        tick = self.tick
-        t = (self.begin_ns + tick * self.step_ns) / 1e9
-        for stage in range(stage_count):
-            slot_begin = read64(stages + 16 * stage)
-            slot_end = read64(stages + 16 * stage + 8)
-            for i in range(slot_begin, slot_end):
-                slot = slots + 112 * i
-                divider = read64(slot)
-                if divider == 1 or tick % divider == 0:
-                    copy_begin, copy_end = read64(slot + 16), read64(slot + 24)
-                    if copy_begin < copy_end:
-                        copy(copies, copy_begin, copy_end)
-                    convert_begin, convert_end = read64(slot + 32), read64(slot + 40)
-                    if convert_begin < convert_end:
-                        convert(converts, convert_begin, convert_end, 0)
-                    failed = access(accesses, read64(slot + 48), read64(slot + 56))
-                    if failed >= 0:
-                        self.member = read64(accesses + 56 * failed + 48)
-                        self.status = 3
+        t = (begin_ns + tick * step_ns) / 1e9
+        operation = operations
+        for _ in range(operation_count):
+            divider = read64(operation)
+            if divider == 1 or (tick + read64(operation + 8)) % divider == 0:
+                count = read64(operation + 32)
+                if count > 0:
+                    copy(read64(operation + 24), count)
+                count = read64(operation + 48)
+                if count > 0:
+                    convert(read64(operation + 40), count, 0)
+                row = read64(operation + 56)
+                for _ in range(read64(operation + 64)):
+                    references, values = read64(row + 16), read64(row + 32)
+                    status = call_access(
+                        read64(row), read64(row + 8), references, read64(row + 24), values, read64(row + 40)
+                    )
+                    if status > 1:
+                        self.member, self.status = read64(row + 48), status
                         return FAILED
-            for i in range(slot_begin, slot_end):
-                slot = slots + 112 * i
-                divider = read64(slot)
-                if divider == 1 or tick % divider == 0:
-                    h = read_float(slot + 8)
-                    for j in range(read64(slot + 64), read64(slot + 72)):
-                        row = steps + 32 * j
-                        flags = read64(row + 16)
-                        status = call_step(read64(row), read64(row + 8), t, h, flags)
-                        if status > 1:
-                            self.member = read64(row + 24)
-                            self.status = status
-                            return FAILED
-                        if read8(flags + 8) != 0:
-                            self.member = read64(row + 24)
-                            self.finished = 1
-            for i in range(slot_begin, slot_end):
-                slot = slots + 112 * i
-                divider = read64(slot)
-                if divider == 1 or (tick + 1) % divider == 0:
-                    failed = access(accesses, read64(slot + 80), read64(slot + 88))
-                    if failed >= 0:
-                        self.member = read64(accesses + 56 * failed + 48)
-                        self.status = 3
+                    row += 56
+                h = read_float(operation + 16)
+                row = read64(operation + 72)
+                for _ in range(read64(operation + 80)):
+                    flags = read64(row + 16)
+                    status = call_step(read64(row), read64(row + 8), t, h, flags)
+                    if status > 1:
+                        self.member, self.status = read64(row + 24), status
                         return FAILED
-                    copy_begin, copy_end = read64(slot + 96), read64(slot + 104)
-                    if copy_begin < copy_end:
-                        copy(copies, copy_begin, copy_end)
-        self.tick = tick + 1
-        if self.every == 1 or (tick + 1) % self.every == 0:
-            record(self)
+                    if read8(flags + 8) != 0:
+                        self.member, self.finished = read64(row + 24), 1
+                    row += 32
+            operation += 88
+        tick += 1
+        self.tick = tick
+        if every == 1 or tick % every == 0:
+            place = self.place
+            record_words(place, tick, self.records, self.record_count)
+            if self.record_convert_count > 0:
+                convert(self.record_converts, self.record_convert_count, place)
+            self.place = place + self.row_bytes
         if self.finished != 0:
             return FINISHED
     return DONE

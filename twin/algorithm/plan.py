@@ -75,8 +75,7 @@ class Plan:
     staged: dict[Key, int] = field(default_factory=dict)
     readers: dict[Key, list[Place]] = field(default_factory=dict)
     writers: dict[Key, list[Place]] = field(default_factory=dict)
-    stages: list[tuple[int, ...]] = field(default_factory=list)
-    slots: list[tuple[int, ...]] = field(default_factory=list)
+    operations: list[dict[str, Any]] = field(default_factory=list)  # ranges by table; addresses come with the tables
     records: list[list[int]] = field(default_factory=list)
     copies: list[list[int]] = field(default_factory=list)
     converts: list[list[int]] = field(default_factory=list)
@@ -108,11 +107,11 @@ class Plan:
         for index, name in enumerate(self.members):
             self._stage_inputs(index, name, inputs[name])
         for stage in order:
-            begin = len(self.slots)
+            slots = []
             for divider in sorted({self.divider(name) for name in stage}):
                 names = [name for name in stage if self.divider(name) == divider]
-                self._slot(divider, names, [link for link in links if link.target.member in names])
-            self.stages.append((begin, len(self.slots)))
+                slots.append(self._slot(divider, names, [link for link in links if link.target.member in names]))
+            self._operations(slots)
         self._record(recorded)
 
     def _grouped(self, member: str, names: dict[str, MemberVariable], write: bool) -> list[Access]:
@@ -165,10 +164,18 @@ class Plan:
         for row in self.sets[name]:
             row.append(index)
 
-    def _slot(self, divider: int, names: list[str], links: list[Link]) -> None:
-        """One slot: members of a stage with the same divider."""
-        copy_begin, convert_begin = len(self.copies), len(self.converts)
-        set_begin = len(self.accesses)
+    def _operations(self, slots: list[list[dict[str, Any]]]) -> None:
+        """Operations of a stage: all take their inputs, all step, all publish; one slot does the first two in one."""
+        if len(slots) == 1:
+            inputs, steps, publish = slots[0]
+            self.operations += [{**inputs, "steps": steps["steps"]}, publish]
+        else:
+            self.operations += [slot[phase] for phase in range(3) for slot in slots]
+
+    def _slot(self, divider: int, names: list[str], links: list[Link]) -> list[dict[str, Any]]:
+        """Members of a stage with the same divider: what takes their inputs, steps them, and publishes."""
+        common = {"divider": divider, "h": bits(divider * self.step_ns / 1e9)}
+        copies, converts, sets = len(self.copies), len(self.converts), len(self.accesses)
         direct = {id(link) for name in names for link in self._set_rows(name, links)}
         for link in links:
             if id(link) in direct:
@@ -176,22 +183,30 @@ class Plan:
             source = self.published[link.source.key] + link.source.first * link.source.variable.dtype.itemsize
             target = self.staged[link.target.key] + link.target.first * link.target.variable.dtype.itemsize
             self._move(link, source, target)
-        get_begin = len(self.accesses)
+        gets, publishes, steps = len(self.accesses), len(self.copies), len(self.steps)
+        inputs = {"copies": (copies, publishes), "converts": (converts, len(self.converts)), "accesses": (sets, gets)}
         self.accesses += [row for name in names for row in self.gets[name]]
-        publish_begin = len(self.copies)
-        step_begin = len(self.steps)
+        self.copies += [row for name in names for row in self.publishes[name]]
         order = list(self.members)
         for name in names:
             member = self.members[name]
             self.steps.append([member.step_function, member.instance, self.memory.take(40), order.index(name)])
-        publishes = [row for name in names for row in self.publishes[name]]
-        self.copies += publishes
-        self.slots.append((
-            divider, bits(divider * self.step_ns / 1e9),
-            copy_begin, publish_begin, convert_begin, len(self.converts), set_begin, get_begin,
-            step_begin, len(self.steps),
-            get_begin, len(self.accesses), publish_begin, len(self.copies),
-        ))  # fmt: skip
+        return [
+            {**common, **inputs},
+            {**common, "steps": (steps, len(self.steps))},
+            {**common, "shift": 1, "accesses": (gets, len(self.accesses)), "copies": (publishes, len(self.copies))},
+        ]
+
+    def operation_rows(self, tables: Mapping[str, np.ndarray[Any, Any]]) -> np.ndarray[Any, Any]:
+        """The operations with the addresses of the rows in the tables they refer to."""
+        rows = []
+        for operation in self.operations:
+            row = [operation["divider"], operation.get("shift", 0), operation["h"]]
+            for name in ("copies", "converts", "accesses", "steps"):
+                begin, end = operation.get(name, (0, 0))
+                row += [int(tables[name].ctypes.data) + begin * tables[name].strides[0], end - begin]
+            rows.append(row)
+        return np.array(rows, np.int64)
 
     def _set_rows(self, name: str, links: list[Link]) -> list[Link]:
         """Add the calls that set a member's inputs; the links that need no copy since the call reads the source."""

@@ -129,6 +129,7 @@ def variable(
         None, declared.description or getattr(common, "description", "") or "",
         depends.get((declared.alias or declared).name) if declared.causality == "output" else (),
         (declared.valueReference,),
+        "" if declared.variability == "constant" else declared.initial or "", tuple(items(declared, where).items()),
     )  # fmt: skip
     return with_start(bare, declared.start, where)
 

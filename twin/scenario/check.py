@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 ELEMENT = re.compile(r"(.+?)\[(\d+(?:\s*,\s*\d+)*)\]")
 SETTABLE = ("parameter", "structuralParameter", "input")
+STARTABLE = ("exact", "approx")  # FMI's `initial`: a state's or an output's start value may be set
 
 
 def check(scenario: Scenario, keys: ScenarioKeys, tree: Node, trees: dict[str, Node]) -> list[str]:
@@ -222,7 +223,7 @@ def member_values(member: MemberSpec, name: str, variables: Variables) -> tuple[
         where = member.places.get(parameter, member.where)
         try:
             variable, index = find(f"{name}.{parameter}", {name: variables})
-            if variable.causality not in SETTABLE:
+            if variable.causality not in SETTABLE and variable.initial not in STARTABLE:
                 kind = {"output": "an output", "local": "a local variable"}.get(variable.causality, variable.causality)
                 raise CouplingError(f"{name}.{parameter} is {kind}. Only parameters and inputs can be set.")  # noqa: TRY301
             resolved = value.resolve(raw, variable, f"{name}.{parameter}")
@@ -267,7 +268,9 @@ def matching(pattern: str, catalog: Catalog) -> list[str]:
         f"{member}.{name}"
         for member, variables in catalog.items()
         for name, variable in variables.items()
-        if variable.connectable and "arameter" not in variable.causality and expression.fullmatch(f"{member}.{name}")
+        if variable.connectable
+        and not variable.causality.endswith(("arameter", "independent"))
+        and expression.fullmatch(f"{member}.{name}")
     ]
 
 

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from twin.errors import TwinError
+from twin.scenario import value
 from twin.scenario.check import check_against
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from twin.member import MemberVariable
-    from twin.scenario.scenario import Catalog, Scenario
+    from twin.scenario.scenario import Catalog, MemberSpec, Scenario, Variables
 
 
 def look_up(scenario: Scenario) -> tuple[dict[str, Catalog], list[str]]:
@@ -19,19 +20,25 @@ def look_up(scenario: Scenario) -> tuple[dict[str, Catalog], list[str]]:
     from twin import members
     from twin.system import Connection, System
 
-    known: dict[str, Mapping[str, MemberVariable]] = {}
+    known: dict[str, Mapping[str, MemberVariable]] = {}  # by component, and by what changes its shapes
     problems: dict[str, None] = {}
     catalogs: dict[str, Catalog] = {}
     for case in scenario.variants:
+        catalog: dict[str, Mapping[str, MemberVariable]] = {}
         for name, member in case.members.items():
-            if member.component in known:
-                continue
             try:
-                known[member.component] = members.variables(member.component)
+                if member.component not in known:
+                    known[member.component] = members.variables(member.component)
+                if sizes := structural(name, member, known[member.component]):
+                    key = f"{member.component} {sizes}"
+                    known.setdefault(key, members.variables(member.component, sizes))
+                    catalog[name] = known[key]
+                else:
+                    catalog[name] = known[member.component]
             except TwinError as error:
                 problems[f"{member.where}: member `{name}`: {error}"] = None
-        if all(member.component in known for member in case.members.values()):
-            catalogs[case.variant] = {name: known[member.component] for name, member in case.members.items()}
+        if len(catalog) == len(case.members):
+            catalogs[case.variant] = catalog
     if len(catalogs) < len(scenario.variants):
         return catalogs, list(problems)
     for case in scenario.variants:
@@ -39,3 +46,12 @@ def look_up(scenario: Scenario) -> tuple[dict[str, Catalog], list[str]]:
         problems |= dict.fromkeys(System(catalogs[case.variant], connections).check())
     problems |= dict.fromkeys(check_against(scenario, catalogs))
     return catalogs, list(problems)
+
+
+def structural(member: str, spec: MemberSpec, variables: Variables) -> dict[str, Any]:
+    """What a member sets of its structural parameters."""
+    return {
+        name: value.resolve(written, variables[name], f"{member}.{name}")
+        for name, written in spec.parameters.items()
+        if name in variables and variables[name].causality == "structuralParameter"
+    }

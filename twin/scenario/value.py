@@ -167,6 +167,16 @@ def array(value: Any, variable: MemberVariable, what: str) -> Any:
     return result
 
 
+def item(value: Any, items: dict[str, int], what: str) -> int:
+    """An item of an enumeration by its name or its number."""
+    if isinstance(value, str) and value in items:
+        return items[value]
+    if isinstance(value, int) and not isinstance(value, bool) and value in items.values():
+        return value
+    known = ", ".join(f"`{name}` ({number})" for name, number in items.items())
+    raise CouplingError(f"{what}: expected an item of the enumeration, not {short(value)}. Choose from {known}.")
+
+
 def element(value: Any, variable: MemberVariable, what: str) -> Any:
     """One scalar of a variable's type."""
     kind = variable.dtype.kind
@@ -174,10 +184,12 @@ def element(value: Any, variable: MemberVariable, what: str) -> Any:
         if not isinstance(value, str):
             raise CouplingError(f"{what}: expected text, not {short(value)}. Put it in quotes.")
         return value
-    if kind == "b":
+    if variable.type == "Boolean":  # a bool, or a C int in FMI 2.0
         if not isinstance(value, bool):
             raise CouplingError(f"{what}: expected true or false, not {short(value)}.")
-        return np.bool_(value)
+        return variable.dtype.type(value)
+    if variable.items:
+        return variable.dtype.type(item(value, dict(variable.items), what))
     if kind == "f":
         return variable.dtype.type(number(value, variable.unit, what))
     exact = value if isinstance(value, int) and not isinstance(value, bool) else number(value, variable.unit, what)
