@@ -307,7 +307,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         ("signal: sensor.force - 0.2, ", "", "s.yaml:21: metrics.error: `signal` is missing."),
         ("reduce: std", "reduce: std, variants: PJ", "s.yaml:21: metrics.error.variants: there is no variant `PJ`."),
         ("reduce: std", "reduce: sdt", "s.yaml:21: metrics.error.reduce: `sdt` is not known. Did you mean `std`?"),
-        ("from: 4 s, unit", "from: 40 s, unit", "s.yaml:21: metrics.error: from lies outside the run."),
+        ("from: 4 s, unit", "from: 40 s, unit", "s.yaml:21: metrics.error: from 40 s lies outside the run, 0 s to 10 s."),
         ("unit: mN", "unit: fork", "s.yaml:21: metrics.error: unit `fork` is not known."),
         ("paper: {PI: 36.2 mN", "paper: {PJ: 36.2 mN", "s.yaml:21: metrics.error.paper: there is no variant `PJ`."),
         ("paper: {PI: 36.2 mN", "paper: {PI: 36.2 mm", "s.yaml:21: metrics.error.paper: `36.2 mm` does not convert to mN."),

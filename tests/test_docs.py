@@ -1,0 +1,131 @@
+"""Every command, script and scenario in README.md and docs/ runs, page by page, in a copy of what a page needs.
+
+A page is a sequence of fenced blocks:
+
+- bash      each line runs; `# exit code 1` behind a line says that it fails. Lines that begin with `python3 -m venv`
+            install: they are compared with .ci/run, and of them only a last `twin run` is executed.
+- python    runs
+- yaml      a scenario, or a patch of the force scenario: `twin check` must accept it
+- csv       is only saved
+- text      nothing
+
+A block below a line that ends in "Save this as `path`:" is written to that path and otherwise left to the page.
+"""
+
+import importlib.util
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from twin.cli.check import examine
+
+ROOT = Path(__file__).parent.parent
+FOLDERS = [path for path in sorted((ROOT / "docs").rglob("*.md")) if "decisions" not in path.parts]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *FOLDERS]
+BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+SAVED = re.compile(r"Save this as `([^`]+)`:\s*$")
+LINK = re.compile(r"\]\(([^)#\s]*)[^)]*\)|src=\"([^\"]+)\"")
+EXIT = re.compile(r"# exit code (\d+)")
+
+MAIN = "twin run scenarios/heart_wall_force.yaml"
+TEST = (ROOT / ".ci" / "run").read_text().splitlines()[-1].replace("exec ", "")
+RUN = TEST.replace("-e '.[test]'", "-e .").replace(".venv/bin/python -m pytest", f".venv/bin/{MAIN}")
+
+
+def named(path):
+    return str(path.relative_to(ROOT))
+
+
+def execute(words, folder):
+    """A command as a person has it: `twin` does not see the current folder by itself, `python` does."""
+    start = {"python": [sys.executable], "twin": [sys.executable, "-P", "-c", "from twin.cli import main; main()"]}
+    assert words[0] in start, f"{words[0]}: only twin and python run in bash blocks; use ```text for the rest"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.run(
+        [*start[words[0]], *words[1:]], cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+def run_line(line, folder):
+    """One line of a bash block."""
+    wanted = int(found[1]) if (found := EXIT.search(line)) else 0
+    if line.startswith("python3 -m venv"):
+        assert line in (RUN, TEST)
+        line = MAIN if line == RUN else ""
+    words = shlex.split(line, comments=True)
+    while words:
+        end = words.index("&&") if "&&" in words else len(words)
+        done = execute(words[:end], folder)
+        assert done.returncode == wanted, f"{line}\n{done.stdout}\n{done.stderr}"
+        words = words[end + 1 :]
+
+
+def run_yaml(text, folder):
+    """A scenario as it stands, or as a patch of the force scenario."""
+    file = folder / "scenarios" / "block.yaml"
+    whole = re.search(r"^(extends|stop_time):", text, re.MULTILINE)
+    file.write_text(text if whole else f"extends: heart_wall_force.yaml\n{text}")
+    problems, _ = examine(str(file))
+    assert not problems, "\n".join([text, *problems])
+
+
+@pytest.fixture
+def folder(tmp_path, build):
+    """What a page finds in its current folder, with what was built before."""
+    for name in ("fmus", "scenarios"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
+    if build.exists():
+        shutil.copytree(build, tmp_path / "build")
+    return tmp_path
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_blocks_run(page, folder):
+    text = page.read_text()
+    for block in BLOCK.finditer(text):
+        language, content = block.groups()
+        saved = SAVED.search(text[: block.start()])
+        assert language in ("bash", "python", "yaml", "csv", "text"), f"{named(page)}: ```{language}"
+        if saved:
+            (folder / saved[1]).write_text(content)
+        elif language == "bash":
+            for line in content.splitlines():
+                run_line(line, folder)
+        elif language == "python":
+            (folder / "block.py").write_text(content)
+            done = execute(["python", "block.py"], folder)
+            assert done.returncode == 0, f"{content}\n{done.stderr}"
+        elif language == "yaml":
+            run_yaml(content, folder)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_links_lead_somewhere(page):
+    for match in LINK.finditer(page.read_text()):
+        target = match[1] or match[2] or ""
+        assert not target or (page.parent / target).exists(), f"{named(page)}: {target}"
+
+
+def test_figures_are_small():
+    files = list((ROOT / "docs" / "figures").iterdir())
+    assert files
+    assert all(file.stat().st_size < 150_000 for file in files)
+
+
+def test_result_tables_are_those_of_a_run(folder):
+    """The numbers in the texts are what the scenario gives today, to the digits shown."""
+    spec = importlib.util.spec_from_file_location("figures", ROOT / "docs" / "figures.py")
+    figures = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(figures)
+    for name, pages in figures.TABLES.items():
+        if name == "hysteresis_identification":
+            continue  # 12 s of identification: left to `python docs/figures.py`
+        table = figures.table(figures.run(name, folder).summary)
+        for page in pages:
+            assert table in (ROOT / page).read_text(), f"{page} is out of date: run `python docs/figures.py`"
