@@ -143,7 +143,7 @@ def build_functions(cls: type[Component]) -> tuple[solver.Function, solver.Funct
     if step is not None:
         advance = solver.discrete_advance(step, inspect.signature(step).return_annotation in (int, "int"))
         if cls.period_ns:
-            advance = solver.sampled_advance(advance, clock.seconds(cls.period_ns), cls.layout.input_words)
+            advance = solver.sampled_advance(advance, cls.period_ns, cls.layout.input_words)
     elif size:
         advance = solver.continuous_advance(derivatives, cls.method, size)  # type: ignore[arg-type]
     else:

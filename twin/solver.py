@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import ceil, isfinite, sqrt
+from math import ceil, floor, isfinite, sqrt
 from typing import Any
 
 import numpy as np
@@ -69,7 +69,7 @@ def hidden(method: Method | None, period: int, states: int, input_words: int) ->
             fields["_jacobian"] = (Float64, (states, states))
             fields["_nominal"] = (Float64, (states,))
     if period:
-        fields["_begin"] = (Float64, (1,))
+        fields["_begin"] = (Int64, (1,))  # start of the run [ns]
         fields["_tick"] = (Int64, (2,))
         fields["_held"] = (Int64, (max(input_words, 1),))
     return fields
@@ -195,17 +195,19 @@ def discrete_advance(step: Function, returns_status: bool) -> Function:
     return advance_status if returns_status else advance
 
 
-def sampled_advance(advance: Function, period: float, words: int) -> Function:
-    """A component with its own period P, under any communication step.
+def sampled_advance(advance: Function, period: int, words: int) -> Function:
+    """A component with its own period P [ns], under any communication step.
 
     Tick n holds the inputs of n P and publishes at (n + 1) P, when its step is due, not when it is computed. With a
-    communication step of P this is one plain step.
+    communication step of P this is one plain step. Times are counted in whole nanoseconds, so that the `t` of a tick
+    is the same float wherever the component runs.
     """
+    h_tick = period / 1e9
     tolerance = 1e-6 * period
 
     def advance_sampled(self: Any, t: float, h: float) -> int:
         begin, tick, held = self._begin[0], self._tick, self._held
-        end = t + h
+        end = (t + h) * 1e9
         status = OK
         while True:
             if tick[1] == 0 and begin + tick[0] * period < end - tolerance:
@@ -218,7 +220,7 @@ def sampled_advance(advance: Function, period: float, words: int) -> Function:
                 swap = self._inputs[i]
                 self._inputs[i] = held[i]
                 held[i] = swap
-            status = max(status, advance(self, begin + tick[0] * period, period))
+            status = max(status, advance(self, (begin + tick[0] * period) / 1e9, h_tick))
             for i in range(words):
                 self._inputs[i] = held[i]
             tick[0] += 1
@@ -227,8 +229,8 @@ def sampled_advance(advance: Function, period: float, words: int) -> Function:
     def advance_source(self: Any, t: float, h: float) -> int:
         begin, tick = self._begin[0], self._tick
         status = OK
-        while begin + (tick[0] + 1) * period <= t + h + tolerance:
-            status = max(status, advance(self, begin + tick[0] * period, period))
+        while begin + (tick[0] + 1) * period <= (t + h) * 1e9 + tolerance:
+            status = max(status, advance(self, (begin + tick[0] * period) / 1e9, h_tick))
             tick[0] += 1
         return status
 
@@ -249,7 +251,7 @@ def initialization(initialize: Function | None, derivatives: Function | None, sa
         return OK
 
     def initialize_sampled(self: Any, t: float) -> int:
-        self._begin[0] = t
+        self._begin[0] = int(floor(t * 1e9 + 0.5))  # noqa: RUF046 - a float when compiled
         self._tick[0] = 0
         self._tick[1] = 0
         first(self)
