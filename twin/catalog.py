@@ -17,14 +17,20 @@ if TYPE_CHECKING:
 
 
 def _folders() -> list[Path]:
-    """Folders of the `fmus` package: the installed one, or the one in the current directory."""
-    here = str(Path.cwd())
-    if (Path(here) / "fmus").is_dir() and here not in sys.path:
-        sys.path.insert(0, here)
+    """Folders of the `fmus` package: that of the current directory first, then those on the path, then the project's.
+
+    All of them count, with or without `__init__.py`: a person's own components stand beside the project's.
+    """
+    here = Path.cwd()
+    roots = [here, *(Path(entry or here) for entry in sys.path), Path(__file__).parents[1]]
+    found = list(dict.fromkeys(str(place) for root in roots if (place := root.absolute() / "fmus").is_dir()))
     try:
+        if found and "fmus" not in sys.modules and str(Path(found[-1]).parent) not in sys.path:
+            sys.path.append(str(Path(found[-1]).parent))
         package = importlib.import_module("fmus")
     except ModuleNotFoundError:
         raise DeclarationError(f"There is no folder `fmus` in {here}. Run this from the project's folder.") from None
+    package.__path__ = list(dict.fromkeys([*found, *package.__path__]))
     return [Path(place) for place in package.__path__]
 
 
@@ -37,6 +43,8 @@ def component(name: str) -> type[Component]:
     """Import the component class of a folder of `fmus`, or of `module:Class`."""
     module_name, colon, class_name = name.partition(":")
     if colon:
+        if (here := str(Path.cwd())) not in sys.path:
+            sys.path.append(here)  # a person's own module, where the command is run
         return _named(_imported(module_name, name), class_name, name)
     known = names()
     if name not in known:

@@ -75,7 +75,7 @@ def expected(cls: type[Component]) -> Trajectory:
     """The trajectory in the component's expected.csv."""
     path = Path(inspect.getfile(cls)).parent / "expected.csv"
     if not path.exists():
-        raise ConformanceError(f"{cls.__name__}: has no {path}. Run: {reference.command(path)}")
+        raise ConformanceError(f"{cls.__name__}: has no {path}. Run: {reference.command(cls)}")
     return reference.read(path, cls)
 
 

@@ -229,6 +229,9 @@ def _edges(cls: type[Component], names: Iterable[str]) -> Iterator[tuple[str, se
 
 def flow(cls: type[Component], names: Iterable[str]) -> dict[str, frozenset[str]]:
     """For each variable that the named functions may write, all variables it may be computed from."""
+    known: dict[str, frozenset[str]] | None = getattr(cls, "flows", None)
+    if known is not None:  # a group of components: its members were followed when it was made
+        return known if "initialize" in names else {}
     variables = {variable.name: variable for variable in cls.variables}
     writable = [name for name, variable in variables.items() if variable.role not in SET_FROM_OUTSIDE]
     graph: dict[str, set[str]] = {}

@@ -10,9 +10,12 @@ from twin import catalog, compiled
 from twin.component import Component, PythonComponent
 from twin.errors import CouplingError
 from twin.member import Member, MemberVariable, RecordMember, declared_variables
+from twin.variable import Role
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from twin.fmi.importer import FMUMember
 
 
 class Form(StrEnum):
@@ -47,6 +50,9 @@ def make(name: str, component: str, values: Mapping[str, Any], form: Form, build
 
         member = imported(name, exporter.build(cls, "3.0", build), values)
         member.period_ns = cls.period_ns
+        for variable in cls.variables:
+            if variable.role is Role.derivative:
+                member.rename(f"der({variable.name.removeprefix('der_')})", variable.name)
         return member
     native = form is Form.compiled and not issubclass(cls, PythonComponent)
     part = instance(name, cls, values)
@@ -63,7 +69,7 @@ def instance(name: str, cls: type[Component], values: Mapping[str, Any]) -> Comp
         raise CouplingError(f"{name}: {error}") from None
 
 
-def imported(name: str, path: Path, values: Mapping[str, Any]) -> Member:
+def imported(name: str, path: Path, values: Mapping[str, Any]) -> FMUMember:
     """Any FMU as a member."""
     from twin.fmi.importer import FMUMember
 

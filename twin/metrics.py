@@ -224,13 +224,22 @@ def limits(one: Expectation, found: list[tuple[str, float, float, str]]) -> Outc
     name = one.name or f"{what} {expected}"
     if not found:
         return Outcome(name, "skipped", f"{what} was not recorded in a complete run.")
+    broken = []
     for case, least, most, when in found:
         below = one.at_least is not None and not least >= one.at_least
         if below or (one.at_most is not None and not most <= one.at_most):
-            value = shown(least if below else most, one.unit)
-            return Outcome(name, "fail", f"{what} is {value}{when} in {case}; expected {expected}.")
+            broken.append((case, shown(least if below else most, one.unit), when))
+    if broken:
+        case, value, when = broken[0]
+        cases = f" Broken in {len(broken)} of {len(found)} runs" + f": {grouped(broken)}." if len(found) > 1 else ""
+        return Outcome(name, "fail", f"{what} is {value}{when} in {case}; expected {expected}.{cases}")
     span = f"{shown(min(row[1] for row in found), one.unit)} to {shown(max(row[2] for row in found), one.unit)}"
     return Outcome(name, "pass", f"{what} was {span}; expected {expected}.")
+
+
+def grouped(broken: list[tuple[str, str, str]]) -> str:
+    """The variants of the broken cases, each once."""
+    return ", ".join(dict.fromkeys(case.rpartition(", seed ")[0] for case, _, _ in broken))
 
 
 def order(one: Expectation, own: Mapping[str, Figure]) -> Outcome:

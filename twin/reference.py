@@ -180,7 +180,7 @@ def read(path: Path, cls: type[Component]) -> Trajectory:
         names, *lines = list(csv.reader(file))
     inputs, outputs = elements(cls, Role.input), elements(cls, Role.output)
     if tuple(names) != ("time", *inputs, *outputs):
-        raise DeclarationError(f"{path}: columns are not the variables of {cls.__name__}. Run: {command(path)}")
+        raise DeclarationError(f"{path}: columns are not the variables of {cls.__name__}. Run: {command(cls)}")
     types = {name: variable.type for variable in cls.variables for name in variable.elements()}
     convert = [PARSERS[types.get(name, Float64)] for name in names]
     rows = tuple(tuple(parse(text) for parse, text in zip(convert, line, strict=True)) for line in lines)
@@ -195,9 +195,12 @@ PARSERS: dict[Type, Callable[[str], Value]] = {
 }  # fmt: skip
 
 
-def command(path: Path) -> str:
-    """What writes a file anew."""
-    return f"python -m twin.reference {path.parent.name}"
+def command(cls: type[Component]) -> str:
+    """What writes a component's file anew."""
+    package, _, rest = cls.__module__.partition(".")
+    name, _, module = rest.partition(".")
+    shown = name if (package, module) == ("fmus", "model") else f"{cls.__module__}:{cls.__name__}"
+    return f"python -m twin.reference {shown}"
 
 
 def regenerate(cls: type[Component], path: Path | None = None) -> Path:

@@ -26,7 +26,6 @@ def registry() -> Any:
     import pint
 
     units = pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=":auto:")
-    units.define("percent = 0.01 = %")
     return units
 
 

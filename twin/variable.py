@@ -6,7 +6,7 @@ from the declarations; a unit, a sign or a meaning stands there and nowhere else
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -148,20 +148,23 @@ def derivative(of: Variable) -> Variable:
     """The declaration of a state's derivative."""
     unit = "1/s" if of.unit in ("", "1") else f"{of.unit}/s"
     zero = replace(of, role=Role.derivative, unit=unit, name=f"der_{of.name}", start=0.0)
-    return replace(zero, description=f"derivative of {of.name}", display_unit="", minimum=None, maximum=None, source="")
+    return replace(
+        zero, description=f"derivative of {of.name}", display_unit="", minimum=None, maximum=None, nominal=None, source=""
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class Layout:
     """Memory of a component: one C struct. Hidden fields start with an underscore and may overlay a block.
 
-    `_x`, `_dx` [n]: all states and derivatives as flat arrays; `_inputs` [words of 8 byte]: the input block.
+    `places`: offsets of variables that are no fields of the struct itself, as in a group of components. `_x`, `_dx` [n]: all states and derivatives as flat arrays; `_inputs` [words of 8 byte]: the input block.
     """
 
     variables: tuple[Variable, ...]
     dtype: np.dtype[Any]
     state_size: int
     input_words: int
+    places: dict[str, int] = field(default_factory=dict)
 
     @property
     def size(self) -> int:
@@ -171,7 +174,7 @@ class Layout:
     def offset(self, name: str) -> int:
         """Place of a field in the record [byte]."""
         assert self.dtype.fields is not None
-        return int(self.dtype.fields[name][1])
+        return self.places[name] if name in self.places else int(self.dtype.fields[name][1])
 
 
 def layout(variables: Sequence[Variable], hidden: dict[str, tuple[Type, tuple[int, ...]]]) -> Layout:

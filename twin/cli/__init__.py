@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import os
+import signal
 import sys
 
 import click
@@ -16,6 +18,7 @@ COMMANDS = {
     "simulate": "run any single FMU and write its outputs",
     "build":    "build all components of fmus/ as FMUs",
     "test":     "check that a component does the same interpreted, compiled and as FMU",
+    "export":   "a component, or any part of a scenario, as one FMU",
     "new":      "write a new component folder that builds and passes its tests",
 }  # fmt: skip
 
@@ -63,9 +66,10 @@ def group() -> None:
 
 
 def main() -> None:
-    """Run the command line; an expected failure is one line on stderr and exit code 1."""
+    """Run the command line; an expected failure is one line on stderr and exit code 1. SIGTERM ends it like Ctrl-C."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        group(standalone_mode=False)
+        group(prog_name="twin", standalone_mode=False)
     except TwinError as error:
         for line in str(error).splitlines():
             click.echo(f"error: {line}", err=True)
@@ -77,5 +81,6 @@ def main() -> None:
         click.echo("interrupted", err=True)
         sys.exit(130)
     except BrokenPipeError:
-        sys.stderr.close()
+        # who read our output has seen enough; nothing may be flushed into it at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(141)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import keyword
 import re
-from importlib import resources
+from importlib import resources, util
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -31,6 +32,8 @@ def command(name: str, folder: Path) -> None:
     place = folder / name
     if place.exists():
         raise TwinError(f"{place} exists already. Choose another name, or remove it first.")
+    if folder == Path("fmus") and name in known():
+        raise TwinError(f"{name!r} is a component already. Choose another name, or it would hide that one here.")
     title = name.replace("_", " ").capitalize()
     class_name = "".join(part.capitalize() for part in name.split("_"))
     templates = resources.files("twin") / "templates"
@@ -45,7 +48,29 @@ def command(name: str, folder: Path) -> None:
     for file, text in files.items():
         (place / file).write_text(text)
 
-    from twin import catalog, reference
+    from twin import reference
 
-    reference.regenerate(catalog.component(name), place / "expected.csv")
-    click.echo(f"{place}: written. Edit {place / 'model.py'}, then: twin test {name}")
+    reference.regenerate(written(place, class_name), place / "expected.csv")
+    shown = name if folder.name == "fmus" else f"{'.'.join(place.parts)}.model:{class_name}"
+    click.echo(f"{place}: written. Edit {place / 'model.py'}, then: twin test {shown}")
+
+
+def known() -> list[str]:
+    """Components that there are."""
+    from twin import catalog
+    from twin.errors import DeclarationError
+
+    try:
+        return catalog.names()
+    except DeclarationError:
+        return []
+
+
+def written(place: Path, class_name: str) -> Any:
+    """The component class of a folder, wherever that is."""
+    spec = util.spec_from_file_location(f"{place.name}.model", place / "model.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return getattr(module, class_name)

@@ -123,8 +123,12 @@ def show(outcome: Outcome, report: bool) -> None:
     from twin.report import table
 
     console = Console(width=None if sys.stdout.isatty() else 110)
-    console.print(f"[bold]{outcome.scenario.title}[/bold]")
+    console.print(outcome.scenario.title, style="bold", highlight=False, markup=False)
+    if outcome.scenario.overrides:
+        console.print(f"set: {', '.join(outcome.scenario.overrides)}", highlight=False, markup=False)
     console.print(table(outcome.evaluation))
+    for note in outcome.run.extra.get("notes", []):
+        console.print(f"note: {note}", highlight=False, markup=False)
     factor = outcome.run.real_time_factor
     if factor:
         console.print(f"{outcome.run.simulated_time:g} s simulated in {outcome.run.wall_time:.2f} s, "

@@ -129,6 +129,8 @@ def command(
         summarize(outcome.results)
     rows = outcome.results.times
     click.echo(f"{target}: {len(rows)} rows, {rows[0] / 1e9:g} s to {rows[-1] / 1e9:g} s" + " (replaced)" * replaced)
+    if outcome.interrupted:
+        raise KeyboardInterrupt
     if outcome.failure:
         hint = "" if show_log or member.log else " Use --log to see what it logs."
         raise SimulationError(f"{outcome.failure}{hint} What was recorded until then is in {target}.")

@@ -126,6 +126,16 @@ class FMUMember(Member):
         what = f"{declared.causality}, {declared.variability}, initial {declared.initial}"
         raise FMUError(f"{where}: {variable.name} cannot be set ({what}). Set a parameter, an input or a start state.")
 
+    def rename(self, old: str, new: str) -> None:
+        """Know a variable by another name: `der(x)` of an FMU is `der_x` in records."""
+        self.variables = {
+            new if name == old else name: replace(variable, name=new) if name == old else variable
+            for name, variable in self.variables.items()
+        }
+        for table in (self._declared, self._items, self._start):
+            if old in table:
+                table[new] = table.pop(old)
+
     # call sequence
 
     def instantiate(self) -> None:

@@ -55,6 +55,7 @@ class Outcome:
     results: Results
     notes: list[str] = field(default_factory=list)
     failure: str = ""
+    interrupted: bool = False
 
 
 def plan(
@@ -73,16 +74,23 @@ def plan(
     end = whole(stop, suggested.stop, begin + clock.NANOSECONDS, f"{name}: stop time", notes)
     if end <= begin:
         raise FMUError(f"{name}: stops at {clock.text(end)}, not after its start {clock.text(begin)}. Use --stop-time.")
-    default = member.period_ns or decimal_step(end - begin)
+    spacing = whole(interval, None, 0, f"{name}: output interval", notes)
+    default = member.period_ns or spacing or decimal_step(end - begin)
     size = whole(step, None if member.period_ns else suggested.step_size or member.fixed_step, default,
                  f"{name}: step size", notes)  # fmt: skip
     if size <= 0:
         raise FMUError(f"{name}: step size {clock.text(size)} is not positive. Use --step-size.")
+    if interval is not None and spacing <= 0:
+        raise FMUError(f"{name}: output interval {clock.text(spacing)} is not positive. Use --output-interval.")
+    if spacing % size and step is None and not member.period_ns:
+        size = dividing_step(spacing, size)
+        notes.append(f"step size {clock.text(size)}, of which the output interval is a multiple")
     check_step(member, begin, end, size)
-    spacing = whole(interval, None, size, f"{name}: output interval", notes)
-    if spacing <= 0 or spacing % size:
+    spacing = spacing or size
+    if spacing % size:
         raise FMUError(
-            f"{name}: output interval {clock.text(spacing)} is not a multiple of the step {clock.text(size)}."
+            f"{name}: output interval {clock.text(spacing)} is not a multiple of the step {clock.text(size)}. "
+            f"Use --step-size {clock.seconds(dividing_step(spacing, size))} or another interval."
         )
     return Plan(begin, end, size, spacing // size, choose(member, record, notes), tuple(notes))
 
@@ -106,6 +114,14 @@ def decimal_step(duration: int) -> int:
     wanted = max(duration // POINTS, 1)
     power: int = 10 ** (len(str(wanted)) - 1)
     return max(factor * power for factor in (1, 2, 5) if factor * power <= wanted)
+
+
+def dividing_step(interval: int, longest: int) -> int:
+    """The longest step [ns] that divides an interval and is not above `longest`."""
+    count = -(-interval // longest)
+    while interval % count:
+        count += 1
+    return interval // count
 
 
 def check_step(member: FMUMember, begin: int, end: int, step: int) -> None:
@@ -272,7 +288,7 @@ def simulate(
     except KeyboardInterrupt:
         if sampler is None or not sampler.times:
             raise
-        outcome.failure = f"{member.name}: interrupted after {clock.seconds(sampler.times[-1])} s."
+        outcome.interrupted = True
     finally:
         member.close()
     outcome.results = sampler.results()

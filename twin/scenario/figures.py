@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from twin import clock
 from twin.analysis import Analysis
 from twin.errors import CouplingError
 from twin.metrics import Curve, Expectation, Metric, Plot
 from twin.scenario import value
 from twin.scenario.merge import nearest
+from twin.scenario.model import RunKeys
 from twin.signals import Window
 
 if TYPE_CHECKING:
@@ -60,16 +62,31 @@ class Builder:
         return tuple(name for name in names if name in self.variants)
 
     def window(self, path: tuple[str | int, ...], keys: WindowKeys, what: str) -> Window:
-        """A part of the run that is not empty."""
-        begin, end = self.keys.start_time, self.keys.stop_time
+        """A part of the longest variant's run that is not empty."""
+        begin, end = self.keys.start_time, self.end
         start, stop = keys.start, keys.stop
+        if path[0] == "plots" and end is not None and stop is not None and stop > end and self.is_shortened:
+            stop = None  # `--set stop_time=...` may cut a plot short, never a metric
+        span = f"outside the run, {clock.text(begin)} to {clock.text(end or 0)}. Change it or stop_time."
         if start is not None and not (begin <= start and (end is None or start < end)):
-            self.problem((*path, "from"), f"{what}: from lies outside the run. Choose a time in it.")
+            self.problem((*path, "from"), f"{what}: from {clock.text(start)} lies {span}")
         elif stop is not None and not (begin <= stop and (end is None or stop <= end)):
-            self.problem((*path, "to"), f"{what}: to lies outside the run. Choose a time in it.")
+            self.problem((*path, "to"), f"{what}: to {clock.text(stop)} lies {span}")
         elif start is not None and stop is not None and stop <= start:
             self.problem((*path, "to"), f"{what}: to is not after from. Swap them.")
         return Window(start, stop)
+
+    @property
+    def is_shortened(self) -> bool:
+        """Whether stop_time comes from an option."""
+        return self.tree.find(("stop_time",)).place.file.startswith("--set")
+
+    @property
+    def end(self) -> int | None:
+        """When the longest variant's run ends [ns]; None if the file does not say."""
+        base = self.keys.stop_time
+        stops = [(self.keys.variants.get(name) or RunKeys()).stop_time or base for name in self.variants]
+        return max((stop for stop in stops if stop is not None), default=None)
 
     def metric(self, name: str, keys: MetricKeys) -> Metric:
         """A metric, its paper's figures converted."""

@@ -168,8 +168,11 @@ class Scenario:
         for name in variants:
             if name not in known:
                 raise ScenarioError(f"{self.path}: there is no variant `{name}`.{merge.nearest(name, known)}")
+        for seed in seeds:
+            if not 0 <= seed < 2**31:
+                raise ScenarioError(f"{self.path}: seed {seed} is out of range. Give 0 to {2**31 - 1}.")
         chosen = [case for case in self.variants if not variants or case.variant in variants]
-        return [replace(case, seed=seed) for case in chosen for seed in (seeds or self.seeds)]
+        return [replace(case, seed=seed) for case in chosen for seed in dict.fromkeys(seeds or self.seeds)]
 
     def derived(self, variant: str) -> Catalog:
         """What the analyses of a variant give, as if each were a member."""

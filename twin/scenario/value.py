@@ -191,7 +191,10 @@ def element(value: Any, variable: MemberVariable, what: str) -> Any:
     if variable.items:
         return variable.dtype.type(item(value, dict(variable.items), what))
     if kind == "f":
-        return variable.dtype.type(number(value, variable.unit, what))
+        real = number(value, variable.unit, what)
+        if abs(real) > (limit := float(np.finfo(variable.dtype).max)):
+            raise CouplingError(f"{what}: {short(value)} is too large for {variable.type}. Give at most {limit:.3g}.")
+        return variable.dtype.type(real)
     exact = value if isinstance(value, int) and not isinstance(value, bool) else number(value, variable.unit, what)
     limits = np.iinfo(variable.dtype)
     if exact != int(exact) or not limits.min <= exact <= limits.max:

@@ -1,0 +1,59 @@
+"""The benchmarks run: one repeat, few steps."""
+
+import subprocess
+import sys
+
+import pytest
+
+from benchmarks import force, peers, ring, startup
+from benchmarks.parts import Relay
+from twin.fmi import exporter
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the C loop loads Linux libraries")
+
+
+@pytest.fixture
+def build(tmp_path, monkeypatch):
+    monkeypatch.setattr(ring, "BUILD", tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_both_loops_of_the_ring_give_the_same(build, version):
+    path = exporter.build(Relay, version, build)
+    ours, last = ring.time_ours(path, 2, 20)
+    theirs, c_last = ring.time_c(ring.c_loop(), version, path, 2, 20)
+    assert last == c_last == 2.0 - 0.5**20
+    assert ours > 0
+    assert theirs > 0
+
+
+def test_peers_that_are_there_are_measured_and_others_named(build, capsys):
+    peers.compare(("ours", "fmpy", "unheard_of"), (2,), 1, 0.001)
+    lines = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines())
+    assert float(lines["peers_2_ours_ratio"]) > 0
+    assert float(lines["peers_2_fmpy_ns"]) > 0
+    assert lines["peers_2_unheard_of"].startswith("not available (KeyError")
+
+
+def test_wrong_values_of_a_peer_are_found(monkeypatch):
+    values = peers.reference(3, 20)
+    monkeypatch.setattr(peers, "measure", lambda *_: (1.0, values[1:] + values[:1]))
+    with pytest.raises(RuntimeError, match="other values after 20 steps"):
+        peers.checked("ours", None, 3, 20)
+
+
+def test_a_process_ends_at_the_first_step_with_its_phases(tmp_path):
+    command = [sys.executable, "-m", "benchmarks.startup", "0", *startup.ARGUMENTS, str(tmp_path)]
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count(",") == len(startup.PHASES) - 1
+
+
+def test_copies_of_a_member_take_its_inputs_and_are_not_recorded():
+    scenario = force.Scenario.load(force.SCENARIO)
+    case, catalog = scenario.variants[0], force.prepare(scenario)["PI"]
+    more, wider = force.with_copies(case, catalog, "wall")
+    assert len(more.members) == len(case.members) + force.COPIES
+    assert len(more.connections) == len(case.connections) + 2 * force.COPIES
+    assert more.record.select(wider) == case.record.select(catalog)

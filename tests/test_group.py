@@ -1,0 +1,115 @@
+"""Any part of a system as one FMU: put back in place of its members it gives the same run to the bit."""
+
+import numpy as np
+import pytest
+
+from twin.errors import CouplingError
+from twin.export import group
+from twin.fmi import exporter
+from twin.run import prepare, run_scenario
+from twin.scenario import Scenario
+
+SCENARIO = """
+stop_time: 0.5 s
+step: 1 ms
+algorithm: ALGORITHM
+seeds: [1]
+members:
+  heart:      {component: heart}
+  estimate:   {component: heart_estimate}
+  controller: {component: pi_bouc_wen_control, parameters: {setpoint: 0.25 N}}
+  servomotor: {component: servomotor}
+  sheath:     {component: sheath}
+  wall:       {component: wall}
+  sensor:     {component: force_sensor}
+connections:
+  - {from: heart.position, to: [estimate.position, wall.heart_position]}
+  - estimate.estimated_position -> controller.heart_position
+  - sensor.measured_force -> controller.force
+  - controller.target_velocity -> servomotor.target_velocity
+  - servomotor.position -> sheath.gripper_position
+  - sheath.reaction_force -> servomotor.load_force
+  - sheath.tip_position -> wall.tip_position
+  - {from: wall.force, to: [sheath.contact_force, sensor.force]}
+record: ["*.*"]
+"""
+
+PARTS = {
+    "controller alone":        ["controller"],
+    "estimate and controller": ["estimate", "controller"],
+    "plant":                   ["heart", "servomotor", "sheath", "wall", "sensor"],
+    "sheath and wall":         ["sheath", "wall"],
+}  # fmt: skip
+
+
+def run(text, tmp_path, build):
+    outcome = run_scenario(Scenario.loads(text, tmp_path / "s.yaml"), root=tmp_path / "runs", build=build, report=False)
+    assert outcome.run.status == "completed", outcome.run.reason
+    return next(iter(outcome.tables.values())).values
+
+
+def regrouped(text, chosen, path):
+    """The scenario with one member `group` in place of the chosen ones."""
+    lines = []
+    for line in text.splitlines():
+        name = line.strip().split(":")[0]
+        if name in chosen and "component" in line:
+            if not any("group:" in one for one in lines):
+                lines.append(f"  group: {{component: {path}}}")
+            continue
+        if "->" in line or "from:" in line:
+            words = line.replace("{", " { ").replace("[", " [ ").replace("]", " ] ").replace(",", " , ").split(" ")
+            renamed = [f"group.{w}" if w.split(".")[0] in chosen and "." in w else w for w in words]
+            line = " ".join(renamed)
+        lines.append(line)
+    return "\n".join(lines)
+
+
+def without_inside(text, chosen):
+    """Connections between chosen members are compiled in."""
+    scenario = Scenario.loads(text)
+    kept = [c for c in scenario.variants[0].connections
+            if not (c.source.split(".")[0] in chosen and c.target.split(".")[0] in chosen)]  # fmt: skip
+    head, _, rest = text.partition("connections:\n")
+    tail = rest[rest.index("record:") :]
+    return head + "connections:\n" + "".join(f"  - {c.source} -> {c.target}\n" for c in kept) + tail
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+@pytest.mark.parametrize("name", PARTS)
+def test_a_group_gives_the_same_run_to_the_bit(name, version, tmp_path, build):
+    text = SCENARIO.replace("ALGORITHM", "jacobi")
+    scenario = Scenario.loads(text)
+    case = scenario.cases()[0]
+    chosen = PARTS[name]
+    path = tmp_path / "group.fmu"
+    exporter.export(group("group", case, prepare(scenario)[case.variant], chosen), version, path, build)
+    whole = run(text, tmp_path, build)
+    parted = run(regrouped(without_inside(text, chosen), chosen, path), tmp_path, build)
+    compared = 0
+    for signal, values in whole.items():
+        other = parted.get(signal, parted.get(f"group.{signal}"))
+        if other is not None and signal.split(".")[0] not in chosen:
+            assert np.asarray(other).tobytes() == np.asarray(values).tobytes(), signal
+            compared += 1
+    assert compared > 8
+
+
+def test_what_cannot_be_grouped_says_why(tmp_path):
+    scenario = Scenario.loads(SCENARIO.replace("ALGORITHM", "jacobi"))
+    case, variables = scenario.cases()[0], prepare(scenario)["base"]
+    with pytest.raises(CouplingError, match=r"there is no member 'sheeth'\. Did you mean 'sheath'"):
+        group("g", case, variables, ["sheeth"])
+
+
+def test_a_group_also_runs_interpreted():
+    scenario = Scenario.loads(SCENARIO.replace("ALGORITHM", "jacobi"))
+    case = scenario.cases()[0]
+    cls = group("g", case, prepare(scenario)["base"], ["estimate", "controller"])
+    part = cls()
+    part.start()
+    for k in range(20):
+        part.views["controller.force"][...] = 0.1
+        assert part.advance(k * 1e-3, 1e-3) == 0
+    assert part.views["controller.target_velocity"] > 0.0
+    assert part.views["controller.setpoint"] == 0.25

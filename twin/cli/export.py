@@ -1,0 +1,79 @@
+"""`twin export`: a component, or any part of a scenario's system, as one FMU."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from twin.errors import TwinError
+
+if TYPE_CHECKING:
+    from twin.component import Component
+
+PLATFORMS = ("x86_64-linux", "aarch64-linux", "x86_64-windows", "x86_64-darwin", "aarch64-darwin")
+
+
+@click.command(name="export")
+@click.argument("what", metavar="NAME|SCENARIO")
+@click.option("--members", help="Members of the scenario to put into one FMU, separated by commas.")
+@click.option("--variant", help="Variant of the scenario; the first one if not given.")
+@click.option("--fmi", type=click.Choice(("2.0", "3.0")), default="3.0", show_default=True, help="FMI version.")
+@click.option(
+    "--platform",
+    "platforms",
+    multiple=True,
+    type=click.Choice((*PLATFORMS, "all")),
+    help="Platforms to build for; may be repeated. This machine's if not given.",
+)
+@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="File to write [NAME.fmu].")
+@click.option("--force", is_flag=True, help="Replace the file if it is there.")
+@click.option(
+    "--build",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path("build"),
+    show_default=True,
+    help="Folder for compiled objects.",
+)
+def command(
+    what: str, members: str | None, variant: str | None, fmi: str, platforms: tuple[str, ...], output: Path | None,
+    force: bool, build: Path,
+) -> None:  # fmt: skip
+    """Write a component of fmus/, a module:Class, or part of a scenario as an FMU without Python inside.
+
+    \b
+    twin export sheath --platform all -o sheath.fmu
+    twin export scenarios/heart_wall_force.yaml --variant PI+FF --members estimate,controller -o controller.fmu
+    """
+    from twin.fmi import exporter
+
+    cls = component(what, members, variant)
+    path = output or Path(f"{exporter.model_name(cls)}.fmu")
+    if path.exists() and not force:
+        raise TwinError(f"{path} is there already. Give --force to replace it, or another name with -o.")
+    begin = time.perf_counter()
+    exporter.export(cls, fmi, path, build, tuple(PLATFORMS) if "all" in platforms else platforms)
+    click.echo(f"{path}: FMI {fmi}, {path.stat().st_size / 1000:.0f} kB, {time.perf_counter() - begin:.1f} s")
+
+
+def component(what: str, members: str | None, variant: str | None) -> type[Component]:
+    """The component to export."""
+    from twin import catalog
+
+    if not what.endswith((".yaml", ".yml")):
+        if members or variant:
+            raise TwinError(f"{what}: --members and --variant belong to a scenario file. Give SCENARIO.yaml.")
+        return catalog.component(what)
+    from twin.export import group
+    from twin.run import prepare
+    from twin.scenario import Scenario
+
+    if not members:
+        raise TwinError(f"{what}: say which members, such as --members estimate,controller.")
+    scenario = Scenario.load(what)
+    catalogs = prepare(scenario)
+    case = scenario.cases([variant] if variant else [])[0]
+    chosen = [name.strip() for name in members.split(",") if name.strip()]
+    return group("_".join(chosen)[:60], case, catalogs[case.variant], chosen)
