@@ -76,13 +76,22 @@ def run_yaml(text, folder):
     assert not problems, "\n".join([text, *problems])
 
 
+@pytest.fixture(scope="module")
+def built(build, tmp_path_factory):
+    """What was built before; what pages build is shared among them and then forgotten."""
+    place = tmp_path_factory.mktemp("docs") / "build"
+    if build.exists():
+        shutil.copytree(build, place)
+    place.mkdir(exist_ok=True)
+    return place
+
+
 @pytest.fixture
-def folder(tmp_path, build):
-    """What a page finds in its current folder, with what was built before."""
+def folder(tmp_path, built):
+    """What a page finds in its current folder."""
     for name in ("fmus", "scenarios"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
-    if build.exists():
-        shutil.copytree(build, tmp_path / "build")
+    (tmp_path / "build").symlink_to(built)
     return tmp_path
 
 
