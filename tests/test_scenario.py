@@ -552,3 +552,17 @@ def test_any_value_resolves_or_says_why(text: str) -> None:
                                                 ("~", None), (".inf", float("inf")), ("1_000", "1_000")])  # fmt: skip
 def test_scalars_of_yaml_1_2(text: str, expected: Any) -> None:
     assert tree.scalar(text) == expected
+
+
+def test_a_file_that_changes_the_plant_is_not_compared_with_the_paper(tmp_path):
+    """The published figures hold at the settings of the file that states them."""
+    base = tmp_path / "base.yaml"
+    base.write_text(
+        "stop_time: 1 s\nmembers: {a: {component: heart}}\n"
+        "metrics: {m: {signal: a.position, reduce: std, paper: 1, tolerance: 20 %}}\n"
+    )
+    assert Scenario.load(base).paper_applies
+    for text, applies in (("title: same", True), ("members: {a: {parameters: {rate: 2 Hz}}}", False)):
+        other = tmp_path / "other.yaml"
+        other.write_text(f"extends: base.yaml\n{text}\n")
+        assert Scenario.load(other).paper_applies is applies

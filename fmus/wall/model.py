@@ -24,7 +24,7 @@ class Wall(Component):
     bending_stiffness = parameter(4.3e-4, "N*m^2", "EI of the distal section", minimum=0.0,
                                   source="Khoshnam, thesis: ablation catheter")  # fmt: skip
     free_length = parameter(48e-3, "m", "protruding length", display_unit="mm", minimum=1e-3,
-                            source="identified from the paper's error with PI control")  # fmt: skip
+                            source="chosen for the stiffness that the paper's force and motion errors imply")  # fmt: skip
     surface_position = parameter(
         -18.3e-3, "m", "wall surface at heart position zero", display_unit="mm",
         source="chosen: 0.2 N at the start; the velocity loop makes up for any other place",

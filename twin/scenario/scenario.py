@@ -21,7 +21,7 @@ from twin.scenario.override import overridden
 from twin.scenario.tree import FLOAT, Node, parse
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from twin.analysis import Analysis
     from twin.member import MemberVariable
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     Catalog = Mapping[str, Variables]  # member -> its variables
 
 MILLISECOND = 1_000_000
+PHYSICS = ("members", "connections", "variants", "events", "step", "algorithm")  # what a paper's figures hang on
 
 
 @dataclass(frozen=True)
@@ -221,7 +222,7 @@ def build(root: Node, path: Path, overrides: Sequence[str]) -> Scenario:
         path, path.stem, keys.title or path.stem, keys.description, keys.source,
         keys.start_time, keys.stop_time or 0, keys.step or MILLISECOND, keys.algorithm or "jacobi",
         tuple(keys.seeds), tuple(variants.values()), record, analyses, metrics, expectations, plots, tuple(overrides),
-        not any(touches(option) for option in effective), root,
+        not any(touches(option) for option in effective) and not changes_the_papers(root, str(path)), root,
     )  # fmt: skip
     problems += check.check(scenario, keys, kept, trees)
     if problems:
@@ -245,6 +246,26 @@ def listed(root: Node) -> Node:
         Node({"name": Node(name, item.place), **item.entries}, item.place) for name, item in expect.entries.items()
     ]
     return Node(root.entries | {"expect": Node(items, expect.place)}, root.place)
+
+
+def changes_the_papers(root: Node, file: str) -> bool:
+    """Whether a file extends another one that compares with a paper, and changes what is compared."""
+    metrics = root.find(("metrics",)).entries.values() if "metrics" in root.entries else ()
+    papers = {leaf.place.file for metric in metrics for leaf in leaves(metric.find(("paper",)))}
+    changed = {leaf.place.file for key in PHYSICS if key in root.entries for leaf in leaves(root.entries[key])}
+    return bool(papers) and file not in papers and file in changed
+
+
+def leaves(node: Node) -> Iterator[Node]:
+    """All values in a tree."""
+    if isinstance(node.value, dict):
+        for item in node.entries.values():
+            yield from leaves(item)
+    elif isinstance(node.value, list):
+        for item in node.items:
+            yield from leaves(item)
+    else:
+        yield node
 
 
 def touches(option: str) -> bool:
