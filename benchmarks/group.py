@@ -1,6 +1,6 @@
 """A compiled group beside the same members as separate FMUs and as compiled members, in one run.
 
-    python -m benchmarks.group            prints `name: value` lines; times are ns per communication step of 1 ms
+python -m benchmarks.group            prints `name: value` lines; times are ns per communication step of 1 ms
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ REPEATS = 9
 
 
 def timed(made: CoSimulation) -> float:
-    """ns per communication step."""
+    """Time of a communication step [ns]."""
     stop = SECONDS * 1_000_000_000
     made.initialize(0, stop)
     begin = time.perf_counter()

@@ -70,4 +70,10 @@ def test_own_components_stand_beside_the_projects_without_an_init(project):
 def test_own_component_hides_the_projects_of_its_name(project):
     (project / "fmus" / "heart").mkdir()
     (project / "fmus" / "heart" / "model.py").write_text(MODEL)
+    with pytest.raises(DeclarationError, match=r"is hidden by .*heart/model.py. Add an empty __init__.py"):
+        catalog.component("heart")
+    for module in ("fmus.heart.model", "fmus.heart"):
+        del sys.modules[module]
+    (project / "fmus" / "heart" / "__init__.py").touch()
+    sys.path_importer_cache.clear()
     assert catalog.component("heart").__name__ == "Spring"

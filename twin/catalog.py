@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.component import Component
-from twin.errors import DeclarationError
+from twin.errors import DeclarationError, TwinError, described
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -50,6 +50,11 @@ def component(name: str) -> type[Component]:
     if name not in known:
         raise DeclarationError(f"There is no component {name!r} in fmus/.{_hint(name, known)}")
     module = _imported(f"fmus.{name}.model", name)
+    place = next(folder / name for folder in _folders() if (folder / name / "model.py").exists())
+    if not (place / "model.py").samefile(module.__file__ or ""):
+        raise DeclarationError(
+            f"{place}: is hidden by {module.__file__}. Add an empty __init__.py to it, or rename it."
+        )
     found = _defined(module)
     if len(found) != 1:
         listed = ", ".join(sorted(found)) or "none"
@@ -63,7 +68,11 @@ def _imported(module: str, name: str) -> ModuleType:
     except ModuleNotFoundError as error:
         if error.name and (module == error.name or module.startswith(error.name + ".")):
             raise DeclarationError(f"{name}: there is no module {error.name}. Write `module:Class`.") from None
+        raise DeclarationError(f"{name}: cannot be imported: {described(error)}. Correct it there.") from None
+    except (TwinError, KeyboardInterrupt):
         raise
+    except BaseException as error:  # a person's module may fail in any way, also by SystemExit
+        raise DeclarationError(f"{name}: cannot be imported: {described(error)}. Correct it there.") from None
 
 
 def _defined(module: ModuleType) -> dict[str, type[Component]]:

@@ -31,6 +31,10 @@ from twin.errors import DeclarationError
 from twin.variable import Layout, Role, Variable, derivative, layout
 
 RESERVED = {"start", "advance", "views", "record", "layout", "variables", "method", "period", "period_ns", "icon"}
+RESERVED |= {"initialize", "step", "derivatives", "close", "start_values"}
+RESERVED |= {"time"}  # the independent variable of every FMU
+
+ARGUMENTS = {"initialize": ("self",), "step": ("self", "t", "h"), "derivatives": ("self", "t")}
 
 
 class Component:
@@ -51,11 +55,16 @@ class Component:
                 if isinstance(value, Variable) and value.role is not Role.derivative:
                     declared[name] = named(cls, name, value)
         ordered: list[Variable] = []
+        for name in (name for name, one in declared.items() if one.role is Role.state):
+            if f"der_{name}" in declared:
+                raise DeclarationError(f"{cls.__name__}.der_{name}: is declared by the state {name!r}. Drop it.")
         for variable in declared.values():
             ordered.append(variable)
             if variable.role is Role.state:
                 ordered.append(derivative(variable))
                 setattr(cls, f"der_{variable.name}", ordered[-1])
+        if cls.period is not None and not cls.period >= 0:
+            raise DeclarationError(f"{cls.__name__}.period: {cls.period} s is not positive. Use 0.001 and the like.")
         cls.period_ns = clock.nanoseconds(cls.period, f"{cls.__name__}.period") if cls.period else 0
         states = sum(variable.size for variable in ordered if variable.role is Role.state)
         words = layout([variable for variable in ordered if variable.role is Role.input], {}).input_words
@@ -115,6 +124,8 @@ def named(cls: type, name: str, variable: Variable) -> Variable:
     """The declaration with its name, put back on the class so that instances find it."""
     if name in RESERVED or name.startswith("_"):
         raise DeclarationError(f"{cls.__name__}.{name}: this name is the engine's own. Choose another.")
+    if not name.isascii():
+        raise DeclarationError(f"{cls.__name__}.{name}: FMI allows letters a to z, digits and _ only. Rename it.")
     if variable.name and variable.name != name:
         raise DeclarationError(f"{cls.__name__}.{name}: already declared as {variable.name!r}. Declare it once more.")
     if not variable.name:
@@ -137,6 +148,11 @@ def build_functions(cls: type[Component]) -> tuple[solver.Function, solver.Funct
     step = getattr(cls, "step", None)
     if (derivatives is None) == (step is None):
         raise DeclarationError(f"{cls.__name__}: needs either derivatives(self, t) or step(self, t, h).")
+    for name, call in (("derivatives", derivatives), ("step", step), ("initialize", getattr(cls, "initialize", None))):
+        if call is not None and len(inspect.signature(call).parameters) != len(ARGUMENTS[name]):
+            raise DeclarationError(
+                f"{cls.__name__}.{name}: expected {name}({', '.join(ARGUMENTS[name])}). Write it so."
+            )
     if derivatives is not None and cls.period_ns:
         raise DeclarationError(f"{cls.__name__}: a continuous component has no period. Drop it, or use step.")
     size = cls.layout.state_size

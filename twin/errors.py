@@ -9,6 +9,25 @@ TwinError                a one-line message: where, what, what was expected, wha
 └── SimulationError      a member failed while running; what was recorded is kept
 """
 
+import traceback
+from pathlib import Path
+
+
+def described(error: BaseException) -> str:
+    """Any exception in one line, with the last line of code that is not the engine's: `model.py:12: ValueError: ...`."""
+    own = str(Path(__file__).parent)
+    if isinstance(error, SyntaxError):
+        place = f"{error.filename}:{error.lineno}: "
+    else:
+        frames = [
+            frame
+            for frame in traceback.extract_tb(error.__traceback__)
+            if not frame.filename.startswith((own, "<")) and "importlib" not in frame.filename
+        ]
+        place = f"{frames[-1].filename}:{frames[-1].lineno}: " if frames else ""
+    text = " ".join(str(getattr(error, "msg", error)).split())
+    return f"{place}{type(error).__name__}: {text}"
+
 
 class TwinError(Exception):
     """A failure with a one-line message made for the person at the terminal."""

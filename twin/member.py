@@ -16,7 +16,7 @@ import numpy as np
 from twin import machine, solver
 from twin.component import Component, PythonComponent
 from twin.dependencies import dependencies
-from twin.errors import CouplingError
+from twin.errors import CouplingError, SimulationError, described
 from twin.variable import Role, Variable
 
 if TYPE_CHECKING:
@@ -191,7 +191,7 @@ class RecordMember(Member):
             return self.component.advance(t, h)
         except BaseException as error:  # also Ctrl-C: nothing may pass through native frames
             self.failure = error
-            self.log.append(f"{type(error).__name__}: {error}")
+            self.log.append(described(error))
             return solver.ERROR
 
     def instantiate(self) -> None:
@@ -204,7 +204,10 @@ class RecordMember(Member):
     def _settle(self) -> None:
         if self._stale:
             self._stale = False
-            self._initialize(self._t)
+            try:
+                self._initialize(self._t)
+            except Exception as error:
+                raise SimulationError(f"{self.name}: initialization failed: {described(error)}") from error
 
     def exit_initialization(self) -> None:
         self._settle()
@@ -226,5 +229,9 @@ class RecordMember(Member):
 
     def close(self) -> None:
         if not self._closed and isinstance(self.component, PythonComponent):
-            self.component.close()
+            self._closed = True
+            try:
+                self.component.close()
+            except Exception as error:  # the others are to be closed all the same
+                self.log.append(f"close failed: {described(error)}")
         self._closed = True

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin import catalog, compiled
 from twin.component import Component, PythonComponent
-from twin.errors import CouplingError
+from twin.errors import CouplingError, described
 from twin.member import Member, MemberVariable, RecordMember, declared_variables
 from twin.variable import Role
 
@@ -64,9 +64,12 @@ def make(name: str, component: str, values: Mapping[str, Any], form: Form, build
 def instance(name: str, cls: type[Component], values: Mapping[str, Any]) -> Component:
     """An instance with start values that were checked against its variables."""
     try:
-        return cls(**values)
-    except (ValueError, TypeError, OverflowError) as error:
-        raise CouplingError(f"{name}: {error}") from None
+        part = cls(**values)
+    except Exception as error:
+        raise CouplingError(f"{name}: cannot be made: {described(error)}. Correct it there.") from None
+    if not hasattr(part, "record"):
+        raise CouplingError(f"{name}: {cls.__name__}.__init__ has to call super().__init__(**values). Add it.")
+    return part
 
 
 def imported(name: str, path: Path, values: Mapping[str, Any]) -> FMUMember:

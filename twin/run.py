@@ -173,19 +173,28 @@ def _run_one(
             about.wall_time += time.perf_counter() - begin
         complete = True
         if simulated.failure:
-            about.extra = {**about.extra, "notes": [*about.extra.get("notes", []), f"{case.name}: {simulated.failure}"]}
+            note(about, [f"{case.name}: {simulated.failure}"])
     except KeyboardInterrupt:
         about.status, about.reason = "interrupted", f"interrupted in {case.name}"
     except (SimulationError, CouplingError, TwinError) as error:
         about.status, about.reason = "failed", f"{case.name}: {error}"
     finally:
         if simulated is not None:
+            lines = {name: len(member.log) for name, member in simulated.members.items()}
             simulated.terminate()
+            for name, member in simulated.members.items():
+                note(about, [f"{case.name}: {name}: {line}" for line in member.log[lines[name] :]])
             recorded = analyzed(outcome.scenario, case.variant, signals(simulated, complete))
             outcome.tables[case.variant, case.seed] = recorded
             file.write(case.variant, case.seed, recorded)
             about.simulated_time += float(recorded.time[-1] - recorded.time[0]) if len(recorded.time) else 0.0
     return complete
+
+
+def note(about: results.Run, lines: list[str]) -> None:
+    """Keep remarks for the person who runs this."""
+    if lines:
+        about.extra = {**about.extra, "notes": [*about.extra.get("notes", []), *lines]}
 
 
 def analyzed(scenario: Scenario, variant: str, recorded: Signals) -> Signals:

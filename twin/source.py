@@ -13,7 +13,9 @@ import textwrap
 from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any
 
-from twin.variable import Role
+from twin import unit
+from twin.errors import CouplingError
+from twin.variable import Boolean, Role
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -51,13 +53,28 @@ METHODS = {"max", "min", "copy", "astype", "dot", "reshape", "tolist", "mean", "
 
 def check(cls: type[Component]) -> list[str]:
     """Problems of a component's functions and of the helpers they call, one line each; empty if there are none."""
-    problems: list[str] = []
+    problems: list[str] = list(_declaration_problems(cls))
     seen: set[str] = set()
     for name in ("initialize", "step", "derivatives"):
         function = getattr(cls, name, None)
         if isinstance(function, FunctionType):
             problems += _check_function(cls, function, seen, owner=True)
     return problems
+
+
+def _declaration_problems(cls: type[Component]) -> Iterator[str]:
+    """What the declarations alone tell: types that cannot be compiled, unknown units, states without a derivative."""
+    named = {name for one in _reachable(getattr(cls, "derivatives", None), set()) for name in one.__code__.co_names}
+    for variable in cls.variables:
+        where = f"{cls.__name__}.{variable.name}"
+        if variable.type is Boolean and variable.shape:
+            yield f"{where}: an array of Boolean cannot be compiled. Declare it with type=Int32, and 0 and 1."
+        if variable.role is Role.derivative and variable.name not in named:
+            yield f"{where}: is never set. Write self.{variable.name} = ... in derivatives(self, t)."
+        try:
+            unit.describe(variable.unit)
+        except CouplingError as error:
+            yield f"{where}: {error}"
 
 
 def _check_function(cls: type[Component], function: FunctionType, seen: set[str], owner: bool) -> Iterator[str]:
@@ -99,8 +116,22 @@ def _problems(
                     f"`self.{node.attr}` is not declared"
                     + (f". Did you mean `self.{near}`?"[:-1] if near else ". Declare it"),
                 )
+        elif owner and isinstance(node, ast.Subscript):
+            yield from _index_problems(node, me, variables)
         if owner and isinstance(node, ast.Assign | ast.AugAssign | ast.AnnAssign):
             yield from _write_problems(node, me, variables)
+
+
+def _index_problems(node: ast.Subscript, me: str, variables: dict[str, Any]) -> Iterator[tuple[ast.AST, str]]:
+    """A constant index outside of its array: native code would read or write beside it."""
+    array = node.value
+    if not (isinstance(array, ast.Attribute) and isinstance(array.value, ast.Name) and array.value.id == me):
+        return
+    variable = variables.get(array.attr)
+    indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+    for index, size in zip(indices, variable.shape if variable is not None else (), strict=False):
+        if isinstance(index, ast.Constant) and type(index.value) is int and index.value >= size:
+            yield node, f"`{ast.unparse(node)}` is outside of {array.attr}, whose indices end at {size - 1}. Correct it"
 
 
 def _call_problems(node: ast.Call, function: FunctionType) -> Iterator[tuple[ast.AST, str]]:

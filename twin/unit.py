@@ -25,8 +25,7 @@ def registry() -> Any:
     """Pint's registry, made on first use: it takes 0.1 s."""
     import pint
 
-    units = pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=":auto:")
-    return units
+    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=":auto:")
 
 
 @lru_cache(maxsize=256)

@@ -149,7 +149,13 @@ def derivative(of: Variable) -> Variable:
     unit = "1/s" if of.unit in ("", "1") else f"{of.unit}/s"
     zero = replace(of, role=Role.derivative, unit=unit, name=f"der_{of.name}", start=0.0)
     return replace(
-        zero, description=f"derivative of {of.name}", display_unit="", minimum=None, maximum=None, nominal=None, source=""
+        zero,
+        description=f"derivative of {of.name}",
+        display_unit="",
+        minimum=None,
+        maximum=None,
+        nominal=None,
+        source="",
     )
 
 

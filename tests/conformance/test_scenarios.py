@@ -52,7 +52,13 @@ def test_the_compensators_constants_are_those_that_the_scenario_identifies(outco
 
 @pytest.mark.parametrize(
     "overrides",
-    [["heart.rate=0.8 Hz"], ["heart.rate=1.6 Hz"], ["heart.scale=0.7"], ["heart.scale=1.2"], ["controller.setpoint=0.3 N"]],
+    [
+        ["heart.rate=0.8 Hz"],
+        ["heart.rate=1.6 Hz"],
+        ["heart.scale=0.7"],
+        ["heart.scale=1.2"],
+        ["controller.setpoint=0.3 N"],
+    ],
     ids=str,
 )
 def test_the_order_of_the_controllers_holds_elsewhere_too(overrides, build, tmp_path):

@@ -200,7 +200,10 @@ def test_input_files(gain: Path) -> None:
         (("--stop-time", "inf"), "is not a time"),
         (("--step-size", "0"), "not positive"),
         (("--step-size", "1e-10"), "not a whole number of nanoseconds"),
-        (("--output-interval", "0.15", "--step-size", "0.1"), "not a multiple of the step 100 ms. Use --step-size 0.075"),
+        (
+            ("--output-interval", "0.15", "--step-size", "0.1"),
+            "not a multiple of the step 100 ms. Use --step-size 0.075",
+        ),
         (("--output-interval", "0"), "output interval 0 s is not positive"),
         (("--record", "z"), "no variable 'z' to record"),
         (("--stop-time", "1e9", "--step-size", "1e-3"), "are too many"),

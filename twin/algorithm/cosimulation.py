@@ -141,6 +141,8 @@ class CoSimulation:
             if not self.members[member].address(name) or self.periods[member] != self.step:
                 variable = self.members[member].variables[name]
                 view(address, variable)[:] = np.ravel(self.members[member].get(name))
+        for (member, name), address in plan.buffers.items():
+            view(address, self.members[member].variables[name])[:] = np.ravel(self.members[member].get(name))
         self.tables = {
             name: np.array(rows, np.int64).reshape(len(rows), -1) if rows else np.zeros((1, 1), np.int64)
             for name, rows in (
@@ -240,8 +242,10 @@ class CoSimulation:
         return f" Last log: {' | '.join(member.log[-LOG_LINES:])}" if member.log else ""
 
     def set(self, key: Key, value: Any) -> None:
-        """Set a parameter or an unconnected input of a member, from now on."""
+        """Set a parameter or an unconnected input, or element of one, of a member, from now on."""
         self.members[key[0]].set(key[1], value)
+        if key in self.plan.buffers:
+            view(self.plan.buffers[key], self.members[key[0]].variables[key[1]])[:] = np.ravel(value)
 
     def override(self, key: Key, value: Any) -> None:
         """From now on all who read this output, or the member that has this input, see `value` instead."""
@@ -291,7 +295,7 @@ class CoSimulation:
 
     def recording(self) -> Recording:
         """All that was recorded until now, decoded."""
-        if not hasattr(self, "plan"):
+        if not hasattr(self, "_loop"):
             return Recording(np.zeros(0), {})
         self._drain()
         words = np.concatenate(self._chunks) if self._chunks else np.zeros((0, self.plan.row_words), np.int64)

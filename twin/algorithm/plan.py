@@ -73,6 +73,7 @@ class Plan:
     memory: Memory = field(default_factory=Memory)
     published: dict[Key, int] = field(default_factory=dict)
     staged: dict[Key, int] = field(default_factory=dict)
+    buffers: dict[Key, int] = field(default_factory=dict)  # where an FMU's connected inputs are kept for its setters
     readers: dict[Key, list[Place]] = field(default_factory=dict)
     writers: dict[Key, list[Place]] = field(default_factory=dict)
     operations: list[dict[str, Any]] = field(default_factory=list)  # ranges by table; addresses come with the tables
@@ -131,6 +132,8 @@ class Plan:
             rows[member].append(row)
             for variable in variables:
                 places[member, variable.name] = address
+                if write:
+                    self.buffers[member, variable.name] = address
                 address += variable.size * variable.dtype.itemsize
         return calls
 

@@ -51,7 +51,7 @@ def command(name: str, folder: Path) -> None:
     from twin import reference
 
     reference.regenerate(written(place, class_name), place / "expected.csv")
-    shown = name if folder.name == "fmus" else f"{'.'.join(place.parts)}.model:{class_name}"
+    shown = name if folder.name == "fmus" or place.is_absolute() else f"{'.'.join(place.parts)}.model:{class_name}"
     click.echo(f"{place}: written. Edit {place / 'model.py'}, then: twin test {shown}")
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from twin.errors import TwinError
+from twin.errors import TwinError, described
 
 
 @click.command(name="test")
@@ -30,6 +30,8 @@ def command(names: tuple[str, ...], build: Path) -> None:
                 check(cls, build)
             except TwinError as error:
                 lines += [f"  {title}: {line}" for line in str(error).splitlines()]
+            except Exception as error:
+                lines.append(f"  {title}: {described(error)}. Correct it there.")
         failed += bool(lines)
         click.echo(f"{name}: {'FAILED' if lines else 'ok'}")
         for line in lines:

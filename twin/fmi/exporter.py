@@ -20,7 +20,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin import compiled
+from twin import compiled, source
 from twin.component import Component, PythonComponent, functions
 from twin.errors import BuildError
 from twin.fmi import description
@@ -203,8 +203,8 @@ def plan(cls: type[Component], version: str) -> Plan:
     nobody = f"{{{uuid.UUID(int=0)}}}"
     digest = hashlib.sha256(words.describe(cls, name, nobody, exposed) + page)
     digest.update(_c_table(cls, name, nobody, exposed, words.has_time).encode())
-    for source in (words.source, "core.h", "run.h"):
-        digest.update((SOURCES / source).read_bytes())
+    for file in (words.source, "core.h", "run.h"):
+        digest.update((SOURCES / file).read_bytes())
     digest.update(f"{TARGETS} {COMPILE} {metadata.version('ziglang')}".encode())
     token = f"{{{uuid.UUID(compiled.content_hash(functions(cls), digest.hexdigest()))}}}"
     files = {"modelDescription.xml": words.describe(cls, name, token, exposed), "documentation/index.html": page}
@@ -252,6 +252,8 @@ def export(cls: type[Component], version: str, path: Path, build: Path, targets:
 
 def build(cls: type[Component], version: str, build: Path, targets: Sequence[str] = ()) -> Path:
     """The component's FMU in `build/<version>/`, made anew only if what it is made from, or a target, is new."""
+    if problems := source.check(cls):
+        raise BuildError("\n".join(problems))
     made = plan(cls, version)
     wanted = tuple(targets) or (compiled.host(),)
     path = build / version / f"{made.name}.fmu"

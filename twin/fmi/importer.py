@@ -132,9 +132,8 @@ class FMUMember(Member):
             new if name == old else name: replace(variable, name=new) if name == old else variable
             for name, variable in self.variables.items()
         }
-        for table in (self._declared, self._items, self._start):
-            if old in table:
-                table[new] = table.pop(old)
+        self._declared[new] = self._declared.pop(old)
+        self._items[new] = self._items.pop(old)
 
     # call sequence
 

@@ -243,7 +243,14 @@ def member_values(member: MemberSpec, name: str, variables: Variables) -> tuple[
 def event_problems(event: EventSpec, catalog: Catalog, targets: set[str]) -> list[str]:
     """What is wrong with an event now that its variable is known."""
     try:
-        variable, _ = find(event.variable, catalog)
+        variable, index = find(event.variable, catalog)
+        if (
+            index
+            and event.kind == "override"
+            and np.prod(catalog[event.variable.partition(".")[0]][variable.name].shape) > 1
+        ):
+            whole = event.variable[: event.variable.rindex("[")]
+            raise CouplingError(f"{event.variable}: the other elements would be held too. Override all of {whole}.")  # noqa: TRY301
         if not variable.connectable and event.kind != "set":
             raise CouplingError(f"{event.variable} is {variable.type}: only numbers can be overridden.")  # noqa: TRY301
         if event.kind != "release":

@@ -1,0 +1,119 @@
+"""Start-up of `twin run` with everything built: from the start of the process until the simulation's first step.
+
+    python -m benchmarks.startup         prints `name: value` lines; times in s, of variant PI with seed 1
+
+A process runs the command line as it is, notes the time on the way and ends at the first step:
+
+interpreter   until Python has started
+imports       of all that the command imports before the first step
+scenario      reading, merging and checking the file, looking up the components
+members       opening the FMUs, coupling, InitializationMode, the compiled loop
+
+`whole_run` is the whole command with the 22 s of the scenario, results and metrics and no report; `outside` is that
+less the wall time it reports for the simulation. The packages' figures are their modules' own times by -X importtime,
+which makes importing slower.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+
+SCENARIO = "scenarios/heart_wall_force.yaml"
+ARGUMENTS = ("run", SCENARIO, "--variant", "PI", "--seed", "1", "--no-report", "--runs")
+PHASES = ("interpreter", "imports", "scenario", "members")
+REPEATS = 7
+PACKAGES = 5
+
+
+def run_until_first_step(begin: float, arguments: list[str]) -> None:
+    """The command line with the times of its phases printed at the first step, where the process ends."""
+    marks = [begin, time.monotonic()]
+    import twin.cli.run
+    import twin.fmi.exporter
+    import twin.fmi.importer
+    import twin.run
+    from twin.algorithm.cosimulation import CoSimulation
+
+    marks.append(time.monotonic())
+    simulation = twin.run.simulation
+
+    def noted(*given, **named):
+        marks.append(time.monotonic())
+        return simulation(*given, **named)
+
+    def first_step(*_given, **_named):
+        marks.append(time.monotonic())
+        print(json.dumps([after - before for before, after in itertools.pairwise(marks)]), flush=True)
+        sys.exit(0)
+
+    twin.run.simulation = noted
+    CoSimulation.advance = first_step  # type: ignore[method-assign]
+    sys.argv = ["twin", *arguments]
+    twin.cli.main()
+
+
+def phases(folder: str) -> list[float]:
+    """Times of the phases of one process [s]."""
+    command = [sys.executable, "-m", "benchmarks.startup", str(time.monotonic()), *ARGUMENTS, folder]
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return list(json.loads(done.stdout.splitlines()[-1]))
+
+
+def whole(folder: str) -> tuple[float, float]:
+    """Wall time of the whole command, and of its simulation as it reports it [s]."""
+    command = [sys.executable, "-c", "from twin.cli import main; main()", *ARGUMENTS, folder, "--json"]
+    begin = time.monotonic()
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return time.monotonic() - begin, float(json.loads(done.stdout)["wall_time"])
+
+
+def packages(folder: str) -> Counter[str]:
+    """Time by top-level package until the first step [us]."""
+    command = [sys.executable, "-X", "importtime", "-m", "benchmarks.startup", str(time.monotonic())]
+    done = subprocess.run([*command, *ARGUMENTS, folder], check=True, capture_output=True, text=True)
+    result: Counter[str] = Counter()
+    for line in done.stderr.splitlines():
+        fields = line.removeprefix("import time:").split("|")
+        if len(fields) == 3 and fields[0].strip().isdigit():
+            name = fields[2].strip().partition(".")[0]
+            result["standard library" if name.lstrip("_") in STANDARD or name in STANDARD else name] += int(fields[0])
+    return result
+
+
+STANDARD = sys.stdlib_module_names
+
+
+def measure(repeats: int = REPEATS) -> None:
+    """Print the figures."""
+    with tempfile.TemporaryDirectory() as folder:
+        whole(folder)  # builds what is missing
+        split = [phases(folder) for _ in range(repeats)]
+        runs = [whole(folder) for _ in range(repeats)]
+        imported = [packages(folder) for _ in range(repeats)]
+    print(f"startup_to_first_step_s: {statistics.median(sum(one) for one in split):.3f}")
+    for i, name in enumerate(PHASES):
+        print(f"startup_{name}_s: {statistics.median(one[i] for one in split):.3f}")
+    print(f"startup_whole_run_s: {statistics.median(took for took, _ in runs):.3f}")
+    print(f"startup_outside_s: {statistics.median(took - stepping for took, stepping in runs):.3f}")
+    medians = Counter({name: int(statistics.median(one[name] for one in imported)) for name in imported[0]})
+    for name, microseconds in medians.most_common(PACKAGES):
+        print(f"startup_import_{name.replace(' ', '_')}_s: {1e-6 * microseconds:.3f}", flush=True)
+
+
+def main() -> None:
+    """Print the figures; with arguments, be the process that is measured."""
+    if len(sys.argv) > 1:
+        run_until_first_step(float(sys.argv[1]), sys.argv[2:])
+    else:
+        measure()
+
+
+if __name__ == "__main__":
+    main()
