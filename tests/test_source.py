@@ -9,15 +9,7 @@ import pytest
 from twin import catalog, source
 from twin.component import Component, functions
 from twin.errors import DeclarationError
-from twin.variable import Boolean, input, local, output, state
-
-
-class Flags(Component):
-    u = input("", "three flags", start=(False, False, True), type=Boolean)
-    y = output("", "one of them")
-
-    def step(self, t, h):
-        self.y = 1.0 if self.u[1] else 0.0
+from twin.variable import local, output, state
 
 
 class NoDerivative(Component):
@@ -47,7 +39,6 @@ class Unit(Component):
 @pytest.mark.parametrize(
     ("cls", "expected"),
     [
-        (Flags, "Flags.u: an array of Boolean cannot be compiled. Declare it with type=Int32, and 0 and 1."),
         (NoDerivative, "NoDerivative.der_x: is never set. Write self.der_x = ... in derivatives(self, t)."),
         (Outside, "`self.a[4]` is outside of a, whose indices end at 3. Correct it."),
         (Unit, "Unit.y: unit 'metr' is not known"),

@@ -19,7 +19,7 @@ from twin.dependencies import dependencies, flow
 from twin.errors import CouplingError
 from twin.graph import ordered_groups
 from twin.system import Link, is_real
-from twin.variable import DTYPES, Int64, Layout, Role, Variable, layout
+from twin.variable import Int64, Layout, Role, Variable, layout
 
 Key = tuple[str, str]
 
@@ -333,7 +333,7 @@ def starts(parts: dict[str, Part], variables: list[Variable]) -> dict[str, Any]:
         part = parts[member]
         declared = part.component.start_values()[name]
         value = part.values.get(name, declared)
-        result[variable.name] = np.broadcast_to(np.asarray(value, DTYPES[variable.type]), variable.shape)
+        result[variable.name] = np.broadcast_to(np.asarray(value, variable.dtype), variable.shape)
     return result
 
 

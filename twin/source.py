@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin import unit
 from twin.errors import CouplingError
-from twin.variable import Boolean, Role
+from twin.variable import Role
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -63,12 +63,10 @@ def check(cls: type[Component]) -> list[str]:
 
 
 def _declaration_problems(cls: type[Component]) -> Iterator[str]:
-    """What the declarations alone tell: types that cannot be compiled, unknown units, states without a derivative."""
+    """What the declarations alone tell: unknown units, states without a derivative."""
     named = {name for one in _reachable(getattr(cls, "derivatives", None), set()) for name in one.__code__.co_names}
     for variable in cls.variables:
         where = f"{cls.__name__}.{variable.name}"
-        if variable.type is Boolean and variable.shape:
-            yield f"{where}: an array of Boolean cannot be compiled. Declare it with type=Int32, and 0 and 1."
         if variable.role is Role.derivative and variable.name not in named:
             yield f"{where}: is never set. Write self.{variable.name} = ... in derivatives(self, t)."
         try:

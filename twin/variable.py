@@ -40,6 +40,12 @@ DTYPES: dict[Type, np.dtype[Any]] = {
     Boolean: np.dtype(np.bool_),
 }  # fmt: skip
 
+
+def storage(kind: Type, shape: tuple[int, ...]) -> np.dtype[Any]:
+    """Type of a scalar in the record: Booleans of an array are bytes of 0 and 1, since numba knows no array of bits."""
+    return np.dtype(np.int8) if kind is Boolean and shape else DTYPES[kind]
+
+
 WORD = 8  # alignment of every block and of every array [byte]
 
 
@@ -96,7 +102,7 @@ class Variable:
     @property
     def dtype(self) -> np.dtype[Any]:
         """Type of one scalar in the record."""
-        return DTYPES[self.type]
+        return storage(self.type, self.shape)
 
     def start_array(self) -> np.ndarray[Any, Any]:
         """Start value as an array of the variable's shape and type."""
@@ -111,7 +117,7 @@ class Variable:
 
 def _declare(role: Role, unit: str, description: str, start: Start, options: dict[str, Any]) -> Any:
     """Make a variable, taking shape and Boolean type from the start value where they are not given."""
-    kind = options.setdefault("type", Boolean if isinstance(start, bool) else Float64)
+    kind = options.setdefault("type", Boolean if np.asarray(start).dtype.kind == "b" else Float64)
     if "shape" not in options:
         options["shape"] = np.asarray(start, dtype=DTYPES[Type(kind)]).shape
     if options["shape"]:
@@ -194,7 +200,7 @@ def layout(variables: Sequence[Variable], hidden: dict[str, tuple[Type, tuple[in
 
     def add(name: str, kind: Type, shape: tuple[int, ...], at: int) -> int:
         names.append(name)
-        formats.append((DTYPES[kind], shape) if shape else DTYPES[kind])
+        formats.append((storage(kind, shape), shape) if shape else storage(kind, shape))
         offsets.append(at)
         return at + DTYPES[kind].itemsize * int(np.prod(shape, dtype=int))
 

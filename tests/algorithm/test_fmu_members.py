@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from tests.algorithm.parts import Clock
+from tests.test_component import Everything
 from twin import compiled
 from twin.algorithm.cosimulation import CoSimulation
 from twin.component import Component
@@ -54,6 +55,25 @@ def test_unconnected_elements_of_an_input_keep_their_values(echo):
     found = values(simulation, version)
     np.testing.assert_allclose(found[5], [1.0, 0.004, 3.0])
     np.testing.assert_allclose(found[-1], [7.0, 0.009, 9.0] if version == "3.0" else [1.0, 0.009, 3.0])
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_every_type_and_shape_passes_through_an_fmu(version, build):
+    names = {"switches": [False, True, True], "vector": [0.1, 0.2, 0.3], "flag": True, "number": 5}
+    plain, member = Everything(), FMUMember("it", exporter.build(Everything, version, build / "tests"))
+    member.instantiate()
+    for name, value in names.items():
+        setattr(plain, name, value)
+        elements = [name] if version == "3.0" or not isinstance(value, list) else [f"{name}[{i}]" for i in (1, 2, 3)]
+        for element, one in zip(elements, [value] if len(elements) == 1 else value, strict=True):
+            member.set(element, one)
+    plain.start()
+    member.enter_initialization(0.0, None)
+    member.exit_initialization()
+    found = member.get("switched") if version == "3.0" else [member.get(f"switched[{i}]") for i in (1, 2, 3)]
+    assert [bool(one) for one in found] == plain.switched.tolist() == [True, False, False]
+    assert member.get("y") == plain.y == 0.0
+    member.close()
 
 
 def test_a_member_that_cannot_be_read_is_named(echo, monkeypatch):
