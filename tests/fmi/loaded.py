@@ -1,6 +1,7 @@
 """An FMU loaded with FMPy, spoken to in the component's own names."""
 
 import numpy as np
+from elftools.elf.elffile import ELFFile
 from fmpy import fmi2, fmi3, read_model_description
 
 VERSIONS = ("2.0", "3.0")
@@ -70,3 +71,11 @@ class Fmu:
 
 def reference_outputs(component):
     return b"".join(component.views[v.name].tobytes() for v in component.variables if v.role == "output")
+
+
+def symbols(library):
+    """(defined, needed) dynamic symbols of a Linux library, as `nm -D` lists them."""
+    with library.open("rb") as file:
+        table = ELFFile(file).get_section_by_name(".dynsym")
+        named = [(symbol.name, symbol["st_shndx"] == "SHN_UNDEF") for symbol in table.iter_symbols() if symbol.name]
+    return {name for name, is_needed in named if not is_needed}, {name for name, is_needed in named if is_needed}

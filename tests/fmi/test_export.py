@@ -2,8 +2,6 @@
 
 import ctypes
 import re
-import shutil
-import subprocess
 import threading
 import zipfile
 from pathlib import Path
@@ -15,7 +13,7 @@ from fmpy import read_model_description, simulate_fmu
 from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
 
-from tests.fmi.loaded import VERSIONS, Fmu, reference_outputs
+from tests.fmi.loaded import VERSIONS, Fmu, reference_outputs, symbols
 from tests.fmi.parts import PARTS, Failing, Masses, Sampler, Stiff
 from twin import dependencies
 from twin.component import PythonComponent
@@ -34,16 +32,7 @@ def test_fmpy_finds_nothing_to_complain_about(fmus, part, version):
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("part", PARTS)
 def test_library_exports_fmi_functions_and_needs_libm_only(fmus, part, version):
-    nm = shutil.which("nm") or shutil.which("llvm-nm")
-    if nm is None:
-        pytest.skip("no nm on this machine")
-    library = next(fmus[part, version][1].glob("binaries/*/*.so"))
-    lines = [
-        line.split()
-        for line in subprocess.run([nm, "-D", library], capture_output=True, text=True, check=True).stdout.splitlines()
-    ]
-    defined = {line[-1] for line in lines if line[-2] != "U"}
-    needed = {line[-1].split("@")[0] for line in lines if line[-2] == "U"}
+    defined, needed = symbols(next(fmus[part, version][1].glob("binaries/*/*.so")))
     assert defined
     assert all(name.startswith(f"fmi{version[0]}") for name in defined)
     assert needed <= {"exp", "log", "sqrt", "cos", "ceil", "floor"}
