@@ -18,4 +18,4 @@ def test_symbols(name, version, build, tmp_path):
         defined, needed = symbols(tmp_path / archive.extract(library, tmp_path))
     assert defined
     assert all(symbol.startswith(f"fmi{version[0]}") for symbol in defined)
-    assert needed <= compiled.LIBM
+    assert needed <= compiled.LIBM | {"sincos"}  # glibc's libm has both in one; the code generator knows
