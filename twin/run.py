@@ -184,7 +184,7 @@ def _run_one(
             simulated.terminate()
             for name, member in simulated.members.items():
                 note(about, [f"{case.name}: {name}: {line}" for line in member.log[lines[name] :]])
-            recorded = analyzed(outcome.scenario, case.variant, signals(simulated, complete))
+            recorded = analyzed(outcome.scenario, case.variant, signals(simulated, complete), progress)
             outcome.tables[case.variant, case.seed] = recorded
             file.write(case.variant, case.seed, recorded)
             about.simulated_time += float(recorded.time[-1] - recorded.time[0]) if len(recorded.time) else 0.0
@@ -197,10 +197,11 @@ def note(about: results.Run, lines: list[str]) -> None:
         about.extra = {**about.extra, "notes": [*about.extra.get("notes", []), *lines]}
 
 
-def analyzed(scenario: Scenario, variant: str, recorded: Signals) -> Signals:
+def analyzed(scenario: Scenario, variant: str, recorded: Signals, progress: Progress = silent) -> Signals:
     """The signals of a complete case with those of its analyses."""
     for one in scenario.analyses:
         if recorded.complete and (not one.variants or variant in one.variants):
+            progress(f"{variant}: {one.name}", 1.0)
             recorded = one.apply(recorded)
     return recorded
 
