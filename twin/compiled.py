@@ -21,7 +21,7 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from twin import machine, source
-from twin.component import Component, PythonComponent, functions
+from twin.component import Component, PythonComponent, evaluation, functions
 from twin.errors import BuildError
 
 if TYPE_CHECKING:
@@ -277,6 +277,18 @@ def component_object(cls: type[Component], target: str, build: Path) -> bytes:
     initialize, advance = functions(cls)
     entries = (Entry("component_initialize", initialize, ("f8",)), Entry("component_advance", advance, ("f8", "f8")))
     return compile_entries(entries, cls.layout.dtype, target, cls.__name__, build)
+
+
+def exchange_entries(cls: type[Component]) -> tuple[Entry, ...]:
+    """What Model Exchange needs beside `component_object`; empty for a component that is not continuous."""
+    evaluate = evaluation(cls)
+    return () if evaluate is None else (Entry("component_derivatives", evaluate, ("f8",)),)
+
+
+def exchange_object(cls: type[Component], target: str, build: Path) -> bytes:
+    """Object file of the entries for Model Exchange; empty if there are none."""
+    entries = exchange_entries(cls)
+    return compile_entries(entries, cls.layout.dtype, target, cls.__name__, build) if entries else b""
 
 
 # ----------------------------------------------------------------------------------------------- into this process

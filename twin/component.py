@@ -131,6 +131,12 @@ def functions(cls: type[Component]) -> tuple[solver.Function, solver.Function]:
     return cached
 
 
+def evaluation(cls: type[Component]) -> solver.Function | None:
+    """`evaluate(self, t)` of a continuous component, for a solver outside; nothing for other kinds."""
+    derivatives = getattr(cls, "derivatives", None)
+    return None if derivatives is None or issubclass(cls, PythonComponent) else solver.evaluation(derivatives)
+
+
 def build_functions(cls: type[Component]) -> tuple[solver.Function, solver.Function]:
     """Combine a component's own functions with its method and period."""
     derivatives = getattr(cls, "derivatives", None)

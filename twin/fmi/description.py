@@ -13,6 +13,7 @@ from lxml import etree
 
 import twin
 from twin import clock, unit
+from twin.component import evaluation
 from twin.dependencies import flow
 from twin.errors import BuildError
 from twin.variable import Boolean, Float64, Int64, Role, Variable
@@ -69,6 +70,11 @@ class Structure:
 def structure(cls: type[Component]) -> Structure:
     """A step publishes later what it reads now, so only `derivatives` makes an output follow an input at once."""
     return Structure(flow(cls, ("initialize", "derivatives")), flow(cls, ("derivatives",)))
+
+
+def offers_exchange(cls: type[Component]) -> bool:
+    """Whether the FMU has Model Exchange beside Co-Simulation: a continuous component has."""
+    return evaluation(cls) is not None
 
 
 def _properties(cls: type[Component], variable: Variable, written: dict[str, frozenset[str]]) -> tuple[str, str]:
@@ -242,6 +248,12 @@ TYPES_2 = {"Float64": "Real", "Int32": "Integer", "Int64": "Integer", "Boolean":
 def describe_2(cls: type[Component], name: str, token: str, exposed: list[Exposed]) -> bytes:
     """modelDescription.xml of FMI 2.0; ModelStructure counts variables from 1."""
     root = _document(cls, fmiVersion="2.0", modelName=name, guid=token)
+    if offers_exchange(cls):
+        root.set("numberOfEventIndicators", "0")
+        add(
+            root, "ModelExchange", modelIdentifier=name, completedIntegratorStepNotNeeded=True,
+            canNotUseMemoryManagementFunctions=True, canGetAndSetFMUstate=True, canSerializeFMUstate=True,
+        )  # fmt: skip
     add(
         root, "CoSimulation", modelIdentifier=name, canHandleVariableCommunicationStepSize=True,
         canNotUseMemoryManagementFunctions=True, canGetAndSetFMUstate=True, canSerializeFMUstate=True,
@@ -271,6 +283,8 @@ def describe_2(cls: type[Component], name: str, token: str, exposed: list[Expose
 def describe_3(cls: type[Component], name: str, token: str, exposed: list[Exposed]) -> bytes:
     """modelDescription.xml of FMI 3.0."""
     root = _document(cls, fmiVersion="3.0", modelName=name, instantiationToken=token)
+    if offers_exchange(cls):
+        add(root, "ModelExchange", modelIdentifier=name, canGetAndSetFMUState=True, canSerializeFMUState=True)
     add(
         root, "CoSimulation", modelIdentifier=name, canHandleVariableCommunicationStepSize=True,
         canGetAndSetFMUState=True, canSerializeFMUState=True,

@@ -1,0 +1,116 @@
+"""Model Exchange: a solver outside finds the trajectory of Co-Simulation; values follow what was set, when asked for."""
+
+import ctypes
+
+import numpy as np
+import pytest
+from fmpy import read_model_description, simulate_fmu
+from fmpy.fmi1 import FMICallException
+
+from tests.fmi.loaded import VERSIONS, Fmu
+from tests.fmi.parts import Failing, Masses, Sampler, Stiff
+from twin import catalog
+from twin.component import PythonComponent
+from twin.fmi import exporter
+
+CONTINUOUS = [
+    name
+    for name in catalog.names()
+    if hasattr(catalog.component(name), "derivatives") and not issubclass(catalog.component(name), PythonComponent)
+]
+# what makes a component move although nothing is connected
+STARTS = {"sheath": {"contact_force": 5.0}, "wall": {"tip_position": 2e-3}}
+
+
+def agrees(path, stop, interval, tolerance, starts):
+    options = {"stop_time": stop, "output_interval": interval, "start_values": starts}
+    stepped = simulate_fmu(path, **options)
+    solved = simulate_fmu(path, fmi_type="ModelExchange", solver="CVode", relative_tolerance=1e-9, **options)
+    assert stepped["time"].tolist() == pytest.approx(solved["time"].tolist())
+    for name in stepped.dtype.names[1:]:
+        scale = np.abs(stepped[name]).max()
+        assert np.abs(stepped[name] - solved[name]).max() <= tolerance * scale, name
+    return stepped
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("name", CONTINUOUS)
+def test_a_solver_outside_finds_what_co_simulation_does(name, version, build):
+    path = str(exporter.build(catalog.component(name), version, build))
+    found = agrees(path, 1.0, 0.01, 1e-5, STARTS.get(name, {}))
+    assert all(np.any(found[column]) for column in found.dtype.names)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize(("part", "starts"), [(Masses, {"push": 2.0}), (Stiff, {"u": 1.5, "first": 0.25})])
+def test_so_it_does_for_the_parts(fmus, part, version, starts):
+    agrees(str(fmus[part, version][0]), 0.5, 0.01, 1e-6, starts)
+
+
+# -------------------------------------------------------------------------------------------------------------- calls
+
+
+def numbers(fmu, name, size):
+    values = (ctypes.c_double * size)()
+    getattr(fmu.slave, name)(values, size)
+    return list(values)
+
+
+def derivatives(fmu, size):
+    return numbers(fmu, "getDerivatives" if fmu.version == "2.0" else "getContinuousStateDerivatives", size)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_values_follow_states_time_and_inputs(fmus, version):
+    fmu = Fmu(fmus, Masses, version, kind="ME").begin()
+    assert numbers(fmu, "getContinuousStates", 4) == [0.1, 0.2, 0.0, 0.0]
+    assert numbers(fmu, "getNominalsOfContinuousStates", 4) == [0.1, 0.1, 1.0, 1.0]
+    fmu.slave.enterContinuousTimeMode()
+    fmu.slave.setTime(1.0)
+    fmu.slave.setContinuousStates((ctypes.c_double * 4)(0.3, 0.4, 5.0, 6.0), 4)
+    fmu.set("push", 1.0)
+    reference = Masses(x=(0.3, 0.4), v=(5.0, 6.0), push=1.0)
+    reference.derivatives(1.0)
+    assert derivatives(fmu, 4) == [*reference.der_x, *reference.der_v]
+    assert fmu.get("total")[0] == reference.total
+    fmu.set("push", 2.0)
+    assert fmu.get("acceleration").tolist() == [(2.0 - 3.0) / 0.5, (2.0 - 4.0) / 0.5]
+    with pytest.raises(FMICallException):
+        fmu.set("stiffness", 20.0)  # a parameter is tunable at an event only
+    fmu.slave.enterEventMode()
+    fmu.set("stiffness", 20.0)
+    assert derivatives(fmu, 4)[2] == (2.0 - 6.0) / 0.5
+    fmu.slave.terminate()
+    assert fmu.get("total")[0] == reference.total
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_state_belongs_to_the_kind_of_instance_it_was_saved_in(fmus, version):
+    other, fmu = (Fmu(fmus, Masses, version, kind=kind).begin() for kind in ("CS", "ME"))
+    save, load = (f"{verb}FMU{'state' if version == '2.0' else 'State'}" for verb in ("get", "set"))
+    state = getattr(fmu.slave, save)()
+    fmu.set("push", 3.0)
+    getattr(fmu.slave, load)(state)
+    assert fmu.get("acceleration")[0] == -2.0
+    with pytest.raises(FMICallException):
+        getattr(other.slave, load)(state)
+    assert b"Model Exchange" in other.log[-1][-1]
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_arguments_that_do_not_fit_are_refused(fmus, version):
+    fmu = Fmu(fmus, Masses, version, kind="ME").begin()
+    with pytest.raises(FMICallException):
+        fmu.slave.setTime(float("nan"))
+    fmu.slave.enterContinuousTimeMode()
+    for call in (lambda: numbers(fmu, "getContinuousStates", 3), lambda: numbers(fmu, "getEventIndicators", 1)):
+        with pytest.raises(FMICallException):
+            call()
+
+
+@pytest.mark.parametrize("part", [Sampler, Failing])
+@pytest.mark.parametrize("version", VERSIONS)
+def test_other_kinds_of_component_do_not_offer_it(fmus, part, version):
+    assert read_model_description(str(fmus[part, version][0])).modelExchange is None
+    with pytest.raises(Exception, match="instantiate"):
+        Fmu(fmus, part, version, kind="ME")
