@@ -26,7 +26,7 @@ class Fmu:
             instanceName="it",
         )
         getattr(self, f"_instantiate_{version[0]}")(logging)
-        self.references = {v.name: v.valueReference for v in description.modelVariables}
+        self.references = {own_name(v.name): v.valueReference for v in description.modelVariables}
 
     def _instantiate_2(self, logging):
         callbacks = fmi2.fmi2CallbackFunctions()
@@ -69,6 +69,11 @@ class Fmu:
 
     def outputs(self):
         return b"".join(self.get(v.name).tobytes() for v in self.part.variables if v.role == "output")
+
+
+def own_name(name):
+    """The component's name of a variable: `der_x` for `der(x)`."""
+    return f"der_{name[4:-1]}" if name.startswith("der(") else name
 
 
 def reference_outputs(component):

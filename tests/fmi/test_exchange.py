@@ -1,23 +1,38 @@
 """Model Exchange: a solver outside finds the trajectory of Co-Simulation; values follow what was set, when asked for."""
 
 import ctypes
+import zipfile
+from math import gamma
 
 import numpy as np
 import pytest
-from fmpy import read_model_description, simulate_fmu
+from fmpy import extract, read_model_description, simulate_fmu
 from fmpy.fmi1 import FMICallException
 
 from tests.fmi.loaded import VERSIONS, Fmu
 from tests.fmi.parts import Failing, Masses, Sampler, Stiff
 from twin import catalog
-from twin.component import PythonComponent
+from twin.component import Component, PythonComponent
 from twin.fmi import exporter
+from twin.variable import input, output
 
 CONTINUOUS = [
     name
     for name in catalog.names()
     if hasattr(catalog.component(name), "derivatives") and not issubclass(catalog.component(name), PythonComponent)
 ]
+
+
+class Gamma(Component):
+    """Has no rule for its slope."""
+
+    u = input("", "input", start=1.0)
+    y = output("", "output")
+
+    def derivatives(self, t):
+        self.y = gamma(self.u)
+
+
 # what makes a component move although nothing is connected
 STARTS = {"sheath": {"contact_force": 5.0}, "wall": {"tip_position": 2e-3}}
 
@@ -114,3 +129,74 @@ def test_other_kinds_of_component_do_not_offer_it(fmus, part, version):
     assert read_model_description(str(fmus[part, version][0])).modelExchange is None
     with pytest.raises(Exception, match="instantiate"):
         Fmu(fmus, part, version, kind="ME")
+
+
+# --------------------------------------------------------------------------------------------- directional derivatives
+
+
+def directional(fmu, unknown, known, seed):
+    """Tangents of an unknown along one element, or all, of a known, by the component's names."""
+    variable, references, _ = fmu.access(unknown, "get")
+    _, places, _ = fmu.access(known, "get")
+    seeds = np.atleast_1d(seed).tolist()
+    sizes = (variable.size,) if fmu.version == "3.0" else ()
+    return np.array(fmu.slave.getDirectionalDerivative(references, places, seeds, *sizes))
+
+
+@pytest.mark.parametrize("kind", ["ME", "CS"])
+@pytest.mark.parametrize("version", VERSIONS)
+def test_directional_derivatives_change_nothing(fmus, version, kind):
+    fmu = Fmu(fmus, Stiff, version, kind=kind).begin()
+    fmu.set("u", 2.0)
+    before = fmu.get("y")
+    x = fmu.get("x")[0]
+    gain = np.exp(-x * x)
+    assert directional(fmu, "y", "u", 3.0).tolist() == [1.5]
+    assert directional(fmu, "der_x", "u", 1.0)[0] == pytest.approx(5000.0 * gain, rel=1e-15)
+    assert directional(fmu, "der_x", "x", 1.0)[0] == pytest.approx(5000.0 * (-2.0 * x * gain * 2.0 - 1.0), rel=1e-15)
+    assert directional(fmu, "der_x", "rate", 1.0)[0] == pytest.approx(gain * 2.0 - x, rel=1e-14)
+    assert fmu.get("y") == before
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_directional_derivatives_of_arrays(fmus, version):
+    fmu = Fmu(fmus, Masses, version, kind="ME").begin()
+    fmu.slave.enterContinuousTimeMode()
+    assert directional(fmu, "acceleration", "x", [1.0, 3.0]).tolist() == [-20.0, -60.0]
+    assert directional(fmu, "der_v", "push", 1.0).tolist() == [2.0, 2.0]
+    assert directional(fmu, "der_x", "v", [0.5, 0.25]).tolist() == [0.5, 0.25]
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_initialization_has_its_own_directional_derivatives(fmus, version):
+    fmu = Fmu(fmus, Stiff, version)
+    fmu.enter()
+    assert directional(fmu, "x", "first", 1.0).tolist() == [1.0]
+    assert directional(fmu, "y", "first", 1.0).tolist() == [1.0]
+    for unknown, known in (("y", "x"), ("x", "y")):  # computed by initialization, so not known
+        with pytest.raises(FMICallException):
+            directional(fmu, unknown, known, 1.0)
+    assert b"not known" in fmu.log[-1][-1]
+
+
+def test_directional_derivative_along_time(build, tmp_path):
+    path = exporter.build(catalog.component("heart"), "3.0", build)
+    extract(str(path), str(tmp_path))
+    heart = catalog.component("heart")
+    fmu = Fmu({(heart, "3.0"): (path, tmp_path)}, heart, "3.0", kind="ME").begin(2.2)
+    rate = fmu.slave.getDirectionalDerivative([fmu.references["position"]], [0], [1.0], 1)[0]
+    assert rate == pytest.approx(fmu.get("velocity")[0], rel=1e-12)
+    fmu.slave.freeInstance()
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_flags_and_documentation_say_what_is_offered(fmus, version):
+    word = "Derivative" if version == "2.0" else "Derivatives"
+    texts = [
+        zipfile.ZipFile(fmus[part, version][0]).read("modelDescription.xml").decode() for part in (Masses, Sampler)
+    ]
+    assert [text.count(f'providesDirectional{word}="true"') for text in texts] == [2, 0]
+    refused = exporter.plan(Gamma, version).files
+    assert b"<ModelExchange" in refused["modelDescription.xml"]
+    assert b"Directional" not in refused["modelDescription.xml"]
+    assert "not offered: `gamma(self.u)`" in refused["documentation/index.html"].decode()

@@ -16,6 +16,7 @@ from twin import clock, unit
 from twin.component import evaluation
 from twin.dependencies import flow
 from twin.errors import BuildError
+from twin.tangent import Tangents, tangents
 from twin.variable import Boolean, Float64, Int64, Role, Variable
 
 if TYPE_CHECKING:
@@ -75,6 +76,11 @@ def structure(cls: type[Component]) -> Structure:
 def offers_exchange(cls: type[Component]) -> bool:
     """Whether the FMU has Model Exchange beside Co-Simulation: a continuous component has."""
     return evaluation(cls) is not None
+
+
+def offers_derivatives(cls: type[Component]) -> bool:
+    """Whether the FMU can tell directional derivatives: the source of a continuous component is understood."""
+    return offers_exchange(cls) and isinstance(tangents(cls), Tangents)
 
 
 def _properties(cls: type[Component], variable: Variable, written: dict[str, frozenset[str]]) -> tuple[str, str]:
@@ -253,10 +259,12 @@ def describe_2(cls: type[Component], name: str, token: str, exposed: list[Expose
         add(
             root, "ModelExchange", modelIdentifier=name, completedIntegratorStepNotNeeded=True,
             canNotUseMemoryManagementFunctions=True, canGetAndSetFMUstate=True, canSerializeFMUstate=True,
+            providesDirectionalDerivative=offers_derivatives(cls) or None,
         )  # fmt: skip
     add(
         root, "CoSimulation", modelIdentifier=name, canHandleVariableCommunicationStepSize=True,
         canNotUseMemoryManagementFunctions=True, canGetAndSetFMUstate=True, canSerializeFMUstate=True,
+        providesDirectionalDerivative=offers_derivatives(cls) or None,
     )  # fmt: skip
     _units(root, cls.variables)
     _log_categories(root)
@@ -284,10 +292,14 @@ def describe_3(cls: type[Component], name: str, token: str, exposed: list[Expose
     """modelDescription.xml of FMI 3.0."""
     root = _document(cls, fmiVersion="3.0", modelName=name, instantiationToken=token)
     if offers_exchange(cls):
-        add(root, "ModelExchange", modelIdentifier=name, canGetAndSetFMUState=True, canSerializeFMUState=True)
+        add(
+            root, "ModelExchange", modelIdentifier=name, canGetAndSetFMUState=True, canSerializeFMUState=True,
+            providesDirectionalDerivatives=offers_derivatives(cls) or None,
+        )  # fmt: skip
     add(
         root, "CoSimulation", modelIdentifier=name, canHandleVariableCommunicationStepSize=True,
         canGetAndSetFMUState=True, canSerializeFMUState=True,
+        providesDirectionalDerivatives=offers_derivatives(cls) or None,
         fixedInternalStepSize=clock.seconds(cls.period_ns) if cls.period_ns else None,
     )  # fmt: skip
     _units(root, cls.variables)

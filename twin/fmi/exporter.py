@@ -20,7 +20,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin import compiled
+from twin import compiled, tangent
 from twin.component import Component, PythonComponent, functions
 from twin.errors import BuildError
 from twin.fmi import description
@@ -120,7 +120,7 @@ def _c_table(cls: type[Component], name: str, token: str, exposed: list[Exposed]
             f"#define RECORD_SIZE {len(image)}",
             f"#define FIELD_COUNT {len(rows)}u",
             f"#define EXCHANGE {int(description.offers_exchange(cls))}",
-            "#define DIRECTIONAL 0",
+            f"#define DIRECTIONAL {int(description.offers_derivatives(cls))}",
             f"#define STATE_COUNT {len(nominals)}",
             f"#define STATES {cls.layout.offset(states[0].name) if states else 0}",
             f"#define DERIVATIVES {cls.layout.offset(derivatives[0].name) if states else 0}",
@@ -180,8 +180,14 @@ def documentation(cls: type[Component], version: str) -> str:
         name=model_name(cls), version=version, summary=description.summary(cls),
         docstring=inspect.cleandoc(cls.__doc__ or "").partition("\n")[2].strip(),
         readme=markdown.render(_readme(cls)), groups=groups, period=cls.period, text=_start_text,
-        exchange=description.offers_exchange(cls),
+        exchange=description.offers_exchange(cls), underivable=underivable(cls),
     )  # fmt: skip
+
+
+def underivable(cls: type[Component]) -> str:
+    """Why a continuous component offers no directional derivatives; empty if it does, or is not continuous."""
+    found = tangent.tangents(cls)
+    return found if description.offers_exchange(cls) and isinstance(found, str) else ""
 
 
 def _start_text(variable: Any) -> str:
