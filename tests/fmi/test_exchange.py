@@ -8,13 +8,15 @@ import numpy as np
 import pytest
 from fmpy import extract, read_model_description, simulate_fmu
 from fmpy.fmi1 import FMICallException
+from fmpy.validation import validate_fmu
 
 from tests.fmi.loaded import VERSIONS, Fmu
 from tests.fmi.parts import Failing, Masses, Sampler, Stiff
 from twin import catalog
 from twin.component import Component, PythonComponent
+from twin.errors import DeclarationError
 from twin.fmi import exporter
-from twin.variable import input, output
+from twin.variable import input, local, output, state
 
 CONTINUOUS = [
     name
@@ -129,6 +131,60 @@ def test_other_kinds_of_component_do_not_offer_it(fmus, part, version):
     assert read_model_description(str(fmus[part, version][0])).modelExchange is None
     with pytest.raises(Exception, match="instantiate"):
         Fmu(fmus, part, version, kind="ME")
+
+
+# --------------------------------------------------------------------------------------------------- event indicators
+
+
+class Turning(Component):
+    """Runs up to a limit and back."""
+
+    switches = ("over", "gaps")
+
+    y = output("m", "distance from one")
+    over = local(0.0, "m", "how far beyond one")
+    gaps = output("m", "two more", shape=(2,))
+    x = state(0.0, "m", "place")
+
+    def derivatives(self, t):
+        self.over = self.x - 1.0
+        self.gaps[0] = self.x + 5.0
+        self.gaps[1] = self.x - 5.0
+        self.y = abs(self.over)
+        self.der_x = 2.0 if self.over < 0.0 else 1.0
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_events_are_found_where_a_switching_function_is_zero(version, build, tmp_path):
+    path = exporter.build(Turning, version, build / "tests")
+    assert validate_fmu(str(path)) == []
+    assert int(read_model_description(str(path)).numberOfEventIndicators) == 3
+    extract(str(path), str(tmp_path))
+    fmu = Fmu({(Turning, version): (path, tmp_path)}, Turning, version, kind="ME").begin()
+    assert numbers(fmu, "getEventIndicators", 3) == [-1.0, 5.0, -5.0]
+    fmu.slave.enterContinuousTimeMode()
+    fmu.slave.setContinuousStates((ctypes.c_double * 1)(4.0), 1)
+    assert numbers(fmu, "getEventIndicators", 3) == [3.0, 9.0, -1.0]
+    fmu.slave.freeInstance()
+    found = simulate_fmu(
+        str(path), fmi_type="ModelExchange", stop_time=1.0, output_interval=0.3, relative_tolerance=1e-9
+    )
+    events = found["time"][1:][np.diff(found["time"]) == 0.0]
+    assert events == pytest.approx([0.5], abs=1e-6)
+    assert found["y"][-1] == pytest.approx(0.5, abs=1e-6)
+
+
+def test_switches_that_are_no_quantities_are_refused():
+    with pytest.raises(DeclarationError, match="'z'"):
+
+        class _Wrong(Component):
+            """Names what is not there."""
+
+            switches = ("z",)
+            y = output("", "output")
+
+            def derivatives(self, t):
+                self.y = t
 
 
 # --------------------------------------------------------------------------------------------- directional derivatives

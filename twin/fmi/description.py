@@ -78,6 +78,11 @@ def offers_exchange(cls: type[Component]) -> bool:
     return evaluation(cls) is not None
 
 
+def switches(cls: type[Component]) -> list[Variable]:
+    """Variables whose zeros are events, in the order in which event indicators are told."""
+    return [next(v for v in cls.variables if v.name == name) for name in cls.switches]
+
+
 def offers_derivatives(cls: type[Component]) -> bool:
     """Whether the FMU can tell directional derivatives: the source of a continuous component is understood."""
     return offers_exchange(cls) and isinstance(tangents(cls), Tangents)
@@ -255,7 +260,7 @@ def describe_2(cls: type[Component], name: str, token: str, exposed: list[Expose
     """modelDescription.xml of FMI 2.0; ModelStructure counts variables from 1."""
     root = _document(cls, fmiVersion="2.0", modelName=name, guid=token)
     if offers_exchange(cls):
-        root.set("numberOfEventIndicators", "0")
+        root.set("numberOfEventIndicators", str(sum(v.size for v in switches(cls))))
         add(
             root, "ModelExchange", modelIdentifier=name, completedIntegratorStepNotNeeded=True,
             canNotUseMemoryManagementFunctions=True, canGetAndSetFMUstate=True, canSerializeFMUstate=True,
@@ -323,4 +328,7 @@ def describe_3(cls: type[Component], name: str, token: str, exposed: list[Expose
     for tag, rows in zip(tags, unknowns(cls, exposed).values(), strict=True):
         for row in rows:
             _add_unknown(group, tag, "valueReference", row, lambda place: exposed[place].reference)
+    references = {e.variable.name: e.reference for e in exposed}
+    for variable in switches(cls):
+        add(group, "EventIndicator", valueReference=references[variable.name])
     return _bytes(root)

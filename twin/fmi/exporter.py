@@ -111,6 +111,7 @@ def _c_table(cls: type[Component], name: str, token: str, exposed: list[Exposed]
     states = [v for v in cls.variables if v.role is Role.state]
     derivatives = [v for v in cls.variables if v.role is Role.derivative]
     nominals = [repr(v.nominal or 1.0) for v in states for _ in range(v.size)]
+    indicators = [cls.layout.offset(v.name) + 8 * i for v in description.switches(cls) for i in range(v.size)]
     identity = uuid.UUID(token.strip("{}")).int
     letters = ",".join(map(str, names.encode()))
     return "\n".join(
@@ -124,6 +125,8 @@ def _c_table(cls: type[Component], name: str, token: str, exposed: list[Exposed]
             f"#define STATE_COUNT {len(nominals)}",
             f"#define STATES {cls.layout.offset(states[0].name) if states else 0}",
             f"#define DERIVATIVES {cls.layout.offset(derivatives[0].name) if states else 0}",
+            f"#define INDICATOR_COUNT {len(indicators)}",
+            f"static const int32_t INDICATORS[] = {{{', '.join(map(str, indicators)) or '0'}}};",
             f"static const double NOMINALS[] = {{{', '.join(nominals) or '0'}}};",
             f"static const uint64_t IDENTITY[2] = {{0x{identity >> 64:x}, 0x{identity & (2**64 - 1):x}}};",
             f"static const uint64_t START[] = {{{', '.join(words)}}};",

@@ -58,10 +58,11 @@ static int get_nominals(Slot *me, int function, double values[], size_t size)
     return OK;
 }
 
-/* There are no event indicators. */
-static int get_indicators(Slot *me, int function, const double values[], size_t size)
+static int get_indicators(Slot *me, int function, double values[], size_t size)
 {
-    return fits(me, function, values, size, 0) ? OK : ERROR;
+    if (!fits(me, function, values, size, INDICATOR_COUNT) || settle(me) != OK) return ERROR;
+    for (int i = 0; i < INDICATOR_COUNT; i++) values[i] = *(const double *)(me->memory.record + INDICATORS[i]);
+    return OK;
 }
 
 /* -------------------------------------------------------------------------------------------- directional derivatives */

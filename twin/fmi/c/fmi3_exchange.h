@@ -66,7 +66,7 @@ EXPORT int fmi3GetNumberOfContinuousStates(void *instance, size_t *count)
 EXPORT int fmi3GetNumberOfEventIndicators(void *instance, size_t *count)
 {
     ENTER(fmi3GetNumberOfEventIndicators);
-    return count_of(me, count, 0);
+    return count_of(me, count, INDICATOR_COUNT);
 }
 
 EXPORT int fmi3GetDirectionalDerivative(void *instance, const uint32_t unknowns[], size_t unknown_count,
