@@ -18,8 +18,8 @@ class Everything(Component):
     vector = input("m", "an array", shape=(3,))
     y = output("m", "sum")
     big = local(0, "", "64 bit", type=Int64)
-    switches = input("", "an array of Booleans", start=(True, False, True))
-    switched = output("", "the same, the other way", start=(False, False, False))
+    toggles = input("", "an array of Booleans", start=(True, False, True))
+    toggled = output("", "the same, the other way", start=(False, False, False))
     matrix = parameter(((1.0, 2.0), (3.0, 4.0)), "m", "a matrix")
     on = parameter(True, "", "switch", fixed=True)
     x = state((1.0, 2.0), "m", "states", nominal=1e-3)
@@ -33,7 +33,7 @@ class Everything(Component):
         self.y = total if self.on and not self.flag else 0.0
         self.big = 2**40 + self.number
         for i in range(3):
-            self.switched[i] = not self.switches[i]
+            self.toggled[i] = not self.toggles[i]
 
 
 def test_values_types_and_start_values():

@@ -20,8 +20,8 @@ import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
 
-from twin import machine, source
-from twin.component import Component, PythonComponent, functions
+from twin import machine, source, tangent
+from twin.component import Component, PythonComponent, evaluation, functions
 from twin.errors import BuildError
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ def content_hash(functions_: tuple[Any, ...], *more: str) -> str:
 
 @dataclass(frozen=True)
 class Entry:
-    """A function to compile: its symbol, and the argument types after the record ('f8' or 'i8')."""
+    """A function to compile: its symbol, and the argument types after the record ('f8', 'i8' or 'record')."""
 
     symbol: str
     function: Any
@@ -277,6 +277,25 @@ def component_object(cls: type[Component], target: str, build: Path) -> bytes:
     initialize, advance = functions(cls)
     entries = (Entry("component_initialize", initialize, ("f8",)), Entry("component_advance", advance, ("f8", "f8")))
     return compile_entries(entries, cls.layout.dtype, target, cls.__name__, build)
+
+
+def exchange_entries(cls: type[Component]) -> tuple[Entry, ...]:
+    """What Model Exchange needs beside `component_object`; empty for a component that is not continuous."""
+    evaluate = evaluation(cls)
+    if evaluate is None:
+        return ()
+    entries = [Entry("component_derivatives", evaluate, ("f8",))]
+    tangents = tangent.tangents(cls)
+    if not isinstance(tangents, str):
+        entries.append(Entry("component_tangent", tangents.at, ("record", "f8", "f8")))
+        entries.append(Entry("component_first_tangent", tangents.first, ("record", "f8", "f8")))
+    return tuple(entries)
+
+
+def exchange_object(cls: type[Component], target: str, build: Path) -> bytes:
+    """Object file of the entries for Model Exchange; empty if there are none."""
+    entries = exchange_entries(cls)
+    return compile_entries(entries, cls.layout.dtype, target, cls.__name__, build) if entries else b""
 
 
 # ----------------------------------------------------------------------------------------------- into this process

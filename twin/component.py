@@ -10,7 +10,8 @@ Call sequence, the same for every way of running it:
 
 Kinds, by the functions a class has:
 
-- continuous: `derivatives(self, t)` sets `der_x` of every state `x`, and the outputs; `method` integrates it
+- continuous: `derivatives(self, t)` sets `der_x` of every state `x`, and the outputs; `method` integrates it;
+  `switches` names locals or outputs at whose zeros it bends or jumps, for a solver outside that looks for them
 - sampled: `step(self, t, h)` and a `period` [s]: inputs of `t`, published at `t + period`
 - stepped: `step(self, t, h)` without a period: called at every communication point
 - Python-side (`PythonComponent`): `step` may use all of Python (pymunk, a bus); it cannot become an FMU
@@ -28,10 +29,10 @@ import numpy as np
 
 from twin import clock, solver
 from twin.errors import DeclarationError
-from twin.variable import Layout, Role, Variable, derivative, layout
+from twin.variable import Float64, Layout, Role, Variable, derivative, layout
 
 RESERVED = {"start", "advance", "views", "record", "layout", "variables", "method", "period", "period_ns", "icon"}
-RESERVED |= {"initialize", "step", "derivatives", "close", "start_values"}
+RESERVED |= {"initialize", "step", "derivatives", "close", "start_values", "switches"}
 RESERVED |= {"time"}  # the independent variable of every FMU
 
 ARGUMENTS = {"initialize": ("self",), "step": ("self", "t", "h"), "derivatives": ("self", "t")}
@@ -42,6 +43,7 @@ class Component:
 
     period: ClassVar[float | None] = None
     method: ClassVar[solver.Method] = solver.rk4(1e-4)
+    switches: ClassVar[tuple[str, ...]] = ()
 
     variables: ClassVar[tuple[Variable, ...]] = ()
     layout: ClassVar[Layout] = layout((), {})
@@ -72,6 +74,8 @@ class Component:
         is_continuous = "derivatives" in dir(cls)
         if states and not is_continuous:
             raise DeclarationError(f"{cls.__name__}: has a state but no derivatives(self, t). Use local() for memory.")
+        if cls.switches:
+            check_switches(cls, is_continuous)
         method = cls.method if is_continuous else None
         cls.layout = layout(ordered, solver.hidden(method, cls.period_ns, states, words))
 
@@ -120,6 +124,16 @@ class PythonComponent(Component):
         """Release what the component holds; called once at the end of a run, also after a failure."""
 
 
+def check_switches(cls: type[Component], is_continuous: bool) -> None:
+    """Switching functions are continuous quantities that `derivatives` computes."""
+    computed = {v.name for v in cls.variables if v.role in (Role.local, Role.output) and v.type is Float64}
+    for name in cls.switches:
+        if name not in computed or not is_continuous:
+            raise DeclarationError(
+                f"{cls.__name__}: switches names {name!r}. Name Float64 locals or outputs that derivatives(self, t) sets."
+            )
+
+
 def named(cls: type, name: str, variable: Variable) -> Variable:
     """The declaration with its name, put back on the class so that instances find it."""
     if name in RESERVED or name.startswith("_"):
@@ -140,6 +154,12 @@ def functions(cls: type[Component]) -> tuple[solver.Function, solver.Function]:
         cached = build_functions(cls)
         cls._functions = cached  # type: ignore[attr-defined]
     return cached
+
+
+def evaluation(cls: type[Component]) -> solver.Function | None:
+    """`evaluate(self, t)` of a continuous component, for a solver outside; nothing for other kinds."""
+    derivatives = getattr(cls, "derivatives", None)
+    return None if derivatives is None or issubclass(cls, PythonComponent) else solver.evaluation(derivatives)
 
 
 def build_functions(cls: type[Component]) -> tuple[solver.Function, solver.Function]:

@@ -96,9 +96,9 @@ WORDS = {
 
 
 def llvm_text(function: Any, dtype: Any, arguments: tuple[str, ...], where: str) -> tuple[str, str]:
-    """Native name and LLVM text of `int32 function(record *, arguments...)`."""
-    kinds = [NUMBA_TYPES[argument] for argument in arguments]
-    signature = types.int32(types.CPointer(numba.from_dtype(dtype)), *kinds)
+    """Native name and LLVM text of `int32 function(record *, arguments...)`; argument `record`: one more of its kind."""
+    record = types.CPointer(numba.from_dtype(dtype))
+    signature = types.int32(record, *(NUMBA_TYPES.get(argument, record) for argument in arguments))
 
     def entry0(pointer):  # type: ignore[no-untyped-def]
         return function(carray(pointer, 1)[0])
@@ -109,8 +109,11 @@ def llvm_text(function: Any, dtype: Any, arguments: tuple[str, ...], where: str)
     def entry2(pointer, t, h):  # type: ignore[no-untyped-def]
         return function(carray(pointer, 1)[0], t, h)
 
+    def entry3(pointer, other, t, h):  # type: ignore[no-untyped-def]
+        return function(carray(pointer, 1)[0], carray(other, 1)[0], t, h)
+
     try:
-        compiled = cfunc(signature, error_model="numpy")((entry0, entry1, entry2)[len(arguments)])
+        compiled = cfunc(signature, error_model="numpy")((entry0, entry1, entry2, entry3)[len(arguments)])
     except errors.NumbaError as error:
         raise BuildError(_message(error, where)) from None
     return compiled.native_name, compiled.inspect_llvm()

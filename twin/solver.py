@@ -182,6 +182,16 @@ def algebraic_advance(derivatives: Function) -> Function:
     return advance
 
 
+def evaluation(derivatives: Function) -> Function:
+    """States, inputs and time as they are: set derivatives and outputs. What a solver outside calls."""
+
+    def evaluate(self: Any, t: float) -> int:
+        derivatives(self, t)
+        return OK
+
+    return evaluate
+
+
 def discrete_advance(step: Function, returns_status: bool) -> Function:
     """A component that steps whenever it is told to."""
 

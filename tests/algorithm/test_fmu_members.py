@@ -59,7 +59,7 @@ def test_unconnected_elements_of_an_input_keep_their_values(echo):
 
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_every_type_and_shape_passes_through_an_fmu(version, build):
-    names = {"switches": [False, True, True], "vector": [0.1, 0.2, 0.3], "flag": True, "number": 5}
+    names = {"toggles": [False, True, True], "vector": [0.1, 0.2, 0.3], "flag": True, "number": 5}
     plain, member = Everything(), FMUMember("it", exporter.build(Everything, version, build / "tests"))
     member.instantiate()
     for name, value in names.items():
@@ -70,8 +70,8 @@ def test_every_type_and_shape_passes_through_an_fmu(version, build):
     plain.start()
     member.enter_initialization(0.0, None)
     member.exit_initialization()
-    found = member.get("switched") if version == "3.0" else [member.get(f"switched[{i}]") for i in (1, 2, 3)]
-    assert [bool(one) for one in found] == plain.switched.tolist() == [True, False, False]
+    found = member.get("toggled") if version == "3.0" else [member.get(f"toggled[{i}]") for i in (1, 2, 3)]
+    assert [bool(one) for one in found] == plain.toggled.tolist() == [True, False, False]
     assert member.get("y") == plain.y == 0.0
     member.close()
 

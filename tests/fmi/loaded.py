@@ -5,26 +5,29 @@ from elftools.elf.elffile import ELFFile
 from fmpy import fmi2, fmi3, read_model_description
 
 VERSIONS = ("2.0", "3.0")
-SLAVES = {"2.0": fmi2.FMU2Slave, "3.0": fmi3.FMU3Slave}
+SLAVES = {
+    ("2.0", "CS"): fmi2.FMU2Slave, ("3.0", "CS"): fmi3.FMU3Slave,
+    ("2.0", "ME"): fmi2.FMU2Model, ("3.0", "ME"): fmi3.FMU3Model,
+}  # fmt: skip
 TYPES_2 = {"Float64": "Real", "Int32": "Integer", "Int64": "Integer", "Boolean": "Boolean"}
 
 
 class Fmu:
     """A loaded FMU whose variables are read and written by the component's names, arrays whole."""
 
-    def __init__(self, fmus, part, version, token=None, logging=False):
+    def __init__(self, fmus, part, version, token=None, logging=False, kind="CS"):
         path, self.folder = fmus[part, version]
-        self.version, self.part, self.log = version, part, []
+        self.version, self.part, self.kind, self.log = version, part, kind, []
         description = read_model_description(str(path))
         identifier = description.coSimulation.modelIdentifier
-        self.slave = SLAVES[version](
+        self.slave = SLAVES[version, kind](
             guid=token or description.guid,
             modelIdentifier=identifier,
             unzipDirectory=str(self.folder),
             instanceName="it",
         )
         getattr(self, f"_instantiate_{version[0]}")(logging)
-        self.references = {v.name: v.valueReference for v in description.modelVariables}
+        self.references = {own_name(v.name): v.valueReference for v in description.modelVariables}
 
     def _instantiate_2(self, logging):
         callbacks = fmi2.fmi2CallbackFunctions()
@@ -67,6 +70,11 @@ class Fmu:
 
     def outputs(self):
         return b"".join(self.get(v.name).tobytes() for v in self.part.variables if v.role == "output")
+
+
+def own_name(name):
+    """The component's name of a variable: `der_x` for `der(x)`."""
+    return f"der_{name[4:-1]}" if name.startswith("der(") else name
 
 
 def reference_outputs(component):

@@ -1,7 +1,8 @@
 """Which function may be called in which state: every pair is tried and compared with the standard, written down anew.
 
 States by letter: i Instantiated, m Initialization Mode, s Step Mode, d step discarded, t Terminated, e after an error,
-f after a fatal error. A refused call returns Error and changes nothing.
+f after a fatal error; of Model Exchange v Event Mode, c Continuous-Time Mode. A refused call returns Error and changes
+nothing.
 """
 
 import ctypes
@@ -10,10 +11,12 @@ import subprocess
 import pytest
 
 from tests.fmi.loaded import VERSIONS, Fmu
-from tests.fmi.parts import Failing
+from tests.fmi.parts import Failing, Masses
 
-STATES = "imsdtef"
-GETTERS, SETTERS, KEEPERS = "msdte", "ims", "imsdte"
+# part, kind of instance, states it is brought into
+INSTANCES = [(Failing, "CS", "imsdtef"), (Masses, "CS", "imset"), (Masses, "ME", "imvct")]
+CASES = [(part, kind, state) for part, kind, states in INSTANCES for state in states]
+GETTERS, SETTERS, KEEPERS = "msdtevc", "imsv", "imsdtevc"
 TYPES = {
     "2.0": ("Real", "Integer", "Boolean", "String"),
     "3.0": (
@@ -21,6 +24,7 @@ TYPES = {
         "Boolean", "String", "Binary", "Clock",
     ),
 }  # fmt: skip
+CONTINUOUS = ("Real", "Float32", "Float64")
 EXPECTED = {
     "2.0": {
         "SetupExperiment":         "i",
@@ -48,13 +52,56 @@ COMMON = {
     "EnterInitializationMode": "i",
     "ExitInitializationMode":  "m",
     "DoStep":                  "s",
-    "Terminate":               "sd",
+    "Terminate":               "sdvc",
     "Reset":                   KEEPERS,
 }  # fmt: skip
 for version in VERSIONS:
     EXPECTED[version].update(COMMON)
     EXPECTED[version].update({f"Get{kind}": GETTERS for kind in TYPES[version]})
     EXPECTED[version].update({f"Set{kind}": SETTERS for kind in TYPES[version]})
+    EXPECTED[version].update({f"Set{kind}": SETTERS + "c" for kind in TYPES[version] if kind in CONTINUOUS})
+
+# of an instance for Model Exchange, beside those above except the ones of Co-Simulation
+STEPPING = {"DoStep", "GetStatus", "GetRealStatus", "GetBooleanStatus"}
+EXCHANGE = {
+    "2.0": {
+        "EnterEventMode":                "vc",
+        "NewDiscreteStates":             "v",
+        "EnterContinuousTimeMode":       "v",
+        "CompletedIntegratorStep":       "c",
+        "SetTime":                       "vc",
+        "SetContinuousStates":           "c",
+        "GetContinuousStates":           "mvcte",
+        "GetEventIndicators":            "mvcte",
+        "GetDerivatives":                "vcte",
+        "GetNominalsOfContinuousStates": "ivcte",
+    },
+    "3.0": {
+        "EnterEventMode":                "c",
+        "UpdateDiscreteStates":          "v",
+        "EnterContinuousTimeMode":       "v",
+        "CompletedIntegratorStep":       "c",
+        "SetTime":                       "vc",
+        "SetContinuousStates":           "c",
+        "GetContinuousStates":           "mvcte",
+        "GetEventIndicators":            "mvcte",
+        "GetContinuousStateDerivatives": "mvcte",
+        "GetNominalsOfContinuousStates": "mvcte",
+        "GetNumberOfEventIndicators":    "mvcte",
+        "GetNumberOfContinuousStates":   "mvcte",
+    },
+}  # fmt: skip
+
+
+def is_legal(version, part, kind, name, state):
+    """What the standard says."""
+    if name == "GetDirectionalDerivative":
+        return part is Masses and state in GETTERS
+    if kind == "CS":
+        return state in EXPECTED[version].get(name, "")
+    return name not in STEPPING and state in {**EXPECTED[version], **EXCHANGE[version]}.get(name, "")
+
+
 NOT_CALLED = {
     "GetVersion", "GetTypesPlatform", "Instantiate", "InstantiateCoSimulation", "InstantiateModelExchange",
     "InstantiateScheduledExecution", "FreeInstance",
@@ -64,17 +111,22 @@ NO_ANSWER = {"GetIntegerStatus", "GetStringStatus"}  # legal, but there is no su
 STEP_TO = {"d": 2, "e": 3, "f": 4}
 
 
-def in_state(fmus, version, state):
+def in_state(fmus, version, state, part=Failing, kind="CS"):
     """A new instance brought into a state; after a failed step it is still asked what it can be asked."""
-    fmu = Fmu(fmus, Failing, version)
+    fmu = Fmu(fmus, part, version, kind=kind)
     if state == "i":
         return fmu
     if state == "m":
         fmu.enter()
         return fmu
     fmu.begin()
+    if state == "c":
+        fmu.slave.enterContinuousTimeMode()
     if state in STEP_TO:
-        fmu.set("status", STEP_TO[state])
+        if part is Failing:
+            fmu.set("status", STEP_TO[state])
+        else:
+            fmu.set("push", float("inf"))
         assert step(fmu) == STEP_TO[state]
     if state == "t":
         fmu.slave.terminate()
@@ -99,6 +151,7 @@ def call(fmu, name, state, data):
     me, called = ctypes.c_void_p(fmu.slave.component), function(fmu, name)
     size, real, status = ctypes.c_size_t(), ctypes.c_double(), ctypes.c_int()
     no, zero, other = ctypes.c_int(0), ctypes.c_double(0.0), ctypes.c_void_p()
+    no_values, vector = ctypes.c_size_t(0), (ctypes.c_double * states_of(fmu))()
     arguments = {
         "SetupExperiment": (no, zero, zero, no, zero),
         "EnterInitializationMode": (no, zero, zero, no, zero) if fmu.version == "3.0" else (),
@@ -111,14 +164,31 @@ def call(fmu, name, state, data):
         "GetStatus": (0, ctypes.byref(status)),
         "GetRealStatus": (2, ctypes.byref(real)),
         "GetBooleanStatus": (3, ctypes.byref(status)),
+        "NewDiscreteStates": (ctypes.byref((ctypes.c_double * 8)()),),
+        "SetTime": (zero,),
+        "GetNumberOfEventIndicators": (ctypes.byref(size),),
+        "GetNumberOfContinuousStates": (ctypes.byref(size),),
+        "GetDirectionalDerivative": (None, no_values, None, no_values, *(None, no_values) * 2),
     }
     if name == "DoStep":
         return step(fmu)
     given = arguments.get(name, arguments.get(name.lower(), (None,) + (ctypes.c_size_t(0),) * 7))
+    if name in VECTORS:
+        given = (vector, ctypes.c_size_t(len(vector)))
     result = called(me, *given)
     if name.lower() in ("getfmustate", "deserializefmustate"):
         function(fmu, "FreeFMUstate" if fmu.version == "2.0" else "FreeFMUState")(me, ctypes.byref(other))
     return result
+
+
+VECTORS = {
+    "SetContinuousStates", "GetContinuousStates", "GetDerivatives", "GetContinuousStateDerivatives",
+    "GetNominalsOfContinuousStates",
+}  # fmt: skip
+
+
+def states_of(fmu):
+    return sum(v.size for v in fmu.part.variables if v.role == "state")
 
 
 def kept(fmu):
@@ -132,23 +202,23 @@ def kept(fmu):
     return state, data
 
 
-def exported(fmus, version):
-    library = next(fmus[Failing, version][1].glob("binaries/*/*.so"))
+def exported(fmus, version, part=Failing):
+    library = next(fmus[part, version][1].glob("binaries/*/*.so"))
     lines = subprocess.run(["nm", "-D", "--defined-only", library], capture_output=True, text=True, check=True).stdout
     return {line.split()[-1].removeprefix(f"fmi{version[0]}") for line in lines.splitlines()}
 
 
-@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize(("part", "kind", "state"), CASES)
 @pytest.mark.parametrize("version", VERSIONS)
-def test_every_function_in_every_state(fmus, version, state):
-    names = exported(fmus, version)
-    assert EXPECTED[version].keys() <= names
+def test_every_function_in_every_state(fmus, version, part, kind, state):
+    names = exported(fmus, version, part)
+    assert EXPECTED[version].keys() | EXCHANGE[version].keys() <= names
     wrong = []
     for name in sorted(names - NOT_CALLED - NO_ANSWER):
-        fmu = in_state(fmus, version, state)
+        fmu = in_state(fmus, version, state, part, kind)
         before = kept(fmu)
         status = call(fmu, name, *before)
-        legal = state in EXPECTED[version].get(name, "")
+        legal = is_legal(version, part, kind, name, state)
         if (status == 0) != legal or (not legal and status != 3):
             wrong.append(f"{name} returned {status}")
         if not legal and state != "f":

@@ -13,8 +13,10 @@ from lxml import etree
 
 import twin
 from twin import clock, unit
+from twin.component import evaluation
 from twin.dependencies import flow
 from twin.errors import BuildError
+from twin.tangent import Tangents, tangents
 from twin.variable import Boolean, Float64, Int64, Role, Variable
 
 if TYPE_CHECKING:
@@ -69,6 +71,21 @@ class Structure:
 def structure(cls: type[Component]) -> Structure:
     """A step publishes later what it reads now, so only `derivatives` makes an output follow an input at once."""
     return Structure(flow(cls, ("initialize", "derivatives")), flow(cls, ("derivatives",)))
+
+
+def offers_exchange(cls: type[Component]) -> bool:
+    """Whether the FMU has Model Exchange beside Co-Simulation: a continuous component has."""
+    return evaluation(cls) is not None
+
+
+def switches(cls: type[Component]) -> list[Variable]:
+    """Variables whose zeros are events, in the order in which event indicators are told."""
+    return [next(v for v in cls.variables if v.name == name) for name in cls.switches]
+
+
+def offers_derivatives(cls: type[Component]) -> bool:
+    """Whether the FMU can tell directional derivatives: the source of a continuous component is understood."""
+    return offers_exchange(cls) and isinstance(tangents(cls), Tangents)
 
 
 def _properties(cls: type[Component], variable: Variable, written: dict[str, frozenset[str]]) -> tuple[str, str]:
@@ -242,9 +259,17 @@ TYPES_2 = {"Float64": "Real", "Int32": "Integer", "Int64": "Integer", "Boolean":
 def describe_2(cls: type[Component], name: str, token: str, exposed: list[Exposed]) -> bytes:
     """modelDescription.xml of FMI 2.0; ModelStructure counts variables from 1."""
     root = _document(cls, fmiVersion="2.0", modelName=name, guid=token)
+    if offers_exchange(cls):
+        root.set("numberOfEventIndicators", str(sum(v.size for v in switches(cls))))
+        add(
+            root, "ModelExchange", modelIdentifier=name, completedIntegratorStepNotNeeded=True,
+            canNotUseMemoryManagementFunctions=True, canGetAndSetFMUstate=True, canSerializeFMUstate=True,
+            providesDirectionalDerivative=offers_derivatives(cls) or None,
+        )  # fmt: skip
     add(
         root, "CoSimulation", modelIdentifier=name, canHandleVariableCommunicationStepSize=True,
         canNotUseMemoryManagementFunctions=True, canGetAndSetFMUstate=True, canSerializeFMUstate=True,
+        providesDirectionalDerivative=offers_derivatives(cls) or None,
     )  # fmt: skip
     _units(root, cls.variables)
     _log_categories(root)
@@ -271,9 +296,15 @@ def describe_2(cls: type[Component], name: str, token: str, exposed: list[Expose
 def describe_3(cls: type[Component], name: str, token: str, exposed: list[Exposed]) -> bytes:
     """modelDescription.xml of FMI 3.0."""
     root = _document(cls, fmiVersion="3.0", modelName=name, instantiationToken=token)
+    if offers_exchange(cls):
+        add(
+            root, "ModelExchange", modelIdentifier=name, canGetAndSetFMUState=True, canSerializeFMUState=True,
+            providesDirectionalDerivatives=offers_derivatives(cls) or None,
+        )  # fmt: skip
     add(
         root, "CoSimulation", modelIdentifier=name, canHandleVariableCommunicationStepSize=True,
         canGetAndSetFMUState=True, canSerializeFMUState=True,
+        providesDirectionalDerivatives=offers_derivatives(cls) or None,
         fixedInternalStepSize=clock.seconds(cls.period_ns) if cls.period_ns else None,
     )  # fmt: skip
     _units(root, cls.variables)
@@ -297,4 +328,7 @@ def describe_3(cls: type[Component], name: str, token: str, exposed: list[Expose
     for tag, rows in zip(tags, unknowns(cls, exposed).values(), strict=True):
         for row in rows:
             _add_unknown(group, tag, "valueReference", row, lambda place: exposed[place].reference)
+    references = {e.variable.name: e.reference for e in exposed}
+    for variable in switches(cls):
+        add(group, "EventIndicator", valueReference=references[variable.name])
     return _bytes(root)

@@ -20,7 +20,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin import compiled, source
+from twin import compiled, source, tangent
 from twin.component import Component, PythonComponent, functions
 from twin.errors import BuildError
 from twin.fmi import description
@@ -88,6 +88,8 @@ ACCESS = {Role.input: "INPUT", Role.parameter: "TUNABLE"}
 def _access(exposed: Exposed) -> str:
     if exposed.variability == "fixed":
         return "FIXED"
+    if exposed.causality == "input" and exposed.variability == "continuous":
+        return "SIGNAL"
     return ACCESS.get(exposed.variable.role, "EXACT" if exposed.has_start else "CALCULATED")
 
 
@@ -106,6 +108,10 @@ def _c_table(cls: type[Component], name: str, token: str, exposed: list[Exposed]
         rows.append(f"{{{e.offset}, {count}, {places[variable.name]}, {kind}}}")
     image = cls().record.tobytes()
     words = [f"0x{int.from_bytes(image[i : i + 8], 'little'):x}" for i in range(0, len(image), 8)]
+    states = [v for v in cls.variables if v.role is Role.state]
+    derivatives = [v for v in cls.variables if v.role is Role.derivative]
+    nominals = [repr(v.nominal or 1.0) for v in states for _ in range(v.size)]
+    indicators = [cls.layout.offset(v.name) + 8 * i for v in description.switches(cls) for i in range(v.size)]
     identity = uuid.UUID(token.strip("{}")).int
     letters = ",".join(map(str, names.encode()))
     return "\n".join(
@@ -114,6 +120,14 @@ def _c_table(cls: type[Component], name: str, token: str, exposed: list[Exposed]
             f'#define TOKEN "{token}"',
             f"#define RECORD_SIZE {len(image)}",
             f"#define FIELD_COUNT {len(rows)}u",
+            f"#define EXCHANGE {int(description.offers_exchange(cls))}",
+            f"#define DIRECTIONAL {int(description.offers_derivatives(cls))}",
+            f"#define STATE_COUNT {len(nominals)}",
+            f"#define STATES {cls.layout.offset(states[0].name) if states else 0}",
+            f"#define DERIVATIVES {cls.layout.offset(derivatives[0].name) if states else 0}",
+            f"#define INDICATOR_COUNT {len(indicators)}",
+            f"static const int32_t INDICATORS[] = {{{', '.join(map(str, indicators)) or '0'}}};",
+            f"static const double NOMINALS[] = {{{', '.join(nominals) or '0'}}};",
             f"static const uint64_t IDENTITY[2] = {{0x{identity >> 64:x}, 0x{identity & (2**64 - 1):x}}};",
             f"static const uint64_t START[] = {{{', '.join(words)}}};",
             f"static const char NAMES[] = {{{letters}}};",
@@ -128,16 +142,18 @@ def _c_table(cls: type[Component], name: str, token: str, exposed: list[Exposed]
 # -------------------------------------------------------------------------------------------------------------- link
 
 
-def link(platform: str, source: str, table: str, code: bytes) -> bytes:
-    """The shared library of an FMU for a platform."""
+def link(platform: str, source: str, table: str, codes: Sequence[bytes]) -> bytes:
+    """The shared library of an FMU for a platform, from object files."""
     target = TARGETS[platform]
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         (place / "component.h").write_text(table, encoding="utf-8")
-        (place / "component.o").write_bytes(code)
+        objects = [place / f"component{i}.o" for i in range(len(codes))]
+        for path, code in zip(objects, codes, strict=True):
+            path.write_bytes(code)
         library = place / f"library{target.suffix}"
         command = [sys.executable, "-m", "ziglang", "cc", "-target", target.triple, *COMPILE, f"-I{place}"]
-        command += [str(SOURCES / source), str(place / "component.o"), "-o", str(library), *target.options]
+        command += [str(SOURCES / source), *map(str, objects), "-o", str(library), *target.options]
         result = subprocess.run(command, capture_output=True, text=True, cwd=place, check=False)
         if result.returncode:
             raise BuildError(f"{platform}: the library cannot be linked: {result.stderr.strip()[-2000:]}")
@@ -167,7 +183,14 @@ def documentation(cls: type[Component], version: str) -> str:
         name=model_name(cls), version=version, summary=description.summary(cls),
         docstring=inspect.cleandoc(cls.__doc__ or "").partition("\n")[2].strip(),
         readme=markdown.render(_readme(cls)), groups=groups, period=cls.period, text=_start_text,
+        exchange=description.offers_exchange(cls), underivable=underivable(cls),
     )  # fmt: skip
+
+
+def underivable(cls: type[Component]) -> str:
+    """Why a continuous component offers no directional derivatives; empty if it does, or is not continuous."""
+    found = tangent.tangents(cls)
+    return found if description.offers_exchange(cls) and isinstance(found, str) else ""
 
 
 def _start_text(variable: Any) -> str:
@@ -203,10 +226,11 @@ def plan(cls: type[Component], version: str) -> Plan:
     nobody = f"{{{uuid.UUID(int=0)}}}"
     digest = hashlib.sha256(words.describe(cls, name, nobody, exposed) + page)
     digest.update(_c_table(cls, name, nobody, exposed, words.has_time).encode())
-    for file in (words.source, "core.h", "run.h"):
-        digest.update((SOURCES / file).read_bytes())
+    for file in sorted(SOURCES.iterdir()):
+        digest.update(file.read_bytes())
     digest.update(f"{TARGETS} {COMPILE} {metadata.version('ziglang')}".encode())
-    token = f"{{{uuid.UUID(compiled.content_hash(functions(cls), digest.hexdigest()))}}}"
+    code = (*functions(cls), *(entry.function for entry in compiled.exchange_entries(cls)))
+    token = f"{{{uuid.UUID(compiled.content_hash(code, digest.hexdigest()))}}}"
     files = {"modelDescription.xml": words.describe(cls, name, token, exposed), "documentation/index.html": page}
     return Plan(name, token, _c_table(cls, name, token, exposed, words.has_time), files)
 
@@ -238,8 +262,8 @@ def _content(cls: type[Component], version: str, made: Plan, build: Path, target
     for platform in targets:
         if platform not in TARGETS:
             raise BuildError(f"platform {platform!r} is not known. Use one of {', '.join(TARGETS)}.")
-        code = compiled.component_object(cls, platform, build)
-        library = link(platform, words.source, made.table, code)
+        codes = [compiled.component_object(cls, platform, build), compiled.exchange_object(cls, platform, build)]
+        library = link(platform, words.source, made.table, [code for code in codes if code])
         files[f"binaries/{words.folder(platform)}/{made.name}{TARGETS[platform].suffix}"] = library
     return _archive(files)
 

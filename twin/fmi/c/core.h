@@ -2,7 +2,8 @@
 
    No libc: instances and saved states come from a pool in .bss, messages are formatted here. `component.h` is
    generated for each component. The file of an FMI version first defines `FUNCTIONS`, the table of its functions:
-   X(name, states in which it may be called, or 0 if its interface is not offered; types of variables it moves). */
+   X(name, kinds of instance that have it, states in which it may be called, or 0 if no instance can offer it; types of
+   variables it moves). */
 
 #include <stdarg.h>
 #include <stdatomic.h>
@@ -21,21 +22,29 @@
 /* status of a call, as the component and both FMI versions number it */
 enum { OK, WARNING, DISCARD, ERROR, FATAL };
 
+/* kinds of instance: Co-Simulation, Model Exchange */
+enum { CS = 1, ME = 2, BOTH = 3 };
+
 /* states of an instance; STEP_FAILED: a step was discarded, FAILED and DEAD: after ERROR and FATAL */
-enum { INSTANTIATED = 1, INITIALIZATION = 2, STEP = 4, STEP_FAILED = 8, TERMINATED = 16, FAILED = 32, DEAD = 64 };
-enum { ANY = 127 };
+enum {
+    INSTANTIATED = 1, INITIALIZATION = 2, STEP = 4, STEP_FAILED = 8, TERMINATED = 16, FAILED = 32, DEAD = 64,
+    EVENT = 128, CONTINUOUS = 256, ANY = 511,
+};
 static const char *const STATE_NAMES[] = {
     "Instantiated", "Initialization Mode", "Step Mode", "step discarded", "Terminated", "after an error", "after a fatal error",
+    "Event Mode", "Continuous-Time Mode",
 };
+enum { EVALUATED = INITIALIZATION | EVENT | CONTINUOUS }; /* states in which a getter sees what was set just before */
 
 /* types of a variable in the record; a getter or setter takes a mask of them */
 enum { FLOAT64 = 1, INT32 = 2, INT64 = 4, BOOLEAN = 8, NO_TYPE = 0 };
 
 /* what decides when a variable may be set */
-enum { INPUT, TUNABLE, FIXED, EXACT, CALCULATED };
-static const uint8_t SETTABLE[] = {
-    [INPUT]      = INSTANTIATED | INITIALIZATION | STEP,
-    [TUNABLE]    = INSTANTIATED | INITIALIZATION | STEP,
+enum { SIGNAL, INPUT, TUNABLE, FIXED, EXACT, CALCULATED };
+static const uint16_t SETTABLE[] = {
+    [SIGNAL]     = INSTANTIATED | INITIALIZATION | STEP | EVENT | CONTINUOUS, /* an input that is continuous in time */
+    [INPUT]      = INSTANTIATED | INITIALIZATION | STEP | EVENT,
+    [TUNABLE]    = INSTANTIATED | INITIALIZATION | STEP | EVENT,
     [FIXED]      = INSTANTIATED | INITIALIZATION,
     [EXACT]      = INSTANTIATED | INITIALIZATION,
     [CALCULATED] = 0,
@@ -54,7 +63,9 @@ typedef struct {
 /* everything that a saved state holds */
 typedef struct {
     double  time, start_time, stop_time;
-    int32_t mode, stop_defined, stale; /* stale: something was set in Initialization Mode after `initialize` ran */
+    int32_t mode, stop_defined;
+    int32_t stale; /* something was set in a state of EVALUATED after the component's functions ran */
+    int32_t kind;  /* of instance: CS or ME */
     _Alignas(8) unsigned char record[RECORD_SIZE];
 } Memory;
 _Static_assert(offsetof(Memory, time) == 0 && offsetof(Memory, record) == -TIME, "TIME leads to Memory.time");
@@ -72,6 +83,9 @@ typedef struct {
     Sink       sink;
     char       name[128];
     Memory     memory;
+#if DIRECTIONAL
+    Memory     trial, tangents; /* where directional derivatives are computed, so that the question changes nothing */
+#endif
 } Slot;
 
 #define POOL_SIZE ((size_t)64 << 20) /* virtual: pages are only taken when touched */
@@ -79,12 +93,13 @@ typedef struct {
 static Slot pool[SLOTS];
 static atomic_size_t hint; /* last slot that was released: warm, and next to be claimed */
 
-#define FUNCTION_NUMBER(name, modes, types) name##_number,
-#define FUNCTION_ROW(name, modes, types) {#name, modes, types},
+#define FUNCTION_NUMBER(name, kinds, modes, types) name##_number,
+#define FUNCTION_ROW(name, kinds, modes, types) {#name, modes, kinds, types},
 enum { FUNCTIONS(FUNCTION_NUMBER) };
 static const struct {
     const char *name;
-    uint8_t     modes, types;
+    uint16_t    modes;
+    uint8_t     kinds, types;
 } LEGAL[] = {FUNCTIONS(FUNCTION_ROW)};
 
 /* A function of an interface that is not offered: refused, with a message. */
@@ -95,6 +110,11 @@ static const struct {
 
 int32_t component_initialize(void *record, double t);
 int32_t component_advance(void *record, double t, double h);
+#if EXCHANGE
+int32_t component_derivatives(void *record, double t);
+#else
+static int32_t component_derivatives(void *record, double t) { return (void)record, (void)t, ERROR; } /* never called */
+#endif
 
 /* ------------------------------------------------------------------------------------------------------ helpers */
 
@@ -224,11 +244,15 @@ static const char *state_name(const Slot *me)
     return STATE_NAMES[__builtin_ctz((unsigned)me->memory.mode)];
 }
 
+static const char *const KIND_NAMES[] = {[CS] = "Co-Simulation", [ME] = "Model Exchange"};
+
 /* Trace a call, or say why it is refused. */
 static NOINLINE void comment(const Slot *me, int function, bool legal)
 {
     const char *name = LEGAL[function].name;
     if (legal) say(&me->sink, OK, "%s in state %s", name, state_name(me));
+    else if (LEGAL[function].modes && !(LEGAL[function].kinds & me->memory.kind))
+        say(&me->sink, ERROR, "%s is not for %s, which this instance was made for.", name, KIND_NAMES[me->memory.kind]);
     else if (LEGAL[function].modes) say(&me->sink, ERROR, "%s is not allowed in state %s.", name, state_name(me));
     else say(&me->sink, ERROR, "%s belongs to an interface that this FMU does not offer.", name);
 }
@@ -238,7 +262,7 @@ static Slot *enter(void *instance, int function)
 {
     Slot *me = slot_of(instance, INSTANCE);
     if (!me) return NULL;
-    bool legal = LEGAL[function].modes & me->memory.mode;
+    bool legal = LEGAL[function].modes & me->memory.mode && LEGAL[function].kinds & me->memory.kind;
     if (!legal || me->sink.categories & 1) comment(me, function, legal);
     return legal ? me : NULL;
 }
@@ -267,3 +291,4 @@ static int set_logging(Slot *me, bool on, size_t count, const char *const names[
 }
 
 #include "run.h"
+#include "exchange.h"

@@ -1,52 +1,54 @@
-/* FMI 2.0 for Co-Simulation, slave side. */
+/* FMI 2.0 for Co-Simulation and Model Exchange, slave side. */
 
-#define GETTABLE (INITIALIZATION | STEP | STEP_FAILED | TERMINATED | FAILED)
-#define STATUS   (STEP | STEP_FAILED | TERMINATED)
-#define ALIVE    (ANY & ~DEAD)
+#define EVALUABLE (INITIALIZATION | EVENT | CONTINUOUS | TERMINATED | FAILED)
+#define GETTABLE  (EVALUABLE | STEP | STEP_FAILED)
+#define WRITABLE  (INSTANTIATED | INITIALIZATION | STEP | EVENT)
+#define STATUS    (STEP | STEP_FAILED | TERMINATED)
+#define ALIVE     (ANY & ~DEAD)
 
-/* section 4.2.4 of the standard; fmi2FreeInstance is allowed after a fatal error too, or its place would be lost */
-#define FUNCTIONS(X)                                                               \
-    X(fmi2SetDebugLogging,          ALIVE,                                 0)      \
-    X(fmi2FreeInstance,             ANY,                                   0)      \
-    X(fmi2SetupExperiment,          INSTANTIATED,                          0)      \
-    X(fmi2EnterInitializationMode,  INSTANTIATED,                          0)      \
-    X(fmi2ExitInitializationMode,   INITIALIZATION,                        0)      \
-    X(fmi2Terminate,                STEP | STEP_FAILED,                    0)      \
-    X(fmi2Reset,                    ALIVE,                                 0)      \
-    X(fmi2GetReal,                  GETTABLE,                              FLOAT64)       \
-    X(fmi2GetInteger,               GETTABLE,                              INT32 | INT64) \
-    X(fmi2GetBoolean,               GETTABLE,                              BOOLEAN)       \
-    X(fmi2GetString,                GETTABLE,                              NO_TYPE)       \
-    X(fmi2SetReal,                  INSTANTIATED | INITIALIZATION | STEP,  FLOAT64)       \
-    X(fmi2SetInteger,               INSTANTIATED | INITIALIZATION | STEP,  INT32 | INT64) \
-    X(fmi2SetBoolean,               INSTANTIATED | INITIALIZATION | STEP,  BOOLEAN)       \
-    X(fmi2SetString,                INSTANTIATED | INITIALIZATION | STEP,  NO_TYPE)       \
-    X(fmi2GetFMUstate,              ALIVE,                                 0)      \
-    X(fmi2SetFMUstate,              ALIVE,                                 0)      \
-    X(fmi2FreeFMUstate,             ALIVE,                                 0)      \
-    X(fmi2SerializedFMUstateSize,   ALIVE,                                 0)      \
-    X(fmi2SerializeFMUstate,        ALIVE,                                 0)      \
-    X(fmi2DeSerializeFMUstate,      ALIVE,                                 0)      \
-    X(fmi2DoStep,                   STEP,                                  0)      \
-    X(fmi2GetStatus,                STATUS,                                0)      \
-    X(fmi2GetRealStatus,            STATUS,                                0)      \
-    X(fmi2GetIntegerStatus,         STATUS,                                0)      \
-    X(fmi2GetBooleanStatus,         STATUS,                                0)      \
-    X(fmi2GetStringStatus,          STATUS,                                0)      \
-    X(fmi2CancelStep,               0,                                     0)      \
-    X(fmi2SetRealInputDerivatives,  0,                                     0)      \
-    X(fmi2GetRealOutputDerivatives, 0,                                     0)      \
-    X(fmi2GetDirectionalDerivative, 0,                                     0)      \
-    X(fmi2EnterEventMode,           0,                                     0)      \
-    X(fmi2NewDiscreteStates,        0,                                     0)      \
-    X(fmi2EnterContinuousTimeMode,  0,                                     0)      \
-    X(fmi2CompletedIntegratorStep,  0,                                     0)      \
-    X(fmi2SetTime,                  0,                                     0)      \
-    X(fmi2SetContinuousStates,      0,                                     0)      \
-    X(fmi2GetDerivatives,           0,                                     0)      \
-    X(fmi2GetEventIndicators,       0,                                     0)      \
-    X(fmi2GetContinuousStates,      0,                                     0)      \
-    X(fmi2GetNominalsOfContinuousStates, 0,                                0)
+/* sections 3.2.3 and 4.2.4 of the standard; fmi2FreeInstance is allowed after a fatal error too, or its place would be lost */
+#define FUNCTIONS(X) \
+    X(fmi2SetDebugLogging,               BOTH, ALIVE,                                        0)             \
+    X(fmi2FreeInstance,                  BOTH, ANY,                                          0)             \
+    X(fmi2SetupExperiment,               BOTH, INSTANTIATED,                                 0)             \
+    X(fmi2EnterInitializationMode,       BOTH, INSTANTIATED,                                 0)             \
+    X(fmi2ExitInitializationMode,        BOTH, INITIALIZATION,                               0)             \
+    X(fmi2Terminate,                     BOTH, EVENT | CONTINUOUS | STEP | STEP_FAILED,      0)             \
+    X(fmi2Reset,                         BOTH, ALIVE,                                        0)             \
+    X(fmi2GetReal,                       BOTH, GETTABLE,                                     FLOAT64)       \
+    X(fmi2GetInteger,                    BOTH, GETTABLE,                                     INT32 | INT64) \
+    X(fmi2GetBoolean,                    BOTH, GETTABLE,                                     BOOLEAN)       \
+    X(fmi2GetString,                     BOTH, GETTABLE,                                     NO_TYPE)       \
+    X(fmi2SetReal,                       BOTH, WRITABLE | CONTINUOUS,                        FLOAT64)       \
+    X(fmi2SetInteger,                    BOTH, WRITABLE,                                     INT32 | INT64) \
+    X(fmi2SetBoolean,                    BOTH, WRITABLE,                                     BOOLEAN)       \
+    X(fmi2SetString,                     BOTH, WRITABLE,                                     NO_TYPE)       \
+    X(fmi2GetFMUstate,                   BOTH, ALIVE,                                        0)             \
+    X(fmi2SetFMUstate,                   BOTH, ALIVE,                                        0)             \
+    X(fmi2FreeFMUstate,                  BOTH, ALIVE,                                        0)             \
+    X(fmi2SerializedFMUstateSize,        BOTH, ALIVE,                                        0)             \
+    X(fmi2SerializeFMUstate,             BOTH, ALIVE,                                        0)             \
+    X(fmi2DeSerializeFMUstate,           BOTH, ALIVE,                                        0)             \
+    X(fmi2DoStep,                        CS,   STEP,                                         0)             \
+    X(fmi2GetStatus,                     CS,   STATUS,                                       0)             \
+    X(fmi2GetRealStatus,                 CS,   STATUS,                                       0)             \
+    X(fmi2GetIntegerStatus,              CS,   STATUS,                                       0)             \
+    X(fmi2GetBooleanStatus,              CS,   STATUS,                                       0)             \
+    X(fmi2GetStringStatus,               CS,   STATUS,                                       0)             \
+    X(fmi2CancelStep,                    CS,   0,                                            0)             \
+    X(fmi2SetRealInputDerivatives,       CS,   0,                                            0)             \
+    X(fmi2GetRealOutputDerivatives,      CS,   0,                                            0)             \
+    X(fmi2GetDirectionalDerivative,      BOTH, DIRECTIONAL ? GETTABLE : 0,                   FLOAT64)       \
+    X(fmi2EnterEventMode,                ME,   EVENT | CONTINUOUS,                           0)             \
+    X(fmi2NewDiscreteStates,             ME,   EVENT,                                        0)             \
+    X(fmi2EnterContinuousTimeMode,       ME,   EVENT,                                        0)             \
+    X(fmi2CompletedIntegratorStep,       ME,   CONTINUOUS,                                   0)             \
+    X(fmi2SetTime,                       ME,   EVENT | CONTINUOUS,                           0)             \
+    X(fmi2SetContinuousStates,           ME,   CONTINUOUS,                                   0)             \
+    X(fmi2GetDerivatives,                ME,   EVALUABLE & ~INITIALIZATION,                  0)             \
+    X(fmi2GetEventIndicators,            ME,   EVALUABLE,                                    0)             \
+    X(fmi2GetContinuousStates,           ME,   EVALUABLE,                                    0)             \
+    X(fmi2GetNominalsOfContinuousStates, ME,   INSTANTIATED | (EVALUABLE & ~INITIALIZATION), 0)
 
 #include "core.h"
 
@@ -74,11 +76,7 @@ EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const
     (void)resources, (void)visible;
     Sink sink = {NULL, NULL, name ? name : MODEL, 0};
     if (callbacks) sink.logger = (void *)callbacks->logger, sink.environment = callbacks->environment;
-    if (type != 1) {
-        say(&sink, ERROR, "%s: is for Co-Simulation, not for Model Exchange.", MODEL);
-        return NULL;
-    }
-    return instantiate(sink, guid, logging);
+    return instantiate(sink, type == 1 ? CS : ME, guid, logging);
 }
 
 EXPORT void fmi2FreeInstance(void *instance)
@@ -116,8 +114,7 @@ EXPORT int fmi2ExitInitializationMode(void *instance)
 EXPORT int fmi2Terminate(void *instance)
 {
     ENTER(fmi2Terminate);
-    me->memory.mode = TERMINATED;
-    return OK;
+    return terminate(me);
 }
 
 EXPORT int fmi2Reset(void *instance)
@@ -174,7 +171,7 @@ static NOINLINE int set(void *instance, int function, const uint32_t references[
         default:      *(int64_t *)to = ((const int32_t *)values)[i]; break;
         }
     }
-    me->memory.stale = me->memory.mode == INITIALIZATION;
+    touch(me);
     return OK;
 }
 
@@ -257,14 +254,5 @@ STATUS_FUNCTION(StringStatus, String, PENDING_STATUS, "")
 ABSENT(fmi2CancelStep)
 ABSENT(fmi2SetRealInputDerivatives, const uint32_t *, size_t, const int *, const double *)
 ABSENT(fmi2GetRealOutputDerivatives, const uint32_t *, size_t, const int *, double *)
-ABSENT(fmi2GetDirectionalDerivative, const uint32_t *, size_t, const uint32_t *, size_t, const double *, double *)
-ABSENT(fmi2EnterEventMode)
-ABSENT(fmi2NewDiscreteStates, void *)
-ABSENT(fmi2EnterContinuousTimeMode)
-ABSENT(fmi2CompletedIntegratorStep, int, int *, int *)
-ABSENT(fmi2SetTime, double)
-ABSENT(fmi2SetContinuousStates, const double *, size_t)
-ABSENT(fmi2GetDerivatives, double *, size_t)
-ABSENT(fmi2GetEventIndicators, double *, size_t)
-ABSENT(fmi2GetContinuousStates, double *, size_t)
-ABSENT(fmi2GetNominalsOfContinuousStates, double *, size_t)
+
+#include "fmi2_exchange.h"

@@ -1,70 +1,71 @@
-/* FMI 3.0 for Co-Simulation, without Event Mode, early return, clocks or structural parameters. */
+/* FMI 3.0 for Co-Simulation, without Event Mode, early return, clocks or structural parameters, and for Model Exchange. */
 
-#define GETTABLE (INITIALIZATION | STEP | STEP_FAILED | TERMINATED | FAILED)
-#define WRITABLE (INSTANTIATED | INITIALIZATION | STEP)
-#define ALIVE    (ANY & ~DEAD)
+#define EVALUABLE (INITIALIZATION | EVENT | CONTINUOUS | TERMINATED | FAILED)
+#define GETTABLE  (EVALUABLE | STEP | STEP_FAILED)
+#define WRITABLE  (INSTANTIATED | INITIALIZATION | STEP | EVENT)
+#define ALIVE     (ANY & ~DEAD)
 
-#define GET_AND_SET(X, Name, types) X(fmi3Get##Name, GETTABLE, types) X(fmi3Set##Name, WRITABLE, types)
+#define GET_AND_SET(X, Name, more, types) X(fmi3Get##Name, BOTH, GETTABLE, types) X(fmi3Set##Name, BOTH, WRITABLE more, types)
 
 /* fmi3FreeInstance is allowed after a fatal error too, or its place would be lost */
-#define FUNCTIONS(X)                                               \
-    X(fmi3SetDebugLogging,              ALIVE,              0)     \
-    X(fmi3FreeInstance,                 ANY,                0)     \
-    X(fmi3EnterInitializationMode,      INSTANTIATED,       0)     \
-    X(fmi3ExitInitializationMode,       INITIALIZATION,     0)     \
-    X(fmi3Terminate,                    STEP | STEP_FAILED, 0)     \
-    X(fmi3Reset,                        ALIVE,              0)     \
-    X(fmi3DoStep,                       STEP,               0)     \
-    GET_AND_SET(X, Float32,             NO_TYPE)                   \
-    GET_AND_SET(X, Float64,             FLOAT64)                   \
-    GET_AND_SET(X, Int8,                NO_TYPE)                   \
-    GET_AND_SET(X, UInt8,               NO_TYPE)                   \
-    GET_AND_SET(X, Int16,               NO_TYPE)                   \
-    GET_AND_SET(X, UInt16,              NO_TYPE)                   \
-    GET_AND_SET(X, Int32,               INT32)                     \
-    GET_AND_SET(X, UInt32,              NO_TYPE)                   \
-    GET_AND_SET(X, Int64,               INT64)                     \
-    GET_AND_SET(X, UInt64,              NO_TYPE)                   \
-    GET_AND_SET(X, Boolean,             BOOLEAN)                   \
-    GET_AND_SET(X, String,              NO_TYPE)                   \
-    GET_AND_SET(X, Binary,              NO_TYPE)                   \
-    GET_AND_SET(X, Clock,               NO_TYPE)                   \
-    X(fmi3GetFMUState,                  ALIVE,              0)     \
-    X(fmi3SetFMUState,                  ALIVE,              0)     \
-    X(fmi3FreeFMUState,                 ALIVE,              0)     \
-    X(fmi3SerializedFMUStateSize,       ALIVE,              0)     \
-    X(fmi3SerializeFMUState,            ALIVE,              0)     \
-    X(fmi3DeserializeFMUState,          ALIVE,              0)     \
-    X(fmi3EnterEventMode,               0,                  0)     \
-    X(fmi3EnterStepMode,                0,                  0)     \
-    X(fmi3EnterConfigurationMode,       0,                  0)     \
-    X(fmi3ExitConfigurationMode,        0,                  0)     \
-    X(fmi3GetNumberOfVariableDependencies, 0,               0)     \
-    X(fmi3GetVariableDependencies,      0,                  0)     \
-    X(fmi3GetDirectionalDerivative,     0,                  0)     \
-    X(fmi3GetAdjointDerivative,         0,                  0)     \
-    X(fmi3GetOutputDerivatives,         0,                  0)     \
-    X(fmi3GetIntervalDecimal,           0,                  0)     \
-    X(fmi3GetIntervalFraction,          0,                  0)     \
-    X(fmi3GetShiftDecimal,              0,                  0)     \
-    X(fmi3GetShiftFraction,             0,                  0)     \
-    X(fmi3SetIntervalDecimal,           0,                  0)     \
-    X(fmi3SetIntervalFraction,          0,                  0)     \
-    X(fmi3SetShiftDecimal,              0,                  0)     \
-    X(fmi3SetShiftFraction,             0,                  0)     \
-    X(fmi3EvaluateDiscreteStates,       0,                  0)     \
-    X(fmi3UpdateDiscreteStates,         0,                  0)     \
-    X(fmi3EnterContinuousTimeMode,      0,                  0)     \
-    X(fmi3CompletedIntegratorStep,      0,                  0)     \
-    X(fmi3SetTime,                      0,                  0)     \
-    X(fmi3SetContinuousStates,          0,                  0)     \
-    X(fmi3GetContinuousStateDerivatives, 0,                 0)     \
-    X(fmi3GetEventIndicators,           0,                  0)     \
-    X(fmi3GetContinuousStates,          0,                  0)     \
-    X(fmi3GetNominalsOfContinuousStates, 0,                 0)     \
-    X(fmi3GetNumberOfEventIndicators,   0,                  0)     \
-    X(fmi3GetNumberOfContinuousStates,  0,                  0)     \
-    X(fmi3ActivateModelPartition,       0,                  0)
+#define FUNCTIONS(X) \
+    X(fmi3SetDebugLogging,                 BOTH, ALIVE,                                   0)       \
+    X(fmi3FreeInstance,                    BOTH, ANY,                                     0)       \
+    X(fmi3EnterInitializationMode,         BOTH, INSTANTIATED,                            0)       \
+    X(fmi3ExitInitializationMode,          BOTH, INITIALIZATION,                          0)       \
+    X(fmi3Terminate,                       BOTH, EVENT | CONTINUOUS | STEP | STEP_FAILED, 0)       \
+    X(fmi3Reset,                           BOTH, ALIVE,                                   0)       \
+    X(fmi3DoStep,                          CS,   STEP,                                    0)       \
+    GET_AND_SET(X, Float32, | CONTINUOUS, NO_TYPE)                                               \
+    GET_AND_SET(X, Float64, | CONTINUOUS, FLOAT64)                                               \
+    GET_AND_SET(X, Int8,    ,             NO_TYPE)                                               \
+    GET_AND_SET(X, UInt8,   ,             NO_TYPE)                                               \
+    GET_AND_SET(X, Int16,   ,             NO_TYPE)                                               \
+    GET_AND_SET(X, UInt16,  ,             NO_TYPE)                                               \
+    GET_AND_SET(X, Int32,   ,             INT32)                                                 \
+    GET_AND_SET(X, UInt32,  ,             NO_TYPE)                                               \
+    GET_AND_SET(X, Int64,   ,             INT64)                                                 \
+    GET_AND_SET(X, UInt64,  ,             NO_TYPE)                                               \
+    GET_AND_SET(X, Boolean, ,             BOOLEAN)                                               \
+    GET_AND_SET(X, String,  ,             NO_TYPE)                                               \
+    GET_AND_SET(X, Binary,  ,             NO_TYPE)                                               \
+    GET_AND_SET(X, Clock,   ,             NO_TYPE)                                               \
+    X(fmi3GetFMUState,                     BOTH, ALIVE,                                   0)       \
+    X(fmi3SetFMUState,                     BOTH, ALIVE,                                   0)       \
+    X(fmi3FreeFMUState,                    BOTH, ALIVE,                                   0)       \
+    X(fmi3SerializedFMUStateSize,          BOTH, ALIVE,                                   0)       \
+    X(fmi3SerializeFMUState,               BOTH, ALIVE,                                   0)       \
+    X(fmi3DeserializeFMUState,             BOTH, ALIVE,                                   0)       \
+    X(fmi3EnterEventMode,                  ME,   CONTINUOUS,                              0)       \
+    X(fmi3EnterStepMode,                   CS,   0,                                       0)       \
+    X(fmi3EnterConfigurationMode,          BOTH, 0,                                       0)       \
+    X(fmi3ExitConfigurationMode,           BOTH, 0,                                       0)       \
+    X(fmi3GetNumberOfVariableDependencies, BOTH, 0,                                       0)       \
+    X(fmi3GetVariableDependencies,         BOTH, 0,                                       0)       \
+    X(fmi3GetDirectionalDerivative,        BOTH, DIRECTIONAL ? GETTABLE : 0,              FLOAT64) \
+    X(fmi3GetAdjointDerivative,            BOTH, 0,                                       0)       \
+    X(fmi3GetOutputDerivatives,            CS,   0,                                       0)       \
+    X(fmi3GetIntervalDecimal,              BOTH, 0,                                       0)       \
+    X(fmi3GetIntervalFraction,             BOTH, 0,                                       0)       \
+    X(fmi3GetShiftDecimal,                 BOTH, 0,                                       0)       \
+    X(fmi3GetShiftFraction,                BOTH, 0,                                       0)       \
+    X(fmi3SetIntervalDecimal,              BOTH, 0,                                       0)       \
+    X(fmi3SetIntervalFraction,             BOTH, 0,                                       0)       \
+    X(fmi3SetShiftDecimal,                 BOTH, 0,                                       0)       \
+    X(fmi3SetShiftFraction,                BOTH, 0,                                       0)       \
+    X(fmi3EvaluateDiscreteStates,          BOTH, 0,                                       0)       \
+    X(fmi3UpdateDiscreteStates,            ME,   EVENT,                                   0)       \
+    X(fmi3EnterContinuousTimeMode,         ME,   EVENT,                                   0)       \
+    X(fmi3CompletedIntegratorStep,         ME,   CONTINUOUS,                              0)       \
+    X(fmi3SetTime,                         ME,   EVENT | CONTINUOUS,                      0)       \
+    X(fmi3SetContinuousStates,             ME,   CONTINUOUS,                              0)       \
+    X(fmi3GetContinuousStateDerivatives,   ME,   EVALUABLE,                               0)       \
+    X(fmi3GetEventIndicators,              ME,   EVALUABLE,                               0)       \
+    X(fmi3GetContinuousStates,             ME,   EVALUABLE,                               0)       \
+    X(fmi3GetNominalsOfContinuousStates,   ME,   EVALUABLE,                               0)       \
+    X(fmi3GetNumberOfEventIndicators,      ME,   EVALUABLE,                               0)       \
+    X(fmi3GetNumberOfContinuousStates,     ME,   EVALUABLE,                               0)       \
+    X(fmi3ActivateModelPartition,          BOTH, 0,                                       0)
 
 #include "core.h"
 
@@ -88,21 +89,15 @@ EXPORT void *fmi3InstantiateCoSimulation(const char *name, const char *token, co
         say(&sink, ERROR, "%s: has neither Event Mode nor intermediate updates. Instantiate it without them.", MODEL);
         return NULL;
     }
-    return instantiate(sink, token, logging);
-}
-
-static void *refuse(Logger logger, void *environment, const char *interface)
-{
-    Sink sink = {(void *)logger, environment, MODEL, 0};
-    say(&sink, ERROR, "%s: is for Co-Simulation, not for %s.", MODEL, interface);
-    return NULL;
+    return instantiate(sink, CS, token, logging);
 }
 
 EXPORT void *fmi3InstantiateModelExchange(const char *name, const char *token, const char *resources, bool visible,
                                           bool logging, void *environment, Logger logger)
 {
-    (void)name, (void)token, (void)resources, (void)visible, (void)logging;
-    return refuse(logger, environment, "Model Exchange");
+    (void)resources, (void)visible;
+    Sink sink = {(void *)logger, environment, name ? name : MODEL, 0};
+    return instantiate(sink, ME, token, logging);
 }
 
 EXPORT void *fmi3InstantiateScheduledExecution(const char *name, const char *token, const char *resources, bool visible,
@@ -111,7 +106,9 @@ EXPORT void *fmi3InstantiateScheduledExecution(const char *name, const char *tok
 {
     (void)name, (void)token, (void)resources, (void)visible, (void)logging;
     (void)clock_update, (void)lock_preemption, (void)unlock_preemption;
-    return refuse(logger, environment, "Scheduled Execution");
+    Sink sink = {(void *)logger, environment, MODEL, 0};
+    say(&sink, ERROR, "%s: is not for Scheduled Execution.", MODEL);
+    return NULL;
 }
 
 EXPORT void fmi3FreeInstance(void *instance)
@@ -143,8 +140,7 @@ EXPORT int fmi3ExitInitializationMode(void *instance)
 EXPORT int fmi3Terminate(void *instance)
 {
     ENTER(fmi3Terminate);
-    me->memory.mode = TERMINATED;
-    return OK;
+    return terminate(me);
 }
 
 EXPORT int fmi3Reset(void *instance)
@@ -204,7 +200,7 @@ static NOINLINE int set(void *instance, int function, const uint32_t references[
         move(me->memory.record + field->offset, from, field);
         from += (size_t)field->count * field->width;
     }
-    me->memory.stale = me->memory.mode == INITIALIZATION;
+    touch(me);
     return OK;
 }
 
@@ -293,13 +289,11 @@ EXPORT int fmi3DeserializeFMUState(void *instance, const uint8_t bytes[], size_t
 
 /* ------------------------------------------------------------------------------------------- interfaces not offered */
 
-ABSENT(fmi3EnterEventMode)
 ABSENT(fmi3EnterStepMode)
 ABSENT(fmi3EnterConfigurationMode)
 ABSENT(fmi3ExitConfigurationMode)
 ABSENT(fmi3GetNumberOfVariableDependencies, uint32_t, size_t *)
 ABSENT(fmi3GetVariableDependencies, uint32_t, size_t *, uint32_t *, size_t *, int *, size_t)
-ABSENT(fmi3GetDirectionalDerivative, const uint32_t *, size_t, const uint32_t *, size_t, const double *, size_t, double *, size_t)
 ABSENT(fmi3GetAdjointDerivative, const uint32_t *, size_t, const uint32_t *, size_t, const double *, size_t, double *, size_t)
 ABSENT(fmi3GetOutputDerivatives, const uint32_t *, size_t, const int32_t *, double *, size_t)
 ABSENT(fmi3GetIntervalDecimal, const uint32_t *, size_t, double *, int *)
@@ -311,15 +305,6 @@ ABSENT(fmi3SetIntervalFraction, const uint32_t *, size_t, const uint64_t *, cons
 ABSENT(fmi3SetShiftDecimal, const uint32_t *, size_t, const double *)
 ABSENT(fmi3SetShiftFraction, const uint32_t *, size_t, const uint64_t *, const uint64_t *)
 ABSENT(fmi3EvaluateDiscreteStates)
-ABSENT(fmi3UpdateDiscreteStates, bool *, bool *, bool *, bool *, bool *, double *)
-ABSENT(fmi3EnterContinuousTimeMode)
-ABSENT(fmi3CompletedIntegratorStep, bool, bool *, bool *)
-ABSENT(fmi3SetTime, double)
-ABSENT(fmi3SetContinuousStates, const double *, size_t)
-ABSENT(fmi3GetContinuousStateDerivatives, double *, size_t)
-ABSENT(fmi3GetEventIndicators, double *, size_t)
-ABSENT(fmi3GetContinuousStates, double *, size_t)
-ABSENT(fmi3GetNominalsOfContinuousStates, double *, size_t)
-ABSENT(fmi3GetNumberOfEventIndicators, size_t *)
-ABSENT(fmi3GetNumberOfContinuousStates, size_t *)
 ABSENT(fmi3ActivateModelPartition, uint32_t, double)
+
+#include "fmi3_exchange.h"

@@ -20,10 +20,14 @@ static Slot *place_for(int use, const Sink *sink)
 }
 
 /* A new instance, or NULL with the reason logged. */
-static Slot *instantiate(Sink sink, const char *token, bool logging)
+static Slot *instantiate(Sink sink, int kind, const char *token, bool logging)
 {
     if (!sink.name || !*sink.name) sink.name = MODEL;
     sink.categories = logging ? ALL_CATEGORIES : 0;
+    if (kind == ME && !EXCHANGE) {
+        say(&sink, ERROR, "%s: is for Co-Simulation, not for Model Exchange.", MODEL);
+        return NULL;
+    }
     if (!token || !same_text(token, TOKEN)) {
         say(&sink, ERROR, "%s: GUID or instantiation token is %s, not %s. The modelDescription.xml belongs to another binary.",
             MODEL, token ? token : "NULL", TOKEN);
@@ -36,6 +40,7 @@ static Slot *instantiate(Sink sink, const char *token, bool logging)
     me->name[i] = 0;
     sink.name = me->name;
     copy(&me->sink, &sink, sizeof sink);
+    me->memory.kind = kind;
     start(me);
     return me;
 }
@@ -59,21 +64,36 @@ static int enter_initialization(Slot *me)
     return OK;
 }
 
-/* Run `initialize` on the live record if anything was set since it last ran, as a record member does. */
+/* Run the component's functions on the live record if anything was set since they last ran, as a record member does. */
 static int settle(Slot *me)
 {
-    if (!me->memory.stale) return OK;
-    me->memory.stale = 0;
-    if (component_initialize(me->memory.record, me->memory.time) == OK) return OK;
-    me->memory.mode = FAILED;
-    say(&me->sink, ERROR, "%s: initialization failed.", MODEL);
+    Memory *memory = &me->memory;
+    if (!memory->stale) return OK;
+    bool first = memory->mode == INITIALIZATION;
+    memory->stale = 0;
+    if ((first ? component_initialize : component_derivatives)(memory->record, memory->time) == OK) return OK;
+    memory->mode = FAILED;
+    say(&me->sink, ERROR, "%s: %s failed.", MODEL, first ? "initialization" : "evaluation");
     return ERROR;
+}
+
+/* Something was set. */
+static void touch(Slot *me)
+{
+    me->memory.stale = (me->memory.mode & EVALUATED) != 0;
+}
+
+static int terminate(Slot *me)
+{
+    int status = settle(me);
+    if (status == OK) me->memory.mode = TERMINATED;
+    return status;
 }
 
 static int exit_initialization(Slot *me)
 {
     int status = settle(me);
-    if (status == OK) me->memory.mode = STEP;
+    if (status == OK) me->memory.mode = me->memory.kind == ME ? EVENT : STEP;
     return status;
 }
 
@@ -182,8 +202,13 @@ static Slot *saved(const Slot *me, void *state)
 static int restore(Slot *me, void *state)
 {
     Slot *kept = saved(me, state);
-    if (kept) copy(&me->memory, &kept->memory, sizeof(Memory));
-    return kept ? OK : ERROR;
+    if (!kept) return ERROR;
+    if (kept->memory.kind != me->memory.kind) {
+        say(&me->sink, ERROR, "This state was saved in an instance for %s.", KIND_NAMES[kept->memory.kind]);
+        return ERROR;
+    }
+    copy(&me->memory, &kept->memory, sizeof(Memory));
+    return OK;
 }
 
 static int drop(Slot *me, void **state)
@@ -220,12 +245,14 @@ static int serialize(Slot *me, void *state, void *bytes, size_t size)
 static int deserialize(Slot *me, const void *bytes, size_t size, void **state)
 {
     uint64_t identity[2] = {0, 0};
-    int32_t mode = 0;
+    int32_t mode = 0, kind = 0;
     if (bytes && size == sizeof(Serialized)) {
         copy(identity, bytes, sizeof identity);
         copy(&mode, (const char *)bytes + offsetof(Serialized, memory) + offsetof(Memory, mode), sizeof mode);
+        copy(&kind, (const char *)bytes + offsetof(Serialized, memory) + offsetof(Memory, kind), sizeof kind);
     }
-    if (identity[0] != IDENTITY[0] || identity[1] != IDENTITY[1] || !(mode & ANY) || mode & (mode - 1)) {
+    if (identity[0] != IDENTITY[0] || identity[1] != IDENTITY[1] || !(mode & ANY) || mode & (mode - 1) ||
+        !(kind == CS || kind == ME)) {
         say(&me->sink, ERROR, "These %i bytes are not a state of this build of %s.", (int64_t)size, MODEL);
         return ERROR;
     }
