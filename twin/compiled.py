@@ -39,6 +39,12 @@ TARGETS = {
     "aarch64-darwin":  "arm64-apple-macosx11.0.0",
 }  # fmt: skip
 
+# platforms without an operating system: triple, processor; their code is linked into a firmware, not loaded
+BARE = {
+    "cortex-m7":  ("thumbv7em-none-eabihf", "cortex-m7"),
+    "cortex-a53": ("aarch64-none-elf",      "cortex-a53"),
+}  # fmt: skip
+
 # numba's attributes that must go: its CPU, and its wrapper's wish that the wrapped function stays apart
 ATTRIBUTES = {
     '"target-cpu"="':      '"was-cpu"="',
@@ -216,8 +222,10 @@ def _optimize(module: llvm.ModuleRef, target: str) -> tuple[llvm.ModuleRef, llvm
     """Set the target, then optimize; no target features, so that every machine of a platform computes the same."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
-    triple = TARGETS[target]
-    target_machine = llvm.Target.from_triple(triple).create_target_machine(opt=3, reloc="pic", codemodel="small")
+    triple, processor = BARE[target] if target in BARE else (TARGETS[target], "")
+    target_machine = llvm.Target.from_triple(triple).create_target_machine(
+        cpu=processor, opt=3, reloc="static" if processor else "pic", codemodel="small"
+    )
     text = "\n".join(line for line in str(module).splitlines() if not line.startswith("target "))
     for attribute, instead in ATTRIBUTES.items():
         text = text.replace(attribute, instead)
@@ -267,15 +275,18 @@ def compile_entries(entries: tuple[Entry, ...], dtype: np.dtype[Any], target: st
     return code
 
 
-def component_object(cls: type[Component], target: str, build: Path) -> bytes:
-    """Object file of a component with `component_initialize(record, t)` and `component_advance(record, t, h)`."""
+def component_object(cls: type[Component], target: str, build: Path, prefix: str = "component") -> bytes:
+    """Object file of a component with `component_initialize(record, t)` and `component_advance(record, t, h)`.
+
+    `prefix` stands for `component` where several components are linked into one program.
+    """
     if issubclass(cls, PythonComponent):
         raise BuildError(f"{cls.__name__}: is Python-side and cannot be compiled. Derive it from Component instead.")
     problems = source.check(cls)
     if problems:
         raise BuildError("\n".join(problems))
     initialize, advance = functions(cls)
-    entries = (Entry("component_initialize", initialize, ("f8",)), Entry("component_advance", advance, ("f8", "f8")))
+    entries = (Entry(f"{prefix}_initialize", initialize, ("f8",)), Entry(f"{prefix}_advance", advance, ("f8", "f8")))
     return compile_entries(entries, cls.layout.dtype, target, cls.__name__, build)
 
 

@@ -28,7 +28,14 @@ PLATFORMS = ("x86_64-linux", "aarch64-linux", "x86_64-windows", "x86_64-darwin",
     type=click.Choice((*PLATFORMS, "all")),
     help="Platforms to build for; may be repeated. This machine's if not given.",
 )
-@click.option("-o", "--output", type=click.Path(dir_okay=False, path_type=Path), help="File to write [NAME.fmu].")
+@click.option(
+    "--target",
+    type=click.Choice(("fmu", "c")),
+    default="fmu",
+    show_default=True,
+    help="An FMU, or a static C library with a header for Linux, Cortex-M7 and Cortex-A53.",
+)
+@click.option("-o", "--output", type=click.Path(path_type=Path), help="File, or folder for C [NAME.fmu, NAME].")
 @click.option("--force", is_flag=True, help="Replace the file if it is there.")
 @click.option(
     "--build",
@@ -38,18 +45,26 @@ PLATFORMS = ("x86_64-linux", "aarch64-linux", "x86_64-windows", "x86_64-darwin",
     help="Folder for compiled objects.",
 )
 def command(
-    what: str, members: str | None, variant: str | None, fmi: str, platforms: tuple[str, ...], output: Path | None,
-    force: bool, build: Path,
+    what: str, members: str | None, variant: str | None, fmi: str, platforms: tuple[str, ...], target: str,
+    output: Path | None, force: bool, build: Path,
 ) -> None:  # fmt: skip
     """Write a component of fmus/, a module:Class, or part of a scenario as an FMU without Python inside.
 
     \b
     twin export sheath --platform all -o sheath.fmu
+    twin export pi_control --target c -o firmware
     twin export scenarios/heart_wall_force.yaml --variant PI+FF --members estimate,controller -o controller.fmu
     """
     from twin.fmi import exporter
 
     cls = component(what, members, variant)
+    if target == "c":
+        from twin import library
+
+        name = exporter.model_name(cls)
+        for path in library.export(cls, name, output or Path(name), build, tuple(library.TRIPLES), force):
+            click.echo(f"{path}: {path.stat().st_size / 1000:.0f} kB")
+        return
     path = output or Path(f"{exporter.model_name(cls)}.fmu")
     if path.exists() and not force:
         raise TwinError(f"{path} is there already. Give --force to replace it, or another name with -o.")
