@@ -72,7 +72,8 @@ class CoSimulation:
         outputs = [(name, v.name) for name, m in members.items() for v in m.variables.values()
                    if v.causality == "output" and v.connectable]  # fmt: skip
         self.recorded = outputs if record is None else record
-        self.build = build
+        self._loop = compiled_loop(build)
+        self._ready = False  # whether the tables are filled
         self.failure: str = ""
         self.finished = False
         self._chunks: list[np.ndarray[Any, Any]] = []
@@ -166,7 +167,7 @@ class CoSimulation:
         self.state["record_converts"] = converts.ctypes.data + begin * converts.strides[0]
         self.state["record_convert_count"] = end - begin
         self._merge_records()
-        self._loop = compiled_loop(self.build)
+        self._ready = True
         loop.record(self._record.view(np.recarray)[0])
 
     @property
@@ -295,7 +296,7 @@ class CoSimulation:
 
     def recording(self) -> Recording:
         """All that was recorded until now, decoded."""
-        if not hasattr(self, "_loop"):
+        if not self._ready:
             return Recording(np.zeros(0), {})
         self._drain()
         words = np.concatenate(self._chunks) if self._chunks else np.zeros((0, self.plan.row_words), np.int64)
