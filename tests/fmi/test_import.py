@@ -1,5 +1,6 @@
 """Somebody else's FMUs as members: every type, every failure, and what the loop needs by address."""
 
+import os
 import shutil
 import zipfile
 from pathlib import Path
@@ -13,7 +14,7 @@ from twin import machine
 from twin.errors import CouplingError, FMUError, SimulationError
 from twin.fmi.importer import FMUMember
 
-REFERENCE = Path("/opt/scratch/reference/fmus")  # the Modelica Reference FMUs, if somebody built them here
+REFERENCE = Path(os.environ.get("REFERENCE_FMUS", "reference-fmus"), "fmus")  # see CONTRIBUTING.md
 
 
 @pytest.fixture(scope="session")
@@ -267,7 +268,7 @@ def test_folder_is_gone(native: Path) -> None:
     assert not folder.parent.exists()
 
 
-@pytest.mark.skipif(not REFERENCE.is_dir(), reason="the Reference FMUs are not built here")
+@pytest.mark.skipif(not REFERENCE.is_dir(), reason="REFERENCE_FMUS names no folder")
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 @pytest.mark.parametrize("name", ["BouncingBall", "Dahlquist", "Feedthrough", "Resource", "Stair", "VanDerPol"])
 def test_reference_fmus(name: str, version: str, tmp_path: Path) -> None:

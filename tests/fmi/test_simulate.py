@@ -1,6 +1,7 @@
 """`twin simulate`: any FMU alone, inputs and outputs as tables."""
 
 import csv
+import os
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from twin.fmi.simulate import decimal_step, plan, simulate
 from twin.fmi.tables import Column, Inputs, read_inputs
 from twin.member import MemberVariable
 
-REFERENCE = Path("/opt/scratch/reference")  # the Modelica Reference FMUs, if somebody built them here
+REFERENCE = Path(os.environ.get("REFERENCE_FMUS", "reference-fmus")).absolute()  # see CONTRIBUTING.md
 
 
 @pytest.fixture(scope="session")
@@ -332,7 +333,7 @@ def cell(text: str) -> list[float] | str:
         return text
 
 
-@pytest.mark.skipif(not REFERENCE.is_dir(), reason="the Reference FMUs are not built here")
+@pytest.mark.skipif(not REFERENCE.is_dir(), reason="REFERENCE_FMUS names no folder")
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 @pytest.mark.parametrize(
     "name", ["BouncingBall", "Dahlquist", "Feedthrough", "Resource", "Stair", "StateSpace", "VanDerPol"]
@@ -357,7 +358,7 @@ def test_reference(name: str, version: str) -> None:
                 assert [float(line[k]) for k in places] == pytest.approx(value, rel=1e-14, abs=1e-14)
 
 
-@pytest.mark.skipif(not REFERENCE.is_dir(), reason="the Reference FMUs are not built here")
+@pytest.mark.skipif(not REFERENCE.is_dir(), reason="REFERENCE_FMUS names no folder")
 def test_reference_arrays() -> None:
     fmu = REFERENCE / "fmus/3.0/StateSpace.fmu"
     zeros = ["-s", "m=2", "-s", "n=2", "-s", "r=2", "-s", "A=[[0,0],[0,0]]", "-s", "B=1 0 0 1"]
@@ -370,7 +371,7 @@ def test_reference_arrays() -> None:
     refused(run(REFERENCE / "fmus/3.0/Clocks.fmu"), "Scheduled Execution only")
 
 
-@pytest.mark.skipif(not REFERENCE.is_dir(), reason="the Reference FMUs are not built here")
+@pytest.mark.skipif(not REFERENCE.is_dir(), reason="REFERENCE_FMUS names no folder")
 def test_reference_inputs() -> None:
     run(
         REFERENCE / "fmus/3.0/Feedthrough.fmu",
