@@ -20,7 +20,7 @@ import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
 
-from twin import machine, source, tangent
+from twin import source, tangent
 from twin.component import Component, PythonComponent, evaluation, functions
 from twin.errors import BuildError
 
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 FORMAT = 5  # raise when generated code changes although no function did
-
-HOST = "x86_64-linux"
 
 TARGETS = {
     "x86_64-linux":    "x86_64-unknown-linux-gnu",
@@ -331,6 +329,3 @@ def load_component(cls: type[Component], build: Path) -> tuple[int, int]:
     symbols = ("component_initialize", "component_advance")
     initialize, advance = load(component_object(cls, host(), build), symbols)
     return initialize, advance
-
-
-__all__ = ["HOST", "TARGETS", "Entry", "compile_entries", "component_object", "content_hash", "host", "load", "machine"]
