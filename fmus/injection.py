@@ -6,8 +6,10 @@ the paper's numbers. Variables of the components are in m; the factor 1e3 stands
 
 from __future__ import annotations
 
-from math import sqrt
+from math import exp, sqrt
 from typing import Any
+
+from twin.noise import normal
 
 MILLIMETER = 1e-3
 
@@ -118,3 +120,16 @@ def needle_limits(needle: Any, back: Any, turn: float, actuator: float, pull: fl
     forward = needle[0] * actuator + needle[1]
     backward = needle[0] * turn + needle[1] - decrease(back, actuator, pull)
     return forward, max(forward, backward)
+
+
+def wander(memory: Any, stream: Any, travel: float, length: float) -> None:
+    """Let memory[1], of mean 0 and variance 1, change with the way: travel and correlation length in one unit.
+
+    White noise over the way through two equal lags. One lag alone would have no slope: a slide that goes forward would
+    step back all the time, and every play behind it would make a one-sided error of that.
+    """
+    if travel <= 0.0:
+        return
+    kept = exp(-travel / length)
+    memory[0] = kept * memory[0] + sqrt(1.0 - kept * kept) * normal(stream)
+    memory[1] = kept * memory[1] + (1.0 - kept) * sqrt(2.0) * memory[0]

@@ -1,7 +1,5 @@
 """Injection catheter with one pull wire and a needle, in its guide."""
 
-from math import exp, sqrt
-
 from fmus.injection import (
     BEND_Y,
     BEND_Z,
@@ -17,9 +15,10 @@ from fmus.injection import (
     coupling,
     engagement,
     needle_limits,
+    wander,
 )
 from twin.component import Component
-from twin.noise import normal, seed_stream
+from twin.noise import seed_stream
 from twin.variable import Int64, input, local, output, parameter
 
 PLAYS = 3
@@ -57,8 +56,8 @@ class PullWireCatheter(Component):
     dead_band = parameter(DEAD_BAND, "", "pull [mm] that takes up the wire's slack", minimum=0.0,
                           source="paper, eq. (4)")  # fmt: skip
     wire_play = parameter(
-        0.08, "", "pull [mm] that a release must go back before the tip does", minimum=0.0,
-        source="estimate: at most 0.13, or half of the points on release would alone give the paper's 0.18 mm in y",
+        0.03, "", "pull [mm] that a release must go back before the tip does", minimum=0.0,
+        source="estimate: at most that, or points on release would shift the mean of y, which the paper found to be zero",
     )  # fmt: skip
     compression = parameter(COMPRESSION, "", "eq. (6) compressed, in mm", source="paper, Table 1")
     tension = parameter(TENSION, "", "eq. (6) in tension, in mm",
@@ -96,16 +95,17 @@ class PullWireCatheter(Component):
     pull = local(0.0, "", "pull [mm] behind the wire's play")
     needle_set = local(0.0, "", "length [mm] that the needle's actuator has set")
     handle_last = local(0.0, "", "handle position [mm] of the last step")
-    error_y = local(0.0, "", "deviation across [mm]")
-    error_z = local(0.0, "", "deviation along [mm]")
-    error_needle = local(0.0, "", "deviation of the needle [mm]")
+    error_y = local(0.0, "", "deviation across in standard deviations: last, behind a lag", shape=(2,))
+    error_z = local(0.0, "", "deviation along in standard deviations: last, behind a lag", shape=(2,))
+    error_needle = local(0.0, "", "deviation of the needle in standard deviations: last, behind a lag", shape=(2,))
     stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)
-        self.error_y = 0.0
-        self.error_z = 0.0
-        self.error_needle = 0.0
+        for i in range(2):
+            self.error_y[i] = 0.0
+            self.error_z[i] = 0.0
+            self.error_needle[i] = 0.0
         handle = self.handle_position / MILLIMETER
         self.handle_last = handle
 
@@ -135,15 +135,9 @@ class PullWireCatheter(Component):
         self.needle_set = needle_set
 
         # deviations change with the way: a catheter that rests keeps its own
-        if travel > 0.0:
-            kept = exp(-travel / self.correlation_length)
-            fresh = sqrt(1.0 - kept * kept)
-            self.error_y = kept * self.error_y + fresh * self.deviation_y * normal(self.stream)
-            self.error_z = kept * self.error_z + fresh * self.deviation_z * normal(self.stream)
-        if moved > 0.0:
-            kept = exp(-moved / self.correlation_length)
-            fresh = sqrt(1.0 - kept * kept)
-            self.error_needle = kept * self.error_needle + fresh * self.deviation_needle * normal(self.stream)
+        wander(self.error_y, self.stream, travel, self.correlation_length)
+        wander(self.error_z, self.stream, travel, self.correlation_length)
+        wander(self.error_needle, self.stream, moved, self.correlation_length)
         publish(self)
 
 
@@ -162,9 +156,9 @@ def publish(self: PullWireCatheter) -> None:
     advance = (1.0 + self.slope) * mean
     shift = coupling(self.compression, self.tension, share, self.dead_band, self.pull, advance)
     across = bend(self.bend_y, self.dead_band, self.pull) + shift
-    across += engagement(self.dead_band, self.pull) * self.error_y
-    along = advance - bend(self.bend_z, self.dead_band, self.pull) + self.error_z
-    length = self.needle_set + self.needle[2] * self.pull + self.error_needle
+    across += engagement(self.dead_band, self.pull) * self.deviation_y * self.error_y[1]
+    along = advance - bend(self.bend_z, self.dead_band, self.pull) + self.deviation_z * self.error_z[1]
+    length = self.needle_set + self.needle[2] * self.pull + self.deviation_needle * self.error_needle[1]
     self.tip_y = MILLIMETER * across
     self.tip_z = MILLIMETER * along
     self.needle_length = MILLIMETER * length

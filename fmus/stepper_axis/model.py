@@ -1,7 +1,8 @@
 """Stepper motor with driver and mechanical slide."""
 
-from math import ceil, exp, floor, pi, sin, sqrt
+from math import ceil, floor, pi, sin, sqrt
 
+from fmus.injection import wander
 from twin.component import Component
 from twin.noise import normal, seed_stream
 from twin.variable import Boolean, Int64, input, local, output, parameter
@@ -66,7 +67,7 @@ class StepperAxis(Component):
     rotor = local(0.0, "rad", "angle of the rotor")
     rotor_speed = local(0.0, "rad/s", "speed of the rotor")
     own_lead = local(0.0, "m", "travel per revolution in this run", display_unit="mm")
-    deviation = local(0.0, "m", "position less what the lead gives", display_unit="mm")
+    deviation = local(0.0, "", "position less what the lead gives, in standard deviations: last, behind a lag", shape=(2,))
     stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
@@ -77,7 +78,8 @@ class StepperAxis(Component):
         self.rotor_speed = 0.0
         self.pulse_rate = 0.0
         self.pulse_part = 0.0
-        self.deviation = 0.0
+        self.deviation[0] = 0.0
+        self.deviation[1] = 0.0
         self.position = self.own_lead * self.rotor / (2.0 * pi)
         self.velocity = 0.0
         self.lost_steps = 0
@@ -92,13 +94,11 @@ class StepperAxis(Component):
 
         # the deviation changes with the way, not with time: a slide that stands keeps its own
         travel = self.own_lead * abs(self.rotor - before) / (2.0 * pi)
-        if travel > 0.0:
-            kept = exp(-travel / self.correlation_length)
-            self.deviation = kept * self.deviation + self.position_deviation * sqrt(1.0 - kept * kept) * normal(self.stream)
+        wander(self.deviation, self.stream, travel, self.correlation_length)
 
         per_radian = self.own_lead / (2.0 * pi)
         last = self.position
-        self.position = per_radian * self.rotor + self.deviation
+        self.position = per_radian * self.rotor + self.position_deviation * self.deviation[1]
         self.velocity = (self.position - last) / h
         whole = PERIOD * self.microsteps
         behind = self.step_count - self.rotor * FULL_STEPS * self.microsteps / (2.0 * pi)
