@@ -19,11 +19,13 @@ from fmus.injection import (
     retraction,
 )
 from twin.component import Component
-from twin.variable import Int32, Int64, input, local, output, parameter
+from twin.variable import Boolean, Int32, Int64, input, local, output, parameter
 
 UNMODIFIED, CALIBRATED = 0, 1
 ACCEPTED, Y_OUTSIDE, Z_OUTSIDE, NEEDLE_OUTSIDE, NOT_REACHABLE, NO_MODE = 0, 1, 2, 3, 4, 5
 HALVINGS = 40  # 9 mm / 2^40: the rounding of the actuators' steps is coarser by far
+WAYPOINTS = 8  # of the pull, where the needle's play is looked at
+REACTION = 3  # periods until a slide that was sent away says that it moves
 NEAR = 1e-6  # advance [mm] below which a target is not a move
 
 
@@ -31,7 +33,8 @@ class CoordinateFeedforward(Component):
     """From (y, z, needle length) to positions and step counts of pull wire, handle and needle, without feedback.
 
     Cheng and Law (paper B), calibration method: the inverse of eqs. (1) to (9) with a memory of directions. A target
-    that is refused moves nothing; `refusal` says why. Bisection with a fixed number of steps, no heap.
+    that is refused moves nothing; `refusal` says why. The needle moves when the tip rests. Bisection with a fixed
+    number of steps, no heap.
     """
 
     period = 10e-3
@@ -39,6 +42,9 @@ class CoordinateFeedforward(Component):
     target_y = input("m", "wanted tip position across", display_unit="mm", minimum=0.0, maximum=15e-3, nominal=10e-3)
     target_z = input("m", "wanted tip position along", display_unit="mm", minimum=0.0, maximum=20e-3, nominal=10e-3)
     target_needle_length = input("m", "wanted needle length", display_unit="mm", minimum=0.0, maximum=6e-3, nominal=4e-3)
+
+    handle_moving = input("", "whether the handle's slide moves; the needle waits for it", type=Boolean)
+    wire_moving = input("", "whether the wire's slide moves; the needle waits for it", type=Boolean)
 
     handle_position = output("m", "handle's slide", display_unit="mm")
     wire_position = output("m", "pull wire's slide", display_unit="mm")
@@ -81,6 +87,7 @@ class CoordinateFeedforward(Component):
     needle_slide = local(0.0, "", "needle's slide [mm]")
     tip_advance = local(0.0, "", "advance of the tip [mm] without deflection")
     tension_share = local(0.0, "", "last direction: 0 pushed, 1 pulled")
+    waiting = local(0, "", "periods before the needle may move; 0: it has", type=Int64)
     needle_set = local(0.0, "", "length [mm] that the needle's slide has set")
 
     def initialize(self) -> None:
@@ -94,6 +101,7 @@ class CoordinateFeedforward(Component):
         self.tension_share = 0.0
         self.needle_set = 0.0
         self.needle_slide = -self.needle[1] / self.needle[0]
+        self.waiting = 0
         self.refusal = ACCEPTED
         publish(self)
 
@@ -106,7 +114,14 @@ class CoordinateFeedforward(Component):
             self.refusal = outside(self)
             if self.refusal == ACCEPTED:
                 self.refusal = move(self)
-            publish(self)
+            if self.refusal == ACCEPTED:
+                self.waiting = REACTION
+        elif self.waiting > 1:
+            self.waiting -= 1
+        elif self.waiting == 1 and not (self.handle_moving or self.wire_moving):
+            self.waiting = 0
+            move_needle(self)
+        publish(self)
 
 
 def outside(self: CoordinateFeedforward) -> int:
@@ -126,7 +141,6 @@ def move(self: CoordinateFeedforward) -> int:
     """Set the slides for the target, or leave everything and say why."""
     y = self.target_y / MILLIMETER
     z = self.target_z / MILLIMETER
-    length = self.target_needle_length / MILLIMETER
     if self.mode == UNMODIFIED:
         pull = pull_for(self, y, z, -1.0)
         if pull < 0.0:
@@ -134,8 +148,6 @@ def move(self: CoordinateFeedforward) -> int:
         self.pull = pull
         self.tip_advance = z + bend(self.bend_z, self.dead_band, pull)
         self.handle = self.tip_advance
-        self.needle_set = length
-        self.needle_slide = (length - self.needle[1]) / self.needle[0]
         return ACCEPTED
 
     # the sideways shift depends on the direction, the direction on the pull: the last direction is tried first
@@ -148,11 +160,11 @@ def move(self: CoordinateFeedforward) -> int:
         advance = z + bend(self.bend_z, self.dead_band, max(pull, 0.0))
         if pull < 0.0 or (advance - self.tip_advance) * (1.0 - 2.0 * share) < 0.0:
             return NOT_REACHABLE
+    pull_moves_needle(self, pull)
     self.pull = pull
     self.tip_advance = advance
     self.tension_share = share
     self.handle = (advance - share * self.reversal_offset) / (1.0 + self.slope)
-    move_needle(self, length - self.needle[2] * pull)
     return ACCEPTED
 
 
@@ -182,17 +194,30 @@ def pull_for(self: CoordinateFeedforward, y: float, z: float, share: float) -> f
     return 0.5 * (low + high)
 
 
-def move_needle(self: CoordinateFeedforward, wanted: float) -> None:
-    """Slide for the part of the needle's length [mm] that it sets; the play is crossed only where it must be."""
-    low, high = needle_limits(self.needle, self.needle_back, self.needle_turn, self.needle_slide, self.pull)
-    held = min(max(self.needle_set, low), high)
-    self.needle_set = wanted
-    if wanted >= held:
-        self.needle_slide = max((wanted - self.needle[1]) / self.needle[0], self.needle_slide)
+def pull_moves_needle(self: CoordinateFeedforward, pull: float) -> None:
+    """What is left of the needle's length when the pull changes with the needle's slide at rest.
+
+    The play is narrowest at a pull of about 4 mm, so on its way there the pull can draw the needle in by itself.
+    """
+    for i in range(1, WAYPOINTS + 1):
+        between = self.pull + (pull - self.pull) * i / WAYPOINTS
+        low, high = needle_limits(self.needle, self.needle_back, self.needle_turn, self.needle_slide, between)
+        self.needle_set = min(max(self.needle_set, low), high)
+
+
+def move_needle(self: CoordinateFeedforward) -> None:
+    """Slide for the wanted length, when the tip is at rest; the play is crossed only where it must be."""
+    length = self.last_needle / MILLIMETER
+    if self.mode == UNMODIFIED:
+        self.needle_slide = (length - self.needle[1]) / self.needle[0]
         return
-    shorter = self.needle[0] * self.needle_turn + self.needle[1] - wanted
-    back = retraction(self.needle_back, shorter, self.pull)
-    self.needle_slide = min(back, self.needle_slide)
+    wanted = length - self.needle[2] * self.pull
+    if wanted >= self.needle_set:
+        self.needle_slide = max((wanted - self.needle[1]) / self.needle[0], self.needle_slide)
+    else:
+        shorter = self.needle[0] * self.needle_turn + self.needle[1] - wanted
+        self.needle_slide = min(retraction(self.needle_back, shorter, self.pull), self.needle_slide)
+    self.needle_set = wanted
 
 
 def publish(self: CoordinateFeedforward) -> None:

@@ -22,8 +22,10 @@ def ends(number: Values) -> NDArray[np.int64]:
 def tests(error: Values, target: Values, measured: Values) -> dict[str, float]:
     """RMS and mean of errors, and p values: variance ratio of measured and target (F), mean error 0 (t), two-sided."""
     freedom = len(target) - 1
-    ratio = np.var(measured, ddof=1) / np.var(target, ddof=1)
-    p_f = 2.0 * min(stats.f.cdf(ratio, freedom, freedom), stats.f.sf(ratio, freedom, freedom))
+    p_f = np.nan  # targets that are all the same have no variance to compare with
+    if np.ptp(target) > 0.0:
+        ratio = np.var(measured, ddof=1) / np.var(target, ddof=1)
+        p_f = 2.0 * min(stats.f.cdf(ratio, freedom, freedom), stats.f.sf(ratio, freedom, freedom))
     p_t = stats.ttest_1samp(error, 0.0).pvalue
     return {"rms": float(np.sqrt(np.mean(error**2))), "mean": float(np.mean(error)), "p_f": float(p_f), "p_t": float(p_t)}
 
