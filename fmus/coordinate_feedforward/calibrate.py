@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fmus.injection import COUPLING_TRAVEL, DEAD_BAND, INCREMENT
+from twin.errors import TwinError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -46,7 +47,7 @@ class Fit:
     predicted: Values = field(repr=False)  # at these readings
 
 
-class CalibrationError(ValueError):
+class CalibrationError(TwinError):
     """Readings that do not determine what they are meant for; one line."""
 
 

@@ -64,6 +64,8 @@ class StepperAxis(Component):
 
     pulse_rate = local(0.0, "Hz", "pulses per second, with the direction's sign")
     pulse_part = local(0.0, "", "part of the next pulse that is over")
+    pulses = local(0, "", "pulses sent", type=Int64)
+    place = local(0.0, "m", "position of the slide", display_unit="mm")
     rotor = local(0.0, "rad", "angle of the rotor")
     rotor_speed = local(0.0, "rad/s", "speed of the rotor")
     own_lead = local(0.0, "m", "travel per revolution in this run", display_unit="mm")
@@ -73,14 +75,16 @@ class StepperAxis(Component):
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)
         self.own_lead = self.lead + self.lead_deviation * normal(self.stream)
-        self.step_count = self.target_steps
-        self.rotor = self.step_count * 2.0 * pi / (FULL_STEPS * self.microsteps)
+        self.pulses = self.target_steps
+        self.step_count = self.pulses
+        self.rotor = self.pulses * 2.0 * pi / (FULL_STEPS * self.microsteps)
         self.rotor_speed = 0.0
         self.pulse_rate = 0.0
         self.pulse_part = 0.0
         self.deviation[0] = 0.0
         self.deviation[1] = 0.0
-        self.position = self.own_lead * self.rotor / (2.0 * pi)
+        self.place = self.own_lead * self.rotor / (2.0 * pi)
+        self.position = self.place
         self.velocity = 0.0
         self.lost_steps = 0
         self.moving = False
@@ -97,18 +101,20 @@ class StepperAxis(Component):
         wander(self.deviation, self.stream, travel, self.correlation_length)
 
         per_radian = self.own_lead / (2.0 * pi)
-        last = self.position
-        self.position = per_radian * self.rotor + self.position_deviation * self.deviation[1]
-        self.velocity = (self.position - last) / h
+        place = per_radian * self.rotor + self.position_deviation * self.deviation[1]
+        self.velocity = (place - self.place) / h
+        self.place = place
+        self.position = place
+        self.step_count = self.pulses
         whole = PERIOD * self.microsteps
-        behind = self.step_count - self.rotor * FULL_STEPS * self.microsteps / (2.0 * pi)
+        behind = self.pulses - self.rotor * FULL_STEPS * self.microsteps / (2.0 * pi)
         self.lost_steps = whole * int(floor(behind / whole + 0.5))
-        self.moving = self.step_count != self.target_steps
+        self.moving = self.pulses != self.target_steps
 
 
 def send_pulses(self: StepperAxis, h: float) -> None:
     """The program: accelerate to the programmed rate, slow down for the target."""
-    left = self.target_steps - self.step_count
+    left = self.target_steps - self.pulses
     limit = min(self.step_rate, self.rate_maximum)
     wanted = min(limit, sqrt(2.0 * self.acceleration * abs(left)))
     if left < 0:
@@ -118,11 +124,11 @@ def send_pulses(self: StepperAxis, h: float) -> None:
     self.pulse_part += self.pulse_rate * h
     while self.pulse_part >= 1.0:
         self.pulse_part -= 1.0
-        self.step_count += 1
+        self.pulses += 1
     while self.pulse_part <= -1.0:
         self.pulse_part += 1.0
-        self.step_count -= 1
-    if self.step_count == self.target_steps and abs(self.pulse_rate) <= 2.0 * sqrt(2.0 * self.acceleration):
+        self.pulses -= 1
+    if self.pulses == self.target_steps and abs(self.pulse_rate) <= 2.0 * sqrt(2.0 * self.acceleration):
         self.pulse_rate = 0.0
         self.pulse_part = 0.0
 
@@ -131,7 +137,7 @@ def turn_rotor(self: StepperAxis, h: float) -> None:
     """The rotor between the field and its load, with exact sticking."""
     per_pulse = 2.0 * pi / (FULL_STEPS * self.microsteps)
     strength = self.torque_holding * min(1.0, self.rate_corner / max(abs(self.pulse_rate), 1.0))
-    torque = strength * sin(0.25 * FULL_STEPS * (self.step_count * per_pulse - self.rotor))
+    torque = strength * sin(0.25 * FULL_STEPS * (self.pulses * per_pulse - self.rotor))
     torque += self.damping * (self.pulse_rate * per_pulse - self.rotor_speed)
 
     per_radian = self.own_lead / (2.0 * pi)
