@@ -55,7 +55,9 @@ def read(path: Path, columns: Mapping[str, str]) -> Table:
     missing = [name for name in columns if name not in header]
     if missing:
         found = ", ".join(header) or "nothing"
-        raise TwinError(f"{path}: column {missing[0]} is missing; there is {found}. Name the columns {', '.join(columns)}.")
+        raise TwinError(
+            f"{path}: column {missing[0]} is missing; there is {found}. Name the columns {', '.join(columns)}."
+        )
     places = [header.index(name) for name in columns]
     values = []
     for number, row in enumerate(rows[1:], 2):

@@ -85,7 +85,7 @@ class CalibrationProgram(Component):
 
 def steps(self: CalibrationProgram, way: float) -> int:
     """A way [mm] in steps."""
-    return int(floor(way * 1600.0 * MILLIMETER / self.lead + 0.5))
+    return floor(way * 1600.0 * MILLIMETER / self.lead + 0.5)
 
 
 def steppers(self: CalibrationProgram, k: int) -> None:

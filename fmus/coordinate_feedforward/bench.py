@@ -138,7 +138,11 @@ def coupling(number: Values, wire: Values, handle: Values, y: Values, z: Values)
     table = {"pull_mm": pull, "handle_mm": slide(handle[at]), "y_mm": y[at] / MILLIMETER, "z_mm": z[at] / MILLIMETER}
     bends = {
         name: calibrate.Fit(c, 1.0, 0.0, at, at)
-        for name, c in (("bend_y", injection.BEND_Y), ("bend_z", injection.BEND_Z), ("dead_band", (injection.DEAD_BAND,)))
+        for name, c in (
+            ("bend_y", injection.BEND_Y),
+            ("bend_z", injection.BEND_Z),
+            ("dead_band", (injection.DEAD_BAND,)),
+        )
     }
     fits = calibrate.fit_coupling(table, bends, injection.REVERSAL_OFFSET)
     advance = np.clip(table["z_mm"] + calibrate.polynomial(injection.BEND_Z, pull), 0.0, injection.COUPLING_TRAVEL)

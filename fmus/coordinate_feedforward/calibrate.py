@@ -33,7 +33,8 @@ TABLES = {
 }  # fmt: skip
 
 STILL = 0.15  # deflection [mm] that counts as none
-CLEAR = 1.25  # a move is beyond the play if it is longer than the reversal's offset by this factor
+CLEAR = 1.6  # a move is surely beyond the play if it is longer than the reversal's offset by this factor
+BEYOND = 1.25  # a reading is counted as beyond it, where few readings are left
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,9 @@ def fit_steppers(table: Mapping[str, Values]) -> dict[str, Fit]:
         raise CalibrationError(f"steppers: {len(used)} moves with steps. Take at least 2, in both directions.")
     per_revolution = distance[used] / steps[used] * 1600.0
     lead = float(np.mean(per_revolution))
-    return {"lead": Fit((lead,), float("nan"), float(np.std(per_revolution, ddof=1)), used, steps[used] * lead / 1600.0)}
+    return {
+        "lead": Fit((lead,), float("nan"), float(np.std(per_revolution, ddof=1)), used, steps[used] * lead / 1600.0)
+    }
 
 
 def fit_linear(table: Mapping[str, Values]) -> dict[str, Fit]:
@@ -103,7 +106,9 @@ def fit_linear(table: Mapping[str, Values]) -> dict[str, Fit]:
     ready[1:] = clear[:-1]
     changed = np.flatnonzero(reversal & clear & ready)
     same = np.flatnonzero(~reversal & ready & (way > 0))
-    undershoot = least_squares([way[changed], np.ones(len(changed))], -difference[changed], changed + 1, "linear, reversals")
+    undershoot = least_squares(
+        [way[changed], np.ones(len(changed))], -difference[changed], changed + 1, "linear, reversals"
+    )
     overshoot = least_squares([way[same]], difference[same], same + 1, "linear, same direction")
     return {"reversal": undershoot, "same_direction": overshoot}
 
@@ -119,7 +124,13 @@ def fit_deflection(table: Mapping[str, Values]) -> dict[str, Fit]:
     a = pull[used]
     fit_y = least_squares([a, a**2, a**3], y[used], used, "deflection, y")
     fit_z = least_squares([np.ones(len(a)), a, a**2, a**3], z[used], used, "deflection, z")
-    band = Fit((round(dead, 1),), float("nan"), float(np.std(y[np.abs(y) <= STILL])), np.flatnonzero(pull <= dead), y[pull <= dead])
+    band = Fit(
+        (round(dead, 1),),
+        float("nan"),
+        float(np.std(y[np.abs(y) <= STILL])),
+        np.flatnonzero(pull <= dead),
+        y[pull <= dead],
+    )
     padded = Fit((0.0, *fit_y.coefficients), fit_y.r_squared, fit_y.residual, fit_y.used, fit_y.predicted)
     return {"bend_y": padded, "bend_z": fit_z, "dead_band": band}
 
@@ -127,7 +138,7 @@ def fit_deflection(table: Mapping[str, Values]) -> dict[str, Fit]:
 def fit_coupling(table: Mapping[str, Values], bends: Mapping[str, Fit], offset: float) -> dict[str, Fit]:
     """Eq. (6): shift across over pull and advance, pushed and pulled, for deflections that were measured."""
     pull, handle = table["pull_mm"], table["handle_mm"]
-    pushed, pulled = branches(handle, CLEAR * offset)
+    pushed, pulled = branches(handle, BEYOND * offset)
     dead = bends["dead_band"].coefficients[0]
     shift = table["y_mm"] - polynomial(bends["bend_y"].coefficients, pull)
     advance = np.clip(table["z_mm"] + polynomial(bends["bend_z"].coefficients, pull), 0.0, COUPLING_TRAVEL)
@@ -143,14 +154,17 @@ def fit_coupling(table: Mapping[str, Values], bends: Mapping[str, Fit], offset: 
 def fit_needle(table: Mapping[str, Values]) -> dict[str, Fit]:
     """Eqs. (7), (8) and (9): needle going out straight, what a pull adds, and the slide for a decrease."""
     pull, slide, length = table["pull_mm"], table["needle_mm"], table["length_mm"]
-    out, back = branches(slide, 0.0)
+    _, back = branches(slide, 0.0)
+    out, _ = branches(slide, np.ptp(slide) / 3.0)  # the needle's play is well within a third of its stroke
     straight = np.flatnonzero(out & (pull <= pull.min() + DEAD_BAND * 0.5) & (length > 0))
     forward = least_squares([slide[straight], np.ones(len(straight))], length[straight], straight, "needle, going out")
     bent = np.flatnonzero(out & (length > 0))
     added = length[bent] - polynomial((forward.coefficients[1], forward.coefficients[0]), slide[bent])
     per_pull = least_squares([pull[bent]], added, bent, "needle, with the pull")
     turn = float(slide.max())
-    longest = polynomial((forward.coefficients[1], forward.coefficients[0]), np.array(turn)) + per_pull.coefficients[0] * pull
+    longest = (
+        polynomial((forward.coefficients[1], forward.coefficients[0]), np.array(turn)) + per_pull.coefficients[0] * pull
+    )
     shorter = longest - length
     used = np.flatnonzero(back & (shorter > STILL) & (length > 0))
     terms = two_variables(2, shorter[used], pull[used])
@@ -169,7 +183,8 @@ def branches(slide: Values, play: float) -> tuple[Any, Any]:
         change = slide[k] - slide[k - 1] if k else 0.0
         if change * direction < 0.0:
             direction, turn = -direction, slide[k - 1]
-        clear = abs(slide[k] - turn) > play
+        # a reading without a move shows what another slide did inside of the play
+        clear = abs(slide[k] - turn) > play and (change != 0.0 or k == 0)
         up[k], down[k] = clear and direction > 0.0, clear and direction < 0.0
     return up, down
 

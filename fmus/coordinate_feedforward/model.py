@@ -41,7 +41,9 @@ class CoordinateFeedforward(Component):
 
     target_y = input("m", "wanted tip position across", display_unit="mm", minimum=0.0, maximum=15e-3, nominal=10e-3)
     target_z = input("m", "wanted tip position along", display_unit="mm", minimum=0.0, maximum=20e-3, nominal=10e-3)
-    target_needle_length = input("m", "wanted needle length", display_unit="mm", minimum=0.0, maximum=6e-3, nominal=4e-3)
+    target_needle_length = input(
+        "m", "wanted needle length", display_unit="mm", minimum=0.0, maximum=6e-3, nominal=4e-3
+    )
 
     handle_moving = input("", "whether the handle's slide moves; the needle waits for it", type=Boolean)
     wire_moving = input("", "whether the wire's slide moves; the needle waits for it", type=Boolean)
@@ -52,7 +54,9 @@ class CoordinateFeedforward(Component):
     handle_steps = output("", "the same in steps of the motor", type=Int64)
     wire_steps = output("", "the same in steps of the motor", type=Int64)
     needle_steps = output("", "the same in steps of the motor", type=Int64)
-    refusal = output("", "0: accepted; outside: 1 y, 2 z, 3 needle; 4: not reachable from here; 5: no such mode", type=Int32)
+    refusal = output(
+        "", "0: accepted; outside: 1 y, 2 z, 3 needle; 4: not reachable from here; 5: no such mode", type=Int32
+    )
 
     mode = parameter(CALIBRATED, "", "0: unmodified, eqs. (1), (4), (5) alone; 1: calibrated", type=Int32, fixed=True,
                      source="paper, results")  # fmt: skip
@@ -226,6 +230,6 @@ def publish(self: CoordinateFeedforward) -> None:
     self.handle_position = MILLIMETER * self.handle
     self.wire_position = MILLIMETER * self.pull
     self.needle_position = MILLIMETER * self.needle_slide
-    self.handle_steps = int(floor(self.handle * steps + 0.5))
-    self.wire_steps = int(floor(self.pull * steps + 0.5))
-    self.needle_steps = int(floor(self.needle_slide * steps + 0.5))
+    self.handle_steps = floor(self.handle * steps + 0.5)
+    self.wire_steps = floor(self.pull * steps + 0.5)
+    self.needle_steps = floor(self.needle_slide * steps + 0.5)

@@ -27,7 +27,12 @@ def tests(error: Values, target: Values, measured: Values) -> dict[str, float]:
         ratio = np.var(measured, ddof=1) / np.var(target, ddof=1)
         p_f = 2.0 * min(stats.f.cdf(ratio, freedom, freedom), stats.f.sf(ratio, freedom, freedom))
     p_t = stats.ttest_1samp(error, 0.0).pvalue
-    return {"rms": float(np.sqrt(np.mean(error**2))), "mean": float(np.mean(error)), "p_f": float(p_f), "p_t": float(p_t)}
+    return {
+        "rms": float(np.sqrt(np.mean(error**2))),
+        "mean": float(np.mean(error)),
+        "p_f": float(p_f),
+        "p_t": float(p_t),
+    }
 
 
 def coordinates(

@@ -6,7 +6,6 @@ from twin.component import Component
 from twin.noise import seed_stream, uniform
 from twin.variable import Int32, Int64, local, output, parameter
 
-
 RANDOM, NEEDLE_TABLE = 0, 1
 PULLS, LENGTHS = 5, 3
 

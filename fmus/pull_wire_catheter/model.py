@@ -87,7 +87,13 @@ class PullWireCatheter(Component):
                                source="estimate: PTFE on a catheter through the aortic arch, 2 to 6 N")  # fmt: skip
     wire_stiffness = parameter(2.0e3, "N/m", "tension of the wire per pull beyond the dead band", display_unit="N/mm",
                                minimum=0.0, source="estimate: 16 N at the full deflection of an 8 Fr tip")  # fmt: skip
-    needle_friction = parameter(1.0, "N", "friction of the needle's tube", minimum=0.0, source="estimate")
+    needle_friction = parameter(
+        1.0,
+        "N",
+        "friction of the needle's tube",
+        minimum=0.0,
+        source="estimate: a tube that bends in a wider lumen, a few tenths to 2 N",
+    )
     seed = parameter(13, "", "seed of the deviations; give every noisy member its own", type=Int64, fixed=True,
                      source="arbitrary")  # fmt: skip
 
@@ -129,7 +135,9 @@ class PullWireCatheter(Component):
         travel += abs(pulled - self.pull)
         self.pull = pulled
 
-        low, high = needle_limits(self.needle, self.needle_back, self.needle_turn, self.needle_position / MILLIMETER, pulled)
+        low, high = needle_limits(
+            self.needle, self.needle_back, self.needle_turn, self.needle_position / MILLIMETER, pulled
+        )
         needle_set = min(max(self.needle_set, low), high)
         moved = abs(needle_set - self.needle_set) + abs(travel)
         self.needle_set = needle_set

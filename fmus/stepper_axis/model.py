@@ -69,7 +69,9 @@ class StepperAxis(Component):
     rotor = local(0.0, "rad", "angle of the rotor")
     rotor_speed = local(0.0, "rad/s", "speed of the rotor")
     own_lead = local(0.0, "m", "travel per revolution in this run", display_unit="mm")
-    deviation = local(0.0, "", "position less what the lead gives, in standard deviations: last, behind a lag", shape=(2,))
+    deviation = local(
+        0.0, "", "position less what the lead gives, in standard deviations: last, behind a lag", shape=(2,)
+    )
     stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
@@ -108,7 +110,7 @@ class StepperAxis(Component):
         self.step_count = self.pulses
         whole = PERIOD * self.microsteps
         behind = self.pulses - self.rotor * FULL_STEPS * self.microsteps / (2.0 * pi)
-        self.lost_steps = whole * int(floor(behind / whole + 0.5))
+        self.lost_steps = whole * floor(behind / whole + 0.5)
         self.moving = self.pulses != self.target_steps
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import click
@@ -46,7 +47,7 @@ def command(name: str, tables: tuple[str, ...], output: Path | None, force: bool
     parameters, fits = calibration.calibrate(cls, name, files)
     for label, fit in fits.items():
         values = ", ".join(f"{value:.4g}" for value in fit.coefficients)
-        quality = "" if fit.r_squared != fit.r_squared else f"R2 {fit.r_squared:.4f}, "  # noqa: PLR0124 - not a number
+        quality = "" if math.isnan(fit.r_squared) else f"R2 {fit.r_squared:.4f}, "
         click.echo(f"{label}: {values}; {quality}residual {fit.residual:.3g}, {len(fit.used)} readings")
     write_text(target, calibration.text(name, files, parameters, fits))
     click.echo(f"{target}: {len(parameters)} parameters. Put them under `parameters:` of the member.")
