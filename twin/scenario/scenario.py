@@ -32,7 +32,15 @@ if TYPE_CHECKING:
     Catalog = Mapping[str, Variables]  # member -> its variables
 
 MILLISECOND = 1_000_000
-PHYSICS = ("members", "connections", "variants", "events", "step", "algorithm")  # what a paper's figures hang on
+PHYSICS = (
+    "members",
+    "connections",
+    "variants",
+    "events",
+    "step",
+    "algorithm",
+    "parameter_sets",
+)  # what a paper's figures hang on
 
 
 @dataclass(frozen=True)
