@@ -92,11 +92,14 @@ def parameter_set(item: Node, folder: Path) -> Node:
 
 
 def located(member: Node, folder: Path) -> Node:
-    """A member whose component, if it is the path of an FMU, is absolute."""
+    """A member whose component, if it is the path of an FMU or of a scenario's group, is absolute."""
     component = member.entries.get("component")
-    if component is None or not isinstance(component.value, str) or not component.value.endswith(".fmu"):
+    if component is None or not isinstance(component.value, str):
         return member
-    absolute = Node(str((folder / component.value).resolve()), component.place)
+    path, mark, group = component.value.partition("#")
+    if not path.endswith((".yaml", ".yml") if mark else ".fmu"):
+        return member
+    absolute = Node(f"{(folder / path).resolve()}{mark}{group}", component.place)
     return Node(member.entries | {"component": absolute}, member.place)
 
 
