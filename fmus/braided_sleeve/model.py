@@ -52,15 +52,15 @@ class BraidedSleeve(Component):
                                  minimum=0.0, maximum=0.2,
                                  source="estimate: the paper repeats 4 times and prints no scatter")  # fmt: skip
     effective_length = parameter(
-        5.17e-3, "m", "length over which the piston's tension presses yarns on the instrument", display_unit="mm",
+        5.14e-3, "m", "length over which the piston's tension presses yarns on the instrument", display_unit="mm",
         minimum=0.0, source="identified from: the paper's grip forces, difference of the grippers (section III.A)",
     )  # fmt: skip
     closing_force = parameter(
-        20.0, "N", "normal force that the closed braid has without the piston", minimum=0.0,
+        18.6, "N", "normal force that the closed braid has without the piston", minimum=0.0,
         source="identified from: the paper's grip forces, what the tension does not explain (section III.A)",
     )  # fmt: skip
     torque_factor = parameter(
-        1.324, "", "torque limit over radius times force limit", minimum=0.0,
+        1.333, "", "torque limit over radius times force limit", minimum=0.0,
         source="identified from: the paper's grip torque (section III.B)",
     )  # fmt: skip
     closing_band = parameter(0.3e-3, "m", "extension over which the grip sets in", display_unit="mm", minimum=1e-6,

@@ -21,10 +21,8 @@ class Weights(Component):
 
     loading = input("", "whether weights are being added; each time it becomes true is one trial", start=True,
                     type=Boolean)  # fmt: skip
-    slip_distance = input("m", "displacement of the tape on the instrument against the gripper", display_unit="mm",
-                          nominal=1e-3)  # fmt: skip
-    slip_angle = input("rad", "rotation of the tape on the instrument against the gripper", display_unit="deg",
-                       nominal=0.1)  # fmt: skip
+    position = input("m", "position of a mark on the instrument", display_unit="mm", nominal=1e-3)
+    angle = input("rad", "angle of a mark on the instrument", display_unit="deg", nominal=0.1)
 
     load = output("N", "weight of what is in the box")
     tip_force = output("N", "force on the tip, positive proximal: the cable pulls distally")
@@ -42,13 +40,13 @@ class Weights(Component):
                                   source="estimate: what is at hand as small weights")  # fmt: skip
     pause = parameter(1.0, "s", "from the beginning of a trial to the first weight", minimum=0.0,
                       source="estimate: the sleeve has closed by then")  # fmt: skip
-    interval = parameter(0.5, "s", "from weight to weight", minimum=0.01,
+    interval = parameter(0.5, "s", "from weight to weight, longer than laying_time", minimum=0.01,
                          source="estimate: shorter than a person's, to save time; the model is quasi-static")  # fmt: skip
     laying_time = parameter(0.2, "s", "in which a weight is let down", minimum=0.01, source="estimate: by hand")
     visible_distance = parameter(0.3e-3, "m", "motion that a person sees", display_unit="mm", minimum=0.0,
-                                 source="estimate: slight motion, at a tape cut-out")  # fmt: skip
+                                 source="estimate: slight motion of a tape cut-out")  # fmt: skip
     visible_angle = parameter(0.05, "rad", "rotation that a person sees", display_unit="deg", minimum=0.0,
-                              source="estimate: 3 deg at a tape cut-out")  # fmt: skip
+                              source="estimate: 3 deg of a tape cut-out")  # fmt: skip
     reaction_time = parameter(0.3, "s", "from seeing motion to lifting the box", minimum=0.0,
                               source="estimate: a person's")  # fmt: skip
     pulley_loss = parameter(0.01, "", "part of the load that the pulley's bearing holds", minimum=0.0, maximum=0.5,
@@ -65,8 +63,8 @@ class Weights(Component):
     mass = local(0.0, "kg", "in the box")
     previous_mass = local(0.0, "kg", "in the box before the last weight")
     waited = local(0.0, "s", "time since the last thing the person did")
-    start_distance = local(0.0, "m", "slip distance when the trial began")
-    start_angle = local(0.0, "rad", "slip angle when the trial began")
+    marked_position = local(0.0, "m", "position of the mark when the last weight had been laid", display_unit="mm")
+    marked_angle = local(0.0, "rad", "angle of the mark then", display_unit="deg")
     stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
@@ -116,17 +114,18 @@ def empty(self: Weights, action: int) -> None:
 def begin(self: Weights) -> None:
     """A trial begins with nothing on the cable; the first weight comes after the pause."""
     self.action = LOADING
-    self.start_distance = self.slip_distance
-    self.start_angle = self.slip_angle
     self.held_mass = 0.0
     self.waited = self.interval - self.pause
 
 
 def watch(self: Weights, h: float) -> None:
-    """Look at the tape, then perhaps add a weight."""
-    moved = abs(self.slip_distance - self.start_distance) > self.visible_distance
-    turned = abs(self.slip_angle - self.start_angle) > self.visible_angle
-    if moved or turned:
+    """Look at the mark once the weight hangs: elastic motion is over then. Perhaps add another weight."""
+    if self.waited <= self.laying_time + 0.5 * h:
+        self.marked_position = self.position
+        self.marked_angle = self.angle
+    moved = abs(self.position - self.marked_position) > self.visible_distance
+    turned = abs(self.angle - self.marked_angle) > self.visible_angle
+    if (moved or turned) and self.mass > 0.0:
         self.seen_mass = self.mass
         self.held_mass = self.previous_mass
         self.previous_mass = self.mass
