@@ -102,7 +102,9 @@ class PneumaticCylinder(Component):
         self.waited = 0.0
         self.piston_velocity = 0.0
         force = supply * piston_area(self, 0 if self.valve else 1) - self.friction_coulomb
-        self.piston_position = resting_position(self, force) if self.valve else -max(force, 0.0) / self.cushion_stiffness
+        self.piston_position = (
+            resting_position(self, force) if self.valve else -max(force, 0.0) / self.cushion_stiffness
+        )
         for side in range(2):
             pressure = AMBIENT + (supply if self.valve == (side == 0) else 0.0)
             v = volume(self, side)
@@ -272,9 +274,9 @@ def move(self: PneumaticCylinder, dt: float) -> None:
     else:
         v = 0.0
 
-    # work on the gas is p dV: what the piston gets, the chambers lose
+    # the piston's work on the gas is isentropic: exact for the change of volume of a substep
     before0, before1 = volume(self, 0), volume(self, 1)
     self.piston_velocity = v
     self.piston_position = x + dt * v
-    self.gas_energy[0] -= p0 * (volume(self, 0) - before0)
-    self.gas_energy[1] -= p1 * (volume(self, 1) - before1)
+    self.gas_energy[0] *= (before0 / volume(self, 0)) ** 0.4
+    self.gas_energy[1] *= (before1 / volume(self, 1)) ** 0.4

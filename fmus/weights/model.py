@@ -40,9 +40,11 @@ class Weights(Component):
                                   source="estimate: what is at hand as small weights")  # fmt: skip
     pause = parameter(1.0, "s", "from the beginning of a trial to the first weight", minimum=0.0,
                       source="estimate: the sleeve has closed by then")  # fmt: skip
-    interval = parameter(0.5, "s", "from weight to weight, longer than laying_time", minimum=0.01,
+    interval = parameter(0.5, "s", "from weight to weight, longer than laying_time and settling_time", minimum=0.01,
                          source="estimate: shorter than a person's, to save time; the model is quasi-static")  # fmt: skip
     laying_time = parameter(0.2, "s", "in which a weight is let down", minimum=0.01, source="estimate: by hand")
+    settling_time = parameter(50e-3, "s", "from letting go of a weight to looking at the mark", minimum=0.02,
+                              display_unit="ms", source="chosen: elastic motion is over by then")  # fmt: skip
     visible_distance = parameter(0.3e-3, "m", "motion that a person sees", display_unit="mm", minimum=0.0,
                                  source="estimate: slight motion of a tape cut-out")  # fmt: skip
     visible_angle = parameter(0.05, "rad", "rotation that a person sees", display_unit="deg", minimum=0.0,
@@ -120,7 +122,7 @@ def begin(self: Weights) -> None:
 
 def watch(self: Weights, h: float) -> None:
     """Look at the mark once the weight hangs: elastic motion is over then. Perhaps add another weight."""
-    if self.waited <= self.laying_time + 0.5 * h:
+    if self.waited <= self.laying_time + self.settling_time + 0.5 * h:
         self.marked_position = self.position
         self.marked_angle = self.angle
     moved = abs(self.position - self.marked_position) > self.visible_distance
