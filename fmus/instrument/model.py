@@ -132,6 +132,9 @@ class Instrument(Component):
     grip_force = local(0.0, "N", "force of each gripper on the instrument", shape=(GRIPPERS,))
     grip_torque = local(0.0, "N*m", "torque of each gripper on the instrument", shape=(GRIPPERS,))
 
+    slipped = local(0.0, "m", "slip in each gripper so far", shape=(GRIPPERS,), display_unit="mm")
+    slipped_angle = local(0.0, "rad", "the same in rotation", shape=(GRIPPERS,), display_unit="deg")
+
     def initialize(self) -> None:
         for g in range(GRIPPERS):
             self.carriage_position[g] = self.gripper_position[g]
@@ -141,8 +144,8 @@ class Instrument(Component):
             self.twist[g] = 0.0
             self.grip_force[g] = 0.0
             self.grip_torque[g] = 0.0
-            self.slip_distance[g] = 0.0
-            self.slip_angle[g] = 0.0
+            self.slipped[g] = 0.0
+            self.slipped_angle[g] = 0.0
             self.slipping[g] = False
         self.frame_angle = self.gripper_angle
         for i in range(NODES):
@@ -349,8 +352,8 @@ def settle_grip(self: Instrument, g: int) -> None:
 
     # rounding is no slip
     if holds(self, g) and (abs(trial - left) > 1e-12 or abs(trial_twist - twist_left) > 1e-9):
-        self.slip_distance[g] -= trial - left
-        self.slip_angle[g] -= trial_twist - twist_left
+        self.slipped[g] -= trial - left
+        self.slipped_angle[g] -= trial_twist - twist_left
         self.slipping[g] = True
 
 
@@ -360,6 +363,8 @@ def publish(self: Instrument, tip_velocity: float) -> None:
     for g in range(GRIPPERS):
         self.gripper_force[g] = -self.grip_force[g]
         self.gripper_torque -= self.grip_torque[g]
+        self.slip_distance[g] = self.slipped[g]
+        self.slip_angle[g] = self.slipped_angle[g]
     self.proximal_position = self.position[0]
     self.tip_position = self.position[TIP]
     self.tip_velocity = tip_velocity
