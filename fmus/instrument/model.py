@@ -86,8 +86,8 @@ class Instrument(Component):
     radius = parameter(1.335e-3, "m", "radius of the instrument", display_unit="mm", minimum=0.0,
                        source="8 Fr is 2.67 mm")  # fmt: skip
     torsional_stiffness = parameter(
-        (8.1e-3, 43e-3, 43e-3), "N*m/rad", "torsional stiffness up to each node", minimum=1e-9,
-        source="GJ 3.4e-3 N m2 over 0.42 m and 78.5 mm; GJ identified from the paper's 25 deg, given that dry friction "
+        (8.7e-3, 46.5e-3, 46.5e-3), "N*m/rad", "torsional stiffness up to each node", minimum=1e-9,
+        source="GJ 3.65e-3 N m2 over 0.42 m and 78.5 mm; GJ identified from the paper's 25 deg, given that dry friction "
         "acts at the radius; plausible without braid: 0.3 to 3e-3 N m2",
     )  # fmt: skip
     torsional_drag = parameter(2e-6, "N*m*s/rad", "viscous friction torque of each node", minimum=1e-12,

@@ -102,7 +102,9 @@ class PneumaticCylinder(Component):
         self.waited = 0.0
         self.piston_velocity = 0.0
         force = supply * piston_area(self, 0 if self.valve else 1) - self.friction_coulomb
-        self.piston_position = resting_position(self, force) if self.valve else -max(force, 0.0) / self.cushion_stiffness
+        self.piston_position = (
+            resting_position(self, force) if self.valve else -max(force, 0.0) / self.cushion_stiffness
+        )
         for side in range(2):
             pressure = AMBIENT + (supply if self.valve == (side == 0) else 0.0)
             v = volume(self, side)
