@@ -4,6 +4,7 @@ Nothing here knows the sequencer's insides: the judge sees true positions and tr
 """
 
 from dataclasses import dataclass, field
+from math import copysign, exp
 
 import numpy as np
 
@@ -11,9 +12,9 @@ from fmus.regripping_sequencer.model import RegrippingSequencer
 from twin.solver import OK
 
 STROKE = 50e-3
-TRUE_GRIP = 4.5e-3  # extension from which the model's sleeves really hold [m]
+TRUE_GRIP = 3.8e-3  # extension from which the model's sleeves really hold [m]
 TRUE_TOUCH = 2.5e-3  # extension from which they touch [m]
-CLOSED = 7e-3  # extension at which the braid stops the piston [m]
+CLOSED = 4.6e-3  # extension at which the braid stops the piston [m]
 INCREMENT = 8e-6  # of the Hall sensors [m]
 
 
@@ -25,21 +26,22 @@ class Rail:
     lag: tuple[float, float] = (6e-3, 6e-3)
     delay: tuple[float, float] = (10e-3, 60e-3)
     leak: float = 0.0  # speed at which the sleeves open without air [m/s]
-    position: np.ndarray = field(default_factory=lambda: np.array([-25e-3, 25e-3]))
-    velocity: np.ndarray = field(default_factory=lambda: np.zeros(2))
-    extension: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    position: list[float] = field(default_factory=lambda: [-25e-3, 25e-3])
+    velocity: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    extension: list[float] = field(default_factory=lambda: [0.0, 0.0])
     valve: list[bool] = field(default_factory=lambda: [False, False])
-    piston: np.ndarray = field(default_factory=lambda: np.zeros(2))
-    wait: np.ndarray = field(default_factory=lambda: np.zeros(2))
+    piston: list[float] = field(default_factory=lambda: [0.0, 0.0])
+    wait: list[float] = field(default_factory=lambda: [0.0, 0.0])
 
     def advance(self, h, target, valve, pressure_ok, drive_ok):
         for k in range(2):
             # a lost drive brakes by friction alone: 1.5 N on 0.65 kg
+            last = self.velocity[k]
             if drive_ok[k]:
-                v = target[k] + (self.velocity[k] - target[k]) * np.exp(-h / self.lag[k])
+                v = target[k] + (last - target[k]) * exp(-h / self.lag[k])
             else:
-                v = np.sign(self.velocity[k]) * max(abs(self.velocity[k]) - 2.3 * h, 0.0)
-            self.position[k] += 0.5 * h * (v + self.velocity[k])
+                v = copysign(max(abs(last) - 2.3 * h, 0.0), last)
+            self.position[k] += 0.5 * h * (v + last)
             self.velocity[k] = v
             if bool(valve[k]) != self.valve[k]:
                 # half of the delay nothing moves, then the piston travels
@@ -47,16 +49,17 @@ class Rail:
                 self.valve[k] = bool(valve[k])
                 self.wait[k] = 0.5 * delay
                 self.piston[k] = CLOSED / (0.5 * delay)
+            extension = self.extension[k]
             if not pressure_ok:
-                self.extension[k] = max(self.extension[k] - self.leak * h, 0.0)
-                continue
-            self.wait[k] -= h
-            if self.wait[k] <= 0.0:
-                self.extension[k] += h * self.piston[k] * (1 if self.valve[k] else -1)
-        np.clip(self.extension, 0.0, CLOSED, out=self.extension)
+                extension -= self.leak * h
+            else:
+                self.wait[k] -= h
+                if self.wait[k] <= 0.0:
+                    extension += h * self.piston[k] * (1 if self.valve[k] else -1)
+            self.extension[k] = min(max(extension, 0.0), CLOSED)
 
     def measured(self):
-        return np.round(self.position / INCREMENT) * INCREMENT
+        return [round(x / INCREMENT) * INCREMENT for x in self.position]
 
 
 @dataclass
@@ -73,24 +76,24 @@ class Judge:
     gap: float = np.inf
 
     def look(self, position, extension, enable, both_drives):
-        x = position - np.array([-25e-3, 25e-3])
-        held = (extension >= TRUE_GRIP).any()
+        x1, x2 = position[0] + 25e-3, position[1] - 25e-3
+        held = max(extension) >= TRUE_GRIP
         self.held_before = enable and (self.held_before or held)
         if self.held_before and not held:
             self.seen.add("not held")
-        if x[0] < 0.0 or x[0] > STROKE or x[1] > 0.0 or x[1] < -STROKE:
+        if not (0.0 <= x1 <= STROKE and -STROKE <= x2 <= 0.0):
             self.seen.add("stroke")
-        self.gap = min(self.gap, self.gap_at_home + x[1] - x[0])
+        self.gap = min(self.gap, self.gap_at_home + x2 - x1)
         if self.gap < self.gap_minimum:
             self.seen.add("collision")
-        if not (extension >= TRUE_TOUCH).all() or not both_drives:
+        if min(extension) < TRUE_TOUCH or not both_drives:
             self.touched_at = None
-        else:
-            if self.touched_at is None:
-                self.touched_at = x[0] - x[1]
-            self.drag = max(self.drag, abs(x[0] - x[1] - self.touched_at))
-            if self.drag > self.drag_allowed:
-                self.seen.add("dragged")
+            return
+        if self.touched_at is None:
+            self.touched_at = x1 - x2
+        self.drag = max(self.drag, abs(x1 - x2 - self.touched_at))
+        if self.drag > self.drag_allowed:
+            self.seen.add("dragged")
 
 
 @dataclass
@@ -125,20 +128,21 @@ class Rig:
         for _ in range(round(seconds / self.h)):
             if until is not None and until(self):
                 return True
-            target, valve = s.gripper_target_velocity.copy(), s.valve.copy()
+            target, valve = s.gripper_target_velocity.tolist(), s.valve.tolist()
+            pressure_ok, enable, drives = bool(s.pressure_ok), bool(s.enable), s.drive_ok.tolist()
             self.tell()
             assert s.advance(self.t, self.h) == OK
             for _ in range(round(self.h / 1e-3)):
-                self.rail.advance(1e-3, target, valve, bool(s.pressure_ok), s.drive_ok)
-                self.judge.look(self.rail.position, self.rail.extension, bool(s.enable), bool(s.drive_ok.all()))
+                self.rail.advance(1e-3, target, valve, pressure_ok, drives)
+                self.judge.look(self.rail.position, self.rail.extension, enable, all(drives))
             self.follow()
             self.t += self.h
         return False
 
     def follow(self):
         """The instrument goes with whoever holds it."""
-        gripping = self.rail.extension >= TRUE_GRIP
-        self.speed = float(self.rail.velocity[gripping].mean()) if gripping.any() else 0.0
+        gripping = [v for v, x in zip(self.rail.velocity, self.rail.extension, strict=True) if x >= TRUE_GRIP]
+        self.speed = sum(gripping) / len(gripping) if gripping else 0.0
         self.instrument += self.h * self.speed
         s = self.sequencer
         self.log.append((

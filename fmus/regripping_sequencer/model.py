@@ -83,13 +83,13 @@ class RegrippingSequencer(Component):
                              source="chosen: 2 N of the motor's 9.2 N with 0.65 kg")  # fmt: skip
     instrument_acceleration = parameter(0.5, "m/s^2", "of the instrument when the wanted speed changes", minimum=1e-3,
                                         source="paper: heart motion needs 0.51 m/s^2")  # fmt: skip
-    approach_gain = parameter(100.0, "1/s", "slope of speed over the last of a distance", minimum=1.0,
-                              source="chosen: half of 1 / the drive's delay in csv, about 6 ms")  # fmt: skip
+    drive_delay = parameter(10e-3, "s", "by which a drive follows its target velocity", display_unit="ms",
+                            minimum=1e-3, source="estimate: servomotor in csv 6 ms, and a reserve")  # fmt: skip
 
-    grip_extension = parameter(5e-3, "m", "extension from which a sleeve grips", display_unit="mm", minimum=0.0,
-                               source="estimate: half of the cylinder's stroke")  # fmt: skip
+    grip_extension = parameter(4e-3, "m", "extension from which a sleeve grips", display_unit="mm", minimum=0.0,
+                               source="estimate: the braid closes at 3.7 mm on 8 Fr and gives to 4.6 mm at 6 bar")  # fmt: skip
     open_extension = parameter(2e-3, "m", "extension up to which it is open", display_unit="mm", minimum=0.0,
-                               source="estimate: a fifth of the cylinder's stroke")  # fmt: skip
+                               source="estimate: half of where the braid closes")  # fmt: skip
     grip_delay = parameter(10e-3, "s", "time beyond that extension until the grip counts", display_unit="ms",
                            minimum=0.0, source="estimate: pressure rises after the braid has closed")  # fmt: skip
     grip_time = parameter(50e-3, "s", "time that a grip is expected to take, with that delay", display_unit="ms",
@@ -98,7 +98,7 @@ class RegrippingSequencer(Component):
                              source="estimate: as a grip")  # fmt: skip
     release_margin = parameter(0.3e-3, "m", "travel left after a release and braking", display_unit="mm", minimum=0.0,
                                source="chosen: as much as stroke_margin")  # fmt: skip
-    stroke_margin = parameter(0.3e-3, "m", "not used at either end of the stroke", display_unit="mm", minimum=0.0,
+    stroke_margin = parameter(0.4e-3, "m", "not used at either end of the stroke", display_unit="mm", minimum=0.0,
                               source="chosen: above the drive's overshoot")  # fmt: skip
     start_tolerance = parameter(0.5e-3, "m", "how near a gripper must be to its start", display_unit="mm", minimum=0.0,
                                 source="chosen")  # fmt: skip
@@ -111,6 +111,7 @@ class RegrippingSequencer(Component):
                              display_unit="mm", minimum=0.0,
                              source="estimate: the sleeves give about that at 5 N")  # fmt: skip
 
+    slope = local(100.0, "1/s", "of speed over the last of a distance, so that delays cause no overshoot")
     travel = local(0.0, "m", "each gripper's distance from its home, positive distal", shape=(2,), display_unit="mm")
     phase = local(0, "", "of each grip: 0 open, 1 closing, 2 holding, 3 opening", type=Int32, shape=(2,))
     elapsed = local(0.0, "s", "since the phase began", shape=(2,))
@@ -154,6 +155,7 @@ class RegrippingSequencer(Component):
     def step(self, t: float, h: float) -> int:
         if not geometry_is_possible(self):
             return ERROR
+        self.slope = 1.0 / (self.drive_delay + 2.5 * h)
         observe(self, h)
         decide(self)
         move(self, h)

@@ -12,6 +12,7 @@ from fmus.regripping_sequencer.rules import (
     may_move,
     region,
     remaining,
+    way_home,
 )
 
 
@@ -31,7 +32,7 @@ def approach(self, left: float) -> float:
     if left <= 0.0:
         return 0.0
     brake = BRAKING * self.acceleration
-    return brake / self.approach_gain * (sqrt(1.0 + 2.0 * self.approach_gain**2 * left / brake) - 1.0)
+    return brake / self.slope * (sqrt(1.0 + 2.0 * self.slope**2 * left / brake) - 1.0)
 
 
 def slewed(present: float, wanted: float, most: float) -> float:
@@ -110,8 +111,8 @@ def free_speed(self, k: int) -> float:
     if not may_move(self):
         return 0.0
     if not self.engaged:
-        home = self.phase[0] == OPEN and self.phase[1] == OPEN
-        return copysign(min(approach(self, abs(self.travel[k])), self.homing_velocity), -self.travel[k]) if home else 0.0
+        way = way_home(self, k) if self.phase[0] == OPEN and self.phase[1] == OPEN else 0.0
+        return copysign(min(approach(self, abs(way)), self.homing_velocity), way)
     s = self.direction
     if self.along:
         return self.instrument_target_velocity

@@ -193,13 +193,19 @@ def grip_first(self) -> None:
         enter(self, self.leader, CLOSING)
 
 
+def way_home(self, k: int) -> float:
+    """Distance to the home, which is a margin inside the stroke [m]."""
+    return (self.stroke_margin if k == 0 else -self.stroke_margin) - self.travel[k]
+
+
 def is_home(self, k: int) -> bool:
-    return abs(self.travel[k]) < self.stroke_margin + self.start_tolerance
+    """Gripper k is at home and stands, or nearly."""
+    return abs(way_home(self, k)) < self.start_tolerance and abs(self.speed[k]) < 0.1 * self.homing_velocity
 
 
 def release_distance(self, velocity: float) -> float:
     """Travel that a gripper needs from its release until it stands [m]: open, brake, and a reserve."""
-    braking = velocity / self.approach_gain + velocity**2 / (2.0 * BRAKING * self.acceleration)
+    braking = velocity / self.slope + velocity**2 / (2.0 * BRAKING * self.acceleration)
     return velocity * self.release_time + braking + self.release_margin
 
 

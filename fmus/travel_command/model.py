@@ -21,7 +21,7 @@ class TravelCommand(Component):
                       source="paper, section III.C: 5 to 40 mm/s")  # fmt: skip
     acceleration = parameter(0.5, "m/s^2", "at both ends of a travel", minimum=1e-6,
                              source="paper, section IV.B: heart motion needs 0.51 m/s^2")  # fmt: skip
-    begin = parameter(0.5, "s", "time of the start", minimum=0.0, source="chosen: after the first grip")
+    begin = parameter(0.0, "s", "time of the start", minimum=0.0, source="chosen")
     dwell = parameter(1.0, "s", "pause between out and back", minimum=0.0, source="chosen")
 
     def derivatives(self, t: float) -> None:
