@@ -173,6 +173,7 @@ class Entry:
 def _numba() -> Any:
     """Numba with our machine words, imported on first use; its SVML calls would tie the code to one runtime."""
     os.environ["NUMBA_DISABLE_INTEL_SVML"] = "1"
+    os.environ["NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING"] = "1"  # escape codes, wherever colorama is installed
     from twin import intrinsics
 
     return intrinsics

@@ -162,6 +162,7 @@ class ExpectKeys(WindowKeys):
     within: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
     ordered: Annotated[list[Text], Field(min_length=2)] | None = None
     descending: bool = True
+    mean: bool = False
     unit: Text = ""
 
 
