@@ -15,7 +15,7 @@ TYPES_2 = {"Float64": "Real", "Int32": "Integer", "Int64": "Integer", "Boolean":
 class Fmu:
     """A loaded FMU whose variables are read and written by the component's names, arrays whole."""
 
-    def __init__(self, fmus, part, version, token=None, logging=False, kind="CS"):
+    def __init__(self, fmus, part, version, token=None, logging=False, kind="CS", **options):
         path, self.folder = fmus[part, version]
         self.version, self.part, self.kind, self.log = version, part, kind, []
         description = read_model_description(str(path))
@@ -26,7 +26,7 @@ class Fmu:
             unzipDirectory=str(self.folder),
             instanceName="it",
         )
-        getattr(self, f"_instantiate_{version[0]}")(logging)
+        getattr(self, f"_instantiate_{version[0]}")(logging, **options)
         self.references = {own_name(v.name): v.valueReference for v in description.modelVariables}
 
     def _instantiate_2(self, logging):
@@ -35,8 +35,8 @@ class Fmu:
         callbacks.logger = self.logger
         self.slave.instantiate(callbacks=callbacks, loggingOn=logging)
 
-    def _instantiate_3(self, logging):
-        self.slave.instantiate(logMessage=lambda _, *line: self.log.append(line), loggingOn=logging)
+    def _instantiate_3(self, logging, **options):
+        self.slave.instantiate(logMessage=lambda _, *line: self.log.append(line), loggingOn=logging, **options)
 
     def access(self, name, verb):
         variable = next(v for v in self.part.variables if v.name == name)

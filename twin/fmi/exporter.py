@@ -53,8 +53,12 @@ TARGETS = {
     "aarch64-darwin": Target("aarch64-macos.11.0",     ".dylib", "aarch64-darwin", ("-s",)),
 }  # fmt: skip
 
-# clang must not turn a loop into a call of memcpy, and the record's bytes are read as what they hold
-COMPILE = ("-std=c23", "-O2", "-shared", "-fvisibility=hidden", "-fno-builtin", "-fno-strict-aliasing", "-g0")
+# clang must not turn a loop into a call of memcpy, the record's bytes are read as what they hold, and sums are rounded
+# as in the component's own code
+COMPILE = (
+    "-std=c23", "-O2", "-shared", "-fvisibility=hidden", "-fno-builtin", "-fno-strict-aliasing", "-ffp-contract=off",
+    "-g0",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,13 +103,14 @@ def _c_table(cls: type[Component], name: str, token: str, exposed: list[Exposed]
     for variable in cls.variables:
         places[variable.name] = len(names)
         names += variable.name + "\0"
-    rows = [f"{{TIME, 1, {len(names)}, FLOAT64, 8, CALCULATED}}"] if has_time else []
+    rows = [f"{{TIME, 1, {len(names)}, FLOAT64, 8, CALCULATED, false}}"] if has_time else []
     names += "time\0"
     for e in exposed:
         variable = e.variable
         count = len(e.start)
         kind = f"{variable.type.upper()}, {variable.dtype.itemsize}, {_access(e)}"
-        rows.append(f"{{{e.offset}, {count}, {places[variable.name]}, {kind}}}")
+        seen = description.text(has_time and description.is_intermediate(cls, e))
+        rows.append(f"{{{e.offset}, {count}, {places[variable.name]}, {kind}, {seen}}}")
     image = cls().record.tobytes()
     words = [f"0x{int.from_bytes(image[i : i + 8], 'little'):x}" for i in range(0, len(image), 8)]
     states = [v for v in cls.variables if v.role is Role.state]
@@ -122,6 +127,10 @@ def _c_table(cls: type[Component], name: str, token: str, exposed: list[Exposed]
             f"#define FIELD_COUNT {len(rows)}u",
             f"#define EXCHANGE {int(description.offers_exchange(cls))}",
             f"#define DIRECTIONAL {int(description.offers_derivatives(cls))}",
+            f"#define PERIOD {cls.period_ns}ll",
+            f"#define BEGIN {cls.layout.offset('_begin') if cls.period_ns else 0}",
+            f"#define TICK {cls.layout.offset('_tick') if cls.period_ns else 0}",
+            f"#define SUBSTEP {cls.method.substep if states else 0.0!r}",
             f"#define STATE_COUNT {len(nominals)}",
             f"#define STATES {cls.layout.offset(states[0].name) if states else 0}",
             f"#define DERIVATIVES {cls.layout.offset(derivatives[0].name) if states else 0}",
@@ -132,7 +141,7 @@ def _c_table(cls: type[Component], name: str, token: str, exposed: list[Exposed]
             f"static const uint64_t START[] = {{{', '.join(words)}}};",
             f"static const char NAMES[] = {{{letters}}};",
             "static const Field FIELDS[] = {",
-            *(f"    {row}," for row in rows or ["{0, 0, 0, NO_TYPE, 0, CALCULATED}"]),
+            *(f"    {row}," for row in rows or ["{0, 0, 0, NO_TYPE, 0, CALCULATED, false}"]),
             "};",
             "",
         ]
