@@ -1,5 +1,7 @@
 """An FMU loaded with FMPy, spoken to in the component's own names."""
 
+import ctypes
+
 import numpy as np
 from elftools.elf.elffile import ELFFile
 from fmpy import fmi2, fmi3, read_model_description
@@ -33,6 +35,7 @@ class Fmu:
         callbacks = fmi2.fmi2CallbackFunctions()
         self.logger = fmi2.fmi2CallbackLoggerTYPE(lambda _, name, *line: self.log.append(line))
         callbacks.logger = self.logger
+        self.callbacks = callbacks
         self.slave.instantiate(callbacks=callbacks, loggingOn=logging)
 
     def _instantiate_3(self, logging, **options):
@@ -70,6 +73,13 @@ class Fmu:
 
     def outputs(self):
         return b"".join(self.get(v.name).tobytes() for v in self.part.variables if v.role == "output")
+
+
+def function(fmu, name):
+    """A function of the library by its name without `fmi3`, to be called with any arguments; returns a status."""
+    found = fmu.slave.dll[f"fmi{fmu.version[0]}{name}"]  # a new function object: FMPy's argument types stay FMPy's
+    found.restype = ctypes.c_int
+    return found
 
 
 def own_name(name):

@@ -10,7 +10,7 @@ import subprocess
 
 import pytest
 
-from tests.fmi.loaded import VERSIONS, Fmu
+from tests.fmi.loaded import VERSIONS, Fmu, function
 from tests.fmi.parts import Failing, Masses, Sampler
 
 # part, kind of instance, states it is brought into
@@ -145,12 +145,6 @@ def in_state(fmus, version, state, part=Failing, kind="CS"):
     if state == "t":
         fmu.slave.terminate()
     return fmu
-
-
-def function(fmu, name):
-    found = fmu.slave.dll[f"fmi{fmu.version[0]}{name}"]  # a new function object: FMPy's argument types stay FMPy's
-    found.restype = ctypes.c_int
-    return found
 
 
 def step(fmu):

@@ -56,7 +56,7 @@ def reference_values(count, start, value):
 @pytest.mark.parametrize("h", [0.0037, 0.01, 0.025])
 def test_steps_end_at_events_and_outputs_change_there_only(fmus, h):
     start = 0.5
-    expected = reference_values(20, start, lambda n: np.sin(n))
+    expected = reference_values(20, start, np.sin)
     fmu = Fmu(fmus, Sampler, "3.0", eventModeUsed=True, earlyReturnAllowed=True)
     fmu.set("enable", True)
     fmu.begin(start)

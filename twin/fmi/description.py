@@ -253,7 +253,8 @@ def _document(cls: type[Component], **attributes: Any) -> Any:
     return root
 
 
-def _bytes(root: Any) -> bytes:
+def serialized(root: Any) -> bytes:
+    """An XML file."""
     return bytes(etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="UTF-8"))
 
 
@@ -296,7 +297,7 @@ def describe_2(cls: type[Component], name: str, token: str, exposed: list[Expose
         parent = add(group, tag) if rows else group
         for row in rows:
             _add_unknown(parent, "Unknown", "index", row, lambda place: place + 1)
-    return _bytes(root)
+    return serialized(root)
 
 
 def describe_3(cls: type[Component], name: str, token: str, exposed: list[Exposed]) -> bytes:
@@ -341,4 +342,4 @@ def describe_3(cls: type[Component], name: str, token: str, exposed: list[Expose
     references = {e.variable.name: e.reference for e in exposed}
     for variable in switches(cls):
         add(group, "EventIndicator", valueReference=references[variable.name])
-    return _bytes(root)
+    return serialized(root)

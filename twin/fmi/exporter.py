@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 from twin import compiled, source, tangent
 from twin.component import Component, PythonComponent, functions
 from twin.errors import BuildError
-from twin.fmi import description
+from twin.fmi import description, terminals
 from twin.fmi.description import Exposed
 from twin.variable import Role
 
@@ -70,11 +70,19 @@ class Version:
     describe: Callable[[type[Component], str, str, list[Exposed]], bytes]
     folder: Callable[[str], str]
     has_time: bool
+    more: Callable[[type[Component]], dict[str, bytes]]
 
 
 VERSIONS = {
-    "2.0": Version("fmi2.c", description.expose_scalars, description.describe_2, lambda p: TARGETS[p].folder_2, False),
-    "3.0": Version("fmi3.c", description.expose_arrays, description.describe_3, lambda p: p, True),
+    "2.0": Version(
+        "fmi2.c",
+        description.expose_scalars,
+        description.describe_2,
+        lambda p: TARGETS[p].folder_2,
+        False,
+        terminals.none,
+    ),
+    "3.0": Version("fmi3.c", description.expose_arrays, description.describe_3, lambda p: p, True, terminals.files),
 }
 
 
@@ -191,7 +199,7 @@ def documentation(cls: type[Component], version: str) -> str:
     return environment.get_template("documentation.html").render(
         name=model_name(cls), version=version, summary=description.summary(cls),
         docstring=inspect.cleandoc(cls.__doc__ or "").partition("\n")[2].strip(),
-        readme=markdown.render(_readme(cls)), groups=groups, period=cls.period, text=_start_text,
+        readme=markdown.render(_readme(cls)), groups=groups, period=cls.period, text=_start_text, terminals=cls.terminals,
         exchange=description.offers_exchange(cls), underivable=underivable(cls),
     )  # fmt: skip
 
@@ -231,16 +239,16 @@ def plan(cls: type[Component], version: str) -> Plan:
         raise BuildError(f"FMI version {version!r} is not offered. Use one of {', '.join(VERSIONS)}.")
     words, name = VERSIONS[version], model_name(cls)
     exposed = words.expose(cls)
-    page = documentation(cls, version).encode()
+    more = {"documentation/index.html": documentation(cls, version).encode(), **words.more(cls)}
     nobody = f"{{{uuid.UUID(int=0)}}}"
-    digest = hashlib.sha256(words.describe(cls, name, nobody, exposed) + page)
+    digest = hashlib.sha256(words.describe(cls, name, nobody, exposed) + b"".join(more.values()))
     digest.update(_c_table(cls, name, nobody, exposed, words.has_time).encode())
     for file in sorted(SOURCES.iterdir()):
         digest.update(file.read_bytes())
     digest.update(f"{TARGETS} {COMPILE} {metadata.version('ziglang')}".encode())
     code = (*functions(cls), *(entry.function for entry in compiled.exchange_entries(cls)))
     token = f"{{{uuid.UUID(compiled.content_hash(code, digest.hexdigest()))}}}"
-    files = {"modelDescription.xml": words.describe(cls, name, token, exposed), "documentation/index.html": page}
+    files = {"modelDescription.xml": words.describe(cls, name, token, exposed), **more}
     return Plan(name, token, _c_table(cls, name, token, exposed, words.has_time), files)
 
 

@@ -157,9 +157,9 @@ EXPORT int fmi3DoStep(void *instance, double t, double h, bool no_rollback, bool
     (void)no_rollback;
     ENTER(fmi3DoStep);
     bool event = false;
-    int status = me->memory.kind == EVENTFUL ? advance_to_event(me, t, h, &event)
-               : me->wishes.update           ? advance_in_sight(me, t, h)
-                                             : advance(me, t, h);
+    int status = PERIOD && me->memory.kind == EVENTFUL ? advance_to_event(me, t, h, &event)
+               : EXCHANGE && me->wishes.update         ? advance_in_sight(me, t, h)
+                                                       : advance(me, t, h);
     if (event_handling_needed) *event_handling_needed = event;
     if (terminate_simulation) *terminate_simulation = false;
     if (early_return) *early_return = status < DISCARD && me->memory.time < t + h;

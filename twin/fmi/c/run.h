@@ -145,7 +145,7 @@ static int advance(Slot *me, double t, double h)
 /* In Intermediate Update Mode only what was asked for at instantiation is within reach. */
 static inline bool is_hidden(const Slot *me, uint32_t reference)
 {
-    return me->memory.mode == INTERMEDIATE && !(me->wishes.variables[reference / 32] >> reference % 32 & 1);
+    return EXCHANGE && me->memory.mode == INTERMEDIATE && !(me->wishes.variables[reference / 32] >> reference % 32 & 1);
 }
 
 /* Say why a variable may not be accessed. */
