@@ -1,9 +1,12 @@
 """Any part of a system as one FMU: put back in place of its members it gives the same run to the bit."""
 
+import fmpy
+import fmpy.validation
 import numpy as np
 import pytest
 import yaml
 
+from twin.dependencies import dependencies
 from twin.errors import CouplingError
 from twin.export import group
 from twin.fmi import exporter
@@ -83,11 +86,84 @@ def test_a_group_gives_the_same_run_to_the_bit(name, version, tmp_path, build):
     assert compared > 8
 
 
-def test_what_cannot_be_grouped_says_why(tmp_path):
+@pytest.mark.parametrize("name", [name for name in PARTS if name != "plant"])
+def test_gauss_seidel_groups_are_equal_to_the_bit(name, tmp_path, build):
+    text = SCENARIO.replace("ALGORITHM", "gauss_seidel")
+    scenario = Scenario.loads(text)
+    case, chosen = scenario.cases()[0], PARTS[name]
+    path = tmp_path / "group.fmu"
+    cls = group("group", case, prepare(scenario)[case.variant], chosen)
+    exporter.export(cls, "2.0", path, build)
+    whole = run(text, tmp_path, build)
+    parted = run(regrouped(text, chosen, path), tmp_path, build)
+    for signal in ("wall.force", "servomotor.current", "sensor.measured_force"):
+        other = parted.get(signal, parted.get(f"group.{signal}"))
+        assert np.asarray(other).tobytes() == np.asarray(whole[signal]).tobytes(), signal
+
+
+LOOP = """
+stop_time: 10 ms
+members:
+  a: {component: "tests.group_parts:Gain", parameters: {gain: 0.5}}
+  b: {component: "tests.group_parts:Gain", parameters: {gain: 0.5}}
+  c: {component: "tests.group_parts:Gain"}
+  p: {component: "tests.group_parts:Watch"}
+connections: [a.y -> b.u, b.y -> a.u, b.y -> c.u, c.y -> p.u]
+"""
+REFUSED = {
+    "controller between": (SCENARIO.replace("ALGORITHM", "gauss_seidel"), PARTS["plant"],
+                           r"gauss_seidel estimate steps after .* before servomotor"),
+    "sheeth":          (SCENARIO, ["sheeth"], r"there is no member 'sheeth'\. Did you mean 'sheath'"),
+    "loop cut":        (LOOP, ["a", "c"], r"algebraic loop through a\.y, b\.y crosses the border.* Put b into the group"),
+    "Python inside":   (LOOP, ["c", "p"], r"member 'p' is Python-side and cannot be compiled in\. Leave it out"),
+    "member between":  (LOOP.replace("b.y -> a.u, ", "") + "algorithm: gauss_seidel", ["a", "c"],
+                        r"gauss_seidel b steps after .* before c.* Put b into the group"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_cannot_be_grouped_says_what_to_change(case):
+    text, chosen, message = REFUSED[case]
+    scenario = Scenario.loads(text.replace("ALGORITHM", "jacobi"))
+    with pytest.raises(CouplingError, match=message):
+        group("g", scenario.cases()[0], prepare(scenario)["base"], chosen)
+
+
+def test_a_whole_loop_may_be_grouped_and_its_parts_know_what_they_hang_on():
+    scenario = Scenario.loads(LOOP)
+    cls = group("g", scenario.cases()[0], prepare(scenario)["base"], ["a", "b", "c"])
+    assert dependencies(cls) == {"c.y": ()}
     scenario = Scenario.loads(SCENARIO.replace("ALGORITHM", "jacobi"))
-    case, variables = scenario.cases()[0], prepare(scenario)["base"]
-    with pytest.raises(CouplingError, match=r"there is no member 'sheeth'\. Did you mean 'sheath'"):
-        group("g", case, variables, ["sheeth"])
+    cls = group("g", scenario.cases()[0], prepare(scenario)["base"], ["sheath", "wall"])
+    assert dependencies(cls) == {
+        "sheath.reaction_force": ("sheath.gripper_position", "wall.heart_position"),
+        "wall.force": ("sheath.gripper_position", "wall.heart_position"),
+    }
+
+
+def test_fmpy_simulates_a_group_like_the_project_does(tmp_path, build):
+    scenario = Scenario.load("scenarios/heart_wall_force.yaml")
+    case = scenario.cases(["PI+FF+BW"])[0]
+    cls = group("control", case, prepare(scenario)[case.variant], list(scenario.groups["control"]))
+    results = []
+    for version in ("2.0", "3.0"):
+        path = exporter.export(cls, version, tmp_path / f"{version}.fmu", build)
+        assert not fmpy.validation.validate_fmu(str(path))
+        results.append(
+            fmpy.simulate_fmu(
+                str(path), stop_time=0.5, step_size=1e-3, output_interval=1e-3, start_values={"controller.force": 0.1}
+            )
+        )
+    part = cls()
+    part.views["controller.force"][...] = 0.1
+    part.start()
+    own = []
+    for k in range(500):
+        part.advance(k * 1e-3, 1e-3)
+        own.append(float(part.views["controller.target_velocity"]))
+    for one in results:
+        assert np.array_equal(one["controller.target_velocity"][1:], own)
+    assert np.ptp(own) > 0
 
 
 def test_a_group_also_runs_interpreted():

@@ -17,7 +17,7 @@ from twin import solver
 from twin.component import CONNECTABLE, Component, PythonComponent, functions
 from twin.dependencies import dependencies, flow
 from twin.errors import CouplingError
-from twin.graph import ordered_groups
+from twin.graph import ordered_groups, reached
 from twin.system import Link, is_real
 from twin.variable import Int64, Layout, Role, Terminal, Variable, layout
 
@@ -351,8 +351,13 @@ def starts(parts: dict[str, Part], variables: list[Variable]) -> dict[str, Any]:
 
 
 def flows(parts: dict[str, Part], links: list[Link], variables: list[Variable]) -> dict[str, frozenset[str]]:
-    """What initialization writes, and the group's inputs and parameters it may be computed from: all, to be safe."""
-    outside = frozenset(v.name for v in variables if v.role in (Role.input, Role.parameter))
-    written = {f"{m}.{n}" for m, part in parts.items() for n in flow(part.component, ("initialize", "derivatives"))}
-    written |= {f"{link.target.member}.{link.target.variable.name}" for link in links}
-    return {v.name: outside for v in variables if v.name in written and v.role not in (Role.input, Role.parameter)}
+    """What initialization writes, and the group's inputs and parameters it is computed from."""
+    graph: dict[str, set[str]] = {}
+    for member, part in parts.items():
+        for name, sources in flow(part.component, ("initialize", "derivatives")).items():
+            graph[f"{member}.{name}"] = {f"{member}.{source}" for source in sources}
+    for link in links:
+        target = f"{link.target.member}.{link.target.variable.name}"
+        graph.setdefault(target, set()).add(f"{link.source.member}.{link.source.variable.name}")
+    outside = {v.name for v in variables if v.role in (Role.input, Role.parameter)}
+    return {name: frozenset(reached(graph, {name}) & outside) for name in graph}

@@ -20,18 +20,21 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import twin
 from twin import compiled, source, tangent
 from twin.component import Component, PythonComponent, functions
 from twin.errors import BuildError
 from twin.fmi import description, terminals
 from twin.fmi.description import Exposed
+from twin.revision import revision
 from twin.variable import Role
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 SOURCES = Path(__file__).with_name("c")
-TEMPLATES = Path(__file__).parents[1] / "templates"
+ENGINE = Path(__file__).parents[1]
+TEMPLATES = ENGINE / "templates"
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,9 +288,19 @@ def _content(cls: type[Component], version: str, made: Plan, build: Path, target
     return _archive(files)
 
 
+def origin(cls: type[Component], made: Plan) -> str:
+    """`documentation/origin.txt`: what the FMU was made from and by, to find its sources again."""
+    parts = {name: part.component for name, part in getattr(cls, "parts", {}).items()} or {made.name: cls}
+    folders = {name: Path(inspect.getfile(part)).parent for name, part in parts.items()}
+    lines = [f"{made.name}, content {made.token}", f"engine: twin {twin.__version__}, revision {revision(ENGINE)}"]
+    return "\n".join([*lines, *(f"{name}: revision {revision(folder)}" for name, folder in folders.items()), ""])
+
+
 def export(cls: type[Component], version: str, path: Path, build: Path, targets: Sequence[str] = ()) -> Path:
     """Write a component as an FMU to `path`, with binaries for the targets; for this machine if none are given."""
-    _write(Path(path), _content(cls, version, plan(cls, version), build, targets or (compiled.host(),)))
+    made = plan(cls, version)
+    made.files["documentation/origin.txt"] = origin(cls, made).encode()
+    _write(Path(path), _content(cls, version, made, build, targets or (compiled.host(),)))
     return Path(path)
 
 

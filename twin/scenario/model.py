@@ -229,3 +229,4 @@ class ScenarioKeys(RunKeys):
     metrics: dict[str, MetricKeys] = {}
     expect: list[ExpectKeys] = []
     plots: list[PlotKeys] = []
+    groups: dict[str, Annotated[list[Text], BeforeValidator(one_or_more), Field(min_length=1)]] = {}

@@ -149,6 +149,7 @@ class Scenario:
     metrics: dict[str, Metric]
     expectations: tuple[Expectation, ...]
     plots: tuple[Plot, ...]
+    groups: dict[str, tuple[str, ...]]  # members that `twin export` makes one FMU of
     overrides: tuple[str, ...]
     paper_applies: bool
     tree: Node = field(repr=False, compare=False)
@@ -221,7 +222,8 @@ def build(root: Node, path: Path, overrides: Sequence[str]) -> Scenario:
     scenario = Scenario(
         path, path.stem, keys.title or path.stem, keys.description, keys.source,
         keys.start_time, keys.stop_time or 0, keys.step or MILLISECOND, keys.algorithm or "jacobi",
-        tuple(keys.seeds), tuple(variants.values()), record, analyses, metrics, expectations, plots, tuple(overrides),
+        tuple(keys.seeds), tuple(variants.values()), record, analyses, metrics, expectations, plots,
+        {name: tuple(members) for name, members in keys.groups.items()}, tuple(overrides),
         not any(touches(option) for option in effective) and not changes_the_papers(root, str(path)), root,
     )  # fmt: skip
     problems += check.check(scenario, keys, kept, trees)
