@@ -162,7 +162,7 @@ EXPORT int fmi3DoStep(void *instance, double t, double h, bool no_rollback, bool
                                                        : advance(me, t, h);
     if (event_handling_needed) *event_handling_needed = event;
     if (terminate_simulation) *terminate_simulation = false;
-    if (early_return) *early_return = status < DISCARD && me->memory.time < t + h;
+    if (early_return) *early_return = (PERIOD || EXCHANGE) && status < DISCARD && me->memory.time < t + h;
     if (last_successful_time) *last_successful_time = me->memory.time;
     return status;
 }

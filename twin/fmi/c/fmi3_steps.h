@@ -58,7 +58,8 @@ static int advance_to_event(Slot *me, double t, double h, bool *event)
 
     /* half a period before the event everything due before it has happened, and what is due at it has not */
     double part = *event ? (double)(instant - PERIOD / 2) * 1e-9 - t : h;
-    int status = part > 0 ? conclude(me, component_advance(memory->record, t, part), t, part) : OK;
+    int status = part > 0 ? component_advance(memory->record, t, part) : OK;
+    if (status != OK) status = conclude(me, status, t, part);
     if (status < DISCARD) memory->time = *event && has_passed(end, instant) ? (double)instant / 1e9 : end;
     else *event = false;
     return status;
@@ -70,7 +71,8 @@ static int enter_event(Slot *me)
     Memory *memory = &me->memory;
     int status = OK;
     if (memory->kind == EVENTFUL && has_come(memory->time, next_event(memory)))
-        status = conclude(me, component_advance(memory->record, memory->time, 0), memory->time, 0);
+        status = component_advance(memory->record, memory->time, 0);
+    if (status != OK) status = conclude(me, status, memory->time, 0);
     if (status < DISCARD) return memory->mode = EVENT, status;
     if (status == DISCARD) memory->mode = FAILED; /* only a step can be discarded */
     return status == FATAL ? FATAL : ERROR;
@@ -130,7 +132,7 @@ static int advance_in_sight(Slot *me, double t, double h)
         if (end < t + h && end - from <= part) is_last = true, size = end - from; /* the importer wants it shorter */
         int here = component_advance(memory->record, from, size);
         if (is_last && here < DISCARD && component_derivatives(memory->record, end) != OK) here = ERROR;
-        here = conclude(me, here, from, size);
+        if (here != OK) here = conclude(me, here, from, size);
         if (here > status) status = here;
         if (status >= DISCARD) return status;
         memory->time = is_last ? end : from + part;

@@ -103,7 +103,7 @@ static double tolerance(double t)
     return 1e-9 * (size > 1 ? size : 1);
 }
 
-static bool step_is_possible(const Slot *me, double t, double h)
+static inline bool step_is_possible(const Slot *me, double t, double h)
 {
     const Memory *memory = &me->memory;
     double gap = t - memory->time, limit = tolerance(t);
@@ -122,20 +122,21 @@ static bool step_is_possible(const Slot *me, double t, double h)
     return true;
 }
 
-/* Draw the conclusions from the status of a step, or of a part of it, and return it. */
-static int conclude(Slot *me, int status, double t, double h)
+/* Draw the conclusions from a status other than OK of a step, or of a part of it, and return it. */
+static NOINLINE int conclude(Slot *me, int status, double t, double h)
 {
     static const uint8_t AFTER[] = {[DISCARD] = STEP_FAILED, [ERROR] = FAILED, [FATAL] = DEAD};
     if (status < OK || status > FATAL) status = ERROR;
     if (status >= DISCARD) me->memory.mode = AFTER[status];
-    if (status != OK) say(&me->sink, status, "%s: the step from %g by %g did not go well.", MODEL, t, h);
+    say(&me->sink, status, "%s: the step from %g by %g did not go well.", MODEL, t, h);
     return status;
 }
 
 static int advance(Slot *me, double t, double h)
 {
     if (!step_is_possible(me, t, h)) return ERROR;
-    int status = conclude(me, component_advance(me->memory.record, t, h), t, h);
+    int status = component_advance(me->memory.record, t, h);
+    if (status != OK) status = conclude(me, status, t, h);
     if (status < DISCARD) me->memory.time = t + h;
     return status;
 }
