@@ -39,10 +39,17 @@ static int64_t tick_begin(const Memory *memory)
 
 static int64_t next_event(const Memory *memory) { return tick_begin(memory) + PERIOD; }
 
-/* Whether t [s] has come to an instant [ns]; as exact as the component's own counting of ticks. */
-static bool has_come(double t, int64_t instant) { return t * 1e9 + 1e-6 * PERIOD >= (double)instant; }
+/* Whether t [s] has come to an instant [ns], or passed it: with the tolerance of the component's own counting, and so
+   that an instant has come, and not passed, at the time that it is told with. */
+static bool has_come(double t, int64_t instant)
+{
+    return t >= (double)instant / 1e9 || t * 1e9 + 1e-6 * PERIOD >= (double)instant;
+}
 
-static bool has_passed(double t, int64_t instant) { return t * 1e9 - 1e-6 * PERIOD > (double)instant; }
+static bool has_passed(double t, int64_t instant)
+{
+    return t > (double)instant / 1e9 && t * 1e9 - 1e-6 * PERIOD > (double)instant;
+}
 
 /* Go to the next event or, if the importer does not want steps to end early, to the end: ticks before it happen inside. */
 static int advance_to_event(Slot *me, double t, double h, bool *event)
@@ -71,7 +78,7 @@ static int enter_event(Slot *me)
     Memory *memory = &me->memory;
     int status = OK;
     if (memory->kind == EVENTFUL && has_come(memory->time, next_event(memory)))
-        status = component_advance(memory->record, memory->time, 0);
+        status = component_advance(memory->record, memory->time, PERIOD * 0.5e-9); /* nothing else is due by then */
     if (status != OK) status = conclude(me, status, memory->time, 0);
     if (status < DISCARD) return memory->mode = EVENT, status;
     if (status == DISCARD) memory->mode = FAILED; /* only a step can be discarded */
