@@ -48,12 +48,13 @@ class Target:
 
 
 ELF = ("-lm", "-s", "-Wl,--build-id=none", "-fno-asynchronous-unwind-tables")
+MACHO = ("-s", "-Wl,-install_name,@rpath/library.dylib")  # else the name is the path of the temporary folder
 TARGETS = {
     "x86_64-linux":   Target("x86_64-linux-gnu.2.17",  ".so",    "linux64",        ELF),
     "aarch64-linux":  Target("aarch64-linux-gnu.2.17", ".so",    "aarch64-linux",  ELF),
     "x86_64-windows": Target("x86_64-windows-gnu",     ".dll",   "win64",          ("-s",)),
-    "x86_64-darwin":  Target("x86_64-macos.11.0",      ".dylib", "darwin64",       ("-s",)),
-    "aarch64-darwin": Target("aarch64-macos.11.0",     ".dylib", "aarch64-darwin", ("-s",)),
+    "x86_64-darwin":  Target("x86_64-macos.11.0",      ".dylib", "darwin64",       MACHO),
+    "aarch64-darwin": Target("aarch64-macos.11.0",     ".dylib", "aarch64-darwin", MACHO),
 }  # fmt: skip
 
 # clang must not turn a loop into a call of memcpy, the record's bytes are read as what they hold, and sums are rounded

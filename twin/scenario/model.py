@@ -212,6 +212,7 @@ class RunKeys(Keys):
     members: dict[str, MemberKeys | None] = {}
     connections: list[ConnectionKeys] = []
     events: list[EventKeys] | None = None
+    parameter_sets: list[dict[Text, dict[str, Value]]] = []
 
 
 class ScenarioKeys(RunKeys):
