@@ -5,6 +5,8 @@ import fmpy.validation
 import numpy as np
 import pytest
 import yaml
+from fmpy import simulate_fmu
+from fmpy.validation import validate_fmu
 
 from twin.dependencies import dependencies
 from twin.errors import CouplingError, ScenarioError
@@ -178,6 +180,35 @@ def test_a_group_also_runs_interpreted():
         assert part.advance(k * 1e-3, 1e-3) == 0
     assert part.views["controller.target_velocity"] > 0.0
     assert part.views["controller.setpoint"] == 0.25
+
+
+def test_a_group_has_event_mode_and_its_members_terminals(tmp_path, build):
+    scenario = Scenario.loads(SCENARIO.replace("ALGORITHM", "jacobi"))
+    case = scenario.cases()[0]
+    cls = group("g", case, prepare(scenario)["base"], ["estimate", "controller"])
+    assert list(cls.terminals) == ["controller.drive"]
+    path = exporter.export(cls, "3.0", tmp_path / "g.fmu", build)
+    assert validate_fmu(str(path)) == []
+    options = {"stop_time": 0.05, "output_interval": 5e-4, "start_values": {"controller.force": 0.1}}
+    plain = simulate_fmu(str(path), **options)
+    events = simulate_fmu(str(path), use_event_mode=True, early_return_allowed=True, **options)
+    last = np.append(np.diff(events["time"]) > 1e-9, True)
+    assert np.count_nonzero(~last) == 50
+    assert events["controller.target_velocity"][last].tolist() == plain["controller.target_velocity"].tolist()
+    assert len(set(plain["controller.target_velocity"])) > 5
+
+
+def test_terminals_that_are_connected_inside_are_not_carried_over():
+    scenario = Scenario.loads(SCENARIO.replace("ALGORITHM", "jacobi"))
+    case = scenario.cases()[0]
+    cls = group("g", case, prepare(scenario)["base"], ["heart", "servomotor", "sheath", "wall", "sensor"])
+    assert list(cls.terminals) == ["heart.wall"]  # the estimate outside reads it too
+    cls = group("g", case, prepare(scenario)["base"], ["sheath", "wall"])
+    assert list(cls.terminals) == ["sheath.gripper", "wall.heart"]
+    members = cls.terminals["sheath.gripper"].members
+    assert {key: v.name for key, v in members.items()} == {
+        "position": "sheath.gripper_position", "force": "sheath.reaction_force",
+    }  # fmt: skip
 
 
 # ---------------------------------------------------------------------------------- groups of other scenarios as members

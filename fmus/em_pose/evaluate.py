@@ -16,7 +16,9 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+RATE = 40.0  # samples of the tracker [Hz]
 WINDOW = 16  # samples of the average, 400 ms at 40 Hz
+STANDING = 20e-6  # less motion than this is rest: two increments of the motors' Hall sensors [m]
 SETTLED = 8  # further samples for which the reference must have rested, so that nothing of the motion is averaged
 STILL = np.radians(
     0.5
@@ -94,23 +96,54 @@ rotation.outputs = dict.fromkeys(  # type: ignore[attr-defined]
 )  # fmt: skip
 
 
+def strokes(reference: NDArray[np.float64]) -> list[slice]:
+    """The ways out and back: from where the reference begins to move to where it ends, up to its farthest point and on."""
+    away = np.abs(reference - reference[0])
+    turn = int(np.argmax(away > away.max() - STANDING))
+    found = []
+    for first, last in ((0, turn), (turn, len(reference) - 1)):
+        moving = np.abs(reference - reference[first]) > STANDING
+        rest = np.abs(reference - reference[last]) > STANDING
+        begin = first + int(np.argmax(moving[first : last + 1]))
+        end = last - int(np.argmax(rest[first : last + 1][::-1]))
+        found.append(slice(max(begin - 1, 0), end + 2))
+    return found
+
+
 def distance(
     x: NDArray[np.float64], y: NDArray[np.float64], z: NDArray[np.float64], reference: NDArray[np.float64]
 ) -> dict[str, float | NDArray[np.float64]]:
-    """Travel of section III.C, for a scenario: cumulative distance of the tip against that of the reference."""
-    tip = travelled_distance(np.column_stack((x, y, z)))
-    wanted = np.concatenate(((0.0,), np.cumsum(np.abs(np.diff(reference)))))
-    error = wanted - tip
+    """Travel of section III.C, for a scenario: cumulative distance of the tip against that of the reference.
+
+    Each way counts from its own beginning: what is summed up while the rig rests is noise.
+    """
+    positions = averaged(np.column_stack((x, y, z)))
+    tip, wanted, speed = (np.full(len(reference), np.nan) for _ in range(3))
+    largest, lowest = [], []
+    for way in strokes(reference):
+        moves = np.linalg.norm(np.diff(positions[way], axis=0), axis=1)
+        tip[way] = np.concatenate(((0.0,), np.cumsum(moves)))
+        wanted[way] = np.abs(reference[way] - reference[way][0])
+        speed[way] = np.gradient(tip[way]) * RATE
+        largest.append(float(np.max(np.abs(wanted[way] - tip[way]))))
+
+        # steady motion: from where the tip has begun to follow to where the rig slows down, each with the average's length
+        begun = int(np.argmax(speed[way] > 0.8 * np.median(speed[way])))
+        steady = speed[way][begun + WINDOW : -2 * WINDOW]
+        lowest.append(float(np.min(steady) / np.median(steady)) if len(steady) else float("nan"))
     return {
         "distance": tip,
         "reference": wanted,
-        "error": error,
-        "aligned_error": averaged(wanted) - tip,
-        "error_max": float(np.max(np.abs(error))),
-        "error_final": float(error[-1]),
+        "speed": speed,
+        "error": wanted - tip,
+        "error_out": largest[0],
+        "error_back": largest[1],
+        "error_max": 0.5 * (largest[0] + largest[1]),
+        "speed_lowest": min(lowest),
     }
 
 
-distance.outputs = dict.fromkeys(  # type: ignore[attr-defined]
-    ("distance", "reference", "error", "aligned_error", "error_max", "error_final"), "m"
-)
+distance.outputs = {  # type: ignore[attr-defined]
+    **dict.fromkeys(("distance", "reference", "error", "error_out", "error_back", "error_max"), "m"),
+    "speed": "m/s", "speed_lowest": "",
+}  # fmt: skip
