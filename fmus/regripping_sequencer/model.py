@@ -166,6 +166,7 @@ class RegrippingSequencer(Component):
 
 
 def publish(self: RegrippingSequencer) -> None:
+    """Outputs from the memory."""
     for k in range(2):
         self.valve[k] = switches_valve(self, k)
         self.gripper_target_velocity[k] = self.speed[k]

@@ -107,6 +107,7 @@ def holds(self, k: int) -> bool:
 
 
 def enter(self, k: int, phase: int) -> None:
+    """Begin a phase of gripper k."""
     self.phase[k] = phase
     self.elapsed[k] = 0.0
     self.proven[k] = 0.0
