@@ -58,9 +58,9 @@ class RegrippingSequencer(Component):
 
     stroke = parameter(0.05, "m", "stroke of a gripper from its home", display_unit="mm", minimum=1e-3,
                        source="paper, section III.C")  # fmt: skip
-    region_1 = parameter(10e-3, "m", "R1, at the home", display_unit="mm", minimum=0.0,
+    region_1 = parameter(10.5e-3, "m", "R1, at the home", display_unit="mm", minimum=0.0,
                          source="chosen: the shortest that leaves 40 ms to grip and 40 ms to open at 40 mm/s")  # fmt: skip
-    region_3 = parameter(10e-3, "m", "R3, at the far end of the stroke", display_unit="mm", minimum=0.0,
+    region_3 = parameter(10.5e-3, "m", "R3, at the far end of the stroke", display_unit="mm", minimum=0.0,
                          source="chosen: as R1, so that both directions are alike")  # fmt: skip
     home_position = parameter((-0.025, 0.025), "m", "position of each motor at its home", display_unit="mm",
                               source="chosen: the strokes in the middle of the motors' 80 mm")  # fmt: skip
@@ -72,7 +72,7 @@ class RegrippingSequencer(Component):
                                  minimum=0.0, source="chosen: twice what a drive overshoots, and more")  # fmt: skip
 
     alpha = parameter(2.0, "", "speed of the free gripper over that of the instrument", minimum=1.0,
-                      source="paper: above 1; chosen: above stroke / (stroke - 2 R3) = 1.67")  # fmt: skip
+                      source="paper: above 1; chosen: above stroke / (stroke - 2 R3) = 1.72")  # fmt: skip
     return_maximum = parameter(0.2, "m/s", "largest speed of the free gripper", display_unit="mm/s", minimum=0.0,
                                source="estimate: guide and cables")  # fmt: skip
     velocity_maximum = parameter(0.1, "m/s", "largest speed of the instrument", display_unit="mm/s", minimum=0.0,
@@ -96,10 +96,10 @@ class RegrippingSequencer(Component):
                           minimum=0.0, source="estimate: 15 to 40 ms and the delay")  # fmt: skip
     release_time = parameter(40e-3, "s", "time that a release is expected to take", display_unit="ms", minimum=1e-3,
                              source="estimate: as a grip")  # fmt: skip
-    release_margin = parameter(0.3e-3, "m", "travel left after a release and braking", display_unit="mm", minimum=0.0,
-                               source="chosen: as much as stroke_margin")  # fmt: skip
-    stroke_margin = parameter(0.4e-3, "m", "not used at either end of the stroke", display_unit="mm", minimum=0.0,
-                              source="chosen: above the drive's overshoot")  # fmt: skip
+    release_margin = parameter(0.1e-3, "m", "travel left after a release and braking", display_unit="mm", minimum=0.0,
+                               source="chosen: small, stroke_margin is there too")  # fmt: skip
+    stroke_margin = parameter(0.8e-3, "m", "not used at either end of the stroke", display_unit="mm", minimum=0.0,
+                              source="chosen: a drive in csv gives by 0.5 mm at 5 N, and overshoots")  # fmt: skip
     start_tolerance = parameter(0.5e-3, "m", "how near a gripper must be to its start", display_unit="mm", minimum=0.0,
                                 source="chosen")  # fmt: skip
     match_tolerance = parameter(50e-6, "m", "relative motion within match_time that counts as none",
@@ -125,6 +125,7 @@ class RegrippingSequencer(Component):
     leader = local(0, "", "index of the gripper that carries", type=Int32)
     anchor = local(0.0, "m", "relative position that steadiness is judged against", display_unit="mm")
     steady = local(0.0, "s", "since the relative position has changed")
+    still = local(0.0, "s", "since both carriages are commanded to stand")
     closed_at = local(0.0, "m", "relative position when both were closed", display_unit="mm")
     both_closed = local(False, "", "both sleeves grip")
 
@@ -144,6 +145,7 @@ class RegrippingSequencer(Component):
         self.leader = 0
         self.anchor = self.travel[0] - self.travel[1]
         self.steady = 0.0
+        self.still = 0.0
         self.closed_at = 0.0
         self.both_closed = False
         self.instrument_target_velocity = 0.0
@@ -166,6 +168,7 @@ class RegrippingSequencer(Component):
 
 
 def publish(self: RegrippingSequencer) -> None:
+    """Outputs from the memory."""
     for k in range(2):
         self.valve[k] = switches_valve(self, k)
         self.gripper_target_velocity[k] = self.speed[k]

@@ -36,6 +36,7 @@ def approach(self, left: float) -> float:
 
 
 def slewed(present: float, wanted: float, most: float) -> float:
+    """One step towards a wanted speed [m/s]."""
     return present + min(max(wanted - present, -most), most)
 
 

@@ -107,6 +107,7 @@ def holds(self, k: int) -> bool:
 
 
 def enter(self, k: int, phase: int) -> None:
+    """Begin a phase of gripper k."""
     self.phase[k] = phase
     self.elapsed[k] = 0.0
     self.proven[k] = 0.0
@@ -129,6 +130,7 @@ def observe(self, h: float) -> None:
             self.proven[k] = 0.0
 
     relative = self.travel[0] - self.travel[1]
+    self.still = self.still + h if self.speed[0] == 0.0 and self.speed[1] == 0.0 else 0.0
     self.steady += h
     if abs(relative - self.anchor) > self.match_tolerance:
         self.anchor = relative
@@ -173,9 +175,10 @@ def release_all(self) -> None:
 
 def secure(self) -> None:
     """A drive, or the grip of the leader, has failed: close what a good drive holds, once nothing moves."""
-    is_late = self.elapsed[self.leader] > self.grip_time
-    moves = self.speed[0] != 0.0 or self.speed[1] != 0.0 or self.steady < self.match_time
-    if not self.engaged or moves or not (self.situation == DRIVE_LOST or is_late):
+    is_late = self.elapsed[self.leader] > self.grip_time and self.steady >= self.match_time
+
+    # a load may push the lost carriage on: the other closes even then, to stop it
+    if not self.engaged or self.still < self.match_time or not (self.situation == DRIVE_LOST or is_late):
         return
     for k in range(2):
         if self.drive_ok[k] and not switches_valve(self, k):
