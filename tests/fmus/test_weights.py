@@ -109,3 +109,19 @@ def test_no_trial_gives_no_curve():
     nothing = np.zeros(10)
     assert np.isnan(over_pressure(nothing, nothing, nothing)["load"]).all()
     assert np.isnan(over_diameter(nothing, nothing, nothing)["thinnest"])
+
+
+def test_compiled_is_the_interpreted_to_the_bit(native):
+    """The standard trajectory ends before the first weight: this one has weights, slip and a second trial."""
+    found = []
+    for make in (Weights, native):
+        weights = make() if make is Weights else make(Weights)
+        weights.start(0.0)
+        rows = [held(weights, 10.0, limit=5.0)]
+        weights.loading = False
+        rows.append(held(weights, 0.1, begin=10.0))
+        weights.loading = True
+        rows.append(held(weights, 10.0, limit=5.0, begin=10.1))
+        found.append(np.concatenate(rows))
+    np.testing.assert_array_equal(*found)
+    assert found[0].max() > 5.0
