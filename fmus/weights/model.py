@@ -30,7 +30,7 @@ class Weights(Component):
     held_load = output("N", "largest weight held, in this trial or the last one")
     slip_load = output("N", "weight when motion was last seen, 0 before")
     slip_torque = output("N*m", "torque of that weight, 0 before", display_unit="mN*m")
-    state = output("", "0 waiting, 1 adding weights, 2 motion seen, 3 weights lifted off", type=Int32)
+    state = output("", "0 waiting, 1 adding weights, 2 motion seen, 3 box lifted off or on the table", type=Int32)
     trial = output("", "number of trials in which motion was seen", type=Int32)
 
     first_mass = parameter(0.1, "kg", "box and first weight", minimum=0.0, source="estimate: a light cardboard box")
@@ -51,6 +51,8 @@ class Weights(Component):
                               source="estimate: 3 deg of a tape cut-out")  # fmt: skip
     reaction_time = parameter(0.3, "s", "from seeing motion to lifting the box", minimum=0.0,
                               source="estimate: a person's")  # fmt: skip
+    clearance = parameter(20e-3, "m", "way of the box to the table below it", display_unit="mm", minimum=1e-3,
+                          source="estimate: kept small, so that nothing falls")  # fmt: skip
     pulley_loss = parameter(0.01, "", "part of the load that the pulley's bearing holds", minimum=0.0, maximum=0.5,
                             source="estimate: ball bearing")  # fmt: skip
     pulley_radius = parameter(0.02, "m", "radius of the pulley on the instrument", display_unit="mm", minimum=1e-3,
@@ -86,7 +88,7 @@ class Weights(Component):
             begin(self)
         elif self.action == LOADING:
             watch(self, h)
-        elif self.action == SEEN and self.waited >= self.reaction_time - 0.5 * h:
+        elif self.action == SEEN and (self.waited >= self.reaction_time - 0.5 * h or landed(self)):
             empty(self, LIFTED)
         publish(self)
 
@@ -118,6 +120,12 @@ def begin(self: Weights) -> None:
     self.action = LOADING
     self.held_mass = 0.0
     self.waited = self.interval - self.pause
+
+
+def landed(self: Weights) -> bool:
+    """Whether the instrument has slipped so far that the box stands on the table."""
+    turned = abs(self.angle - self.marked_angle) * self.pulley_radius
+    return max(abs(self.position - self.marked_position), turned) > self.clearance
 
 
 def watch(self: Weights, h: float) -> None:

@@ -91,7 +91,7 @@ def test_yarns_lie_side_by_side_when_the_braid_jams():
     sleeve = closed(12e-3, instrument_diameter=0.1e-3)
     middle = sleeve.diameter + 0.25e-3 * 2
     cosine = (0.06 + sleeve.contact_extension) / (0.06 / cos(ANGLE))
-    assert 48 * 0.25e-3 == pytest.approx(2 * np.pi * middle * cosine)
+    assert pytest.approx(2 * np.pi * middle * cosine) == 48 * 0.25e-3
 
 
 def test_grip_rises_with_tension_and_friction_and_diameter():

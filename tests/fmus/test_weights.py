@@ -9,13 +9,13 @@ H = 10e-3
 EXACT = {"increment_scatter": 0.0}
 
 
-def held(weights, seconds, limit=np.inf, stiffness=4e3, reading="position", begin=0.0):
-    """Loads and forces on a spring that gives way, 1 mm per step, beyond a limit."""
+def held(weights, seconds, limit=np.inf, stiffness=4e3, reading="position", begin=0.0, slip=0.1e-3):
+    """Loads and forces on a spring that gives way, 0.1 mm per step or what is told, beyond a limit."""
     rows, slipped = [], 0.0
     for step in range(round(seconds / H)):
         assert weights.advance(begin + step * H, H) == 0
         force = -float(weights.tip_force)
-        slipped += 1e-3 if force > limit else 0.0
+        slipped += slip if force > limit else 0.0
         setattr(weights, reading, force / stiffness + slipped)
         rows.append((float(weights.load), force, int(weights.state)))
     return np.array(rows)
@@ -60,11 +60,21 @@ def test_rotation_is_seen_too():
     weights = Weights(**EXACT)
     weights.start(0.0)
     held(weights, 20.0, limit=10.0, stiffness=1e3, reading="angle")
-    assert weights.state == 1  # 1 mrad per step is 0.03 rad in the time of looking
-    weights = Weights(visible_angle=0.01, **EXACT)
+    assert weights.state == 1  # 0.1 mrad per step is 3 mrad in the time of looking
+    weights = Weights(visible_angle=2e-3, **EXACT)
     weights.start(0.0)
     held(weights, 20.0, limit=10.0, stiffness=1e3, reading="angle")
     assert weights.trial == 1
+
+
+@pytest.mark.parametrize(("reading", "slip"), [("position", 2e-3), ("angle", 0.1)])
+def test_box_stands_on_the_table_after_its_clearance(reading, slip):
+    weights = Weights(**EXACT)
+    weights.start(0.0)
+    rows = held(weights, 20.0, limit=10.0, stiffness=1e4, reading=reading, slip=slip)
+    assert (rows[:, 2] == 2).sum() * H < 0.15
+    assert weights.trial == 1
+    assert rows[-1, 1] == 0.0
 
 
 def test_each_rise_of_loading_is_a_trial():
@@ -109,3 +119,19 @@ def test_no_trial_gives_no_curve():
     nothing = np.zeros(10)
     assert np.isnan(over_pressure(nothing, nothing, nothing)["load"]).all()
     assert np.isnan(over_diameter(nothing, nothing, nothing)["thinnest"])
+
+
+def test_compiled_is_the_interpreted_to_the_bit(native):
+    """The standard trajectory ends before the first weight: this one has weights, slip and a second trial."""
+    found = []
+    for make in (Weights, native):
+        weights = make() if make is Weights else make(Weights)
+        weights.start(0.0)
+        rows = [held(weights, 10.0, limit=5.0)]
+        weights.loading = False
+        rows.append(held(weights, 0.1, begin=10.0))
+        weights.loading = True
+        rows.append(held(weights, 10.0, limit=5.0, begin=10.1))
+        found.append(np.concatenate(rows))
+    np.testing.assert_array_equal(*found)
+    assert found[0].max() > 5.0
