@@ -274,9 +274,9 @@ def move(self: PneumaticCylinder, dt: float) -> None:
     else:
         v = 0.0
 
-    # work on the gas is p dV: what the piston gets, the chambers lose
+    # the piston's work on the gas is isentropic: exact for the change of volume of a substep
     before0, before1 = volume(self, 0), volume(self, 1)
     self.piston_velocity = v
     self.piston_position = x + dt * v
-    self.gas_energy[0] -= p0 * (volume(self, 0) - before0)
-    self.gas_energy[1] -= p1 * (volume(self, 1) - before1)
+    self.gas_energy[0] *= (before0 / volume(self, 0)) ** 0.4
+    self.gas_energy[1] *= (before1 / volume(self, 1)) ** 0.4
