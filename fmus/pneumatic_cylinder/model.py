@@ -263,8 +263,11 @@ def move(self: PneumaticCylinder, dt: float) -> None:
 
     # speed that friction can take away in this substep [m/s], of what the other forces would give
     inertia = self.mass + dt * damping + dt * dt * stiffness
-    excess = self.friction_static - self.friction_coulomb
-    friction = self.friction_coulomb + excess * exp(-((v / self.stribeck_velocity) ** 2.0))
+    friction = self.friction_static
+    if v != 0.0:
+        excess = self.friction_static - self.friction_coulomb
+        ratio = v / self.stribeck_velocity
+        friction = self.friction_coulomb + excess * exp(-ratio * ratio)
     braking = dt * friction / inertia
     v = (self.mass * v + dt * force) / inertia
     if v > braking:
@@ -272,7 +275,8 @@ def move(self: PneumaticCylinder, dt: float) -> None:
     elif v < -braking:
         v += braking
     else:
-        v = 0.0
+        self.piston_velocity = 0.0
+        return
 
     # the piston's work on the gas is isentropic: exact for the change of volume of a substep
     before0, before1 = volume(self, 0), volume(self, 1)
