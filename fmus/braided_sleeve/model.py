@@ -30,7 +30,7 @@ class BraidedSleeve(Component):
     gripping = output("", "whether the instrument is held", type=Boolean)
 
     orientation = parameter(1, "", "+1: a distal load extends the sleeve (gripper 1); -1: it retracts it (gripper 2)",
-                            type=Int32, minimum=-1, maximum=1, fixed=True)  # fmt: skip
+                            type=Int32, minimum=-1, maximum=1, fixed=True, source="paper, section III.A")  # fmt: skip
     instrument_diameter = parameter(2.667e-3, "m", "diameter of the instrument", display_unit="mm", minimum=1e-5,
                                     source="8 Fr catheter")  # fmt: skip
     relaxed_diameter = parameter(3.18e-3, "m", "inner diameter of the relaxed sleeve", display_unit="mm", minimum=1e-4,
@@ -39,7 +39,7 @@ class BraidedSleeve(Component):
                               minimum=0.05, maximum=1.5, source="estimate: 30 to 40 deg")  # fmt: skip
     relaxed_length = parameter(0.06, "m", "length of the relaxed sleeve between the holders", display_unit="mm",
                                minimum=1e-3, source="estimate: the cylinder fits between the holders")  # fmt: skip
-    yarn_count = parameter(48, "", "number of yarns", type=Int32, minimum=2)
+    yarn_count = parameter(48, "", "number of yarns", type=Int32, minimum=2, source="estimate: 16 to 24 carriers of 2")
     yarn_diameter = parameter(0.25e-3, "m", "diameter of a yarn", display_unit="mm", minimum=1e-6,
                               source="estimate: monofilament of 0.010 inch")  # fmt: skip
     yarn_modulus = parameter(2e9, "Pa", "modulus of a yarn", display_unit="GPa", minimum=0.0,

@@ -1,6 +1,6 @@
 """Instrument between two grippers, in its guiding sheath."""
 
-from math import ceil, pi, sqrt
+from math import ceil, exp, pi, sqrt
 
 from fmus.dead_zone import beyond
 from twin.component import Component
@@ -14,6 +14,10 @@ TIP = NODES - 1
 SECTIONS = NODES - 1
 
 SUBSTEP = 1e-4  # longest substep [s]
+SWEEPS = 40  # most sweeps in a substep
+FORCE_TOLERANCE = 1e-5  # what a node may be off balance [N]
+TORQUE_TOLERANCE = 1e-8  # the same in torsion [N*m]
+LEAST = 1e-9  # limit of force [N] or torque [N*m] below which there is no grip
 
 
 class Instrument(Component):
@@ -21,8 +25,8 @@ class Instrument(Component):
 
     Geometry of Al-Ahmad et al. (RACS), Fig. 3E: a straight part, then two opposite bends of 90 deg, radius 50 mm.
     Friction, play and drag of a section switch on as the tip passes it. Defaults are the 8 Fr catheter.
-    Each substep goes once forward and back over the nodes, and each node minimizes the energy of the substep: stable and
-    passive at any stiffness, exact in sticking, but a grip that slips in rotation settles in some 10 ms, not at once.
+    Each substep is implicit and minimizes its energy node by node: stable and passive at any stiffness, exact in sticking.
+    A grip that slips in rotation may settle over some milliseconds, since it is much stiffer than the shaft.
     """
 
     gripper_position = input("m", "positions of the grippers from mid-stroke, positive distal", shape=(GRIPPERS,),
@@ -86,8 +90,8 @@ class Instrument(Component):
     radius = parameter(1.335e-3, "m", "radius of the instrument", display_unit="mm", minimum=0.0,
                        source="8 Fr is 2.67 mm")  # fmt: skip
     torsional_stiffness = parameter(
-        (8.1e-3, 43e-3, 43e-3), "N*m/rad", "torsional stiffness up to each node", minimum=1e-9,
-        source="GJ 3.4e-3 N m2 over 0.42 m and 78.5 mm; GJ identified from the paper's 25 deg, given that dry friction "
+        (8.7e-3, 46.5e-3, 46.5e-3), "N*m/rad", "torsional stiffness up to each node", minimum=1e-9,
+        source="GJ 3.65e-3 N m2 over 0.42 m and 78.5 mm; GJ identified from the paper's 25 deg, given that dry friction "
         "acts at the radius; plausible without braid: 0.3 to 3e-3 N m2",
     )  # fmt: skip
     torsional_drag = parameter(2e-6, "N*m*s/rad", "viscous friction torque of each node", minimum=1e-12,
@@ -132,6 +136,9 @@ class Instrument(Component):
     grip_force = local(0.0, "N", "force of each gripper on the instrument", shape=(GRIPPERS,))
     grip_torque = local(0.0, "N*m", "torque of each gripper on the instrument", shape=(GRIPPERS,))
 
+    slipped = local(0.0, "m", "slip in each gripper so far", shape=(GRIPPERS,), display_unit="mm")
+    slipped_angle = local(0.0, "rad", "the same in rotation", shape=(GRIPPERS,), display_unit="deg")
+
     def initialize(self) -> None:
         for g in range(GRIPPERS):
             self.carriage_position[g] = self.gripper_position[g]
@@ -141,13 +148,15 @@ class Instrument(Component):
             self.twist[g] = 0.0
             self.grip_force[g] = 0.0
             self.grip_torque[g] = 0.0
-            self.slip_distance[g] = 0.0
-            self.slip_angle[g] = 0.0
+            self.slipped[g] = 0.0
+            self.slipped_angle[g] = 0.0
             self.slipping[g] = False
         self.frame_angle = self.gripper_angle
         for i in range(NODES):
             self.position[i] = 0.0
             self.angle[i] = self.gripper_angle
+            self.position_last[i] = self.position[i]
+            self.angle_last[i] = self.angle[i]
             self.thrust[i] = 0.0
             self.twist_torque[i] = 0.0
         engage(self)
@@ -223,22 +232,34 @@ def begin_grips(self: Instrument) -> None:
 
 
 def substep(self: Instrument, dt: float) -> None:
-    """One implicit Euler step of both chains: one sweep forward and one back, then the grips' slip becomes permanent."""
+    """One implicit Euler step of both chains: sweeps forth and back until they rest, then slip becomes permanent."""
     for i in range(NODES):
+        # beginning where steady motion would lead
+        ahead = 2.0 * self.position[i] - self.position_last[i]
         self.position_last[i] = self.position[i]
+        self.position[i] = ahead
+        ahead = 2.0 * self.angle[i] - self.angle_last[i]
         self.angle_last[i] = self.angle[i]
-    for i in range(NODES):
-        relax(self, i, dt)
-    for i in range(NODES - 2, -1, -1):
-        relax(self, i, dt)
+        self.angle[i] = ahead
+    for _ in range(SWEEPS):
+        unrest = 0.0
+        for i in range(NODES):
+            unrest = max(unrest, relax(self, i, dt))
+        for i in range(NODES - 2, -1, -1):
+            unrest = max(unrest, relax(self, i, dt))
+        if unrest < 1.0:
+            break
     for g in range(GRIPPERS):
         settle_grip(self, g)
     for i in range(1, NODES + 1):
         load_section(self, i)
 
 
-def relax(self: Instrument, i: int, dt: float) -> None:
-    """Move node i to where the energy of the substep is least, all others held; it sticks exactly within its friction."""
+def relax(self: Instrument, i: int, dt: float) -> float:
+    """Move node i to where the energy of the substep is least, all others held; it sticks exactly within its friction.
+
+    Returns what it was off balance, relative to what is allowed.
+    """
     load_section(self, i)
     load_section(self, i + 1)
     force = self.thrust[i] - self.thrust[i + 1]
@@ -258,23 +279,25 @@ def relax(self: Instrument, i: int, dt: float) -> None:
         torsional_stiffness += self.torsional_stiffness[j]
         drag += self.engagement[j] * self.drag[j]
 
-        # a bend presses the instrument on the sheath by its angle times the thrust
-        normal = self.engagement[j] * self.wrap[j] * 0.5 * (abs(self.thrust[i]) + abs(self.thrust[i + 1]))
-        share = self.valve_closure if i == 1 else self.engagement[j]
-        limit = share * self.friction[j] + self.friction_coefficient * normal
+        # thrust presses on the bend's wall: the ratio of thrusts that slides is that of a capstan, with one element too
+        ratio = exp(self.friction_coefficient * self.engagement[j] * self.wrap[j])
+        limit = (ratio - 1.0) / (ratio + 1.0) * (abs(self.thrust[i]) + abs(self.thrust[i + 1]))
+        closed = self.valve_closure if i == 1 else self.engagement[j]
+        limit += closed * self.friction[j]
         torque_limit = self.radius * limit
     if i < TIP:
         stiffness += self.stiffness[i]
         torsional_stiffness += self.torsional_stiffness[i]
 
-    resistance = drag / dt
+    rigidity = stiffness + drag / dt
     moved = self.position[i] - self.position_last[i]
-    moved = beyond(force + stiffness * moved, limit) / (stiffness + resistance)
-    self.position[i] = self.position_last[i] + moved
-    resistance = self.torsional_drag / dt
+    change = beyond(force + stiffness * moved, limit) / rigidity - moved
+    self.position[i] += change
+    torsional_rigidity = torsional_stiffness + self.torsional_drag / dt
     turned = self.angle[i] - self.angle_last[i]
-    turned = beyond(torque + torsional_stiffness * turned, torque_limit) / (torsional_stiffness + resistance)
-    self.angle[i] = self.angle_last[i] + turned
+    turn = beyond(torque + torsional_stiffness * turned, torque_limit) / torsional_rigidity - turned
+    self.angle[i] += turn
+    return max(rigidity * abs(change) / FORCE_TOLERANCE, torsional_rigidity * abs(turn) / TORQUE_TOLERANCE)
 
 
 def load_section(self: Instrument, i: int) -> None:
@@ -305,20 +328,23 @@ def load_grip(self: Instrument, g: int) -> None:
     torque = torsional_stiffness * (self.twist[g] - (self.angle[0] - self.angle_last[0]))
     limit = self.limit_distal[g] if force > 0.0 else self.limit_proximal[g]
     torque_limit = self.torque_limit[g]
-    self.grip_force[g] = 0.0
-    self.grip_torque[g] = 0.0
-    if limit <= 0.0 or torque_limit <= 0.0:
-        return
-    a = abs(force) / limit
-    b = abs(torque) / torque_limit
+    a = b = p = q = 0.0
+    if limit > LEAST:
+        a = abs(force) / limit
+        p = stiffness / limit**2
+    else:
+        force = 0.0
+    if torque_limit > LEAST:
+        b = abs(torque) / torque_limit
+        q = torsional_stiffness / torque_limit**2
+    else:
+        torque = 0.0
+    self.grip_force[g] = force
+    self.grip_torque[g] = torque
     if a * a + b * b <= 1.0:
-        self.grip_force[g] = force
-        self.grip_torque[g] = torque
         return
 
     # multiplier m of (a / (1 + m p))^2 + (b / (1 + m q))^2 = 1, by Newton's method from a lower bound
-    p = stiffness / limit**2
-    q = torsional_stiffness / torque_limit**2
     m = (sqrt(a * a + b * b) - 1.0) / max(p, q)
     if a > 1.0:
         m = max(m, (a - 1.0) / p)
@@ -349,8 +375,8 @@ def settle_grip(self: Instrument, g: int) -> None:
 
     # rounding is no slip
     if holds(self, g) and (abs(trial - left) > 1e-12 or abs(trial_twist - twist_left) > 1e-9):
-        self.slip_distance[g] -= trial - left
-        self.slip_angle[g] -= trial_twist - twist_left
+        self.slipped[g] -= trial - left
+        self.slipped_angle[g] -= trial_twist - twist_left
         self.slipping[g] = True
 
 
@@ -360,6 +386,8 @@ def publish(self: Instrument, tip_velocity: float) -> None:
     for g in range(GRIPPERS):
         self.gripper_force[g] = -self.grip_force[g]
         self.gripper_torque -= self.grip_torque[g]
+        self.slip_distance[g] = self.slipped[g]
+        self.slip_angle[g] = self.slipped_angle[g]
     self.proximal_position = self.position[0]
     self.tip_position = self.position[TIP]
     self.tip_velocity = tip_velocity

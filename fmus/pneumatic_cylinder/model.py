@@ -102,7 +102,9 @@ class PneumaticCylinder(Component):
         self.waited = 0.0
         self.piston_velocity = 0.0
         force = supply * piston_area(self, 0 if self.valve else 1) - self.friction_coulomb
-        self.piston_position = resting_position(self, force) if self.valve else -max(force, 0.0) / self.cushion_stiffness
+        self.piston_position = (
+            resting_position(self, force) if self.valve else -max(force, 0.0) / self.cushion_stiffness
+        )
         for side in range(2):
             pressure = AMBIENT + (supply if self.valve == (side == 0) else 0.0)
             v = volume(self, side)
@@ -261,8 +263,11 @@ def move(self: PneumaticCylinder, dt: float) -> None:
 
     # speed that friction can take away in this substep [m/s], of what the other forces would give
     inertia = self.mass + dt * damping + dt * dt * stiffness
-    excess = self.friction_static - self.friction_coulomb
-    friction = self.friction_coulomb + excess * exp(-((v / self.stribeck_velocity) ** 2.0))
+    friction = self.friction_static
+    if v != 0.0:
+        excess = self.friction_static - self.friction_coulomb
+        ratio = v / self.stribeck_velocity
+        friction = self.friction_coulomb + excess * exp(-ratio * ratio)
     braking = dt * friction / inertia
     v = (self.mass * v + dt * force) / inertia
     if v > braking:
@@ -270,11 +275,12 @@ def move(self: PneumaticCylinder, dt: float) -> None:
     elif v < -braking:
         v += braking
     else:
-        v = 0.0
+        self.piston_velocity = 0.0
+        return
 
-    # work on the gas is p dV: what the piston gets, the chambers lose
+    # the piston's work on the gas is isentropic: exact for the change of volume of a substep
     before0, before1 = volume(self, 0), volume(self, 1)
     self.piston_velocity = v
     self.piston_position = x + dt * v
-    self.gas_energy[0] -= p0 * (volume(self, 0) - before0)
-    self.gas_energy[1] -= p1 * (volume(self, 1) - before1)
+    self.gas_energy[0] *= (before0 / volume(self, 0)) ** 0.4
+    self.gas_energy[1] *= (before1 / volume(self, 1)) ** 0.4

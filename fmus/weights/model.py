@@ -30,7 +30,7 @@ class Weights(Component):
     held_load = output("N", "largest weight held, in this trial or the last one")
     slip_load = output("N", "weight when motion was last seen, 0 before")
     slip_torque = output("N*m", "torque of that weight, 0 before", display_unit="mN*m")
-    state = output("", "0 waiting, 1 adding weights, 2 motion seen, 3 weights lifted off", type=Int32)
+    state = output("", "0 waiting, 1 adding weights, 2 motion seen, 3 box lifted off or on the table", type=Int32)
     trial = output("", "number of trials in which motion was seen", type=Int32)
 
     first_mass = parameter(0.1, "kg", "box and first weight", minimum=0.0, source="estimate: a light cardboard box")
@@ -40,15 +40,19 @@ class Weights(Component):
                                   source="estimate: what is at hand as small weights")  # fmt: skip
     pause = parameter(1.0, "s", "from the beginning of a trial to the first weight", minimum=0.0,
                       source="estimate: the sleeve has closed by then")  # fmt: skip
-    interval = parameter(0.5, "s", "from weight to weight, longer than laying_time", minimum=0.01,
+    interval = parameter(0.5, "s", "from weight to weight, longer than laying_time and settling_time", minimum=0.01,
                          source="estimate: shorter than a person's, to save time; the model is quasi-static")  # fmt: skip
     laying_time = parameter(0.2, "s", "in which a weight is let down", minimum=0.01, source="estimate: by hand")
+    settling_time = parameter(50e-3, "s", "from letting go of a weight to looking at the mark", minimum=0.02,
+                              display_unit="ms", source="chosen: elastic motion is over by then")  # fmt: skip
     visible_distance = parameter(0.3e-3, "m", "motion that a person sees", display_unit="mm", minimum=0.0,
                                  source="estimate: slight motion of a tape cut-out")  # fmt: skip
     visible_angle = parameter(0.05, "rad", "rotation that a person sees", display_unit="deg", minimum=0.0,
                               source="estimate: 3 deg of a tape cut-out")  # fmt: skip
     reaction_time = parameter(0.3, "s", "from seeing motion to lifting the box", minimum=0.0,
                               source="estimate: a person's")  # fmt: skip
+    clearance = parameter(20e-3, "m", "way of the box to the table below it", display_unit="mm", minimum=1e-3,
+                          source="estimate: kept small, so that nothing falls")  # fmt: skip
     pulley_loss = parameter(0.01, "", "part of the load that the pulley's bearing holds", minimum=0.0, maximum=0.5,
                             source="estimate: ball bearing")  # fmt: skip
     pulley_radius = parameter(0.02, "m", "radius of the pulley on the instrument", display_unit="mm", minimum=1e-3,
@@ -84,7 +88,7 @@ class Weights(Component):
             begin(self)
         elif self.action == LOADING:
             watch(self, h)
-        elif self.action == SEEN and self.waited >= self.reaction_time - 0.5 * h:
+        elif self.action == SEEN and (self.waited >= self.reaction_time - 0.5 * h or landed(self)):
             empty(self, LIFTED)
         publish(self)
 
@@ -118,9 +122,15 @@ def begin(self: Weights) -> None:
     self.waited = self.interval - self.pause
 
 
+def landed(self: Weights) -> bool:
+    """Whether the instrument has slipped so far that the box stands on the table."""
+    turned = abs(self.angle - self.marked_angle) * self.pulley_radius
+    return max(abs(self.position - self.marked_position), turned) > self.clearance
+
+
 def watch(self: Weights, h: float) -> None:
     """Look at the mark once the weight hangs: elastic motion is over then. Perhaps add another weight."""
-    if self.waited <= self.laying_time + 0.5 * h:
+    if self.waited <= self.laying_time + self.settling_time + 0.5 * h:
         self.marked_position = self.position
         self.marked_angle = self.angle
     moved = abs(self.position - self.marked_position) > self.visible_distance
