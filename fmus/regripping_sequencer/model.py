@@ -117,6 +117,11 @@ class RegrippingSequencer(Component):
     elapsed = local(0.0, "s", "since the phase began", shape=(2,))
     proven = local(0.0, "s", "since the extension sufficed without a break", shape=(2,))
     speed = local(0.0, "m/s", "present command of each carriage", shape=(2,), display_unit="mm/s")
+    velocity = local(0.0, "m/s", "present command of the instrument", display_unit="mm/s")
+    commanded = local(0.0, "m", "its integral", display_unit="mm")
+    count = local(0, "", "changes of the lead", type=Int32)
+    broken = local(0, "", "bits of broken rules", type=Int32)
+    trouble = local(0, "", "situation", type=Int32)
     wish = local(0.0, "m/s", "wanted speed after the acceleration limit", display_unit="mm/s")
     direction = local(1, "", "of the last motion, 1 distal or -1 proximal", type=Int32)
     engaged = local(False, "", "the instrument has been gripped and must stay so")
@@ -139,7 +144,7 @@ class RegrippingSequencer(Component):
         self.wish = 0.0
         self.direction = 1
         self.engaged = False
-        self.situation = GOOD
+        self.trouble = GOOD
         self.along = False
         self.regripped = False
         self.leader = 0
@@ -148,10 +153,10 @@ class RegrippingSequencer(Component):
         self.still = 0.0
         self.closed_at = 0.0
         self.both_closed = False
-        self.instrument_target_velocity = 0.0
-        self.commanded_position = 0.0
-        self.regrip_count = 0
-        self.violation = 0
+        self.velocity = 0.0
+        self.commanded = 0.0
+        self.count = 0
+        self.broken = 0
         publish(self)
 
     def step(self, t: float, h: float) -> int:
@@ -161,7 +166,7 @@ class RegrippingSequencer(Component):
         observe(self, h)
         decide(self)
         move(self, h)
-        self.commanded_position += h * self.instrument_target_velocity
+        self.commanded += h * self.velocity
         judge(self)
         publish(self)
         return OK
@@ -172,19 +177,24 @@ def publish(self: RegrippingSequencer) -> None:
     for k in range(2):
         self.valve[k] = switches_valve(self, k)
         self.gripper_target_velocity[k] = self.speed[k]
+    self.instrument_target_velocity = self.velocity
+    self.commanded_position = self.commanded
+    self.regrip_count = self.count
+    self.violation = self.broken
+    self.situation = self.trouble
     self.leading = self.leader + 1
     self.step_number = step_shown(self)
     self.distance = collide(self)
     self.state = STANDING if self.engaged else IDLE
-    if self.wish != 0.0 or self.instrument_target_velocity != 0.0:
+    if self.wish != 0.0 or self.velocity != 0.0:
         self.state = RUNNING
-    if self.situation != GOOD:
+    if self.trouble != GOOD:
         self.state = FAULT
 
 
 def judge(self: RegrippingSequencer) -> None:
     """What is broken, from what the sensors show and not from what was meant."""
-    broken = self.violation
+    broken = self.broken
     if self.engaged and not holds(self, 0) and not holds(self, 1):
         broken |= NOT_HELD
     if collide(self) < self.distance_minimum:
@@ -199,4 +209,4 @@ def judge(self: RegrippingSequencer) -> None:
     if both and abs(relative - self.closed_at) > self.drag_maximum:
         broken |= DRAGGED
     self.both_closed = both
-    self.violation = broken
+    self.broken = broken

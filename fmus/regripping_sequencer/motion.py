@@ -63,8 +63,8 @@ def move(self, h: float) -> None:
         else:
             low = max(low, -limit)
     most = h * self.acceleration
-    velocity = slewed(self.instrument_target_velocity, min(max(self.wish, low), high), most)
-    self.instrument_target_velocity = velocity
+    velocity = slewed(self.velocity, min(max(self.wish, low), high), most)
+    self.velocity = velocity
 
     for k in range(2):
         self.speed[k] = velocity if is_coupled(self, k) else slewed(self.speed[k], free_speed(self, k), most)
@@ -116,7 +116,7 @@ def free_speed(self, k: int) -> float:
         return copysign(min(approach(self, abs(way)), self.homing_velocity), way)
     s = self.direction
     if self.along:
-        return self.instrument_target_velocity
+        return self.velocity
     way = remaining(self, k, -s) - self.stroke_margin
     return -s * copysign(min(approach(self, abs(way)), returning(self)), way)
 

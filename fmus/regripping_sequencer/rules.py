@@ -65,7 +65,7 @@ def is_coupled(self, k: int) -> bool:
 
 def may_move(self) -> bool:
     """The situation allows motion."""
-    return looked_up(SITUATIONS, self.situation, 1) == 1
+    return looked_up(SITUATIONS, self.trouble, 1) == 1
 
 
 def step_shown(self) -> int:
@@ -139,18 +139,18 @@ def observe(self, h: float) -> None:
     held = self.phase[0] == HOLDING or self.phase[1] == HOLDING
     closing = self.phase[0] == CLOSING or self.phase[1] == CLOSING
     if not self.pressure_ok:
-        self.situation = AIR_LOST
+        self.trouble = AIR_LOST
     elif not (self.drive_ok[0] and self.drive_ok[1]):
-        self.situation = DRIVE_LOST
-    elif self.engaged and (not held or (closing and self.situation != GOOD)):
-        self.situation = UNPROVEN
+        self.trouble = DRIVE_LOST
+    elif self.engaged and (not held or (closing and self.trouble != GOOD)):
+        self.trouble = UNPROVEN
     else:
-        self.situation = GOOD
+        self.trouble = GOOD
 
 
 def decide(self) -> None:
     """Switch valves, or not."""
-    grips = looked_up(SITUATIONS, self.situation, 2)
+    grips = looked_up(SITUATIONS, self.trouble, 2)
     if grips == FREEZE:
         return
     if not self.enable:
@@ -165,7 +165,7 @@ def decide(self) -> None:
 
 def release_all(self) -> None:
     """Explicit release, once the instrument stands."""
-    if self.instrument_target_velocity != 0.0:
+    if self.velocity != 0.0:
         return
     self.engaged = False
     for k in range(2):
@@ -178,7 +178,7 @@ def secure(self) -> None:
     is_late = self.elapsed[self.leader] > self.grip_time and self.steady >= self.match_time
 
     # a load may push the lost carriage on: the other closes even then, to stop it
-    if not self.engaged or self.still < self.match_time or not (self.situation == DRIVE_LOST or is_late):
+    if not self.engaged or self.still < self.match_time or not (self.trouble == DRIVE_LOST or is_late):
         return
     for k in range(2):
         if self.drive_ok[k] and not switches_valve(self, k):
@@ -219,17 +219,17 @@ def regrip(self) -> None:
     if self.phase[0] == HOLDING and self.phase[1] == HOLDING:
         k = 0 if remaining(self, 0, s) <= remaining(self, 1, s) else 1
         left = remaining(self, k, s) - self.stroke_margin
-        if self.wish * s > 0.0 and left <= release_distance(self, abs(self.instrument_target_velocity)):
+        if self.wish * s > 0.0 and left <= release_distance(self, abs(self.velocity)):
             enter(self, k, OPENING)
             self.regripped = True
             self.along = False
             if k == self.leader:
                 self.leader = 1 - k
-                self.regrip_count += 1
+                self.count += 1
     elif self.phase[other] == OPEN:
         left = remaining(self, self.leader, s)
         if left <= region(self, self.leader, s) and is_at_start(self, other):
             self.along = True
-        matched = self.along and self.speed[other] == self.instrument_target_velocity
+        matched = self.along and self.speed[other] == self.velocity
         if matched and self.steady >= self.match_time and left <= 0.5 * region(self, self.leader, s):
             enter(self, other, CLOSING)
