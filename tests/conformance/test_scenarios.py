@@ -90,7 +90,7 @@ def test_forms_agree_to_the_bit(build, tmp_path):
 
 
 def test_the_rotation_compensators_play_is_that_which_the_scenario_identifies(outcomes):
-    """At its speed and above, for the catheter that the compensator's default is meant for."""
+    """For the catheter, at every speed."""
     outcome = outcomes(ROOT / "scenarios/rotation.yaml")
     default = catalog.component("rotation_compensator").play.start
     plays = [
