@@ -26,7 +26,6 @@ class Instrument(Component):
     Geometry of Al-Ahmad et al. (RACS), Fig. 3E: a straight part, then two opposite bends of 90 deg, radius 50 mm.
     Friction, play and drag of a section switch on as the tip passes it. Defaults are the 8 Fr catheter.
     Each substep is implicit and minimizes its energy node by node: stable and passive at any stiffness, exact in sticking.
-    A grip that slips in rotation may settle over some milliseconds, since it is much stiffer than the shaft.
     """
 
     gripper_position = input("m", "positions of the grippers from mid-stroke, positive distal", shape=(GRIPPERS,),
@@ -59,7 +58,7 @@ class Instrument(Component):
                            display_unit="mm")  # fmt: skip
     slip_angle = output("rad", "slip of the instrument in each gripper", shape=(GRIPPERS,), display_unit="deg")
     slipping = output("", "whether it slipped in a gripper during the last step", start=(False,) * GRIPPERS)
-    free_length = output("m", "longest unsupported length of what is pushed", display_unit="mm")
+    free_length = output("m", "unsupported length that buckles first", display_unit="mm")
     free_length_force = output("N", "compression between gripper and sheath, negative: tension")
     buckling_load = output("N", "compression at which the free length buckles")
     buckled = output("", "whether the free length has buckled: compression is at the buckling load", start=False)
@@ -107,15 +106,15 @@ class Instrument(Component):
     bending_stiffness = parameter(2e-3, "N*m^2", "bending stiffness EI of the free length", minimum=0.0,
                                   source="estimate: 1 to 3e-3 for an 8 Fr shaft")  # fmt: skip
     end_factor = parameter(
-        0.7, "", "buckling length per free length", minimum=0.1,
-        source="estimate: clamped in the sleeve, guided but not clamped by the valve; 0.5 both clamped, 1 both hinged",
+        (0.5, 0.7), "", "buckling length per free length: between the sleeves, from the second sleeve to the sheath",
+        minimum=0.1, source="estimate: 0.5 both ends clamped, as sleeves do; the valve guides but does not clamp: 0.7",
     )  # fmt: skip
     entry_distance = parameter(
-        (0.15, 0.04), "m", "from the distal end of each sleeve at mid-stroke to the sheath", display_unit="mm",
-        source="estimate: half a stroke and 15 mm; carriages 110 mm apart",
+        (0.17, 0.04), "m", "from the distal end of each sleeve at mid-stroke to the sheath", display_unit="mm",
+        source="estimate: half a stroke and 15 mm; carriages 130 mm apart, as in the regripping sequencer",
     )  # fmt: skip
-    sleeve_length = parameter(0.04, "m", "length that the second sleeve supports also when open", display_unit="mm",
-                              minimum=0.0, source="estimate: from the paper's Fig. 1")  # fmt: skip
+    sleeve_length = parameter(0.06, "m", "length that the second sleeve supports also when open", display_unit="mm",
+                              minimum=0.0, source="estimate: as braided sleeve")  # fmt: skip
     grip_least = parameter(0.5, "N", "limit below which a gripper is open, and moving in it is no slip", minimum=0.0,
                            source="chosen: a tenth of the force that the paper requires")  # fmt: skip
 
@@ -199,17 +198,19 @@ def engage(self: Instrument) -> None:
 
 
 def support(self: Instrument) -> None:
-    """Longest free length that is pushed, and its Euler load; an open second sleeve still guides the instrument."""
-    length = self.entry_distance[1] - self.gripper_position[1]
+    """The free length that is pushed and its Euler load; an open second sleeve still guides the instrument."""
+    length = max(self.entry_distance[1] - self.gripper_position[1], 1e-3)
+    factor = self.end_factor[1]
     if not holds(self, 1):
         between = self.entry_distance[0] - self.gripper_position[0] - length - self.sleeve_length
-        length = max(length, between)
-    self.free_length = max(length, 1e-3)
+        if between * self.end_factor[0] > length * factor:
+            length = between
+            factor = self.end_factor[0]
+    self.free_length = length
 
     # what is bowed out is longer than the distance: a buckled length keeps its load while its ends come together
     shortening = max(self.position[0] - self.position[1] - self.thrust[1] / self.stiffness[0], 0.0)
-    effective = self.end_factor * (self.free_length + shortening)
-    self.buckling_load = pi**2 * self.bending_stiffness / effective**2
+    self.buckling_load = pi**2 * self.bending_stiffness / (factor * (length + shortening)) ** 2
 
 
 def holds(self: Instrument, g: int) -> bool:
@@ -365,11 +366,9 @@ def settle_grip(self: Instrument, g: int) -> None:
     load_grip(self, g)
     trial = self.deflection[g] - (self.position[0] - self.position_last[0])
     trial_twist = self.twist[g] - (self.angle[0] - self.angle_last[0])
-    left = twist_left = 0.0
-    if self.grip_stiffness[g] > 0.0:
-        left = self.grip_force[g] / self.grip_stiffness[g]
-    if self.grip_torsional_stiffness[g] > 0.0:
-        twist_left = self.grip_torque[g] / self.grip_torsional_stiffness[g]
+    stiffness, torsional_stiffness = self.grip_stiffness[g], self.grip_torsional_stiffness[g]
+    left = self.grip_force[g] / stiffness if stiffness > 0.0 else 0.0
+    twist_left = self.grip_torque[g] / torsional_stiffness if torsional_stiffness > 0.0 else 0.0
     self.deflection[g] = left
     self.twist[g] = twist_left
 

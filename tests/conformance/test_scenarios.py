@@ -87,3 +87,16 @@ def test_forms_agree_to_the_bit(build, tmp_path):
     for name in sorted(names):
         for form in (Form.compiled, Form.interpreted):
             assert np.asarray(recorded[form][name]).tobytes() == np.asarray(recorded[Form.fmu][name]).tobytes(), name
+
+
+def test_the_rotation_compensators_play_is_that_which_the_scenario_identifies(outcomes):
+    """For the catheter, at every speed."""
+    outcome = outcomes(ROOT / "scenarios/rotation.yaml")
+    default = catalog.component("rotation_compensator").play.start
+    plays = [
+        table.values["identified.play"][-1]
+        for (variant, _), table in outcome.tables.items()
+        if variant.startswith("catheter")
+    ]
+    assert len(plays) == 3
+    np.testing.assert_allclose(plays, default, rtol=0.01)
