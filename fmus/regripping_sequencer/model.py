@@ -37,7 +37,7 @@ class RegrippingSequencer(Component):
 
     target_velocity = input("m/s", "wanted speed of the instrument, positive distal", display_unit="mm/s", nominal=0.03)
     enable = input("", "hold and move the instrument; false stops and then releases it", start=True, type=Boolean)
-    position = input("m", "position of each motor, positive distal", start=(-0.025, 0.025), display_unit="mm",
+    position = input("m", "position of each motor, positive distal", start=(-0.0242, 0.0242), display_unit="mm",
                      nominal=0.01)  # fmt: skip
     extension = input("m", "extension of each gripper's cylinder, from its sensor", shape=(2,), display_unit="mm",
                       nominal=0.01, minimum=0.0)  # fmt: skip
