@@ -124,7 +124,9 @@ TRANSITIONS = (
     Transition(16, State.QUICK_STOP,  Command.ENABLE,          State.ENABLED),
 )  # fmt: skip
 
-_BY_COMMAND = {(one.source, one.command): one for one in TRANSITIONS if one.command is not Command.NONE}
+_BY_COMMAND: dict[tuple[State, Command], Transition] = {
+    (one.source, one.command): one for one in TRANSITIONS if one.command is not Command.NONE
+}
 
 
 def state_of(statusword: int) -> State:

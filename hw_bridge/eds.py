@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from configparser import Error
 from typing import TYPE_CHECKING
 
 from canopen import objectdictionary
@@ -42,7 +43,9 @@ def _variable(entry: Entry) -> ODVariable:
     variable.min, variable.max = entry.low, entry.high
     variable.default = entry.default
     # as text: canopen writes negative numbers in a form that it cannot read
-    variable.default_raw = f"$NODEID+{int(entry.default):#x}" if isinstance(entry.default, NodeId) else f"{entry.default}"
+    variable.default_raw = (
+        f"$NODEID+{int(entry.default):#x}" if isinstance(entry.default, NodeId) else f"{entry.default}"
+    )
     return variable
 
 
@@ -59,7 +62,7 @@ def load(path: Path) -> tuple[Entry, ...]:
     """The entries of an EDS file."""
     try:
         whole = eds.import_eds(str(path), None)
-    except (OSError, ValueError, KeyError, eds.NoOptionError, eds.NoSectionError) as error:
+    except (OSError, ValueError, KeyError, Error) as error:
         raise DeclarationError(f"{path}: is not an EDS file: {error}. Export one with `eds.export`.") from error
     return tuple(_entry(variable, title) for title, variable in _variables(whole))
 

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
 
     from hw_bridge.cia402 import Mode
     from hw_bridge.dictionary import Dictionary, Entry
-    from hw_bridge.drive.homing import Move
     from hw_bridge.drive.motor import MotorModel
+    from hw_bridge.drive.moves import Move
     from hw_bridge.slave.pdo import Rules
 
 
@@ -78,6 +78,7 @@ class Profile:
     power_stage_bit: bool = False  # statusword bit 4 shows the power stage instead of the supply
     rpdo_timeout: bool = False  # 8250h when cyclic targets stay away
     deviation: Callable[[Dictionary], tuple[float, int]] | None = None  # of speed: window [device units], time [ms]
+    twins: dict[int, int] = field(default_factory=dict)  # targets in increments: object, the one in user units
     masks: bool = False  # 2321h says which errors are told and which trip
     supply: Callable[[Dictionary], tuple[float, float]] = lambda _: (9.0, 56.0)  # under- and overvoltage [V]
     boot_time: int = 100 * MILLISECOND

@@ -20,10 +20,13 @@ from hw_bridge.slave.slave import Slave
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
+    from collections.abc import Set as AbstractSet
+
     from hw_bridge.dictionary import Entry, Value
     from hw_bridge.profile import Fault
 
-FOLLOWING_ERROR, SPEED_DEVIATION, HEARTBEAT, RPDO_TIMEOUT = 0x8611, 0x8400, 0x8130, 0x8250
+FOLLOWING_ERROR, SPEED_DEVIATION, HEARTBEAT, RPDO_TIMEOUT = 0x8611, (0x8400, 0x84F0), 0x8130, 0x8250
+ERROR_PASSIVE = 0x8120
 OVERVOLTAGE, UNDERVOLTAGE, OVERCURRENT = 0x3210, 0x3220, 0x2310
 SILENCE = 3  # so many interpolation periods without a target are an RPDO timeout; estimate
 
@@ -53,6 +56,8 @@ class Drive(Slave):
         dictionary.checks[0x6060] = self._check_mode
         dictionary.checks[0x6098] = self._check_homing
         dictionary.effects[0x6040] = self._controlled
+        for twin in profile.twins:
+            dictionary.effects[twin] = self._twin_written
         self.power_on()
         self.port.agenda.at(CYCLE, self._cycle)
 
@@ -124,6 +129,12 @@ class Drive(Slave):
         if value not in self.profile.homing and value != 0:
             raise Abort(Code.VALUE_RANGE)
 
+    def _twin_written(self, entry: Entry) -> None:
+        """A target in increments is one in user units too."""
+        axis = self.axis
+        target = self.dictionary.get(entry.index) * axis.motor.model.resolution
+        axis.show(self.profile.twins[entry.index], target / axis.units.position)
+
     def _choose_mode(self) -> None:
         """6061h follows 6060h; a change while enabled begins the new mode from the present motion."""
         wanted = self.dictionary.get(0x6060)
@@ -160,28 +171,36 @@ class Drive(Slave):
         """Errors that the drive finds itself."""
         axis, dictionary, profile = self.axis, self.dictionary, self.profile
         low, high = profile.supply(dictionary)
-        if self.supply > high:
-            self.error(OVERVOLTAGE)
-        elif self.supply < low and UNDERVOLTAGE in profile.faults:
-            self.error(UNDERVOLTAGE)
+        self._while(OVERVOLTAGE, self.supply > high)
+        self._while(UNDERVOLTAGE, self.supply < low)
         axis.show(0x2200, 10.0 * self.supply, 1)
         axis.show(0x3200, 100.0 * axis.level, 1)
         axis.show(0x2334, 1000.0 * axis.limit)
-        if profile.masks and axis.derated:
-            self.error(OVERCURRENT)
+        if profile.masks:
+            self._while(OVERCURRENT, axis.derated)
         enabled = self.state is State.ENABLED
         outside = enabled and axis.holds_position and self.mode.following_error()
-        if axis.lasting(0x6065, outside, dictionary.get(0x6066)) and FOLLOWING_ERROR in profile.faults:
-            self.error(FOLLOWING_ERROR)
+        self._while(FOLLOWING_ERROR, axis.lasting(0x6065, outside, dictionary.get(0x6066)))
         if profile.deviation is not None:
             window, time = profile.deviation(dictionary)
             deviates = enabled and abs(axis.speed - axis.velocity) > window * axis.units.velocity
-            if axis.lasting(SPEED_DEVIATION, deviates, time):
-                self.error(SPEED_DEVIATION if SPEED_DEVIATION in profile.faults else 0x84F0)
+            code = next(code for code in SPEED_DEVIATION if code in profile.faults)
+            self._while(code, axis.lasting(code, deviates, time))
         if profile.rpdo_timeout and enabled and self.heard and dictionary.get(0x6061) in CYCLIC:
             period = dictionary.get(0x60C2, 1) * 10 ** max(dictionary.get(0x60C2, 2) + 9, 0)
             if period and now - self.heard > SILENCE * period:
                 self.error(RPDO_TIMEOUT)
+
+    def _while(self, code: int, condition: bool) -> None:
+        """An error that lasts as long as its cause; where it did not trip it ends with it."""
+        if condition and code in self.profile.faults:
+            self.error(code)
+        elif (
+            not condition
+            and code in self.active.keys() - self.lasting
+            and self.state not in (State.REACTION, State.FAULT)
+        ):
+            self._forget({code})
 
     def _show(self) -> None:
         """Compose the statusword."""
@@ -243,7 +262,11 @@ class Drive(Slave):
     def _reset_errors(self) -> None:
         if self.state is State.REACTION or not self.active:
             return
-        self.active = {code: fault for code, fault in self.active.items() if code in self.lasting}
+        self._forget(self.active.keys() - self.lasting)
+
+    def _forget(self, codes: AbstractSet[int]) -> None:
+        """These errors are over; the last one is told."""
+        self.active = {code: fault for code, fault in self.active.items() if code not in codes}
         self.dictionary.put(0x2320, self._vendor_register())
         if not self.active:
             self.dictionary.put(0x603F, 0)
@@ -295,6 +318,11 @@ class Drive(Slave):
             self.abort_connection()
         self._show()
 
+    def error_passive(self) -> None:
+        """Many of its frames were destroyed."""
+        if ERROR_PASSIVE in self.profile.faults:
+            self.error(ERROR_PASSIVE)
+
     def bus_off(self) -> None:
         """The bus has disconnected this node after too many errors."""
         self.port.online = False
@@ -304,4 +332,3 @@ class Drive(Slave):
         """The node is back on the bus and tells what happened."""
         self.port.online = True
         self.error(self.profile.bus_off)
-

@@ -1,85 +1,16 @@
-"""Homing: each method of CiA 402 as a table of moves, and the mode that carries them out."""
+"""Homing: the mode that carries out the moves of a method."""
 
 from __future__ import annotations
 
-from enum import IntEnum
 from math import ceil, floor
-from typing import NamedTuple
 
 from hw_bridge import cia402
 from hw_bridge.drive.modes import ModeOfOperation
+from hw_bridge.drive.moves import REVERSING, Move, Until
 from hw_bridge.drive.trajectory import to_velocity
 
 STILL = 200  # a motor that stands for this time [ms] although it should move is blocked
 STANDSTILL = 2e-3  # slower than this share of the homing speed counts as standing
-
-
-class Until(IntEnum):
-    """What ends a move; the first three are the order of `Switches.closed`."""
-
-    NEGATIVE = 0
-    POSITIVE = 1
-    HOME = 2
-    INDEX = 3
-    BLOCK = 4
-
-
-class Move(NamedTuple):
-    """Go in a direction until something is so; `slow`: with the second speed of 6099h."""
-
-    direction: int
-    slow: bool
-    until: Until
-    closed: bool = True
-
-
-def switch(direction: int, until: Until) -> tuple[Move, ...]:
-    """Fast onto a switch, slowly off it again."""
-    return Move(direction, False, until), Move(-direction, True, until, False)
-
-
-def edge(direction: int) -> tuple[Move, ...]:
-    """Off the home switch if on it, then slowly onto it."""
-    return Move(-direction, False, Until.HOME, False), Move(direction, True, Until.HOME)
-
-
-def index(direction: int) -> tuple[Move, ...]:
-    """Slowly to the next index pulse."""
-    return (Move(direction, True, Until.INDEX),)
-
-
-def block(direction: int) -> tuple[Move, ...]:
-    """Slowly against the end stop."""
-    return (Move(direction, True, Until.BLOCK),)
-
-
-METHODS: dict[int, tuple[Move, ...]] = {
-    1:  switch(-1, Until.NEGATIVE) + index(+1),
-    2:  switch(+1, Until.POSITIVE) + index(-1),
-    3:  switch(+1, Until.HOME) + index(-1),
-    4:  edge(+1) + index(+1),
-    5:  switch(-1, Until.HOME) + index(+1),
-    6:  edge(-1) + index(-1),
-    7:  switch(+1, Until.HOME) + index(-1),
-    11: switch(-1, Until.HOME) + index(+1),
-    17: switch(-1, Until.NEGATIVE),
-    18: switch(+1, Until.POSITIVE),
-    19: switch(+1, Until.HOME),
-    20: edge(+1),
-    21: switch(-1, Until.HOME),
-    22: edge(-1),
-    23: switch(+1, Until.HOME),
-    27: switch(-1, Until.HOME),
-    33: index(-1),
-    34: index(+1),
-    35: (),
-    37: (),
-}  # fmt: skip
-# where a limit switch turns the search round
-REVERSING = (7, 11, 23, 27)
-# against the end stop: vendors number them differently
-BLOCKS_FAULHABER = {-1: block(-1) + index(+1), -2: block(+1) + index(-1), -3: block(-1), -4: block(+1)}
-BLOCKS_MAXON = {-1: block(+1) + index(-1), -2: block(-1) + index(+1), -3: block(+1), -4: block(-1)}
 
 
 class Homing(ModeOfOperation):

@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from hw_bridge.drive.axis import Axis
 
 
-
 class Stop:
     """Slows down and stands still, whatever moved before."""
 
@@ -99,9 +98,7 @@ class ProfilePosition(ModeOfOperation):
         self.reached = True
         self.halting = False
         axis = self.axis
-        self.motion = to_velocity(
-            axis.agenda.now, axis.demand, axis.speed, 0.0, axis.rate(0x6084), axis.rate(0x6084)
-        )
+        self.motion = to_velocity(axis.agenda.now, axis.demand, axis.speed, 0.0, axis.rate(0x6084), axis.rate(0x6084))
 
     def control(self, word: int) -> None:
         """Take over a set-point at the rising edge of bit 4."""
@@ -234,7 +231,7 @@ class CyclicPosition(ModeOfOperation):
     def period(self) -> int:
         """Interpolation period [ns]; 0: none."""
         exponent = self.dictionary.get(0x60C2, 2, missing=-3)
-        return self.dictionary.get(0x60C2, 1) * 10 ** max(exponent + 9, 0)
+        return int(self.dictionary.get(0x60C2, 1) * 10 ** max(exponent + 9, 0))
 
     def cycle(self) -> None:
         """Take over a new target, go on to it."""

@@ -73,9 +73,7 @@ def to_position(
     return Trajectory(start, position, velocity, tuple(segments), target)
 
 
-def to_velocity(
-    start: int, x: float, v: float, target: float, acceleration: float, deceleration: float
-) -> Trajectory:
+def to_velocity(start: int, x: float, v: float, target: float, acceleration: float, deceleration: float) -> Trajectory:
     """Change the speed: braking with `deceleration`, also through zero, speeding up with `acceleration`."""
     segments: list[tuple[float, float]] = []
     end, speed = x, v

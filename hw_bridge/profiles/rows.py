@@ -12,8 +12,6 @@ if TYPE_CHECKING:
     from hw_bridge.dictionary import Entry
 
 
-
-
 def pdo(
     number: int, base: int, mapping: tuple[int, ...], *, receive: bool, objects: int, flags: int = 0,
     inhibit: int | None = None, event: int | None = None,

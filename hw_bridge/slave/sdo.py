@@ -4,13 +4,22 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass
+from enum import IntEnum
 
 from hw_bridge.abort import Abort, Code
 from hw_bridge.dictionary import Dictionary
 
 LARGEST = 889  # longest segmented transfer that is taken [bytes]
 
-DOWNLOAD_SEGMENT, DOWNLOAD, UPLOAD, UPLOAD_SEGMENT, ABORT = range(5)  # client command, bits 7 to 5
+
+class Client(IntEnum):
+    """What a client asks for, bits 7 to 5 of the first byte; 5 and 6 are block transfers."""
+
+    DOWNLOAD_SEGMENT = 0
+    DOWNLOAD = 1
+    UPLOAD = 2
+    UPLOAD_SEGMENT = 3
+    ABORT = 4
 
 
 @dataclass
@@ -37,25 +46,29 @@ class SdoServer:
         if len(request) != 8:
             return None
         command = request[0] >> 5
-        if command == ABORT:
+        if command == Client.ABORT:
             self.transfer = None
             return None
         index, sub = struct.unpack_from("<HB", request, 1)
-        if command in (DOWNLOAD_SEGMENT, UPLOAD_SEGMENT):
+        if command in (Client.DOWNLOAD_SEGMENT, Client.UPLOAD_SEGMENT):
             index, sub = (self.transfer.index, self.transfer.sub) if self.transfer else (0, 0)
         try:
-            if command == DOWNLOAD:
-                return self._download(index, sub, request)
-            if command == UPLOAD:
-                return self._upload(index, sub)
-            if command == DOWNLOAD_SEGMENT:
-                return self._download_segment(request)
-            if command == UPLOAD_SEGMENT:
-                return self._upload_segment(request)
-            raise Abort(Code.COMMAND_UNKNOWN)  # block transfers and what CiA 301 does not know
+            return self._carry_out(command, index, sub, request)
         except Abort as abort:
             self.transfer = None
             return struct.pack("<BHBI", 0x80, index, sub, abort.code)
+
+    def _carry_out(self, command: int, index: int, sub: int, request: bytes) -> bytes:
+        match command:
+            case Client.DOWNLOAD:
+                return self._download(index, sub, request)
+            case Client.UPLOAD:
+                return self._upload(index, sub)
+            case Client.DOWNLOAD_SEGMENT:
+                return self._download_segment(request)
+            case Client.UPLOAD_SEGMENT:
+                return self._upload_segment(request)
+        raise Abort(Code.COMMAND_UNKNOWN)  # block transfers, and what CiA 301 does not know
 
     def _download(self, index: int, sub: int, request: bytes) -> bytes:
         self.transfer = None

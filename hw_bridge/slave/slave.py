@@ -65,6 +65,18 @@ class Slave(ABC):
     def power_on(self) -> None:
         """Begin anew with the values of the dictionary."""
 
+    @abstractmethod
+    def error_passive(self) -> None:
+        """The bus repeats much of what this node sends."""
+
+    @abstractmethod
+    def bus_off(self) -> None:
+        """The bus has disconnected this node after too many errors."""
+
+    @abstractmethod
+    def bus_on(self) -> None:
+        """The node is back on the bus."""
+
     # ------------------------------------------------------------------------------------------------------ the bus
 
     def connect(self, send: Callable[[Frame], None]) -> None:
