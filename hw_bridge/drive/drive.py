@@ -105,6 +105,7 @@ class Drive(Slave):
     def _enter(self, state: State) -> None:
         self.state, self.stop = state, None
         if state is State.ENABLED:
+            self.heard = 0  # silence counts from the first target on
             self.mode.word = self.word
             self.mode.begin()
         elif state is not State.REACTION:
