@@ -210,11 +210,14 @@ class ProfileVelocity(ModeOfOperation):
         axis, dictionary = self.axis, self.dictionary
         target = self.goal[0] if self.goal else 0.0
         units = axis.units.velocity
-        near = abs(axis.velocity - target) <= max(dictionary.get(0x606D), 1) * units
-        still = abs(axis.velocity) <= max(dictionary.get(0x606F), 1) * units
+        window = dictionary.get(0x606D, missing=OFF)  # without one, the demand counts
+        near = window == OFF or abs(axis.velocity - target) <= max(window, 1) * units
+        threshold = dictionary.get(0x606F, missing=dictionary.get(0x30E0, 1))
+        still = abs(axis.velocity) <= max(threshold, 1) * units
+        rest = dictionary.get(0x6070, missing=dictionary.get(0x30E0, 2))
         reached = axis.agenda.now >= self.motion.end and axis.lasting(0x606D, near, dictionary.get(0x606E))
         bits = cia402.TARGET_REACHED if reached else 0
-        return bits | (cia402.BIT_12 if axis.lasting(0x606F, still, dictionary.get(0x6070)) else 0)
+        return bits | (cia402.BIT_12 if axis.lasting(0x606F, still, rest) else 0)
 
 
 class CyclicPosition(ModeOfOperation):

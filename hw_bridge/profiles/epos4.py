@@ -106,6 +106,8 @@ VENDOR = joined(
     var(0x30B2, "Current threshold for homing [mA]", U16, "rw", 500),
     record(0x30D1, "Current actual values", sub(1, "Averaged [mA]", I32, "ro", pdo=True),
            sub(2, "Actual [mA]", I32, "ro", pdo=True)),
+    record(0x30E0, "Standstill window", sub(1, "Window [velocity units]", U32, "rw", 30), sub(2, "Time [ms]", U16, "rw", 2),
+           sub(3, "Timeout [ms]", U16, "rw", 1000)),
     record(0x3200, "Thermal overload", sub(1, "I2t level motor [%]", U16, "ro"),
            sub(2, "I2t level power stage [%]", U16, "ro")),
 )  # fmt: skip
