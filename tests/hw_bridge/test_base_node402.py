@@ -45,10 +45,13 @@ def node(name, build, tmp_path):
 
 
 def prepare(node):
-    """What a host of a real drive does first: let the statusword come periodically, then Operational.
+    """What a host of a real drive does first: controlword in one RPDO only, statusword periodically, Operational.
 
-    BaseNode402 takes every TPDO that it has heard twice for a periodic one.
+    BaseNode402 takes every TPDO that it has heard twice for a periodic one; and through a second RPDO with a
+    controlword it would switch the drive off.
     """
+    for index in (0x1401, 0x1402, 0x1403):
+        node.sdo[index][1].raw |= 1 << 31
     if 5 in node.object_dictionary[0x1800]:
         node.sdo[0x1800][5].raw = 10
     else:
