@@ -23,7 +23,7 @@ LISTENING = 0.5  # [s] how long another node may take to be heard
 IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2))  # what it is asked, and asked for in vain
 
 
-@click.command("drive", short_help="Run a simulated CANopen drive on a CAN interface.")
+@click.command("drive", short_help="a simulated CANopen drive on any CAN interface")
 @click.option("--profile", "-p", "name", type=click.Choice(list(MODULES)), required=True, help="The vendor's drive.")
 @click.option("--node", "-n", type=click.IntRange(1, 127), required=True, help="Its node-ID.")
 @click.option("--interface", "-i", required=True, help="python-can's interface: socketcan, slcan, udp_multicast, ...")
