@@ -128,6 +128,7 @@ class Dictionary:
         self.values: dict[tuple[int, int], Value] = {}
         self.checks: dict[int, Callable[[Entry, Value], None]] = {}
         self.effects: dict[int, Callable[[Entry], None]] = {}
+        self.version = 0  # counts what came from outside: clients, PDOs, resets
         self.restore(self.defaults())
 
     def defaults(self) -> dict[tuple[int, int], Value]:
@@ -143,6 +144,7 @@ class Dictionary:
 
     def restore(self, values: dict[tuple[int, int], Value]) -> None:
         """Take over values without checks: at power-on and at a reset."""
+        self.version += 1
         self.values.update(values)
 
     def __contains__(self, index: int) -> bool:
@@ -200,5 +202,6 @@ class Dictionary:
 
     def act(self, entry: Entry) -> None:
         """Let a value that was written act."""
+        self.version += 1
         if effect := self.effects.get(entry.index):
             effect(entry)

@@ -12,7 +12,7 @@ from twin import clock
 
 if TYPE_CHECKING:
     from hw_bridge.agenda import Agenda
-    from hw_bridge.dictionary import Dictionary
+    from hw_bridge.dictionary import Dictionary, Entry
     from hw_bridge.profile import Profile
 
 OFF = 0xFFFFFFFF  # a window of this size is none
@@ -34,12 +34,22 @@ class Switches:
         return negative, positive, home
 
 
+def _span(entry: Entry) -> tuple[int, int]:
+    signed = entry.type.name.startswith("INTEGER")
+    high = (1 << (8 * entry.type.size - signed)) - 1
+    return -high - 1 if signed else 0, high
+
+
 class Axis:
     """One motor as its drive sees it. Positions [m or rad] count from the origin that homing sets."""
 
     def __init__(self, profile: Profile, dictionary: Dictionary, agenda: Agenda, motor: Motor) -> None:
         self.profile, self.dictionary, self.agenda, self.motor = profile, dictionary, agenda, motor
         self.switches = Switches()
+        self._version = -1
+        self._spans = {  # smallest and largest value of what the drive itself writes
+            (entry.index, entry.sub): _span(entry) for entry in dictionary.entries() if entry.type.form
+        }
         self.start()
 
     def start(self) -> None:
@@ -59,8 +69,11 @@ class Axis:
     def measure(self) -> None:
         """Bring the actual values of the dictionary up to date."""
         dictionary, motor = self.dictionary, self.motor
-        self.units = units = self.profile.units(dictionary)
-        self.currents = self.profile.currents(dictionary)
+        if self._version != dictionary.version:  # scaling and limits are parameters
+            self._version = dictionary.version
+            self.units = self.profile.units(dictionary)
+            self.currents = self.profile.currents(dictionary)
+        units = self.units
         self.position = motor.measured_position - self.origin
         self.velocity = motor.measured_velocity
         self._derate(motor.current)
@@ -87,13 +100,8 @@ class Axis:
 
     def show(self, index: int, value: float, sub: int = 0) -> None:
         """Put a rounded value into the dictionary, saturated to its type."""
-        found = self.dictionary.objects.get(index)
-        if found is None or sub not in found:
-            return
-        kind = found[sub].type
-        signed = kind.name.startswith("INTEGER")
-        high = (1 << (8 * kind.size - signed)) - 1
-        self.dictionary.put(index, min(max(round(value), -high - 1 if signed else 0), high), sub)
+        if (span := self._spans.get((index, sub))) is not None:
+            self.dictionary.values[index, sub] = min(max(round(value), span[0]), span[1])
 
     def _derate(self, current: float) -> None:
         """I2t: mean square with the thermal time constant; above the continuous current that one is the limit."""

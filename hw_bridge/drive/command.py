@@ -6,6 +6,7 @@ import signal
 import struct
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,19 +20,30 @@ if TYPE_CHECKING:
 
     import can
 
+    from hw_bridge.profile import Profile
+
 LISTENING = 0.5  # [s] how long another node may take to be heard
 IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2))  # what it is asked, and asked for in vain
 
 
 @click.command("drive", short_help="a simulated CANopen drive on any CAN interface")
 @click.option("--profile", "-p", "name", type=click.Choice(list(MODULES)), required=True, help="The vendor's drive.")
-@click.option("--node", "-n", type=click.IntRange(1, 127), required=True, help="Its node-ID.")
-@click.option("--interface", "-i", required=True, help="python-can's interface: socketcan, slcan, udp_multicast, ...")
-@click.option("--channel", "-c", required=True, help="The interface's channel: can0, /dev/ttyACM0, 239.74.163.2, ...")
+@click.option("--node", "-n", type=click.IntRange(1, 127), default=1, show_default=True, help="Its node-ID.")
+@click.option("--interface", "-i", help="python-can's interface: socketcan, slcan, udp_multicast, ...")
+@click.option("--channel", "-c", help="The interface's channel: can0, /dev/ttyACM0, 239.74.163.2, ...")
 @click.option("--bitrate", type=int, default=1_000_000, show_default=True, help="For interfaces that have one.")
+@click.option(
+    "--eds", type=click.Path(dir_okay=False, path_type=Path), help="Object dictionary instead of the profile's."
+)
+@click.option(
+    "--write-eds", type=click.Path(dir_okay=False, path_type=Path), help="Write the profile's EDS file and end."
+)
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
               help="Folder for compiled objects.")  # fmt: skip
-def command(name: str, node: int, interface: str, channel: str, bitrate: int, build: Path) -> None:
+def command(
+    name: str, node: int, interface: str | None, channel: str | None, bitrate: int, eds: Path | None,
+    write_eds: Path | None, build: Path,
+) -> None:  # fmt: skip
     """Run a simulated CANopen drive with its motor, paced by the wall clock, until Ctrl-C.
 
     It refuses to start where another node answers on its ID: a simulated drive does not belong on a real machine's bus.
@@ -39,15 +51,30 @@ def command(name: str, node: int, interface: str, channel: str, bitrate: int, bu
     \b
     twin drive --profile epos4 --node 3 --interface socketcan --channel vcan0
     twin drive -p faulhaber_v3 -n 1 -i udp_multicast -c 239.74.163.2
+    twin drive -p mclm --write-eds mclm.eds
     """
+    from hw_bridge import eds as files
+    from hw_bridge.profiles import profile
+
+    chosen = profile(name)
+    if write_eds is not None:
+        write_eds.write_text(files.export(chosen))
+        return
+    if interface is None or channel is None:
+        raise click.UsageError("Name --interface and --channel, such as -i socketcan -c vcan0, or use --write-eds.")
+    if eds is not None:
+        chosen = replace(chosen, objects=files.load(eds))
+    serve(chosen, node, interface, channel, bitrate, build)
+
+
+def serve(chosen: Profile, node: int, interface: str, channel: str, bitrate: int, build: Path) -> None:
+    """Run the drive on an interface until a signal ends it."""
     import can
 
     from hw_bridge.drive.drive import Drive
     from hw_bridge.drive.motor import Motor
-    from hw_bridge.profiles import profile
     from hw_bridge.wire import Wire
 
-    chosen = profile(name)
     drive = Drive(chosen, node, Motor(chosen.motor, build=build))
     try:
         bus = can.Bus(channel=channel, interface=interface, bitrate=bitrate)

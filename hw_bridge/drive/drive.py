@@ -17,7 +17,7 @@ from hw_bridge.drive.motor import CYCLE, Motor
 from hw_bridge.profile import Profile, Reaction
 from hw_bridge.slave.port import NmtState
 from hw_bridge.slave.slave import Slave
-from twin.errors import SimulationError
+from twin.errors import DeclarationError, SimulationError
 
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
@@ -43,10 +43,15 @@ CYCLIC = (Mode.CSP, Mode.CSV, Mode.CST)
 STAGE_ON = (State.SWITCHED_ON, State.ENABLED, State.QUICK_STOP, State.REACTION)
 
 
+REQUIRED = (0x1000, 0x1001, 0x1003, 0x1018, 0x6040, 0x6041, 0x6060, 0x6061, 0x6064, 0x6502)
+
+
 class Drive(Slave):
     """One drive of a vendor's `profile` with its motor; frames in, frames out, `advance(t_ns)`."""
 
     def __init__(self, profile: Profile, node: int, motor: Motor) -> None:
+        if missing := [f"{index:04X}" for index in REQUIRED if index not in {one.index for one in profile.objects}]:
+            raise DeclarationError(f"{profile.title}: lacks {', '.join(missing)}. A CiA 402 drive has these objects.")
         self.profile = profile
         self.supply = 24.0  # voltage [V]
         self.lasting: set[int] = set()  # errors whose cause stays until it is removed
@@ -313,9 +318,10 @@ class Drive(Slave):
         self.heard = self.port.agenda.now
 
     def nmt_changed(self) -> None:
-        """Leaving Operational ends the connection."""
+        """Stopped and a reset end the connection, as CiA 402 has it; Pre-operational does not."""
         if self.port.state is not NmtState.OPERATIONAL:
             self.heard = 0
+        if self.port.state in (NmtState.STOPPED, NmtState.INITIALIZING):
             self.abort_connection()
         self._show()
 

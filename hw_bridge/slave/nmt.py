@@ -57,6 +57,7 @@ class Nmt:
         elif data[0] in (RESET_NODE, RESET_COMMUNICATION):
             self.reset(data[0] == RESET_NODE)
             self.start()
+            self.changed()
 
     def enter(self, state: NmtState) -> None:
         """Go to a state and tell the rest of the device."""

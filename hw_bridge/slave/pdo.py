@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -39,36 +40,32 @@ class Pdo:
         self.port, self.rules = port, rules
         self.communication, self.mapping = communication, mapping
         self.mapped: list[Entry] = []
+        self.identifier = INVALID  # COB-ID entry with its flags
+        self.kind = 255  # transmission type
+        self.form = struct.Struct("<")  # all mapped objects at once
         dictionary = port.dictionary
         dictionary.checks[communication] = self._check_communication
         dictionary.checks[mapping] = self._check_mapping
         dictionary.effects[communication] = dictionary.effects[mapping] = lambda _: self.configure()
 
     @property
-    def identifier(self) -> int:
-        """COB-ID entry with its flags."""
-        return self.port.dictionary.get(self.communication, 1)
-
-    @property
-    def kind(self) -> int:
-        """Transmission type."""
-        return self.port.dictionary.get(self.communication, 2)
-
-    @property
     def active(self) -> bool:
         """Whether it exists and the node is operational."""
         return not self.identifier & INVALID and self.port.state is NmtState.OPERATIONAL
 
-    @property
-    def length(self) -> int:
-        """Mapped bytes."""
-        return sum(entry.type.size for entry in self.mapped)
+    def hears(self, identifier: int) -> bool:
+        """Whether a frame with this identifier is meant."""
+        return self.identifier & (INVALID | 0x7FF) == identifier
 
     def configure(self) -> None:
-        """Take over the mapping after a change."""
+        """Take over the parameters after a change."""
         dictionary = self.port.dictionary
+        self.identifier = dictionary.get(self.communication, 1)
+        self.kind = dictionary.get(self.communication, 2)
         words = [dictionary.get(self.mapping, sub + 1) for sub in range(dictionary.get(self.mapping))]
         self.mapped = [dictionary.entry(word >> 16, word >> 8 & 0xFF) for word in words]
+        self.form = struct.Struct("<" + "".join(entry.type.form[1:] for entry in self.mapped))
+        self.places = [(entry.index, entry.sub) for entry in self.mapped]
         self.reset()
 
     def reset(self) -> None:
@@ -136,10 +133,10 @@ class ReceivePdo(Pdo):
         """Data of this PDO's identifier arrived."""
         if not self.active:
             return
-        if len(data) < self.length:
+        if len(data) < self.form.size:
             self.fault(LENGTH_SHORT)
             return
-        if len(data) > self.length:
+        if len(data) > self.form.size:
             self.fault(LENGTH_EXCEEDED)
         if self.kind <= SYNCHRONOUS:
             self.waiting = data
@@ -155,12 +152,8 @@ class ReceivePdo(Pdo):
     def _apply(self, data: bytes) -> None:
         """Write all objects first, then let them act: a controlword acts on the target beside it."""
         dictionary = self.port.dictionary
-        position = 0
         taken = []
-        for entry in self.mapped:
-            size = entry.type.size
-            value = entry.decode(data[position : position + size])
-            position += size
+        for entry, value in zip(self.mapped, self.form.unpack_from(data), strict=True):
             try:
                 dictionary.check(entry, value)
             except Abort:
@@ -193,12 +186,14 @@ class TransmitPdo(Pdo):
 
     def data(self) -> bytes:
         """What it would send now."""
-        dictionary = self.port.dictionary
-        return b"".join(entry.encode(dictionary.values[entry.index, entry.sub]) for entry in self.mapped)
+        values = self.port.dictionary.values
+        return self.form.pack(*[values[place] for place in self.places])
 
     def changed(self) -> None:
         """Something in the device may have changed."""
-        if self.kind in EVENT and self.mapped and self.active and not self.inhibit.running and self.data() != self.sent:
+        if self.kind < EVENT[0] or self.inhibit.running or not self.mapped or not self.active:
+            return
+        if self.data() != self.sent:
             self._send()
 
     def sync(self) -> None:

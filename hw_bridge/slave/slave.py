@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from hw_bridge.dictionary import Dictionary
 from hw_bridge.slave.emergency import Emergency
 from hw_bridge.slave.nmt import ERROR_CONTROL, Nmt
-from hw_bridge.slave.pdo import INVALID, ReceivePdo, Rules, TransmitPdo
+from hw_bridge.slave.pdo import ReceivePdo, Rules, TransmitPdo
 from hw_bridge.slave.port import NmtState, Port
 from hw_bridge.slave.sdo import SdoServer
 from hw_bridge.slave.storage import Storage
@@ -112,10 +112,11 @@ class Slave(ABC):
         elif frame.id == dictionary.get(0x1005) & 0x7FF:
             self._sync()
         else:
-            for pdo in self.rpdos:
-                if pdo.identifier & (INVALID | 0x7FF) == frame.id:
-                    pdo.receive(frame.data)
-            self.refresh()
+            meant = [pdo for pdo in self.rpdos if pdo.hears(frame.id)]
+            for pdo in meant:
+                pdo.receive(frame.data)
+            if meant:
+                self.refresh()
 
     def refresh(self) -> None:
         """Let transmit PDOs look for changes."""
@@ -129,7 +130,7 @@ class Slave(ABC):
         if identifier == ERROR_CONTROL + self.node:
             self.nmt.guard()
         for pdo in self.tpdos:
-            if pdo.identifier & (INVALID | 0x7FF) == identifier:
+            if pdo.hears(identifier):
                 pdo.requested()
 
     def _sync(self) -> None:

@@ -11,6 +11,7 @@ import uuid
 import can
 import canopen
 import pytest
+from click.testing import CliRunner
 
 from hw_bridge import eds
 from hw_bridge.drive.command import command, refuse_if_taken
@@ -103,6 +104,19 @@ def test_a_process_of_its_own(multicast, tmp_path):
         network.disconnect()
         process.kill()
         process.wait()
+
+
+def test_eds_files_in_and_out(tmp_path):
+    path = tmp_path / "drive.eds"
+    runner = CliRunner()
+    assert runner.invoke(command, ["-p", "epos4", "--write-eds", str(path)]).exit_code == 0
+    assert len(eds.load(path)) == len(profile("epos4").objects)
+    few = tmp_path / "few.eds"
+    text = path.read_text().replace("[6064]", "[5064]")
+    few.write_text(text)
+    result = runner.invoke(command, ["-p", "epos4", "--eds", str(few), "-i", "virtual", "-c", "none"])
+    assert "lacks 6064" in str(result.exception)
+    assert runner.invoke(command, ["-p", "epos4"]).exit_code == 2
 
 
 def test_an_interface_that_cannot_be_opened(build):

@@ -100,6 +100,16 @@ def test_mclm_goes_on_when_its_master_dies(make):
     assert bench.state is State.FAULT
 
 
+@pytest.mark.parametrize(("command", "after"), [(128, State.ENABLED), (2, State.QUICK_STOP), (130, State.QUICK_STOP)])
+def test_which_nmt_commands_end_the_connection(make, command, after):
+    bench = make("epos4")
+    bench.nmt(1)
+    bench.enable(Mode.PV)
+    bench.nmt(command)
+    bench.go(50)
+    assert bench.state is after
+
+
 def test_two_consumers_for_one_node_are_refused(make):
     bench = make("epos4")
     bench.write(0x1016, 5 << 16 | 50, 1)

@@ -87,7 +87,7 @@ def test_random_writes_keep_the_mapping_sound(name, writes):
             assert pdo.mapped == before
         if exists and not pdo.identifier & INVALID:
             assert pdo.mapped == before
-        assert pdo.length <= 8
+        assert pdo.form.size <= 8
         assert len(pdo.mapped) == port.dictionary.get(0x1A00)
         assert all(entry.mappable and entry.readable for entry in pdo.mapped)
 
