@@ -30,7 +30,10 @@ UNREACHABLE = 1.0e6  # a speed [m/s or rad/s] that saturates the current
 
 @dataclass(frozen=True)
 class MotorModel:
-    """A component and its parameters; `names` tells what it calls the true position, if not so. `unit`: m or rad."""
+    """A component with its parameters, and what it calls true position and load. `unit`: m or rad.
+
+    `ratio`: turns of the motor for one of what the component's positions count, where a gear is in it.
+    """
 
     component: str
     unit: str
@@ -39,16 +42,17 @@ class MotorModel:
     index: float = 1.0  # distance between index pulses [unit]
     position: str = "position"
     load: str = "load_force"
+    ratio: float = 1.0
 
 
 class Motor:
-    """One motor in SI units, linear or rotary, advanced a control cycle at a time."""
+    """One motor in SI units, linear or rotary, advanced a control cycle at a time. Its side of a gear counts."""
 
     def __init__(
         self, model: MotorModel, form: Form = Form.compiled, build: Path = Path("build"), position: float = 0.0
     ) -> None:
         self.model = model
-        values = {**model.parameters, "target_position": position, "mode_of_operation": CSP}
+        values = {**model.parameters, "target_position": position / model.ratio, "mode_of_operation": CSP}
         member = members.make("motor", model.component, values, form, build)
         assert isinstance(member, RecordMember)
         self._member = member
@@ -60,23 +64,25 @@ class Motor:
         prototype = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_double, ctypes.c_double)
         self._step = prototype(member.step_function)
         self.strongest = float(self._views["current_maximum"])  # the motor's own limit [A]
+        if "current_continuous" in self._views:
+            self._views["current_continuous"][...] = 10.0 * self.strongest  # I2t is the drive's, by its own objects
         self.powered = True
         self.off()
 
     @property
     def measured_position(self) -> float:
         """What its sensor says [m or rad]."""
-        return float(self._views["position_actual_value"])
+        return self.model.ratio * float(self._views["position_actual_value"])
 
     @property
     def measured_velocity(self) -> float:
         """Filtered difference of the measured position [m/s or rad/s]."""
-        return float(self._views["velocity_actual_value"])
+        return self.model.ratio * float(self._views["velocity_actual_value"])
 
     @property
     def position(self) -> float:
         """The true position [m or rad]."""
-        return float(self._views[self.model.position])
+        return self.model.ratio * float(self._views[self.model.position])
 
     @property
     def current(self) -> float:
@@ -84,7 +90,7 @@ class Motor:
         return float(self._views["current"])
 
     def load(self, force: float) -> None:
-        """Force [N] or torque [N*m] of the load from now on."""
+        """Force [N] or torque [N*m] of the load from now on, behind the gear."""
         self._views[self.model.load][...] = force
 
     def off(self) -> None:
@@ -108,7 +114,7 @@ class Motor:
     def _follow(self, mode: int, target: str, value: float, limit: float) -> None:
         self.powered = True
         self._views["mode_of_operation"][...] = mode
-        self._views[target][...] = value
+        self._views[target][...] = value / self.model.ratio
         self._views["current_maximum"][...] = min(limit, self.strongest)
 
     def advance(self, time: int) -> None:
