@@ -134,14 +134,15 @@ class Bus:
     def advance(self, time: int) -> None:
         """Let everything on the bus happen until `time` [ns]."""
         while True:
-            due = min((port.station.next_time() for port in self._ports), default=NEVER)
-            due = min(due, self.agenda.next_time())
+            stations = [port.station for port in self._ports]
+            wishes = [station.next_time() for station in stations]
+            due = min([self.agenda.next_time(), *wishes])
             if due > time:
                 break
             self.agenda.advance(due)
-            for port in list(self._ports):
-                if port.station.next_time() <= due:
-                    port.station.advance(due)
+            for station, wish in zip(stations, wishes, strict=True):
+                if wish <= due:
+                    station.advance(due)
         self.agenda.advance(time)
         for port in self._ports:
             port.station.advance(time)

@@ -53,8 +53,8 @@ class Axis:
         self.start()
 
     def start(self) -> None:
-        """Begin as after power-on: the origin is where the sensor has its zero."""
-        self.origin = 0.0
+        """Begin as after power-on: the sensor counts from where the motor stands."""
+        self.origin = self.motor.measured_position
         self.heat = 0.0  # mean square of the current [A2]
         self.derated = self.limited = self.clipped = False
         self.demand = 0.0  # position demand
@@ -84,8 +84,8 @@ class Axis:
         self.show(0x606C, self.velocity / units.velocity)
         self.show(0x606B, self.speed / units.velocity)
         self.show(0x60F4, self.following_error / units.position)
-        if motor.model.resolution:
-            self.show(0x6063, motor.measured_position / motor.model.resolution)
+        self.show(0x6063, motor.measured_position / motor.model.resolution)
+        self.show(0x2562, self.demand / motor.model.resolution)
         if units.torque:
             self.show(0x6077, motor.current / units.torque)
         self.show(0x6078, 1000.0 * motor.current)  # [mA], FAULHABER
@@ -101,7 +101,8 @@ class Axis:
     def show(self, index: int, value: float, sub: int = 0) -> None:
         """Put a rounded value into the dictionary, saturated to its type."""
         if (span := self._spans.get((index, sub))) is not None:
-            self.dictionary.values[index, sub] = min(max(round(value), span[0]), span[1])
+            whole, (low, high) = round(value), span
+            self.dictionary.values[index, sub] = whole if low <= whole <= high else low if whole < low else high
 
     def _derate(self, current: float) -> None:
         """I2t: mean square with the thermal time constant; above the continuous current that one is the limit."""

@@ -67,7 +67,7 @@ class Drive(Slave):
         self.port.agenda.at(CYCLE, self._cycle)
 
     def power_on(self) -> None:
-        """Begin anew: no current, no errors, origin where the sensor has it."""
+        """Begin anew: no current, no errors, position 0 where the motor stands."""
         self.axis.start()
         self.state = State.NOT_READY
         self.word = 0
@@ -179,7 +179,8 @@ class Drive(Slave):
         low, high = profile.supply(dictionary)
         self._while(OVERVOLTAGE, self.supply > high)
         self._while(UNDERVOLTAGE, self.supply < low)
-        axis.show(0x2200, 10.0 * self.supply, 1)
+        axis.show(0x2200, 10.0 * self.supply, 1)  # [0.1 V], EPOS4
+        axis.show(0x2325, 100.0 * self.supply, 7)  # [10 mV], FAULHABER V3
         axis.show(0x3200, 100.0 * axis.level, 1)
         axis.show(0x2334, 1000.0 * axis.limit)
         if profile.masks:

@@ -37,9 +37,9 @@ class MotorModel:
 
     component: str
     unit: str
+    resolution: float  # one increment of its sensor [unit]
+    index: float  # distance between index pulses [unit]
     parameters: Mapping[str, float] = field(default_factory=dict)
-    resolution: float = 0.0  # one increment of its sensor [unit]
-    index: float = 1.0  # distance between index pulses [unit]
     position: str = "position"
     load: str = "load_force"
     ratio: float = 1.0

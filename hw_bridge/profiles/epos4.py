@@ -31,7 +31,9 @@ TORQUE_CONSTANT = 0.091  # [N*m/A]
 EC_I_40 = MotorModel(
     "servomotor",
     "rad",
-    {
+    resolution=2.0 * pi / (4 * PULSES),
+    index=2.0 * pi,
+    parameters={
         "mass": INERTIA,
         "force_constant": TORQUE_CONSTANT,
         "current_maximum": 15.0,
@@ -43,8 +45,6 @@ EC_I_40 = MotorModel(
         "velocity_integral": INERTIA * 250.0 / TORQUE_CONSTANT * 62.5,
         "velocity_maximum": 8000.0 * RPM,
     },
-    resolution=2.0 * pi / (4 * PULSES),
-    index=2.0 * pi,
 )
 
 COMMUNICATION = joined(

@@ -27,6 +27,19 @@ def test_boot_up_and_reset(bench):
     assert bench.read(0x6067) != 77
 
 
+def test_a_reset_forgets_where_home_was(make):
+    bench = make("faulhaber_v3")
+    bench.enable(Mode.PP)
+    bench.write(0x607A, 3000)
+    bench.control(0x1F)
+    bench.go(500)
+    bench.nmt(129)
+    bench.go(150)
+    assert bench.state is State.DISABLED
+    assert bench.read(0x6064) == 0
+    assert bench.drive.axis.motor.position > 2e-3
+
+
 @pytest.mark.parametrize(("command", "state"), [(1, 5), (2, 4), (128, 0x7F)])
 def test_states(bench, command, state):
     bench.nmt(command)
