@@ -1,6 +1,7 @@
 """`twin drive`: a process of its own that another CANopen master talks to, and that gives way to real nodes."""
 
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -104,6 +105,61 @@ def test_a_process_of_its_own(multicast, tmp_path):
         network.disconnect()
         process.kill()
         process.wait()
+
+
+@pytest.fixture
+def serial_line():
+    """Two pseudo-terminals with a cable between them."""
+    pty, tty = pytest.importorskip("pty"), pytest.importorskip("tty")
+    ends = [pty.openpty() for _ in range(2)]
+    for end in (*ends[0], *ends[1]):
+        tty.setraw(end)
+    masters = [master for master, _ in ends]
+    over = threading.Event()
+
+    def carry():
+        while not over.is_set():
+            for master in select.select(masters, [], [], 0.1)[0]:
+                os.write(masters[1 - masters.index(master)], os.read(master, 4096))
+
+    thread = threading.Thread(target=carry)
+    thread.start()
+    yield [os.ttyname(name) for _, name in ends]
+    over.set()
+    thread.join()
+    for end in (*ends[0], *ends[1]):
+        os.close(end)
+
+
+def test_slcan_over_a_serial_line(serial_line, build, tmp_path):
+    """200 SYNCs at 5 ms, a TPDO for each."""
+    ours, theirs = serial_line
+    path = tmp_path / "epos4.eds"
+    path.write_text(eds.export(profile("epos4")))
+    line = [sys.executable, "-m", "hw_bridge.drive", "-p", "epos4", "-n", "3", "-i", "slcan", "-c", theirs,
+            "--build", str(build)]  # fmt: skip
+    process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
+    network = canopen.Network()
+    try:
+        assert "node 3" in process.stdout.readline()
+        network.connect(interface="slcan", channel=ours, bitrate=1_000_000)
+        time.sleep(0.5)
+        node = network.add_node(3, str(path))
+        assert node.sdo[0x1018][2].raw == 0x61500000
+        node.sdo[0x1800][2].raw = 1
+        node.nmt.state = "OPERATIONAL"
+        seen = []
+        network.subscribe(0x183, lambda _id, data, _time: seen.append(bytes(data)))
+        for _ in range(200):
+            network.send_message(0x080, b"")
+            time.sleep(0.005)
+        time.sleep(0.3)
+        assert len(seen) == 200
+    finally:
+        network.disconnect()
+        process.terminate()
+        process.communicate(timeout=20)
+    assert process.returncode == 0
 
 
 def test_eds_files_in_and_out(tmp_path):
