@@ -49,7 +49,9 @@ def run(name: str, folder: Path) -> Outcome:
 
 def table(summary: Mapping[str, Any]) -> str:
     """Metrics with a published figure and a tolerance, as a table in Markdown."""
-    count = len({seed for one in summary["metrics"].values() for row in one["variants"].values() for seed in row["values"]})
+    count = len(
+        {seed for one in summary["metrics"].values() for row in one["variants"].values() for seed in row["values"]}
+    )
     mean = f", mean of {count} seeds" if count > 1 else ""
     rows = [f"| metric | variant | paper | twin{mean} | twin / paper |", "|---|---|---|---|---|"]
     for metric in summary["metrics"].values():
