@@ -9,11 +9,15 @@ import pytest
 from scipy import stats
 
 import fmus
-from fmus.coordinate_feedforward import statistics
+from fmus.coordinate_feedforward import record, statistics
 from fmus.coordinate_feedforward.model import CoordinateFeedforward
 from fmus.coordinate_program.model import CoordinateProgram
 from twin import compiled, library, unit
 from twin.catalog import component
+from twin.errors import TwinError
+from twin.members import Form
+from twin.run import run_scenario
+from twin.scenario import Scenario
 from twin.variable import Role
 
 FOLDER = Path(fmus.__path__[0])
@@ -146,3 +150,16 @@ def test_initialization_can_be_repeated(name):
     for variable in instance.variables:
         if variable.role is Role.output:
             np.testing.assert_array_equal(instance.record[variable.name], first[variable.name], variable.name)
+
+
+def test_a_runs_readings_are_those_that_the_calibration_reads(tmp_path, build):
+    scenario = Scenario.load(FOLDER.parent / "scenarios/stepper_calibration.yaml")
+    run_scenario(scenario, Form.compiled, variants=["loaded"], seeds=[1], root=tmp_path, build=build, report=False)
+    found = record.readings(tmp_path / "stepper_calibration")
+    assert list(found) == ["steppers"]
+    steps, way = found["steppers"].T
+    assert np.all(np.abs(steps) == 1600)
+    assert np.all(steps * way > 0)
+    assert np.mean(np.abs(way)) == pytest.approx(7.7, abs=0.05)
+    with pytest.raises(TwinError, match="holds no run"):
+        record.readings(tmp_path)
