@@ -15,7 +15,7 @@ SECTIONS = NODES - 1
 
 SUBSTEP = 1e-4  # longest substep [s]
 SWEEPS = 40  # most sweeps in a substep
-FORCE_TOLERANCE = 1e-5  # what a node may be off balance [N]
+FORCE_TOLERANCE = 1e-4  # what a node may be off balance [N]
 TORQUE_TOLERANCE = 1e-8  # the same in torsion [N*m]
 LEAST = 1e-9  # limit of force [N] or torque [N*m] below which there is no grip
 

@@ -7,14 +7,11 @@ from hypothesis import strategies as st
 
 from fmus.braided_sleeve.model import BraidedSleeve
 from fmus.pneumatic_cylinder.model import PneumaticCylinder
+from tests.instruments import guidewire
 
 ANGLE = 0.6109
 EXACT = {"friction_scatter": 0.0, "open_stiffness": 0.0}
-GUIDEWIRE = {
-    "instrument_diameter": 0.9e-3, "relaxed_diameter": 1.2e-3, "yarn_count": 32, "yarn_diameter": 0.12e-3,
-    "yarn_modulus": 5e9, "open_stiffness": 200.0, "effective_length": 2.35e-3, "closing_force": 26.1,
-    "torque_factor": 1.488,
-}  # fmt: skip
+GUIDEWIRE = guidewire("braided_sleeve")
 
 
 def closed(extension=None, tension=45.0, **values):

@@ -7,16 +7,14 @@ from hypothesis import strategies as st
 
 from fmus.braided_sleeve.model import BraidedSleeve
 from fmus.pneumatic_cylinder.model import LAMINAR, PneumaticCylinder, flow_shape, mass_flow
+from tests.instruments import guidewire
 
 H = 1e-3
 AMBIENT = 101325.0
 GAS = 287.06
 AREA = pi * 5e-3**2
 BLOCKED = {"friction_static": 1e9, "friction_coulomb": 1e9}
-GUIDEWIRE = {
-    "instrument_diameter": 0.9e-3, "relaxed_diameter": 1.2e-3, "yarn_count": 32, "yarn_diameter": 0.12e-3,
-    "yarn_modulus": 5e9, "open_stiffness": 200.0, "effective_length": 2.35e-3, "closing_force": 26.1,
-}  # fmt: skip
+GUIDEWIRE = guidewire("braided_sleeve")
 
 
 def run(cylinder, seconds, h=H, names=()):

@@ -142,12 +142,24 @@ def test_without_motion_there_is_nothing_to_evaluate():
 
 
 def test_distance_of_a_trip_there_and_back():
-    there = np.concatenate((np.linspace(0.0, 0.3, 400), np.linspace(0.3, 0.0, 400)))
+    rest = np.zeros(40)
+    there = np.concatenate((rest, np.linspace(0.0, 0.3, 400), rest + 0.3, np.linspace(0.3, 0.0, 400), rest))
     found = distance(there, 0.0 * there, 0.0 * there, there + 0.05)
-    assert found["reference"][-1] == pytest.approx(0.6)
-    # the average cuts 3.5 samples off the turn, forth and back, and is 7.5 samples late at the end
-    assert found["error_final"] == pytest.approx(0.3 / 399 * (2 * 3.5 + 7.5), rel=1e-3)
-    assert np.abs(found["aligned_error"]).max() < 0.01
+    lag = 7.5 * 0.3 / 399
+    for largest in ("error_out", "error_back", "error_max"):
+        assert found[largest] == pytest.approx(lag, rel=1e-3), largest
+    assert np.nanmax(found["reference"]) == pytest.approx(0.3, rel=1e-3)
+    assert found["speed_lowest"] == pytest.approx(1.0)
+    assert np.nanmedian(found["speed"]) == pytest.approx(0.3 / 399 * 40)
+
+
+def test_a_stop_of_the_tip_is_seen_in_its_speed():
+    tip = np.concatenate((np.zeros(40), np.linspace(0.0, 0.3, 400), np.full(40, 0.3)))
+    tip[240:250] = tip[240]  # 0.25 s of standing, then a leap
+    found = distance(
+        tip, 0.0 * tip, 0.0 * tip, np.concatenate((np.zeros(40), np.linspace(0.0, 0.3, 400), np.full(40, 0.3)))
+    )
+    assert 0.2 < found["speed_lowest"] < 0.5
 
 
 WALK = st.lists(st.floats(-2.0, 2.0), min_size=1, max_size=12)
