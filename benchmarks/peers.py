@@ -89,9 +89,6 @@ def container(fmu: Path, members: int, steps: int, *, recording: bool = False) -
     """
     from fmu_manipulation_toolbox.assembly import AssemblyNode
 
-    from twin.algorithm.cosimulation import CoSimulation
-    from twin.fmi.importer import FMUMember
-
     outputs = [f"y{i}" for i in range(members)]
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "ring.fmu"
@@ -103,16 +100,47 @@ def container(fmu: Path, members: int, steps: int, *, recording: bool = False) -
             node.add_link(f"m{source(i, members)}.fmu", "y", f"m{i}.fmu", "u")
         node.add_start_value("m0.fmu", "offset", str(OFFSET))
         node.make_fmu(Path(folder))
-        inner = 1 if recording else math.gcd(1000, steps)
-        record = [("ring", name) for name in outputs] if recording else []
-        simulation = CoSimulation({"ring": FMUMember("ring", path)}, [], inner * H, record=record, build=ring.BUILD)
-        simulation.initialize(0, steps * H)
-        begin = time.perf_counter()
-        simulation.advance(steps * H)
-        took = time.perf_counter() - begin
-        last = [float(simulation.members["ring"].get(name)) for name in outputs]
-        simulation.terminate()
+        return whole(path, outputs, steps, recording)
+
+
+def whole(path: Path, outputs: list[str], steps: int, recording: bool) -> Result:
+    """The ring as one FMU, by our loop."""
+    from twin.algorithm.cosimulation import CoSimulation
+    from twin.fmi.importer import FMUMember
+
+    inner = 1 if recording else math.gcd(1000, steps)
+    record = [("ring", name) for name in outputs] if recording else []
+    simulation = CoSimulation({"ring": FMUMember("ring", path)}, [], inner * H, record=record, build=ring.BUILD)
+    simulation.initialize(0, steps * H)
+    begin = time.perf_counter()
+    simulation.advance(steps * H)
+    took = time.perf_counter() - begin
+    last = [float(simulation.members["ring"].get(name)) for name in outputs]
+    simulation.terminate()
     return took, last
+
+
+def group(_: Path, members: int, steps: int, *, recording: bool = False) -> Result:
+    """Our compiled group: the ring's members made into one FMU, called as the container is."""
+    from twin.export import group as grouped
+    from twin.run import prepare
+    from twin.scenario import Scenario
+
+    lines = ["stop_time: 1 s", "step: 1 ms", "members:"]
+    lines += [f"  m{i}: {{component: 'benchmarks.parts:Relay'}}" for i in range(members)]
+    lines[3] = f"  m0: {{component: 'benchmarks.parts:Relay', parameters: {{offset: {OFFSET}}}}}"
+    lines += ["connections:", *(f"  - m{source(i, members)}.y -> m{i}.u" for i in range(members))]
+    scenario = Scenario.loads("\n".join(lines))
+    names = [f"m{i}" for i in range(members)]
+    cls = grouped("ring", scenario.cases()[0], prepare(scenario)["base"], names)
+    with tempfile.TemporaryDirectory() as folder:
+        path = exporter.export(cls, "2.0", Path(folder) / "ring.fmu", ring.BUILD)
+        return whole(path, [f"{name}.y" for name in names], steps, recording)
+
+
+def group_recording(fmu: Path, members: int, steps: int) -> Result:
+    """The group with its outputs recorded at every step."""
+    return group(fmu, members, steps, recording=True)
 
 
 def container_recording(fmu: Path, members: int, steps: int) -> Result:
@@ -264,6 +292,8 @@ def fmpy(fmu: Path, members: int, steps: int) -> Result:
 # members times steps of one measurement
 PEERS: dict[str, tuple[Callable[[Path, int, int], Result], int]] = {
     "ours":                     (ours,                     2_000_000),
+    "group":                    (group,                    2_000_000),
+    "group_recording":          (group_recording,          1_000_000),
     "fmucontainer":             (container,                2_000_000),
     "fmucontainer_recording":   (container_recording,      1_000_000),
     "ecos":                     (ecos,                       200_000),

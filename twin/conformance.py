@@ -110,6 +110,9 @@ def check_documentation(cls: type[Component], _build: Path) -> None:
             )
         if variable.role is Role.parameter and variable.type is Float64 and not variable.source:
             raise ConformanceError(f"{where}: has no source. Say where the value comes from, or `assumed`.")
+    for name, terminal in cls.terminals.items():
+        if not terminal.description:
+            raise ConformanceError(f"{cls.__name__}.{name}: has no description. Say what is connected there.")
 
 
 def check_outputs_written(cls: type[Component], _build: Path) -> None:

@@ -13,6 +13,7 @@ import textwrap
 from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any
 
+from twin.graph import reached
 from twin.variable import Role
 
 if TYPE_CHECKING:
@@ -34,7 +35,9 @@ class _Analysis(ast.NodeVisitor):
     Nodes are variables by name, and local names of the function as `local:name`.
     """
 
-    def __init__(self, function: FunctionType, arrays: dict[str, bool] | None, seen: tuple[FunctionType, ...]) -> None:
+    def __init__(
+        self, function: FunctionType, arrays: dict[str, bool] | None, seen: tuple[FunctionType, ...], me: int = 0
+    ) -> None:
         try:
             tree = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
         except (OSError, SyntaxError, IndexError):
@@ -45,7 +48,7 @@ class _Analysis(ast.NodeVisitor):
         self.arrays = arrays or {}
         self.seen = (*seen, function)
         self.parameters = [argument.arg for argument in tree.args.args]
-        self.me = self.parameters[0] if arrays is not None else None
+        self.me = self.parameters[me] if arrays is not None else None
         self.edges: dict[str, set[str]] = {}
         self.aliases: list[tuple[str, str]] = []
         self.mutated: set[str] = set()
@@ -82,6 +85,11 @@ class _Analysis(ast.NodeVisitor):
     def _reads(self, node: ast.AST) -> set[str]:
         found: set[str] = set()
         owners = {id(n.value) for n in ast.walk(node) if isinstance(n, ast.Attribute)}
+        for call in (n for n in ast.walk(node) if isinstance(n, ast.Call)):
+            place = self._whole(call)
+            if place is not None:
+                owners.add(id(call.args[place]))
+                found.add(f"local:{self._helper(call).__name__}:return")
         for part in ast.walk(node):
             if isinstance(part, ast.Attribute) or (isinstance(part, ast.Name) and id(part) not in owners):
                 name = self._node(part)
@@ -166,6 +174,8 @@ class _Analysis(ast.NodeVisitor):
     def visit_Return(self, node: ast.Return) -> None:
         self.generic_visit(node)
         self.escape |= self.control[-1]
+        if node.value is not None:
+            self.edges.setdefault("local:return", set()).update(self._reads(node.value), self.control[-1])
 
     def visit_Break(self, _: ast.Break) -> None:
         self.escape |= self.control[-1]
@@ -176,8 +186,11 @@ class _Analysis(ast.NodeVisitor):
     def visit_Call(self, node: ast.Call) -> None:
         """A helper may write the arrays it is given; what it writes hangs on all it is given."""
         self.generic_visit(node)
+        whole = self._whole(node)
+        if whole is not None:
+            self._follow(node, whole)
         for place, argument in enumerate(node.args):
-            if not isinstance(argument, ast.Name | ast.Attribute | ast.Subscript | ast.Starred):
+            if place == whole or not isinstance(argument, ast.Name | ast.Attribute | ast.Subscript | ast.Starred):
                 continue
             name = self._node(argument)
             scalar = name is None or (not name.startswith("local:") and not self.arrays.get(name, True))
@@ -185,6 +198,33 @@ class _Analysis(ast.NodeVisitor):
                 assert name is not None
                 self.mutated.add(name)
                 self.edges.setdefault(name, set()).update(self._reads(node), self.control[-1])
+
+    def _whole(self, call: ast.Call) -> int | None:
+        """Which argument of a call is the component itself, as in `publish(self)`."""
+        places = [i for i, one in enumerate(call.args) if isinstance(one, ast.Name) and one.id == self.me]
+        return places[0] if self.me is not None and places else None
+
+    def _helper(self, call: ast.Call) -> FunctionType:
+        """The function of the component's module that is called by its name."""
+        found = self.function.__globals__.get(call.func.id) if isinstance(call.func, ast.Name) else None
+        if not isinstance(found, FunctionType) or found in self.seen or call.keywords:
+            raise _UnsureError
+        return found
+
+    def _follow(self, call: ast.Call, whole: int) -> None:
+        """What a helper that gets the component reads and writes of it is read and written here."""
+        helper = self._helper(call)
+        inner = _Analysis(helper, self.arrays, self.seen, whole)
+
+        def own(name: str) -> str:
+            return name.replace("local:", f"local:{helper.__name__}:", 1)
+
+        for target, sources in inner.edges.items():
+            self.edges.setdefault(own(target), set()).update(map(own, sources), self.control[-1])
+        for name, argument in zip(inner.parameters, call.args, strict=False):
+            if name != inner.me:
+                place = own(f"local:{name}")
+                self.edges.setdefault(place, set()).update(self._reads(argument), self.control[-1])
 
     def _mutates(self, called: ast.AST, place: int) -> bool:
         """Whether a called function may write its argument at a place."""
@@ -243,12 +283,7 @@ def flow(cls: type[Component], names: Iterable[str]) -> dict[str, frozenset[str]
     result = {}
     for name in writable:
         if name in graph:
-            reached: set[str] = set()
-            ahead = set(graph[name])
-            while ahead:
-                reached |= ahead
-                ahead = set().union(*(graph.get(node, set()) for node in ahead)) - reached
-            result[name] = frozenset(reached & variables.keys())
+            result[name] = frozenset(reached(graph, {name}) & variables.keys())
     return result
 
 

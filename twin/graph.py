@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
-    from collections.abc import Hashable, Mapping, Sequence
+    from collections.abc import Collection, Hashable, Mapping, Sequence
 
 Node = TypeVar("Node", bound="Hashable")
 
@@ -50,3 +50,13 @@ def ordered_groups(nodes: Sequence[Node], followers: Mapping[Node, Sequence[Node
                     groups.append(group)
     place = {node: i for i, node in enumerate(nodes)}
     return [sorted(group, key=place.__getitem__) for group in reversed(groups)]
+
+
+def reached(graph: Mapping[Node, Collection[Node]], starts: Collection[Node]) -> set[Node]:
+    """All nodes that lie one or more steps ahead of the given ones."""
+    found: set[Node] = set()
+    ahead = {follower for node in starts for follower in graph.get(node, ())}
+    while ahead:
+        found |= ahead
+        ahead = {follower for node in ahead for follower in graph.get(node, ())} - found
+    return found

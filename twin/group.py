@@ -14,12 +14,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from twin import solver
-from twin.component import Component, PythonComponent, functions
+from twin.component import CONNECTABLE, Component, PythonComponent, functions
 from twin.dependencies import dependencies, flow
 from twin.errors import CouplingError
-from twin.graph import ordered_groups
+from twin.graph import ordered_groups, reached
 from twin.system import Link, is_real
-from twin.variable import Int64, Layout, Role, Variable, layout
+from twin.variable import Int64, Layout, Role, Terminal, Variable, layout
 
 Key = tuple[str, str]
 
@@ -263,7 +263,7 @@ def compose(
     }  # fmt: skip
     cls: type[Group] = type(name, (Group,), body)
     cls.variables, cls.layout, cls.period_ns = tuple(variables), place, step
-    cls.starts = starts(parts, variables)
+    cls.starts, cls.terminals = starts(parts, variables), carried_over(parts, variables)
     advance = solver.sampled_advance(code["step"], step, words)
     cls._functions = (group_start(code["initialize"]), advance)  # type: ignore[attr-defined]
     return cls
@@ -325,6 +325,19 @@ def group_layout(writer: Writer, variables: list[Variable], border: list[Variabl
     return Layout(tuple(variables), dtype, 0, words, places)
 
 
+def carried_over(parts: dict[str, Part], variables: list[Variable]) -> dict[str, Terminal]:
+    """Terminals of the members whose variables can all be connected outside, as `member.terminal`."""
+    outside = {v.name: v for v in variables if v.role in CONNECTABLE}
+    result = {}
+    for member, part in parts.items():
+        for name, terminal in part.component.terminals.items():
+            members = {key: f"{member}.{v.name}" for key, v in terminal.members.items()}
+            if all(place in outside for place in members.values()):
+                kept = {key: outside[place] for key, place in members.items()}
+                result[f"{member}.{name}"] = replace(terminal, members=kept)
+    return result
+
+
 def starts(parts: dict[str, Part], variables: list[Variable]) -> dict[str, Any]:
     """Start values of all variables: what the scenario sets, else what the components declare."""
     result = {}
@@ -338,8 +351,13 @@ def starts(parts: dict[str, Part], variables: list[Variable]) -> dict[str, Any]:
 
 
 def flows(parts: dict[str, Part], links: list[Link], variables: list[Variable]) -> dict[str, frozenset[str]]:
-    """What initialization writes, and the group's inputs and parameters it may be computed from: all, to be safe."""
-    outside = frozenset(v.name for v in variables if v.role in (Role.input, Role.parameter))
-    written = {f"{m}.{n}" for m, part in parts.items() for n in flow(part.component, ("initialize", "derivatives"))}
-    written |= {f"{link.target.member}.{link.target.variable.name}" for link in links}
-    return {v.name: outside for v in variables if v.name in written and v.role not in (Role.input, Role.parameter)}
+    """What initialization writes, and the group's inputs and parameters it is computed from."""
+    graph: dict[str, set[str]] = {}
+    for member, part in parts.items():
+        for name, sources in flow(part.component, ("initialize", "derivatives")).items():
+            graph[f"{member}.{name}"] = {f"{member}.{source}" for source in sources}
+    for link in links:
+        target = f"{link.target.member}.{link.target.variable.name}"
+        graph.setdefault(target, set()).add(f"{link.source.member}.{link.source.variable.name}")
+    outside = {v.name for v in variables if v.role in (Role.input, Role.parameter)}
+    return {name: frozenset(reached(graph, {name}) & outside) for name in graph}

@@ -60,6 +60,7 @@ class Expectation:
     descending: bool = True
     window: Window = WHOLE
     unit: str = ""
+    mean: bool = False  # of a metric: the mean over all variants and seeds is judged, not each run
     where: str = field(default="", compare=False)
 
 
@@ -210,6 +211,9 @@ def outcome(one: Expectation, figures: Iterable[Figure], tables: Mapping[tuple[s
             low, high = int(np.argmin(samples[1])), int(np.argmax(samples[1]))
             worse = low if one.at_least is not None and not samples[1][low] >= one.at_least else high
             found.append((case, samples[1][low], samples[1][high], f" at {samples[0][worse]:.6g} s"))
+    if one.mean and found:
+        mean = float(np.mean([row[1] for row in found]))
+        found = [(f"the mean of {len(found)} runs", mean, mean, "")]
     return limits(one, found)
 
 

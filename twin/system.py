@@ -168,6 +168,20 @@ def feeds(link: Link, output: MemberVariable) -> bool:
     return output.dependencies is None or link.target.variable.name in output.dependencies
 
 
+def direct_followers(links: list[Link], catalog: Catalog) -> dict[tuple[str, str], list[tuple[str, str]]]:
+    """For each connected output, the connected outputs that depend on it directly, through one member."""
+    by_source: dict[tuple[str, str], list[Link]] = {}
+    for link in links:
+        by_source.setdefault(link.source.key, []).append(link)
+    return {
+        key: [
+            other for link in group for other in by_source
+            if other[0] == link.target.member and feeds(link, catalog[other[0]][other[1]])
+        ]
+        for key, group in by_source.items()
+    }  # fmt: skip
+
+
 def stepping_order(members: list[str], links: list[Link], catalog: Catalog) -> list[str]:
     """Gauss-Seidel order: along the connections; inside a loop, along direct feedthrough; else as declared."""
     every: dict[str, list[str]] = {name: [] for name in members}

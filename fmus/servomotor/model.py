@@ -4,7 +4,7 @@ from math import copysign, exp, floor
 
 from twin.component import Component
 from twin.solver import ERROR, OK
-from twin.variable import Int32, input, local, output, parameter
+from twin.variable import Int32, input, local, output, parameter, terminal
 
 # modes of operation, CiA 402 object 6060h
 CYCLIC_SYNCHRONOUS_POSITION = 8
@@ -29,6 +29,13 @@ class Servomotor(Component):
     velocity = output("m/s", "true speed of rod and gripper", display_unit="mm/s")
     current = output("A", "motor current, positive pushes distally")
     force = output("N", "motor force on the rod, positive distal")
+
+    rod = terminal("mechanical side: the end of the rod", position=position, force=load_force)
+    drive = terminal(
+        "electrical side: what a master on the field bus sees, by CiA 402", rule="bus",
+        mode_of_operation=mode_of_operation, target_position=target_position, target_velocity=target_velocity,
+        position_actual_value=position_actual_value, velocity_actual_value=velocity_actual_value, current=current,
+    )  # fmt: skip
 
     mass = parameter(0.65, "kg", "moved mass", minimum=1e-3, source="estimate: rod 0.15 kg, gripper carriage 0.5 kg")
     force_constant = parameter(11.64, "N/A", "force per current", minimum=0.0, source="LM 2070 datasheet, recalled")

@@ -4,7 +4,7 @@ from math import pi
 
 from twin import solver
 from twin.component import Component
-from twin.variable import input, local, output, parameter, state
+from twin.variable import input, local, output, parameter, state, terminal
 
 NODES = 3
 
@@ -24,6 +24,9 @@ class Sheath(Component):
     reaction_force = output("N", "force of the instrument on the gripper, positive distal")
     tip_position = output("m", "end of the sheathed part, positive distal", display_unit="mm")
     tip_velocity = output("m/s", "speed of the end of the sheathed part", display_unit="mm/s")
+
+    gripper = terminal("gripped end", position=gripper_position, force=reaction_force)
+    tip = terminal("end of the sheathed part", position=tip_position, force=contact_force)
 
     stiffness = parameter(
         (2.2e3, 12.0e3, 12.0e3), "N/m", "axial stiffness up to each node", display_unit="N/mm", minimum=1.0,

@@ -2,6 +2,7 @@
 
 import ctypes
 import re
+import subprocess
 import threading
 import zipfile
 from pathlib import Path
@@ -19,6 +20,7 @@ from twin import dependencies
 from twin.component import PythonComponent
 from twin.errors import BuildError
 from twin.fmi import exporter
+from twin.revision import UNKNOWN, revision
 
 # ------------------------------------------------------------------------------------------------------------ archive
 
@@ -51,8 +53,38 @@ def test_unchanged_components_are_left_alone_and_exports_are_equal_to_the_byte(f
     path = fmus[Stiff, "3.0"][0]
     before = path.stat().st_mtime_ns
     assert exporter.build(Stiff, "3.0", build / "tests").stat().st_mtime_ns == before
-    second = exporter.export(Stiff, "3.0", tmp_path / "again.fmu", build / "tests")
-    assert second.read_bytes() == path.read_bytes()
+    first, second = (exporter.export(Stiff, "3.0", tmp_path / f"{i}.fmu", build / "tests") for i in range(2))
+    assert second.read_bytes() == first.read_bytes()
+
+
+def test_an_export_says_what_it_was_made_from(fmus, build, tmp_path):
+    path = exporter.export(Stiff, "3.0", tmp_path / "a.fmu", build / "tests")
+    with zipfile.ZipFile(path) as archive:
+        origin = archive.read("documentation/origin.txt").decode()
+        description = archive.read("modelDescription.xml").decode()
+    token = re.search(r'instantiationToken="(.+?)"', description)[1]
+    assert f"Stiff, content {token}" in origin
+    assert re.search(r"engine: twin [\d.]+, revision \S+", origin)
+
+
+def test_a_revision_follows_the_folder_not_the_repository(tmp_path):
+    def git(*words):
+        name = ("-c", "user.name=a", "-c", "user.email=a@b.c", "-c", "commit.gpgsign=false")
+        subprocess.run(["git", "-C", tmp_path, *name, *words], check=True, capture_output=True)
+
+    assert revision(tmp_path) == UNKNOWN
+    git("init")
+    for folder in ("one", "other"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "model.py").write_text("x = 1")
+        git("add", ".")
+        git("commit", "-m", folder)
+    before = revision(tmp_path / "one")
+    assert re.fullmatch(r"[0-9a-f]{12}", before)
+    assert revision(tmp_path / "other") != before
+    (tmp_path / "other" / "model.py").write_text("x = 2")
+    assert revision(tmp_path / "one") == before
+    assert revision(tmp_path / "other").endswith(" with changes")
 
 
 def test_one_archive_for_several_platforms(build, tmp_path):

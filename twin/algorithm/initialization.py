@@ -8,7 +8,7 @@ import numpy as np
 
 from twin.errors import SimulationError
 from twin.graph import ordered_groups
-from twin.system import Link, feeds, is_real
+from twin.system import Link, direct_followers, is_real
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -27,12 +27,7 @@ def solve(members: Mapping[str, Member], links: list[Link]) -> None:
     by_source: dict[Key, list[Link]] = {}
     for link in links:
         by_source.setdefault(link.source.key, []).append(link)
-    followers: dict[Key, list[Key]] = {key: [] for key in by_source}
-    for key, group in by_source.items():
-        for link in group:
-            for other in by_source:
-                if other[0] == link.target.member and feeds(link, members[other[0]].variables[other[1]]):
-                    followers[key].append(other)
+    followers = direct_followers(links, {name: member.variables for name, member in members.items()})
     for keys in ordered_groups(list(by_source), followers):
         if len(keys) == 1 and keys[0] not in followers[keys[0]]:
             push(members, by_source[keys[0]], members[keys[0][0]].get(keys[0][1]))

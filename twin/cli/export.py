@@ -19,6 +19,7 @@ PLATFORMS = ("x86_64-linux", "aarch64-linux", "x86_64-windows", "x86_64-darwin",
 @click.command(name="export")
 @click.argument("what", metavar="NAME|SCENARIO")
 @click.option("--members", help="Members of the scenario to put into one FMU, separated by commas.")
+@click.option("--group", "named", help="Or a group that the scenario names under `groups`.")
 @click.option("--variant", help="Variant of the scenario; the first one if not given.")
 @click.option("--fmi", type=click.Choice(("2.0", "3.0")), default="3.0", show_default=True, help="FMI version.")
 @click.option(
@@ -45,7 +46,7 @@ PLATFORMS = ("x86_64-linux", "aarch64-linux", "x86_64-windows", "x86_64-darwin",
     help="Folder for compiled objects.",
 )
 def command(
-    what: str, members: str | None, variant: str | None, fmi: str, platforms: tuple[str, ...], target: str,
+    what: str, members: str | None, named: str | None, variant: str | None, fmi: str, platforms: tuple[str, ...], target: str,
     output: Path | None, force: bool, build: Path,
 ) -> None:  # fmt: skip
     """Write a component of fmus/, a module:Class, or part of a scenario as an FMU without Python inside.
@@ -57,7 +58,7 @@ def command(
     """
     from twin.fmi import exporter
 
-    cls = component(what, members, variant)
+    cls = component(what, members, named, variant)
     if target == "c":
         from twin import library
 
@@ -73,22 +74,27 @@ def command(
     click.echo(f"{path}: FMI {fmi}, {path.stat().st_size / 1000:.0f} kB, {time.perf_counter() - begin:.1f} s")
 
 
-def component(what: str, members: str | None, variant: str | None) -> type[Component]:
+def component(what: str, members: str | None, named: str | None, variant: str | None) -> type[Component]:
     """The component to export."""
     from twin import catalog
 
     if not what.endswith((".yaml", ".yml")):
-        if members or variant:
-            raise TwinError(f"{what}: --members and --variant belong to a scenario file. Give SCENARIO.yaml.")
+        if members or named or variant:
+            raise TwinError(f"{what}: --members, --group and --variant belong to a scenario file. Give SCENARIO.yaml.")
         return catalog.component(what)
     from twin.export import group
     from twin.run import prepare
     from twin.scenario import Scenario
+    from twin.scenario.merge import nearest
 
-    if not members:
-        raise TwinError(f"{what}: say which members, such as --members estimate,controller.")
     scenario = Scenario.load(what)
+    if bool((members or "").strip(", ")) == bool(named):
+        known = f" or --group {next(iter(scenario.groups))}" if scenario.groups else ""
+        raise TwinError(f"{what}: say which part of it, either --members estimate,controller{known}.")
+    if named and named not in scenario.groups:
+        hint = nearest(named, scenario.groups) or " Name it under `groups`, or give --members."
+        raise TwinError(f"{what}: there is no group `{named}`.{hint}")
+    chosen = list(scenario.groups[named]) if named else [name.strip() for name in (members or "").split(",") if name]
     catalogs = prepare(scenario)
     case = scenario.cases([variant] if variant else [])[0]
-    chosen = [name.strip() for name in members.split(",") if name.strip()]
-    return group("_".join(chosen)[:60], case, catalogs[case.variant], chosen)
+    return group(named or "_".join(chosen)[:60], case, catalogs[case.variant], chosen)

@@ -162,6 +162,7 @@ class ExpectKeys(WindowKeys):
     within: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
     ordered: Annotated[list[Text], Field(min_length=2)] | None = None
     descending: bool = True
+    mean: bool = False
     unit: Text = ""
 
 
@@ -212,6 +213,7 @@ class RunKeys(Keys):
     members: dict[str, MemberKeys | None] = {}
     connections: list[ConnectionKeys] = []
     events: list[EventKeys] | None = None
+    parameter_sets: list[dict[Text, dict[str, Value]]] = []
 
 
 class ScenarioKeys(RunKeys):
@@ -229,3 +231,4 @@ class ScenarioKeys(RunKeys):
     metrics: dict[str, MetricKeys] = {}
     expect: list[ExpectKeys] = []
     plots: list[PlotKeys] = []
+    groups: dict[str, Annotated[list[Text], BeforeValidator(one_or_more), Field(min_length=1)]] = {}

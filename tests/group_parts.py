@@ -1,0 +1,28 @@
+"""Members for tests of groups."""
+
+from twin.component import Component, PythonComponent
+from twin.variable import input, output, parameter
+
+
+class Gain(Component):
+    """Passes its input on at once."""
+
+    u = input("", "in", start=1.0)
+    y = output("", "out")
+    gain = parameter(1.0, "", "gain", source="assumed")
+
+    def initialize(self):
+        self.y = self.gain * self.u
+
+    def step(self, t, h):
+        self.y = self.gain * self.u
+
+
+class Watch(PythonComponent):
+    """Lives in Python."""
+
+    u = input("", "in")
+    y = output("", "out")
+
+    def step(self, t, h):
+        self.y = self.u

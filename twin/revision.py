@@ -1,0 +1,28 @@
+"""Where sources stand in their version control, so that an exported file can be traced back to them."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+UNKNOWN = "not under version control"
+
+
+def revision(folder: Path) -> str:
+    """The last commit that changed a folder, `with changes` if it differs from it, or that there is none.
+
+    The commit of the folder, not of the repository: a commit elsewhere leaves the same source as it was.
+    """
+    commit = _git(folder, "log", "-1", "--format=%h", "--abbrev=12", "--", ".")
+    if not commit:
+        return UNKNOWN
+    return f"{commit} with changes" if _git(folder, "status", "--porcelain", "--", ".") else commit
+
+
+def _git(folder: Path, *words: str) -> str:
+    """What git says, nothing if it cannot say it."""
+    command = ["git", "--no-optional-locks", "-C", str(folder), *words]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=10).stdout.strip()
+    except (OSError, subprocess.TimeoutExpired):
+        return ""
