@@ -60,9 +60,8 @@ class DriveAxis(PythonComponent):
 class Hardware:
     """A checked hardware file, and what its drives did in the cases of a run."""
 
-    def __init__(self, path: Path, keys: HardwareKeys, arm: bool = False) -> None:
-        self.path, self.keys, self.arm = path, keys, arm
-        self.build = Path("build")
+    def __init__(self, path: Path, keys: HardwareKeys, arm: bool = False, build: Path = Path("build")) -> None:
+        self.path, self.keys, self.arm, self.build = path, keys, arm, build
         self.sessions: list[Session] = []
         self.present: Session | None = None
 
@@ -132,12 +131,30 @@ class Hardware:
         return self.present
 
     def report(self) -> dict[str, Any]:
-        """What is worth keeping of a run, for its summary."""
+        """What is worth keeping of a run, for its summary; `shown` is what the terminal tells."""
         reports = [session.report() for session in self.sessions if session.begun]
+        lost = sum(node["lost_pdos"] for one in reports for node in one["nodes"].values())
+        late = sum(node["late_pdos"] for one in reports for node in one["nodes"].values())
+        overruns = sum(one["overruns"] for one in reports)
+        keys = self.keys
+        bus = "simulated bus" if keys.simulated else f"{keys.interface} {keys.channel}"
+        shown = f"{bus}, cycle {keys.cycle / 1e6:g} ms: {lost} PDOs lost, {late} late, {overruns} overruns"
+        if len(jitter := np.abs(self.jitter())):
+            shown += f", jitter 99 % below {1e3 * np.quantile(jitter, 0.99):.3f} ms, at most {1e3 * jitter.max():.3f} ms"
         return {
-            "file": str(self.path), "simulated": self.keys.simulated, "interface": self.keys.interface,
-            "cycle": self.keys.cycle / 1e9, "cases": reports,
+            "file": str(self.path), "simulated": keys.simulated, "interface": keys.interface,
+            "cycle": keys.cycle / 1e9, "shown": [shown], "cases": reports,
         }  # fmt: skip
+
+    def pictures(self) -> list[dict[str, str]]:
+        """The histogram of the jitter, where time was the wall clock's."""
+        jitter = self.jitter()
+        if not len(jitter):
+            return []
+        from twin.plotting import histogram
+
+        note = f"periods between SYNCs minus {self.keys.cycle / 1e6:g} ms, {len(jitter)} of them"
+        return [{"title": "Jitter of the cycle", "svg": histogram(1e3 * jitter, "period - cycle [ms]"), "note": note}]
 
     def notes(self) -> list[str]:
         """What the person who runs this has to know."""
@@ -149,6 +166,6 @@ class Hardware:
         return np.concatenate(found) if found else np.zeros(0)
 
 
-def load(path: Path, arm: bool = False) -> Hardware:
-    """Read a hardware file."""
-    return Hardware(path, load_keys(path), arm)
+def load(path: Path, arm: bool = False, build: Path = Path("build")) -> Hardware:
+    """Read a hardware file. `arm`: real drives may move."""
+    return Hardware(path, load_keys(path), arm, build)

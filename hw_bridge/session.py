@@ -26,6 +26,24 @@ if TYPE_CHECKING:
 OWN = ("current_maximum", "current_continuous")  # parameters of a motor that its drive uses for itself
 
 
+def bench_network(keys: HardwareKeys, build: Path) -> Network:
+    """The bus of a bench alone, without a scenario; simulated drives feel no load."""
+    if not keys.simulated:
+        return wire(keys)
+    bus = Bus(keys.bit_rate)
+    for node in keys.nodes.values():
+        vendor = profile(node.profile)
+        bus.attach(Drive(vendor, node.node, Motor(vendor.motor, build=build)))
+    return SimulatedNetwork(bus)
+
+
+def wire(keys: HardwareKeys) -> Network:
+    """A python-can interface."""
+    from hw_bridge.master.wire import WireNetwork
+
+    return WireNetwork(keys.interface, keys.channel, keys.bit_rate, keys.options)
+
+
 class Plant:
     """A simulated drive with its motor, which feels the load of the co-simulation."""
 
@@ -85,9 +103,7 @@ class Session:
         """The bus, with its simulated drives where they are part of the run."""
         keys = self.keys
         if not keys.simulated:
-            from hw_bridge.master.wire import WireNetwork
-
-            return WireNetwork(keys.interface, keys.channel, keys.bit_rate, keys.options)
+            return wire(keys)
         self.bus = Bus(keys.bit_rate)
         for name, axis in self.axes.items():
             self.plants[name] = Plant(axis, keys, name, self.build)

@@ -17,6 +17,7 @@ from hw_bridge.frame import Frame, bit_count
 from hw_bridge.master import setup
 from hw_bridge.master.network import never
 from hw_bridge.master.node import AT_REST, Node
+from hw_bridge.master.sdo import RESPONSE as SDO_RESPONSE
 from hw_bridge.master.timing import Timing
 from hw_bridge.profiles import profile
 from twin.errors import SimulationError
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
     from hw_bridge.hardware import HardwareKeys
     from hw_bridge.master.network import Condition, Network
+    from hw_bridge.master.sdo import SdoClient
 
 START, PRE_OPERATIONAL, STOP = 1, 128, 2  # NMT
 SYNC, ERROR_CONTROL = 0x080, 0x700
@@ -52,9 +54,10 @@ class Master:
         self._beating = False
         self._beat_due = 0
         self._twin_master = False
+        self._asked: SdoClient | None = None
         bits = sum(bit_count(frame) for node in self.nodes.values() for frame in node.frames()) * 1_000_000_000
         # SYNC leaves after all targets are on the wire: its identifier would win against theirs
-        self.window = 2 * bits // keys.bit_rate + 50_000
+        self.window = bits // keys.bit_rate + 100_000
         network.hear = self._hear
 
     # ------------------------------------------------------------------------------------------------------- frames
@@ -63,8 +66,20 @@ class Master:
         if frame.id == ERROR_CONTROL + self.keys.master:
             self._twin_master = True
         node = self._by_number.get(frame.id & 0x7F)
+        if self._asked is not None and frame.id == SDO_RESPONSE + self._asked.node:
+            self._asked.heard(frame.data)
+            return
         if node is not None and frame.id > 0x7F and not frame.remote:
             node.heard(frame, self.network.now)
+
+    @contextmanager
+    def listening(self, client: SdoClient) -> Iterator[None]:
+        """Give the answers of a node that need not be known to this client."""
+        self._asked = client
+        try:
+            yield
+        finally:
+            self._asked = None
 
     def wait(self, duration: int, done: Condition = never) -> None:
         """Let time pass, hear frames and tell that this program lives."""

@@ -46,6 +46,7 @@ class SdoClient:
     def __init__(self, node: int, send: Callable[[Frame], None], wait: Callable[[int, Condition], None]) -> None:
         self.node, self.send, self.wait = node, send, wait
         self.answers: list[bytes] = []
+        self.attempts = ATTEMPTS
 
     def heard(self, data: bytes) -> None:
         """A response arrived."""
@@ -70,7 +71,7 @@ class SdoClient:
         self._ask(struct.pack("<BHB", head, index, sub) + data.ljust(4, b"\0"), index, sub, 0x60, TIMEOUT)
 
     def _ask(self, request: bytes, index: int, sub: int, expected: int, timeout: int, segment: bool = False) -> bytes:
-        for _ in range(1 if segment else ATTEMPTS):
+        for _ in range(1 if segment else self.attempts):
             self.answers.clear()
             self.send(Frame(REQUEST + self.node, request))
             self.wait(timeout, lambda: any(self._fits(one, index, sub, expected, segment) for one in self.answers))
