@@ -19,7 +19,8 @@ from twin.component import Component, PythonComponent
 from twin.errors import CouplingError, ScenarioError
 from twin.scenario.scenario import ConnectionSpec, MemberSpec
 from twin.system import nearest
-from twin.variable import Role, input
+from twin.variable import Role
+from twin.variable import input as input_variable
 
 if TYPE_CHECKING:
     from hw_bridge.hardware import HardwareKeys
@@ -86,7 +87,9 @@ class Hardware:
             cls = self._replaced(case.members[name])
             known = {v.name for v in cls.variables}
             if missing := [one for one in NEEDED if one not in known]:
-                found.append(f"{self.path}: nodes.{name}: {cls.__name__} has no {', '.join(missing)}. A drive needs them.")
+                found.append(
+                    f"{self.path}: nodes.{name}: {cls.__name__} has no {', '.join(missing)}. A drive needs them."
+                )
             if node.contact is not None and node.contact.signal.partition(".")[0] not in case.members:
                 found.append(f"{self.path}: nodes.{name}.contact: no member for {node.contact.signal}. Correct it.")
         if self.keys.cycle % case.step_ns:
@@ -107,17 +110,22 @@ class Hardware:
         for name, node in self.keys.nodes.items():
             spec = members[name]
             members[name] = replace(
-                spec, component=f"hw_bridge.bridge:{name}", made=self._component(name, self._replaced(spec)), period_ns=None
+                spec,
+                component=f"hw_bridge.bridge:{name}",
+                made=self._component(name, self._replaced(spec)),
+                period_ns=None,
             )
             if node.contact is not None:
-                connections.append(ConnectionSpec(node.contact.signal, f"{name}.{CONTACT}", f"{self.path}: nodes.{name}"))
+                connections.append(
+                    ConnectionSpec(node.contact.signal, f"{name}.{CONTACT}", f"{self.path}: nodes.{name}")
+                )
         return replace(case, members=members, connections=tuple(connections))
 
     def _component(self, name: str, replaced: type[Component]) -> type[DriveAxis]:
         """A component class with the connectors of the one that it replaces."""
         fields: dict[str, Any] = {v.name: v for v in replaced.variables if v.role in KEPT}
         if self.keys.nodes[name].contact is not None:
-            fields[CONTACT] = input("N", "force that is watched")
+            fields[CONTACT] = input_variable("N", "force that is watched")
         fields |= {"hardware": self, "member": name, "replaced": replaced, "__module__": __name__}
         fields["__doc__"] = f"A drive instead of {replaced.__name__}."
         return type(f"Drive_{name}", (DriveAxis,), fields)
@@ -140,7 +148,9 @@ class Hardware:
         bus = "simulated bus" if keys.simulated else f"{keys.interface} {keys.channel}"
         shown = f"{bus}, cycle {keys.cycle / 1e6:g} ms: {lost} PDOs lost, {late} late, {overruns} overruns"
         if len(jitter := np.abs(self.jitter())):
-            shown += f", jitter 99 % below {1e3 * np.quantile(jitter, 0.99):.3f} ms, at most {1e3 * jitter.max():.3f} ms"
+            shown += (
+                f", jitter 99 % below {1e3 * np.quantile(jitter, 0.99):.3f} ms, at most {1e3 * jitter.max():.3f} ms"
+            )
         return {
             "file": str(self.path), "simulated": keys.simulated, "interface": keys.interface,
             "cycle": keys.cycle / 1e9, "shown": [shown], "cases": reports,

@@ -64,7 +64,7 @@ def object_name(value: Any) -> dict[tuple[int, int], int]:
 class LimitKeys(Keys):
     """What a drive may do; checked each cycle, and written into the drive where it has objects for it."""
 
-    position: Annotated[list[Metres], Field(min_length=2, max_length=2)] = [-0.035, 0.035]
+    position: Annotated[list[Metres], Field(min_length=2, max_length=2)] = Field(default=[-0.035, 0.035])
     velocity: Speed = 0.3
     force: Force = 15.0
     following_error: Annotated[float, quantity("m"), Field(gt=0)] = 5e-3
@@ -111,7 +111,7 @@ class NodeKeys(Keys):
     heartbeat: HeartbeatKeys = HeartbeatKeys()
     homing: HomingKeys | None = None
     contact: ContactKeys | None = None
-    objects: Annotated[dict[tuple[int, int], int], BeforeValidator(object_name)] = {}
+    objects: Annotated[dict[tuple[int, int], int], BeforeValidator(object_name)] = Field(default={})
     description: Text = ""
 
 
@@ -124,7 +124,7 @@ class HardwareKeys(Keys):
     interface: Text = ""
     channel: Text = ""
     bit_rate: Annotated[int, Field(strict=True)] = 1_000_000
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = Field(default={})
     cycle: Milliseconds = 5 * MILLISECOND
     master: Annotated[int, Field(strict=True, ge=1, le=127)] = 127
     nodes: Annotated[dict[str, NodeKeys], Field(min_length=1)]
@@ -132,7 +132,9 @@ class HardwareKeys(Keys):
     def is_software(self) -> bool:
         """Whether no current can flow: the bus is simulated, or its interface exists in software only."""
         channel = self.channel
-        pty = channel.startswith("/dev/pts/") or (channel.startswith("/") and str(Path(channel).resolve()).startswith("/dev/pts/"))
+        pty = channel.startswith("/dev/pts/") or (
+            channel.startswith("/") and str(Path(channel).resolve()).startswith("/dev/pts/")
+        )
         return self.simulated or self.interface in SOFTWARE or channel.startswith("vcan") or pty
 
 
@@ -162,15 +164,21 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
     for name, node in keys.nodes.items():
         where = root.find(("nodes", name, "node")).place
         if node.node in taken:
-            problems.append(f"{where}: nodes.{name}: node {node.node} is {taken[node.node]} already. Use another node-ID.")
+            problems.append(
+                f"{where}: nodes.{name}: node {node.node} is {taken[node.node]} already. Use another node-ID."
+            )
         taken[node.node] = f"`{name}`"
         low, high = node.limits.position
         if low >= high:
             place = root.find(("nodes", name, "limits", "position")).place
-            problems.append(f"{place}: nodes.{name}.limits.position: the first limit is not below the second. Swap them.")
+            problems.append(
+                f"{place}: nodes.{name}.limits.position: the first limit is not below the second. Swap them."
+            )
         if node.heartbeat.lost_after <= node.heartbeat.every:
             place = root.find(("nodes", name, "heartbeat")).place
-            problems.append(f"{place}: nodes.{name}.heartbeat: lost_after is not longer than every. Use three times as long.")
+            problems.append(
+                f"{place}: nodes.{name}.heartbeat: lost_after is not longer than every. Use three times as long."
+            )
     return problems
 
 
@@ -191,12 +199,12 @@ def line(root: Node, error: Any) -> str:
     )
 
 
-KEYS = {
+KEYS: dict[str, type[Keys]] = {
     "limits": LimitKeys, "heartbeat": HeartbeatKeys, "homing": HomingKeys, "contact": ContactKeys,
 }  # fmt: skip
 
 
 def _near(path: tuple[str | int, ...]) -> str:
     """The key that was probably meant."""
-    model = HardwareKeys if len(path) == 1 else KEYS.get(str(path[-2]), NodeKeys)
+    model: type[Keys] = HardwareKeys if len(path) == 1 else KEYS.get(str(path[-2]), NodeKeys)
     return " " + nearest(str(path[-1]), list(model.model_fields))

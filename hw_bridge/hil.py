@@ -62,7 +62,9 @@ def differences(keys: HardwareKeys, build: Path) -> list[str]:
             else:
                 problems += node.identify()
         strangers = [number for number in found if number not in expected]
-        problems += [f"node {number} is not in the hardware file. Add it, or take it off the bus." for number in strangers]
+        problems += [
+            f"node {number} is not in the hardware file. Add it, or take it off the bus." for number in strangers
+        ]
         return problems
     finally:
         master.network.close()
@@ -70,7 +72,7 @@ def differences(keys: HardwareKeys, build: Path) -> list[str]:
 
 def scan(master: Master) -> dict[int, str]:
     """Every node that answers, with what it is."""
-    from hw_bridge.master.sdo import SdoClient, Silent
+    from hw_bridge.master.sdo import SdoClient, SilentError
 
     found = {}
     for number in range(1, 128):
@@ -84,7 +86,7 @@ def scan(master: Master) -> dict[int, str]:
                 vendor, product, revision, serial = (
                     struct.unpack("<I", client.read(0x1018, sub))[0] for sub in (1, 2, 3, 4)
                 )
-            except Silent:
+            except SilentError:
                 continue
             except SimulationError as error:
                 found[number] = f"answers, but not as a CANopen device should: {error}"

@@ -91,7 +91,7 @@ class Session:
         self.plants: dict[str, Plant] = {}
         self.master: Master | None = None
         self.bus: Bus | None = None
-        self.begun = self.closed = False
+        self.begun = self.closed = self.real_time = False
         self.wall_clock = not keys.simulated
         self.stepped: set[str] = set()
         self.origin = 0  # time of the network at the scenario's zero [ns]
@@ -144,7 +144,7 @@ class Session:
     def begin(self, t: int) -> None:
         """Bring the drives up."""
         master = self.master = Master(self.keys, self.network())
-        self.begun, self.start = True, t
+        self.begun, self.start, self.real_time = True, t, master.network.real_time
         master.begin()
         self.origin = master.network.now - t
         for name, plant in self.plants.items():
@@ -214,7 +214,7 @@ class Session:
     def report(self) -> dict[str, Any]:
         """Statistics of the case."""
         assert self.master is not None
-        found = self.master.report()
+        found = self.master.report() | {"real_time_priority": self.real_time}
         if self.bus is not None:
             found |= {"bus_load": self.bus.load, "longest_wait": self.bus.longest_wait / 1e9}
         return found

@@ -244,9 +244,7 @@ def sources(cases: Iterable[Case]) -> dict[str, str]:
     return found
 
 
-def write(
-    outcome: Outcome, cases: Sequence[Case], report: bool, pictures: Sequence[dict[str, str]] = ()
-) -> None:
+def write(outcome: Outcome, cases: Sequence[Case], report: bool, pictures: Sequence[dict[str, str]] = ()) -> None:
     """Write summary.json and report.html."""
     outcome.summary = results.summary(outcome.run, outcome.evaluation, outcome.tables)
     results.write_summary(outcome.folder / "summary.json", outcome.summary)

@@ -237,7 +237,9 @@ class Master:
             try:
                 self._bring_down()
             except Exception as error:
-                self.notes.append(f"stop: {error} The drives stop by themselves when this program's heartbeat is missing.")
+                self.notes.append(
+                    f"stop: {error} The drives stop by themselves when this program's heartbeat is missing."
+                )
             finally:
                 self.network.close()
 
@@ -274,7 +276,11 @@ class Master:
     def report(self) -> dict[str, Any]:
         """Statistics of the run."""
         nodes = {
-            name: {"late_pdos": node.late, "lost_pdos": node.lost, "emergencies": [f"{c:04X}" for _, c in node.emergencies]}
+            name: {
+                "late_pdos": node.late,
+                "lost_pdos": node.lost,
+                "emergencies": [f"{c:04X}" for _, c in node.emergencies],
+            }
             for name, node in self.nodes.items()
         }
         return {**self.timing.summary(), "nodes": nodes}
@@ -291,5 +297,3 @@ def undisturbed() -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
-
-

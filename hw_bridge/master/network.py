@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from hw_bridge.agenda import MILLISECOND, NEVER
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from hw_bridge.bus import Bus
     from hw_bridge.frame import Frame
 
-Condition = Callable[[], bool] if TYPE_CHECKING else object
+Condition = Callable[[], bool]
 LOOK = MILLISECOND // 4  # how often a condition is looked at in simulated time [ns]
 
 
@@ -31,6 +30,7 @@ class Network(ABC):
     """What a master stands on. `now` [ns] counts from when the network was opened; `hear` gets every frame."""
 
     wall_clock: bool  # whether time passes by itself
+    real_time = False  # whether this process goes before ordinary ones
 
     def __init__(self) -> None:
         self.hear: Callable[[Frame], None] = ignored
@@ -96,8 +96,11 @@ class SimulatedNetwork(Network):
         super().__init__()
         self.bus = bus
         self.terminal = Terminal()
-        self.terminal.hear = lambda frame: self.hear(frame)
+        self.terminal.hear = self._heard
         bus.attach(self.terminal)
+
+    def _heard(self, frame: Frame) -> None:
+        self.hear(frame)
 
     @property
     def now(self) -> int:

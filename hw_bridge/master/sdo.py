@@ -28,7 +28,7 @@ class SdoError(SimulationError):
         self.code = code
 
 
-class Silent(SimulationError):
+class SilentError(SimulationError):
     """A node did not answer."""
 
 
@@ -78,7 +78,7 @@ class SdoClient:
             for answer in self.answers:
                 if self._fits(answer, index, sub, expected, segment):
                     return self._checked(answer, index, sub)
-        raise Silent(
+        raise SilentError(
             f"node {self.node}: no answer on {index:04X}h.{sub}. Check its power, the wiring, the bit rate and its node-ID."
         )
 

@@ -140,12 +140,13 @@ def heartbeat(node: Node, master: int) -> None:
 
 def mapping(node: Node) -> None:
     """The remap procedure for four PDOs each way: one controlword in all, everything at SYNC, the others off."""
-    interpolated = 0x60C2 in node.mirror
+    # a drive without interpolation gets several set-points in a cycle: they act when they come
+    kind = 1 if 0x60C2 in node.mirror else 255
+    receive: tuple[tuple[int, ...], ...] = (*RECEIVE, (), ())
+    transmit: tuple[tuple[int, ...], ...] = (TRANSMIT, (SPEED, node.vendor.current), (), ())
     for number in range(4):
-        words = RECEIVE[number] if number < len(RECEIVE) else ()
-        map_pdo(node, 0x1400 + number, 0x200 + 0x100 * number + node.number, words, 1 if interpolated else 255)
-    for number, words in enumerate((TRANSMIT, (SPEED, node.vendor.current), (), ())):
-        map_pdo(node, 0x1800 + number, 0x180 + 0x100 * number + node.number, words, 1)
+        map_pdo(node, 0x1400 + number, 0x200 + 0x100 * number + node.number, receive[number], kind)
+        map_pdo(node, 0x1800 + number, 0x180 + 0x100 * number + node.number, transmit[number], 1)
 
 
 def map_pdo(node: Node, index: int, identifier: int, words: tuple[int, ...], kind: int) -> None:
