@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hw_bridge.hardware import ContactKeys
 from hw_bridge.hardware import load as load_keys
 from hw_bridge.session import Session
 from twin import catalog
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
 KEPT = (Role.input, Role.output, Role.parameter)
 NEEDED = ("target_velocity", "position_actual_value")
 CONTACT = "contact_force"
+MEASURED = "measured_force"
 
 
 class DriveAxis(PythonComponent):
@@ -63,6 +65,7 @@ class Hardware:
 
     def __init__(self, path: Path, keys: HardwareKeys, arm: bool = False, build: Path = Path("build")) -> None:
         self.path, self.keys, self.arm, self.build = path, keys, arm, build
+        self.contacts = {name: node.contact for name, node in keys.nodes.items() if node.contact is not None}
         self.sessions: list[Session] = []
         self.present: Session | None = None
 
@@ -92,12 +95,33 @@ class Hardware:
                 )
             if node.contact is not None and node.contact.signal.partition(".")[0] not in case.members:
                 found.append(f"{self.path}: nodes.{name}.contact: no member for {node.contact.signal}. Correct it.")
+            elif node.contact is None and node.watch_contact:
+                found += self._find_contact(name, case)
         if self.keys.cycle % case.step_ns:
             found.append(
                 f"{self.path}: cycle: {self.keys.cycle / 1e6:g} ms is not a multiple of the scenario's step, "
                 f"{case.step_ns / 1e6:g} ms. Change one of them."
             )
         return found
+
+    def _find_contact(self, name: str, case: Case) -> list[str]:
+        """Watch the contact force that the scenario measures, if it measures one."""
+        found = [
+            f"{member}.{MEASURED}"
+            for member, spec in case.members.items()
+            if member not in self.keys.nodes and not spec.component.endswith(".fmu")
+            and any(v.name == MEASURED and v.role is Role.output for v in self._replaced(spec).variables)
+        ]  # fmt: skip
+        if len(found) == 1:
+            self.contacts[name] = ContactKeys(signal=found[0])
+        if len(found) < 2:
+            return []
+        return [
+            (
+                f"{self.path}: nodes.{name}: which contact force is to be watched, {' or '.join(found)}? "
+                f"Add `contact: {{signal: {found[0]}}}`, or `watch_contact: false`."
+            )
+        ]
 
     @staticmethod
     def _replaced(spec: MemberSpec) -> type[Component]:
@@ -107,7 +131,7 @@ class Hardware:
 
     def _applied(self, case: Case) -> Case:
         members, connections = dict(case.members), list(case.connections)
-        for name, node in self.keys.nodes.items():
+        for name in self.keys.nodes:
             spec = members[name]
             members[name] = replace(
                 spec,
@@ -115,16 +139,15 @@ class Hardware:
                 made=self._component(name, self._replaced(spec)),
                 period_ns=None,
             )
-            if node.contact is not None:
-                connections.append(
-                    ConnectionSpec(node.contact.signal, f"{name}.{CONTACT}", f"{self.path}: nodes.{name}")
-                )
+            if name in self.contacts:
+                source = self.contacts[name].signal
+                connections.append(ConnectionSpec(source, f"{name}.{CONTACT}", f"{self.path}: nodes.{name}"))
         return replace(case, members=members, connections=tuple(connections))
 
     def _component(self, name: str, replaced: type[Component]) -> type[DriveAxis]:
         """A component class with the connectors of the one that it replaces."""
         fields: dict[str, Any] = {v.name: v for v in replaced.variables if v.role in KEPT}
-        if self.keys.nodes[name].contact is not None:
+        if name in self.contacts:
             fields[CONTACT] = input_variable("N", "force that is watched")
         fields |= {"hardware": self, "member": name, "replaced": replaced, "__module__": __name__}
         fields["__doc__"] = f"A drive instead of {replaced.__name__}."
@@ -133,7 +156,7 @@ class Hardware:
     def join(self, axis: DriveAxis) -> Session:
         """The session that an axis belongs to: a new one where a case begins."""
         if self.present is None or self.present.begun or self.present.closed or axis.member in self.present.axes:
-            self.present = Session(self.keys, self.build)
+            self.present = Session(self.keys, self.contacts, self.build)
             self.sessions.append(self.present)
         self.present.axes[axis.member] = axis
         return self.present

@@ -87,7 +87,10 @@ class HomingKeys(Keys):
 
 
 class ContactKeys(Keys):
-    """A force that is watched: above the limit, or silent, the drive retracts."""
+    """A force that is watched: above the limit, or silent, the drive retracts.
+
+    Without it, the only output `measured_force` of the scenario is watched, unless `watch_contact` is false.
+    """
 
     signal: Reference
     above: Force = 0.4
@@ -98,7 +101,7 @@ class ContactKeys(Keys):
 
 
 class NodeKeys(Keys):
-    """The drive that stands for a member."""
+    """The drive that stands for a member. `safe_outputs`: 60FEh.1 after every stop, for valves of grippers."""
 
     node: Annotated[int, Field(strict=True, ge=1, le=126)]
     profile: Literal["faulhaber_v3", "mclm", "epos4"]
@@ -111,6 +114,8 @@ class NodeKeys(Keys):
     heartbeat: HeartbeatKeys = HeartbeatKeys()
     homing: HomingKeys | None = None
     contact: ContactKeys | None = None
+    watch_contact: bool = True
+    safe_outputs: Annotated[int, Field(strict=True, ge=0, lt=2**32)] | None = None
     objects: Annotated[dict[tuple[int, int], int], BeforeValidator(object_name)] = Field(default={})
     description: Text = ""
 

@@ -19,7 +19,7 @@ from twin.variable import Role
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from hw_bridge.hardware import HardwareKeys
+    from hw_bridge.hardware import ContactKeys, HardwareKeys
     from hw_bridge.master.node import Node
     from twin.component import Component
 
@@ -86,8 +86,8 @@ class Plant:
 class Session:
     """Drives and their master during one case."""
 
-    def __init__(self, keys: HardwareKeys, build: Path) -> None:
-        self.keys, self.build = keys, build
+    def __init__(self, keys: HardwareKeys, contacts: dict[str, ContactKeys], build: Path) -> None:
+        self.keys, self.contacts, self.build = keys, contacts, build
         self.axes: dict[str, Component] = {}
         self.plants: dict[str, Plant] = {}
         self.master: Master | None = None
@@ -150,9 +150,8 @@ class Session:
         self.origin = master.network.now - t
         for name, plant in self.plants.items():
             plant.zero(master.nodes[name])
-        for name, node in self.keys.nodes.items():
-            if node.contact is not None:
-                self.watches[name] = ContactWatch(name, node.contact, master.nodes[name], t)
+        for name, contact in self.contacts.items():
+            self.watches[name] = ContactWatch(name, contact, master.nodes[name], t)
 
     def keep_pace(self, t: int) -> None:
         """A loop that came too late goes on from here instead of hurrying after."""

@@ -251,6 +251,8 @@ class Master:
             node.goal = State.DISABLED
         self._cycles_until(lambda node: node.state in AT_REST)
         for node in self.nodes.values():
+            if not self._lost(node):
+                setup.make_safe(node)
             if self._lost(node) or node.state not in AT_REST:
                 self.notes.append(
                     f"{node.name}: did not confirm that it is disabled (last state: {node.state}). Check it before you touch it."

@@ -160,6 +160,19 @@ def test_ctrl_c(rig, monkeypatch):
     assert signal.getsignal(signal.SIGINT) is before
 
 
+def test_digital_outputs_are_safe_before_and_after(build):
+    rig = Rig(build, {"servomotor": node(safe_outputs=5)})
+    rig.go(10)
+    outputs = rig.drive.dictionary
+    assert outputs.get(0x60FE, 1) == 5
+    outputs.put(0x60FE, 2, 1)
+    rig.axis.close()
+    assert outputs.get(0x60FE, 1) == 5
+    rig = Rig(build, {"servomotor": node("mclm", safe_outputs=5)})
+    with pytest.raises(SimulationError, match=r"MCLM 300x CO has no 60FEh\.1"):
+        rig.go(1)
+
+
 def test_another_master_on_the_bus(build):
     """Two masters with one ID: neither may go on."""
     from hw_bridge.frame import Frame
@@ -216,6 +229,6 @@ def test_a_silent_sensor_retracts(build, value):
 def test_a_retraction_ends_at_the_position_limit(build):
     rig = touching(build, distance="60 mm", direction="positive")
     rig.set(contact_force=0.6)
-    with pytest.raises(SimulationError, match="above 0.4 N"):
+    with pytest.raises(SimulationError, match=r"above 0\.4 N"):
         rig.go(3000)
     assert rig.get("position") == pytest.approx(0.034, abs=5e-4)

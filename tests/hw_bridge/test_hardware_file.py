@@ -108,9 +108,19 @@ def test_real_interfaces_have_to_be_armed(write, interface, channel, free):
     if free:
         load(path).apply(scenario)
     else:
-        with pytest.raises(ScenarioError, match="may move real drives. Add --arm"):
+        with pytest.raises(ScenarioError, match=r"may move real drives\. Add --arm"):
             load(path).apply(scenario)
         load(path, arm=True).apply(scenario)
+
+
+def test_the_contact_force_is_watched_by_default(write):
+    for text, signal in (
+        (GOOD, "sensor.measured_force"),
+        (GOOD.replace("node: 1", "node: 1, watch_contact: false"), None),
+    ):
+        scenario = load(write(text)).apply(Scenario.load(SCENARIO))
+        found = [one.source for one in scenario.variants[0].connections if one.target == "servomotor.contact_force"]
+        assert found == ([signal] if signal else [])
 
 
 def test_a_step_that_does_not_fit_the_cycle(write):
@@ -121,7 +131,7 @@ def test_a_step_that_does_not_fit_the_cycle(write):
 
 def test_the_command_runs_a_scenario_on_drives(tmp_path, build, monkeypatch):
     monkeypatch.chdir(ROOT)
-    monkeypatch.setattr(run, "load_hardware", lambda file, arm, build: load(file, arm, build))
+    monkeypatch.setattr(run, "load_hardware", load)
     arguments = [str(SHORT), "--hardware", SIMULATED, "--variant", "PI", "--runs", str(tmp_path), "--build", str(build)]
     done = CliRunner().invoke(run.command, [*arguments, "--json"])
     assert done.exit_code == 0, done.output
@@ -157,8 +167,10 @@ def test_check_says_what_differs(write, build):
     assert done.stdout.startswith("node 1: FAULHABER Motion Control V3.0, vendor 147h")
     keys = hardware.load(write(GOOD.replace("node: 1", "node: 1, serial: 12")))
     assert hil.differences(keys, build) == [
-        "servomotor: node 1: serial number is 1h, expected Ch (FAULHABER Motion Control V3.0). "
-        "Correct the hardware file or the wiring."
+        (
+            "servomotor: node 1: serial number is 1h, expected Ch (FAULHABER Motion Control V3.0). "
+            "Correct the hardware file or the wiring."
+        )
     ]
 
 
