@@ -7,6 +7,7 @@ each member that the file names. All of them share one `Session` per case, which
 from __future__ import annotations
 
 from dataclasses import replace
+from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,13 +15,13 @@ import numpy as np
 
 from hw_bridge.hardware import ContactKeys
 from hw_bridge.hardware import load as load_keys
-from hw_bridge.session import Session
+from hw_bridge.session import Session, beginning
 from twin import catalog
 from twin.component import Component, PythonComponent
 from twin.errors import CouplingError, ScenarioError
 from twin.scenario.scenario import ConnectionSpec, MemberSpec
 from twin.system import nearest
-from twin.variable import Role
+from twin.variable import Float64, Role
 from twin.variable import input as input_variable
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ KEPT = (Role.input, Role.output, Role.parameter)
 NEEDED = ("target_velocity", "position_actual_value")
 CONTACT = "contact_force"
 MEASURED = "measured_force"
+PLACES = {"position", "position_actual_value", "angle"}
+START = dict.fromkeys(("velocity", "velocity_actual_value", "angular_velocity", "current", "force", "torque"), 0.0)
 
 
 class DriveAxis(PythonComponent):
@@ -39,17 +42,18 @@ class DriveAxis(PythonComponent):
 
     hardware: Hardware
     member: str
-    measured: tuple[str, ...] = ()  # outputs that a drive tells
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)
         self._session = self.hardware.join(self)
 
     def initialize(self) -> None:
-        """At rest at zero: the drives are brought up in the first step."""
+        """At rest where it begins: the drives are brought up in the first step."""
         for variable in type(self).variables:
             if variable.role is Role.output:
-                self.views[variable.name][...] = 0
+                self.views[variable.name][...] = START.get(variable.name, nan) if variable.type is Float64 else 0
+        for name in PLACES & set(self.views):
+            self.views[name][...] = beginning(self)
 
     def step(self, t: float, h: float) -> None:
         """Hand the targets over; the last member of a session lets the bus go on."""

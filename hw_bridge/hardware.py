@@ -19,14 +19,17 @@ SOFTWARE = ("virtual", "udp_multicast")  # interfaces of python-can without any 
 MILLISECOND = 1_000_000
 
 
-def quantity(symbol: str) -> Any:
-    """A type of key that converts text such as `5 mm` to SI; a bare number is in SI."""
+def quantity(*symbols: str) -> Any:
+    """A type of key that converts text such as `5 mm` to SI, of the first kind that fits; a bare number is in SI."""
 
     def convert(value: Any) -> float:
-        try:
-            return number(value, symbol, "")
-        except CouplingError as error:
-            raise ValueError(str(error).removeprefix(": ")) from None
+        problems = []
+        for symbol in symbols:
+            try:
+                return number(value, symbol, "")
+            except CouplingError as error:
+                problems.append(str(error).removeprefix(": "))
+        raise ValueError(problems[0])
 
     return BeforeValidator(convert)
 
@@ -39,11 +42,13 @@ def whole_milliseconds(value: Any) -> int:
     return time
 
 
-Metres = Annotated[float, quantity("m")]
-Speed = Annotated[float, quantity("m/s"), Field(gt=0)]
-Acceleration = Annotated[float, quantity("m/s^2"), Field(gt=0)]
-Force = Annotated[float, quantity("N"), Field(gt=0)]
-ForceConstant = Annotated[float, quantity("N/A"), Field(gt=0)]
+# of a linear axis, or of one that turns
+Place = Annotated[float, quantity("m", "rad")]
+Distance = Annotated[float, quantity("m", "rad"), Field(gt=0)]
+Speed = Annotated[float, quantity("m/s", "rad/s"), Field(gt=0)]
+Acceleration = Annotated[float, quantity("m/s^2", "rad/s^2"), Field(gt=0)]
+Force = Annotated[float, quantity("N", "N*m"), Field(gt=0)]
+ForceConstant = Annotated[float, quantity("N/A", "N*m/A"), Field(gt=0)]
 Milliseconds = Annotated[int, BeforeValidator(whole_milliseconds)]
 
 
@@ -64,10 +69,10 @@ def object_name(value: Any) -> dict[tuple[int, int], int]:
 class LimitKeys(Keys):
     """What a drive may do; checked each cycle, and written into the drive where it has objects for it."""
 
-    position: Annotated[list[Metres], Field(min_length=2, max_length=2)] = Field(default=[-0.035, 0.035])
+    position: Annotated[list[Place], Field(min_length=2, max_length=2)] = Field(default=[-0.035, 0.035])
     velocity: Speed = 0.3
     force: Force = 15.0
-    following_error: Annotated[float, quantity("m"), Field(gt=0)] = 5e-3
+    following_error: Distance = 5e-3
     acceleration: Acceleration = 10.0
 
 
@@ -79,9 +84,13 @@ class HeartbeatKeys(Keys):
 
 
 class HomingKeys(Keys):
-    """A method of 6098h; without one, the place where the drive stands at the start counts as zero."""
+    """A method of 6098h, and what position `at` the place that it finds has. Then the drive goes to where it begins.
+
+    Without homing, the place where the drive stands is where the scenario begins.
+    """
 
     method: Annotated[int, Field(strict=True, ge=-128, le=127)]
+    at: Place = 0.0
     speed: Speed = 0.02
     timeout: Milliseconds = 30_000 * MILLISECOND
 
@@ -95,7 +104,7 @@ class ContactKeys(Keys):
     signal: Reference
     above: Force = 0.4
     silent_for: Period = 100 * MILLISECOND
-    distance: Annotated[float, quantity("m"), Field(gt=0)] = 10e-3
+    distance: Distance = 10e-3
     speed: Speed = 0.05
     direction: Literal["positive", "negative"] = "negative"
 

@@ -35,7 +35,7 @@ def stopped(drive):
 
 
 def speed(rig):
-    return abs(rig.drive.axis.velocity * rig.plant.scale)
+    return abs(rig.drive.axis.velocity * abs(rig.plant.sign))
 
 
 def test_close_stops_and_disables(rig):
@@ -51,10 +51,10 @@ def test_close_stops_and_disables(rig):
 @pytest.mark.parametrize(
     ("limits", "text"),
     [
-        ({"position": ["-5 mm", "11 mm"]}, r"position 11\.\d\d mm is outside -5 to 11 mm"),
+        ({"position": ["-5 mm", "11 mm"]}, r"position 11\.\d\d mm is outside -5\.00 mm to 11\.00 mm"),
         ({"velocity": "40 mm/s"}, ""),
         ({"force": "1 N"}, r"force -?[\d.]+ N is above 1 N"),
-        ({"following_error": "0.1 mm"}, r"following error -?[\d.]+ mm is above 0.1 mm"),
+        ({"following_error": "0.1 mm"}, r"following error -?[\d.]+ mm is above 0\.10 mm"),
     ],
 )
 def test_limits(build, limits, text):
@@ -75,7 +75,7 @@ def test_a_load_that_carries_the_axis_away(build):
     rig.set(target_velocity=0.05)
     rig.go(200)
     rig.set(load_force=60.0)
-    with pytest.raises(SimulationError, match=r"velocity \d+ mm/s is above 65 mm/s"):
+    with pytest.raises(SimulationError, match=r"velocity [\d.]+ mm/s is above 65\.00 mm/s"):
         rig.go(400)
     assert rig.drive.state is not State.ENABLED
 
