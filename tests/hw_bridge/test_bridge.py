@@ -193,6 +193,42 @@ def test_a_homing_method_that_the_drive_has_not(build):
         rig.go(1)
 
 
+def test_a_fault_that_stays_is_told(build):
+    rig = Rig(build, {"servomotor": node()})
+    begin = Session.network
+
+    def faulty(self):
+        made = begin(self)
+        self.bus.advance(200 * MILLISECOND)
+        self.plants["servomotor"].drive.inject(0x7300, lasting=True)
+        return made
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Session, "network", faulty)
+        with pytest.raises(SimulationError, match="not enabled after 2 s: servomotor: Fault"):
+            rig.go(1)
+    assert rig.master.nodes["servomotor"].resets == 3
+
+
+@pytest.mark.parametrize(("event", "text"), [("fault", "homing by method -3 was left"), ("gone", "no heartbeat while")])
+def test_homing_that_is_disturbed(build, event, text):
+    """It is not begun again by itself."""
+    rig = Rig(build, {"servomotor": node(homing={"method": -3, "at": "-40 mm"})})
+    begin = Session.network
+
+    def disturbed(self):
+        made, drive = begin(self), self.plants["servomotor"].drive
+        what = {"fault": lambda: drive.inject(0x7300), "gone": lambda: self.bus.detach(drive)}[event]
+        self.bus.agenda.at(1500 * MILLISECOND, what)
+        return made
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Session, "network", disturbed)
+        with pytest.raises(SimulationError, match=text):
+            rig.go(1)
+    assert rig.drive.state is not State.ENABLED or event == "gone"
+
+
 def test_own_objects(build):
     rig = Rig(build, {"servomotor": node(objects={"2344h.4": 150})})
     rig.go(1)

@@ -37,9 +37,13 @@ def write(tmp_path):
     return write
 
 
+FOR = {"force": "heart_wall_force", "regripping": "regripping", "racs": "racs"}  # last word of a bench: its scenario
+
+
 @pytest.mark.parametrize("path", BENCHES, ids=lambda path: path.stem)
 def test_every_bench_is_well_formed_and_fits_its_scenario(path):
-    scenario = load(path, arm=True).apply(Scenario.load(SCENARIO))
+    name = FOR[path.stem.rpartition("_")[2]]
+    scenario = load(path, arm=True).apply(Scenario.load(ROOT / f"scenarios/{name}.yaml"))
     for case in scenario.variants:
         for name in hardware.load(path).nodes:
             assert case.members[name].made.__name__ == f"Drive_{name}"
