@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from benchmarks import force, peers, ring, startup
+from benchmarks import force, peers, rig, ring, startup
 from benchmarks.parts import Relay
 from twin.fmi import exporter
 
@@ -57,3 +57,12 @@ def test_copies_of_a_member_take_its_inputs_and_are_not_recorded():
     assert len(more.members) == len(case.members) + force.COPIES
     assert len(more.connections) == len(case.connections) + 2 * force.COPIES
     assert more.record.select(wider) == case.record.select(catalog)
+
+
+def test_rig_is_measured_with_all_its_members(capsys):
+    rig.measure(("stop_time=0.5 s",), repeats=1)
+    lines = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines())
+    assert float(lines["rig_fmu_factor"]) > 0
+    shares = [float(value) for name, value in lines.items() if name.endswith("_share")]
+    assert len(shares) == 12  # 11 members and the rest
+    assert sum(shares) == pytest.approx(1.0, abs=0.01)
