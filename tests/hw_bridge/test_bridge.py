@@ -40,6 +40,17 @@ def test_a_velocity_becomes_a_way(rig):
     assert rig.drive.dictionary.get(0x6061) == (Mode.PV if rig.drive.profile.name == "mclm" else Mode.CSV)
 
 
+@pytest.mark.parametrize("cycle", [1, 2, 10])
+def test_other_cycles(build, cycle):
+    others = {"other": node("mclm", 2)} if cycle > 1 else {}
+    rig = Rig(build, {"servomotor": node()} | others, cycle=f"{cycle} ms")
+    rig.set(target_velocity=0.02)
+    rig.go(500)
+    assert rig.get("position") == pytest.approx(0.01, rel=0.1)
+    assert rig.master.timing.summary()["cycles"] == 500 // cycle
+    assert rig.drive.dictionary.get(0x60C2, 1) == cycle
+
+
 def test_a_position_is_reached(rig):
     """csp, or a new set-point in each cycle where the drive has no csp."""
     rig.set(mode_of_operation=CSP)
