@@ -107,7 +107,7 @@ class ContactKeys(Keys):
     signal: Reference
     above: Force = 0.4
     silent_for: Period = 100 * MILLISECOND
-    distance: Distance = 10e-3
+    distance: Distance = 30e-3  # the sheath keeps 8 mm of it, and the wall was pressed in
     speed: Speed = 0.05
     direction: Literal["positive", "negative"] = "negative"
 

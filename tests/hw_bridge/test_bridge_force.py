@@ -85,6 +85,30 @@ def test_a_gear_between_drive_and_member(build):
     assert float(axis.views["position_actual_value"]) == pytest.approx(2.0, rel=0.05)
 
 
+TOUCHED = """extends: ../tests/conformance/short_force.yaml
+stop_time: 3 s
+events: [{at: 0.3 s, override: {sensor.measured_force: EVENT}}]
+"""
+
+
+@pytest.mark.parametrize(("event", "reason"), [("0.5 N", "is 0.500 N, above 0.4 N"), ("0.2 N", "has not changed for")])
+def test_too_much_force_or_a_dead_sensor_ends_a_run_away_from_the_wall(tmp_path, build, event, reason):
+    scenario = Scenario.loads(TOUCHED.replace("EVENT", event), ROOT / "scenarios/touched.yaml")
+    hardware = load(BENCH, build=build)
+    outcome = run_scenario(
+        scenario, root=tmp_path, build=build, report=False, hardware=hardware, variants=["PI"], seeds=[1]
+    )
+    assert outcome.run.status == "failed"
+    assert f"servomotor: sensor.measured_force {reason}" in outcome.run.reason
+    assert "Retracted 30 mm. All drives stop." in outcome.run.reason
+    assert "\n" not in outcome.run.reason
+    recorded = outcome.tables["PI", 1].values
+    assert recorded["servomotor.position"][-1] < recorded["servomotor.position"][60] - 0.025
+    assert recorded["wall.force"][-1] < 0.02
+    (session,) = hardware.sessions
+    assert not session.plants["servomotor"].motor.powered
+
+
 def test_it_is_the_same_every_time(outcome):
     one, other = (outcome(BENCH.read_text(), variants=["PI+FF"], seeds=[1]) for _ in range(2))
     assert one.tables["PI+FF", 1].values.keys() == other.tables["PI+FF", 1].values.keys()
