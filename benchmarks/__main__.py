@@ -18,7 +18,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import TextIO
 
-from benchmarks import force, group, hil, peers, rig, ring, startup
+from benchmarks import export, force, group, hil, peers, rig, ring, startup
 
 RESULTS = Path(__file__).parent / "results"
 PACKAGES = (
@@ -100,6 +100,7 @@ def main() -> None:
         startup.measure()
         group.main()
         hil.show(60.0)
+        export.main()
         force.main()
         rig.main()
     print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)

@@ -59,11 +59,13 @@ def test_the_same_verdicts(outcome, profile):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["regripping", "racs"])
-def test_the_same_verdicts_of_the_rig(outcome, name):
-    """Two carriages; with racs the rotation too, on an EPOS4 behind its gear."""
+@pytest.mark.parametrize(
+    ("name", "bench"), [("regripping", "regripping"), ("racs", "racs"), ("hysteresis_identification", "hysteresis")]
+)
+def test_the_same_verdicts_of_others(outcome, name, bench):
+    """Two carriages; with racs the rotation too, on an EPOS4 behind its gear; positions instead of speeds."""
     scenario = ROOT / f"scenarios/{name}.yaml"
-    bench = (BENCH.with_name(f"simulated_{name}.yaml")).read_text()
+    bench = (BENCH.with_name(f"simulated_{bench}.yaml")).read_text()
     without, with_bus = outcome("", scenario, seeds=[1]), outcome(bench, scenario, seeds=[1])
     assert verdicts(with_bus) == verdicts(without)
     assert with_bus.passed

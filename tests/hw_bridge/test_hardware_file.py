@@ -37,7 +37,12 @@ def write(tmp_path):
     return write
 
 
-FOR = {"force": "heart_wall_force", "regripping": "regripping", "racs": "racs"}  # last word of a bench: its scenario
+FOR = {
+    "force": "heart_wall_force",
+    "regripping": "regripping",
+    "racs": "racs",
+    "hysteresis": "hysteresis_identification",
+}  # last word of a bench: its scenario
 
 
 @pytest.mark.parametrize("path", BENCHES, ids=lambda path: path.stem)
