@@ -18,7 +18,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import TextIO
 
-from benchmarks import export, force, group, peers, rig, ring, startup
+from benchmarks import export, force, group, hil, peers, rig, ring, startup
 
 RESULTS = Path(__file__).parent / "results"
 PACKAGES = (
@@ -99,6 +99,7 @@ def main() -> None:
         peers.compare()
         startup.measure()
         group.main()
+        hil.show(60.0)
         export.main()
         force.main()
         rig.main()

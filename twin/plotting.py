@@ -123,8 +123,27 @@ def draw(plot: Plot, tables: Tables, events: Sequence[float] = (), salt: str = "
             if not is_loop:
                 mark(axis, plot, events)
         finish(figure, grid, plot, is_loop)
-        text = io.StringIO()
-        figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
+        return as_svg(figure)
+
+
+def histogram(values: Any, label: str, salt: str = "") -> str:
+    """How often which value occurred, as an SVG element; rare ones are seen too."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context({**STYLE, "svg.hashsalt": f"{label}{salt}"}):
+        figure = Figure((WIDTH, 2.9), layout="constrained")
+        axis = figure.subplots()
+        axis.hist(values, bins=100, color=COLORS[0], log=True)
+        axis.set_xlabel(label)
+        axis.set_ylabel("count")
+        return as_svg(figure)
+
+
+def as_svg(figure: Any) -> str:
+    """A figure as an SVG element, small and the same every time."""
+    text = io.StringIO()
+    figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
     svg = text.getvalue()
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
     # a hundredth of a point is enough, and halves the file

@@ -187,8 +187,12 @@ def html(
     plots: Iterable[Plot] = (),
     parameters: Sequence[ParameterRow] = (),
     events: Sequence[EventRow] = (),
+    pictures: Sequence[dict[str, str]] = (),
 ) -> str:
-    """report.html as text. `summary` is that of `results.summary`; without `plots` every recorded signal is drawn."""
+    """report.html as text. `summary` is that of `results.summary`; without `plots` every recorded signal is drawn.
+
+    `pictures` are drawn already: title, svg and note.
+    """
     import jinja2
 
     from twin import plotting
@@ -208,6 +212,7 @@ def html(
                 "note": note(plot, tables, any(within(plot, row.time_ns) for row in events)),
             }
         )
+    drawn += pictures
     members: dict[str, list[ParameterRow]] = {}
     for row in parameters:
         members.setdefault(row.member, []).append(row)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -26,6 +26,22 @@ if TYPE_CHECKING:
     from twin.scenario.scenario import Case, Catalog
 
 Progress = Callable[[str, float], object]  # name of the case, part of it that is done (0 to 1)
+
+
+class Hardware(Protocol):
+    """What stands for some members of a scenario, such as drives on a bus: given by a package above the engine."""
+
+    def apply(self, scenario: Scenario) -> Scenario:
+        """The scenario with other members; ScenarioError lists what does not fit."""
+
+    def report(self) -> dict[str, Any]:
+        """What is worth keeping of a run, for its summary."""
+
+    def notes(self) -> list[str]:
+        """What the person who runs this has to know."""
+
+    def pictures(self) -> list[dict[str, str]]:
+        """Figures for the report: title, svg, note."""
 
 
 def silent(_name: str, _part: float) -> None:
@@ -131,8 +147,11 @@ def signals(simulated: CoSimulation, complete: bool) -> Signals:
 def run_scenario(
     scenario: Scenario, form: Form = Form.fmu, *, variants: Sequence[str] = (), seeds: Sequence[int] = (),
     root: Path = Path("runs"), build: Path = Path("build"), progress: Progress = silent, report: bool = True,
+    hardware: Hardware | None = None,
 ) -> Outcome:  # fmt: skip
     """Run a scenario and write its folder; a failing member or Ctrl-C ends it early, with what there is written."""
+    if hardware is not None:
+        scenario = hardware.apply(scenario)
     catalogs = prepare(scenario)
     cases = scenario.cases(variants, seeds)
     about = results.Run(
@@ -150,7 +169,10 @@ def run_scenario(
                 break
     about.members = identities
     outcome.evaluation = evaluate(scenario.metrics, scenario.expectations, outcome.tables, scenario.paper_applies)
-    write(outcome, cases, report)
+    if hardware is not None:
+        about.extra = {**about.extra, "hardware": hardware.report()}
+        note(about, hardware.notes())
+    write(outcome, cases, report, hardware.pictures() if hardware is not None else [])
     return outcome
 
 
@@ -222,7 +244,7 @@ def sources(cases: Iterable[Case]) -> dict[str, str]:
     return found
 
 
-def write(outcome: Outcome, cases: Sequence[Case], report: bool) -> None:
+def write(outcome: Outcome, cases: Sequence[Case], report: bool, pictures: Sequence[dict[str, str]] = ()) -> None:
     """Write summary.json and report.html."""
     outcome.summary = results.summary(outcome.run, outcome.evaluation, outcome.tables)
     results.write_summary(outcome.folder / "summary.json", outcome.summary)
@@ -233,5 +255,6 @@ def write(outcome: Outcome, cases: Sequence[Case], report: bool) -> None:
         text = page.html(
             outcome.summary, outcome.evaluation, outcome.tables, plots=outcome.scenario.plots,
             parameters=page.parameters(distinct, outcome.catalogs, sources(distinct)), events=page.events(distinct),
+            pictures=pictures,
         )  # fmt: skip
         results.write_text(outcome.folder / "report.html", text)

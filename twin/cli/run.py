@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import sys
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from twin.errors import DeclarationError
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from twin.run import Outcome
+    from twin.run import Hardware, Outcome
 
 FORMS = ("fmu", "compiled", "interpreted")
 
@@ -49,11 +52,19 @@ FORMS = ("fmu", "compiled", "interpreted")
     show_default=True,
     help="Folder of FMUs and compiled code.",
 )
+@click.option(
+    "--hardware",
+    "hardware_file",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Drives on a bus, simulated or real, for members of the scenario.",
+)
+@click.option("--arm", is_flag=True, help="Real drives may move.")
 @click.option("--json", "as_json", is_flag=True, help="Print summary.json to stdout, and nothing else there.")
 @click.option("--no-report", is_flag=True, help="Write no report.html.")
 def command(
     file: Path, overrides: tuple[str, ...], variants: tuple[str, ...], seeds: tuple[int, ...], form: str,
-    runs: Path, build: Path, as_json: bool, no_report: bool,
+    runs: Path, build: Path, hardware_file: Path | None, arm: bool, as_json: bool, no_report: bool,
 ) -> None:  # fmt: skip
     """Run a scenario: every variant with every seed, then metrics beside the paper's figures, and a report.
 
@@ -63,16 +74,18 @@ def command(
     \b
     twin run scenarios/heart_wall_force.yaml
     twin run scenarios/heart_wall_force.yaml --variant PI --seed 1 --set heart.rate="1.4 Hz"
+    twin run scenarios/heart_wall_force.yaml --hardware hw_bridge/benches/simulated_force.yaml
     """
     from twin.members import Form
     from twin.run import run_scenario
     from twin.scenario import Scenario
 
     scenario = Scenario.load(file, overrides)
+    hardware = load_hardware(hardware_file, arm, build) if hardware_file is not None else None
     with progress_display(scenario.title, not as_json) as progress:
         outcome = run_scenario(
             scenario, Form(form), variants=variants, seeds=seeds, root=runs, build=build,
-            progress=progress, report=not no_report,
+            progress=progress, report=not no_report, hardware=hardware,
         )  # fmt: skip
     if as_json:
         click.echo((outcome.folder / "summary.json").read_text(), nl=False)
@@ -82,6 +95,15 @@ def command(
         sys.exit(130)
     if not outcome.passed:
         sys.exit(1)
+
+
+def load_hardware(file: Path, arm: bool, build: Path) -> Hardware:
+    """Read a hardware file with the package that knows about drives: an entry point of the group `twin.hardware`."""
+    points = sorted(entry_points(group="twin.hardware"), key=lambda point: point.name)
+    if not points:
+        raise DeclarationError("--hardware: no installed package knows about drives. Run `pip install -e .` again.")
+    hardware: Hardware = points[0].load()(file, arm, build)
+    return hardware
 
 
 class progress_display:  # noqa: N801 - used like a function
@@ -129,6 +151,8 @@ def show(outcome: Outcome, report: bool) -> None:
     console.print(table(outcome.evaluation))
     for note in outcome.run.extra.get("notes", []):
         console.print(f"note: {note}", highlight=False, markup=False)
+    for line in outcome.run.extra.get("hardware", {}).get("shown", []):
+        console.print(line, highlight=False, markup=False)
     factor = outcome.run.real_time_factor
     if factor:
         console.print(f"{outcome.run.simulated_time:g} s simulated in {outcome.run.wall_time:.2f} s, "

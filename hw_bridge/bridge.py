@@ -1,0 +1,209 @@
+"""The bridge: drives on a bus instead of members of a scenario, in simulated time or on the wall clock.
+
+`load` reads a hardware file. `Hardware.apply` puts a Python-side component with the same variables in the place of
+each member that the file names. All of them share one `Session` per case, which runs when the last of them is stepped.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import nan
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hw_bridge.hardware import ContactKeys
+from hw_bridge.hardware import load as load_keys
+from hw_bridge.session import Session, beginning
+from twin import catalog
+from twin.component import Component, PythonComponent
+from twin.errors import CouplingError, ScenarioError
+from twin.scenario.scenario import ConnectionSpec, MemberSpec
+from twin.system import nearest
+from twin.variable import Float64, Role
+from twin.variable import input as input_variable
+
+if TYPE_CHECKING:
+    from hw_bridge.hardware import HardwareKeys
+    from twin.scenario import Scenario
+    from twin.scenario.scenario import Case
+
+KEPT = (Role.input, Role.output, Role.parameter)
+NEEDED = ("target_velocity", "position_actual_value")
+CONTACT = "contact_force"
+MEASURED = "measured_force"
+PLACES = {"position", "position_actual_value", "angle"}
+START = dict.fromkeys(("velocity", "velocity_actual_value", "angular_velocity", "current", "force", "torque"), 0.0)
+
+
+class DriveAxis(PythonComponent):
+    """A drive on a bus with the variables of the member that it stands for; what it cannot tell is NaN."""
+
+    hardware: Hardware
+    member: str
+
+    def __init__(self, **values: Any) -> None:
+        super().__init__(**values)
+        self._session = self.hardware.join(self)
+
+    def initialize(self) -> None:
+        """At rest where it begins: the drives are brought up in the first step."""
+        for variable in type(self).variables:
+            if variable.role is Role.output:
+                self.views[variable.name][...] = START.get(variable.name, nan) if variable.type is Float64 else 0
+        for name in PLACES & set(self.views):
+            self.views[name][...] = beginning(self)
+
+    def step(self, t: float, h: float) -> None:
+        """Hand the targets over; the last member of a session lets the bus go on."""
+        self._session.step(self.member, t, h)
+
+    def close(self) -> None:
+        """Stop all drives."""
+        self._session.close()
+
+
+class Hardware:
+    """A checked hardware file, and what its drives did in the cases of a run."""
+
+    def __init__(self, path: Path, keys: HardwareKeys, arm: bool = False, build: Path = Path("build")) -> None:
+        self.path, self.keys, self.arm, self.build = path, keys, arm, build
+        self.contacts = {name: node.contact for name, node in keys.nodes.items() if node.contact is not None}
+        self.sessions: list[Session] = []
+        self.present: Session | None = None
+
+    def apply(self, scenario: Scenario) -> Scenario:
+        """The scenario with drives instead of the members that the file names; ScenarioError lists what does not fit."""
+        if not self.keys.is_software() and not self.arm:
+            raise ScenarioError(
+                f"{self.path}: {self.keys.interface} {self.keys.channel} may move real drives. "
+                f"Add --arm if nobody is in their way, or `simulated: true`."
+            )
+        problems = [problem for case in scenario.variants for problem in self._problems(case)]
+        if problems:
+            raise ScenarioError(list(dict.fromkeys(problems)))
+        return replace(scenario, variants=tuple(self._applied(case) for case in scenario.variants))
+
+    def _problems(self, case: Case) -> list[str]:
+        found = []
+        for name, node in self.keys.nodes.items():
+            if name not in case.members:
+                found.append(f"{self.path}: nodes.{name}: no such member. {nearest(name, list(case.members))}")
+                continue
+            cls = self._replaced(case.members[name])
+            known = {v.name for v in cls.variables}
+            if missing := [one for one in NEEDED if one not in known]:
+                found.append(
+                    f"{self.path}: nodes.{name}: {cls.__name__} has no {', '.join(missing)}. A drive needs them."
+                )
+            if node.contact is not None and node.contact.signal.partition(".")[0] not in case.members:
+                found.append(f"{self.path}: nodes.{name}.contact: no member for {node.contact.signal}. Correct it.")
+            elif node.contact is None and node.watch_contact:
+                found += self._find_contact(name, case)
+        if self.keys.cycle % case.step_ns:
+            found.append(
+                f"{self.path}: cycle: {self.keys.cycle / 1e6:g} ms is not a multiple of the scenario's step, "
+                f"{case.step_ns / 1e6:g} ms. Change one of them."
+            )
+        return found
+
+    def _find_contact(self, name: str, case: Case) -> list[str]:
+        """Watch the contact force that the scenario measures, if it measures one."""
+        found = [
+            f"{member}.{MEASURED}"
+            for member, spec in case.members.items()
+            if member not in self.keys.nodes and not spec.component.endswith(".fmu")
+            and any(v.name == MEASURED and v.role is Role.output for v in self._replaced(spec).variables)
+        ]  # fmt: skip
+        if len(found) == 1:
+            self.contacts[name] = ContactKeys(signal=found[0])
+        if len(found) < 2:
+            return []
+        return [
+            (
+                f"{self.path}: nodes.{name}: which contact force is to be watched, {' or '.join(found)}? "
+                f"Add `contact: {{signal: {found[0]}}}`, or `watch_contact: false`."
+            )
+        ]
+
+    @staticmethod
+    def _replaced(spec: MemberSpec) -> type[Component]:
+        if spec.component.endswith(".fmu"):
+            raise CouplingError(f"{spec.where}: an FMU cannot be replaced by a drive. Name the component.")
+        return spec.made or catalog.component(spec.component)
+
+    def _applied(self, case: Case) -> Case:
+        members, connections = dict(case.members), list(case.connections)
+        for name in self.keys.nodes:
+            spec = members[name]
+            members[name] = replace(
+                spec,
+                component=f"hw_bridge.bridge:{name}",
+                made=self._component(name, self._replaced(spec)),
+                period_ns=None,
+            )
+            if name in self.contacts:
+                source = self.contacts[name].signal
+                connections.append(ConnectionSpec(source, f"{name}.{CONTACT}", f"{self.path}: nodes.{name}"))
+        return replace(case, members=members, connections=tuple(connections))
+
+    def _component(self, name: str, replaced: type[Component]) -> type[DriveAxis]:
+        """A component class with the connectors of the one that it replaces."""
+        fields: dict[str, Any] = {v.name: v for v in replaced.variables if v.role in KEPT}
+        if name in self.contacts:
+            fields[CONTACT] = input_variable("N", "force that is watched")
+        fields |= {"hardware": self, "member": name, "replaced": replaced, "__module__": __name__}
+        fields["__doc__"] = f"A drive instead of {replaced.__name__}."
+        return type(f"Drive_{name}", (DriveAxis,), fields)
+
+    def join(self, axis: DriveAxis) -> Session:
+        """The session that an axis belongs to: a new one where a case begins."""
+        if self.present is None or self.present.begun or self.present.closed or axis.member in self.present.axes:
+            self.present = Session(self.keys, self.contacts, self.build)
+            self.sessions.append(self.present)
+        self.present.axes[axis.member] = axis
+        return self.present
+
+    def report(self) -> dict[str, Any]:
+        """What is worth keeping of a run, for its summary; `shown` is what the terminal tells."""
+        reports = [session.report() for session in self.sessions if session.begun]
+        lost = sum(node["lost_pdos"] for one in reports for node in one["nodes"].values())
+        late = sum(node["late_pdos"] for one in reports for node in one["nodes"].values())
+        overruns = sum(one["overruns"] for one in reports)
+        keys = self.keys
+        bus = "simulated bus" if keys.simulated else f"{keys.interface} {keys.channel}"
+        shown = f"{bus}, cycle {keys.cycle / 1e6:g} ms: {lost} PDOs lost, {late} late, {overruns} overruns"
+        if len(jitter := np.abs(self.jitter())):
+            shown += (
+                f", jitter 99 % below {1e3 * np.quantile(jitter, 0.99):.3f} ms, at most {1e3 * jitter.max():.3f} ms"
+            )
+        return {
+            "file": str(self.path), "simulated": keys.simulated, "interface": keys.interface,
+            "cycle": keys.cycle / 1e9, "shown": [shown], "cases": reports,
+            "nodes": keys.model_dump()["nodes"],
+        }  # fmt: skip
+
+    def pictures(self) -> list[dict[str, str]]:
+        """The histogram of the jitter, where time was the wall clock's."""
+        jitter = self.jitter()
+        if not len(jitter):
+            return []
+        from twin.plotting import histogram
+
+        note = f"periods between SYNCs minus {self.keys.cycle / 1e6:g} ms, {len(jitter)} of them"
+        return [{"title": "Jitter of the cycle", "svg": histogram(1e3 * jitter, "period - cycle [ms]"), "note": note}]
+
+    def notes(self) -> list[str]:
+        """What the person who runs this has to know."""
+        return [note for session in self.sessions for note in session.notes]
+
+    def jitter(self) -> np.ndarray[Any, Any]:
+        """Periods between SYNCs minus the cycle, of all cases on the wall clock [s]."""
+        found = [session.master.timing.jitter for session in self.sessions if session.master and session.wall_clock]
+        return np.concatenate(found) if found else np.zeros(0)
+
+
+def load(path: Path, arm: bool = False, build: Path = Path("build")) -> Hardware:
+    """Read a hardware file. `arm`: real drives may move."""
+    return Hardware(path, load_keys(path), arm, build)

@@ -1,0 +1,238 @@
+"""The hardware file: which drives on which bus stand for which members of a scenario, and what they may do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field, ValidationError
+
+from hw_bridge.frame import Frame, bit_count
+from hw_bridge.profiles import MODULES
+from twin.errors import CouplingError, ScenarioError
+from twin.scenario.message import dotted, quoted
+from twin.scenario.model import Keys, Period, Reference, Text
+from twin.scenario.tree import Node, read
+from twin.scenario.value import duration, number, short
+from twin.system import nearest
+
+SOFTWARE = ("virtual", "udp_multicast")  # interfaces of python-can without any hardware
+MILLISECOND = 1_000_000
+PROCESS_DATA = (4, 7, 7, 8, 1)  # bytes of a drive's frames in a cycle: two RPDOs, two TPDOs, a heartbeat
+FULL = 0.8  # more leaves no room for what is repeated
+
+
+def quantity(*symbols: str) -> Any:
+    """A type of key that converts text such as `5 mm` to SI, of the first kind that fits; a bare number is in SI."""
+
+    def convert(value: Any) -> float:
+        problems = []
+        for symbol in symbols:
+            try:
+                return number(value, symbol, "")
+            except CouplingError as error:
+                problems.append(str(error).removeprefix(": "))
+        raise ValueError(problems[0])
+
+    return BeforeValidator(convert)
+
+
+def whole_milliseconds(value: Any) -> int:
+    """A time in whole milliseconds, which is what drives count in [ns]."""
+    time: int = duration(value)
+    if time <= 0 or time % MILLISECOND:
+        raise ValueError(f"expected whole milliseconds above zero, such as 5 ms, not {short(value)}")
+    return time
+
+
+# of a linear axis, or of one that turns
+Place = Annotated[float, quantity("m", "rad")]
+Distance = Annotated[float, quantity("m", "rad"), Field(gt=0)]
+Speed = Annotated[float, quantity("m/s", "rad/s"), Field(gt=0)]
+Acceleration = Annotated[float, quantity("m/s^2", "rad/s^2"), Field(gt=0)]
+Force = Annotated[float, quantity("N", "N*m"), Field(gt=0)]
+ForceConstant = Annotated[float, quantity("N/A", "N*m/A"), Field(gt=0)]
+Milliseconds = Annotated[int, BeforeValidator(whole_milliseconds)]
+
+
+def object_name(value: Any) -> dict[tuple[int, int], int]:
+    """`{3001.1: 2410}`: index and subindex in hexadecimal and decimal."""
+    if not isinstance(value, dict):
+        raise ValueError(f"expected objects such as {{'3001h.1': 2410}}, not {short(value)}")  # noqa: TRY004
+    found = {}
+    for key, one in value.items():
+        index, _, sub = str(key).partition(".")
+        try:
+            found[int(index.removesuffix("h"), 16), int(sub or "0")] = int(one)
+        except (ValueError, TypeError):
+            raise ValueError(f"expected an object such as '3001h.1': 2410, not {short(key)}: {short(one)}") from None
+    return found
+
+
+class LimitKeys(Keys):
+    """What a drive may do; checked each cycle, and written into the drive where it has objects for it."""
+
+    position: Annotated[list[Place], Field(min_length=2, max_length=2)] = Field(default=[-0.035, 0.035])
+    velocity: Speed = 0.3
+    force: Force = 15.0
+    following_error: Distance = 5e-3
+    acceleration: Acceleration = 10.0
+
+
+class HeartbeatKeys(Keys):
+    """How often each side tells that it lives, and how long a silence is taken for its end."""
+
+    every: Milliseconds = 20 * MILLISECOND
+    lost_after: Milliseconds = 60 * MILLISECOND
+
+
+class HomingKeys(Keys):
+    """A method of 6098h, and what position `at` the place that it finds has. Then the drive goes to where it begins.
+
+    Without homing, the place where the drive stands is where the scenario begins.
+    """
+
+    method: Annotated[int, Field(strict=True, ge=-128, le=127)]
+    at: Place = 0.0
+    speed: Speed = 0.02
+    timeout: Milliseconds = 30_000 * MILLISECOND
+
+
+class ContactKeys(Keys):
+    """A force that is watched: above the limit, or silent, the drive retracts.
+
+    Without it, the only output `measured_force` of the scenario is watched, unless `watch_contact` is false.
+    """
+
+    signal: Reference
+    above: Force = 0.4
+    silent_for: Period = 100 * MILLISECOND
+    distance: Distance = 30e-3  # the sheath keeps 8 mm of it, and the wall was pressed in
+    speed: Speed = 0.05
+    direction: Literal["positive", "negative"] = "negative"
+
+
+class NodeKeys(Keys):
+    """The drive that stands for a member. `safe_outputs`: 60FEh.1 after every stop, for valves of grippers."""
+
+    node: Annotated[int, Field(strict=True, ge=1, le=126)]
+    profile: Literal["faulhaber_v3", "mclm", "epos4"]
+    product: Annotated[int, Field(strict=True, ge=0)] | None = None
+    serial: Annotated[int, Field(strict=True, ge=0)] | None = None
+    scale: Annotated[float, Field(gt=0)] = 1.0
+    inverted: bool = False
+    force_constant: ForceConstant | None = None
+    limits: LimitKeys = LimitKeys()
+    heartbeat: HeartbeatKeys = HeartbeatKeys()
+    homing: HomingKeys | None = None
+    contact: ContactKeys | None = None
+    watch_contact: bool = True
+    safe_outputs: Annotated[int, Field(strict=True, ge=0, lt=2**32)] | None = None
+    objects: Annotated[dict[tuple[int, int], int], BeforeValidator(object_name)] = Field(default={})
+    description: Text = ""
+
+
+class HardwareKeys(Keys):
+    """A hardware file. `simulated`: drives and bus are part of the run, in simulated time."""
+
+    title: Text = ""
+    description: Text = ""
+    simulated: bool = False
+    interface: Text = ""
+    channel: Text = ""
+    bit_rate: Annotated[int, Field(strict=True)] = 1_000_000
+    options: dict[str, Any] = Field(default={})
+    cycle: Milliseconds = 5 * MILLISECOND
+    master: Annotated[int, Field(strict=True, ge=1, le=127)] = 127
+    nodes: Annotated[dict[str, NodeKeys], Field(min_length=1)]
+
+    def is_software(self) -> bool:
+        """Whether no current can flow: the bus is simulated, or its interface exists in software only."""
+        channel = self.channel
+        pty = channel.startswith("/dev/pts/") or (
+            channel.startswith("/") and str(Path(channel).resolve()).startswith("/dev/pts/")
+        )
+        return self.simulated or self.interface in SOFTWARE or channel.startswith("vcan") or pty
+
+
+def bus_load(keys: HardwareKeys) -> float:
+    """Share of a cycle that its process data, SYNC and heartbeats take on the wire at most."""
+    frames = [Frame(0, bytes(size)) for size in PROCESS_DATA] * len(keys.nodes) + [Frame(0), Frame(0, b"0")]
+    return sum(map(bit_count, frames)) / keys.bit_rate * 1e9 / keys.cycle
+
+
+def load(path: Path) -> HardwareKeys:
+    """Read and check a hardware file; ScenarioError lists every problem with file and line."""
+    root = read(path, str(path))
+    try:
+        keys = HardwareKeys.model_validate(root.plain())
+    except ValidationError as error:
+        raise ScenarioError([line(root, one) for one in error.errors(include_url=False)]) from None
+    if problems := check(keys, root):
+        raise ScenarioError(problems)
+    return keys
+
+
+def check(keys: HardwareKeys, root: Node) -> list[str]:
+    """What no single key can tell."""
+    from hw_bridge.bus import BIT_RATES
+
+    problems = []
+    if not keys.simulated and not (keys.interface and keys.channel):
+        problems.append(f"{root.place}: interface and channel are missing. Add them, or `simulated: true`.")
+    if keys.bit_rate not in BIT_RATES:
+        place = root.find(("bit_rate",)).place
+        problems.append(f"{place}: bit_rate: {keys.bit_rate} is none of CANopen's. Use 1000000, 500000, ...")
+    elif (share := bus_load(keys)) > FULL:
+        problems.append(
+            f"{root.find(('cycle',)).place}: cycle: process data fills {100 * share:.0f} % of {keys.cycle / 1e6:g} ms "
+            f"at {keys.bit_rate} bit/s. Make the cycle longer or the bit rate higher."
+        )
+    taken = {keys.master: "this program"}
+    for name, node in keys.nodes.items():
+        where = root.find(("nodes", name, "node")).place
+        if node.node in taken:
+            problems.append(
+                f"{where}: nodes.{name}: node {node.node} is {taken[node.node]} already. Use another node-ID."
+            )
+        taken[node.node] = f"`{name}`"
+        low, high = node.limits.position
+        if low >= high:
+            place = root.find(("nodes", name, "limits", "position")).place
+            problems.append(
+                f"{place}: nodes.{name}.limits.position: the first limit is not below the second. Swap them."
+            )
+        if node.heartbeat.lost_after <= node.heartbeat.every:
+            place = root.find(("nodes", name, "heartbeat")).place
+            problems.append(
+                f"{place}: nodes.{name}.heartbeat: lost_after is not longer than every. Use three times as long."
+            )
+    return problems
+
+
+def line(root: Node, error: Any) -> str:
+    """One problem that pydantic found, as one line."""
+    path = tuple(error["loc"])
+    place, what = root.find(path).place, dotted(path)
+    kind, given = error["type"], error["input"]
+    if kind == "extra_forbidden":
+        return f"{place}: {what}: unknown key.{_near(path)}"
+    if kind == "missing":
+        return f"{place}: {what}: is missing. Add it."
+    if kind == "literal_error" and path[-1] == "profile":
+        return f"{place}: {what}: {quoted(given)} is no drive profile. {nearest(str(given), list(MODULES))}"
+    text = error["msg"].removeprefix("Value error, ").rstrip(".")
+    return f"{place}: {what}: {text[0].lower()}{text[1:]}" + (
+        "." if kind == "value_error" else f", not {quoted(given)}. Correct it."
+    )
+
+
+KEYS: dict[str, type[Keys]] = {
+    "limits": LimitKeys, "heartbeat": HeartbeatKeys, "homing": HomingKeys, "contact": ContactKeys,
+}  # fmt: skip
+
+
+def _near(path: tuple[str | int, ...]) -> str:
+    """The key that was probably meant."""
+    model: type[Keys] = HardwareKeys if len(path) == 1 else KEYS.get(str(path[-2]), NodeKeys)
+    return " " + nearest(str(path[-1]), list(model.model_fields))

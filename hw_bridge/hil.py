@@ -1,0 +1,109 @@
+"""`twin hil`: what a person does with a bench before a run."""
+
+from __future__ import annotations
+
+import struct
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hw_bridge.hardware import load
+from hw_bridge.profiles import MODULES, profile
+from hw_bridge.session import bench_network
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from hw_bridge.hardware import HardwareKeys
+    from hw_bridge.master.master import Master
+
+QUESTION = 30_000_000  # how long a node has to answer during a scan [ns]
+
+
+@click.group("hil", short_help="check a bench: scan, identify, compare with its hardware file")
+def command() -> None:
+    """Hardware in the loop: what is on the bus, and is it what the hardware file says."""
+
+
+@command.command("check", short_help="scan a bus and say what differs from the hardware file")
+@click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
+@click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
+              help="Folder for compiled objects.")  # fmt: skip
+def check(file: Path, build: Path) -> None:
+    """Scan all node-IDs, identify each drive, compare with the hardware file. Nothing moves, nothing is written.
+
+    Exit code 1 if anything differs.
+    """
+    keys = load(file)
+    problems = differences(keys, build)
+    for problem in problems:
+        click.echo(f"differs: {problem}")
+    if problems:
+        sys.exit(1)
+    click.echo("The bus is as the hardware file says.")
+
+
+def differences(keys: HardwareKeys, build: Path) -> list[str]:
+    """Everything on the bus that is not as the hardware file says."""
+    from hw_bridge.master.master import Master
+
+    master = Master(keys, bench_network(keys, build))
+    try:
+        master.wait(500_000_000)
+        found = scan(master)
+        for number, text in found.items():
+            click.echo(f"node {number}: {text}")
+        expected = {node.number: node for node in master.nodes.values()}
+        problems = []
+        for number, node in expected.items():
+            if number not in found:
+                problems.append(f"{node.name}: node {number} does not answer. Check its power and node-ID.")
+            else:
+                problems += node.identify()
+        strangers = [number for number in found if number not in expected]
+        problems += [
+            f"node {number} is not in the hardware file. Add it, or take it off the bus." for number in strangers
+        ]
+        return problems
+    finally:
+        master.network.close()
+
+
+def scan(master: Master) -> dict[int, str]:
+    """Every node that answers, with what it is."""
+    from hw_bridge.master.sdo import SdoClient, SilentError
+
+    found = {}
+    for number in range(1, 128):
+        if number == master.keys.master:
+            continue
+        client = SdoClient(number, master.network.send, master.wait)
+        with master.listening(client):
+            try:
+                client.attempts = 1
+                device = struct.unpack("<I", client.read(0x1000, timeout=QUESTION))[0]
+                vendor, product, revision, serial = (
+                    struct.unpack("<I", client.read(0x1018, sub))[0] for sub in (1, 2, 3, 4)
+                )
+            except SilentError:
+                continue
+            except SimulationError as error:
+                found[number] = f"answers, but not as a CANopen device should: {error}"
+                continue
+        name = known(vendor, product) or f"device type {device:08X}h"
+        found[number] = f"{name}, vendor {vendor:X}h, product {product:X}h, revision {revision:X}h, serial {serial:X}h"
+    return found
+
+
+def known(vendor: int, product: int) -> str:
+    """The title of the profile with this identity; the vendor alone if the product is another one."""
+    titles = []
+    for name in MODULES:
+        chosen = profile(name)
+        own = {entry.sub: entry.default for entry in chosen.objects if entry.index == 0x1018}
+        if own[1] == vendor:
+            titles.append(chosen.title)
+            if own[2] == product:
+                return chosen.title
+    return f"perhaps {' or '.join(titles)}" if titles else ""

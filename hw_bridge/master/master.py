@@ -1,0 +1,334 @@
+"""The master: brings all drives up, exchanges process data once per cycle, watches, and stops them on every failure.
+
+Call sequence: `begin` once, then `exchange` at every cycle with `wait` in between and `check` before the next, at last
+`stop`, whatever happened.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from contextlib import contextmanager
+from math import copysign
+from typing import TYPE_CHECKING, Any
+
+from hw_bridge.agenda import MILLISECOND
+from hw_bridge.cia402 import BIT_12, BIT_13, TARGET_REACHED, Mode, State
+from hw_bridge.frame import Frame, bit_count
+from hw_bridge.master import setup
+from hw_bridge.master.network import never
+from hw_bridge.master.node import AT_REST, Node
+from hw_bridge.master.sdo import RESPONSE as SDO_RESPONSE
+from hw_bridge.master.timing import Timing
+from hw_bridge.profiles import profile
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+
+    from hw_bridge.hardware import HardwareKeys
+    from hw_bridge.master.network import Condition, Network
+    from hw_bridge.master.sdo import SdoClient
+
+START, PRE_OPERATIONAL, STOP = 1, 128, 2  # NMT
+SYNC, ERROR_CONTROL = 0x080, 0x700
+ALIVE = 0x05  # the state that this program's heartbeat tells: Operational
+BOOT = 500 * MILLISECOND  # longest time that a drive takes to answer after power-on [ns]
+RAMP_UP = 2_000 * MILLISECOND  # longest time to Operation enabled
+STANDSTILL = 2_000 * MILLISECOND  # longest time of a quick stop
+SETTLE = 200 * MILLISECOND  # after an approach
+SILENT_CYCLES = 5  # so many cycles without process data are the end of a drive
+
+
+class Master:
+    """All drives of one bus."""
+
+    def __init__(self, keys: HardwareKeys, network: Network) -> None:
+        self.keys, self.network = keys, network
+        self.cycle = keys.cycle
+        self.nodes = {
+            name: Node(name, one, profile(one.profile), network, self.wait) for name, one in keys.nodes.items()
+        }
+        self._by_number = {node.number: node for node in self.nodes.values()}
+        self.timing = Timing(self.cycle)
+        self.notes: list[str] = []
+        self.running = False
+        self._beating = False
+        self._beat_due = 0
+        self._twin_master = False
+        self._asked: SdoClient | None = None
+        bits = sum(bit_count(frame) for node in self.nodes.values() for frame in node.frames()) * 1_000_000_000
+        # SYNC leaves after all targets are on the wire: its identifier would win against theirs
+        self.window = bits // keys.bit_rate + 100_000
+        network.hear = self._hear
+
+    # ------------------------------------------------------------------------------------------------------- frames
+
+    def _hear(self, frame: Frame) -> None:
+        if frame.id == ERROR_CONTROL + self.keys.master:
+            self._twin_master = True
+        node = self._by_number.get(frame.id & 0x7F)
+        if self._asked is not None and frame.id == SDO_RESPONSE + self._asked.node:
+            self._asked.heard(frame.data)
+            return
+        if node is not None and frame.id > 0x7F and not frame.remote:
+            node.heard(frame, self.network.now)
+
+    @contextmanager
+    def listening(self, client: SdoClient) -> Iterator[None]:
+        """Give the answers of a node that need not be known to this client."""
+        self._asked = client
+        try:
+            yield
+        finally:
+            self._asked = None
+
+    def wait(self, duration: int, done: Condition = never) -> None:
+        """Let time pass, hear frames and tell that this program lives."""
+        self.wait_until(self.network.now + duration, done)
+
+    def wait_until(self, until: int, done: Condition = never) -> None:
+        """The same, until a time [ns]."""
+        network = self.network
+        while True:
+            if self._beating and network.now >= self._beat_due:
+                network.send(Frame(ERROR_CONTROL + self.keys.master, bytes([ALIVE])))
+                self._beat_due = network.now + min(node.keys.heartbeat.every for node in self.nodes.values())
+            network.advance(min(until, self._beat_due) if self._beating else until, done)
+            if network.now >= until or (done is not never and done()):
+                return
+
+    def nmt(self, command: int, number: int = 0) -> None:
+        """An NMT command, to all nodes if none is named."""
+        self.network.send(Frame(0, bytes([command, number])))
+
+    def exchange(self) -> None:
+        """Targets of all drives, then SYNC."""
+        for node in self.nodes.values():
+            node.account(self.cycle)
+            for frame in node.frames():
+                self.network.send(frame)
+        self.network.advance(self.network.now + self.window)
+        self.network.send(Frame(SYNC))
+
+    def run_cycle(self) -> None:
+        """One cycle outside of a run: while drives are brought up or stopped."""
+        self.exchange()
+        self.wait(self.cycle)
+
+    # ----------------------------------------------------------------------------------------------------- begin
+
+    def identify(self) -> list[str]:
+        """Every difference between the bus and the hardware file."""
+        self.wait(BOOT, self._all_booted)
+        return [problem for node in self.nodes.values() for problem in node.identify()]
+
+    def _all_booted(self) -> bool:
+        return all(node.boots for node in self.nodes.values())
+
+    def begin(self, starts: Mapping[str, float]) -> None:
+        """From whatever state to Operation enabled at a standstill, where the scenario begins: `starts`, positions."""
+        if problems := self.identify():
+            raise SimulationError(" ".join(problems))
+        if self._twin_master:
+            raise SimulationError(
+                f"node {self.keys.master}: another master tells that it lives on this ID. Stop it, or change `master`."
+            )
+        self.running = True
+        for node in self.nodes.values():
+            self.nmt(PRE_OPERATIONAL, node.number)
+            node.configure(self.cycle, self.keys.master)
+        self._beating, self._beat_due = True, self.network.now
+        for node in self.nodes.values():
+            self.nmt(START, node.number)
+            node.heard_at = self.network.now
+        for _ in range(3):
+            self.run_cycle()
+        for node in self.nodes.values():
+            if node.keys.homing is not None:
+                self._home(node)
+            else:
+                node.zero(starts[node.name])
+            setup.limit_positions(node)
+        for node in self.nodes.values():
+            node.goal, node.target_velocity = State.ENABLED, 0.0
+            node.target_position = node.position
+        self._until(
+            lambda: all(node.state is State.ENABLED for node in self.nodes.values()), RAMP_UP,
+            lambda: ", ".join(f"{one.name}: {one.state}" for one in self.nodes.values() if one.state is not State.ENABLED),
+        )  # fmt: skip
+        for node in self.nodes.values():
+            node.forget()
+        for node in self.nodes.values():
+            if node.keys.homing is not None:
+                self._approach(node, starts[node.name])
+
+    def _until(self, done: Callable[[], bool], limit: int, what: Callable[[], str]) -> None:
+        """Cycles until a condition holds; SimulationError if it takes too long."""
+        end = self.network.now + limit
+        while not done():
+            if self.network.now > end:
+                raise SimulationError(f"not enabled after {limit / 1e9:g} s: {what()}.{self._told()}")
+            self.run_cycle()
+            for node in self.nodes.values():
+                if self._lost(node):
+                    raise SimulationError(
+                        f"{node.name}: no heartbeat while it was brought up. Check its power and the bus."
+                    )
+
+    def _told(self) -> str:
+        """What the drives said in EMCY messages."""
+        found = [f"{node.name} {code:04X}h" for node in self.nodes.values() for _, code in node.emergencies if code]
+        return f" EMCY: {', '.join(found[-4:])}." if found else ""
+
+    def _home(self, node: Node) -> None:
+        """Find the reference with the drive's own method."""
+        keys = node.keys.homing
+        assert keys is not None
+        setup.write(node, 0x6098, 0, keys.method)
+        speed = round(keys.speed / (node.keys.scale * node.units.velocity))
+        setup.put(node, 0x6099, 1, max(speed, 1))
+        setup.put(node, 0x6099, 2, max(speed // 2, 1))
+        node.homing, node.goal = True, State.ENABLED
+        attained = BIT_12 | TARGET_REACHED
+        what = f"{node.name}: homing by method {keys.method}"
+        self._until(lambda: node.state is State.ENABLED, RAMP_UP, lambda: f"{what}: {node.state}")
+        for _ in range(4):
+            self.run_cycle()
+
+        def done() -> bool:
+            if node.state is not State.ENABLED:
+                raise SimulationError(f"{what} was left: {node.state}.{self._told()}")
+            if node.word & BIT_13:
+                raise SimulationError(f"{what} ended with an error.{self._told()}")
+            return node.word & attained == attained
+
+        self._until(done, keys.timeout, lambda: f"{what} did not end")
+        node.homing, node.goal = False, State.DISABLED
+        self._until(lambda: node.state in AT_REST, RAMP_UP, lambda: node.name)
+        node.origin = -keys.at
+
+    def _approach(self, node: Node, position: float) -> None:
+        """Go to where the scenario begins, at the speed of homing."""
+        assert node.keys.homing is not None
+        step = node.keys.homing.speed * self.cycle / 1e9
+        node.mode = Mode.CSP
+        while (left := position - node.target_position) != 0.0:
+            node.target_position = position if abs(left) <= step else node.target_position + copysign(step, left)
+            self.run_cycle()
+            if problem := self.check():
+                raise SimulationError(problem)
+        for _ in range(SETTLE // self.cycle):
+            self.run_cycle()
+
+    # ------------------------------------------------------------------------------------------------------ watch
+
+    def check(self) -> str:
+        """What is wrong with any drive, or nothing."""
+        return next((text for node in self.nodes.values() if (text := self._wrong(node))), "")
+
+    def _wrong(self, node: Node) -> str:
+        limits, now = node.keys.limits, self.network.now
+        for _, code in node.emergencies:
+            fault = node.profile.faults.get(code)
+            if code and code >> 8 != 0:
+                return f"{node.name}: EMCY {code:04X}h{f', {fault.meaning}' if fault else ''}."
+        if now - node.heard_at > node.keys.heartbeat.lost_after:
+            return f"{node.name}: no heartbeat for {(now - node.heard_at) / 1e6:.0f} ms. Check its power and the bus."
+        if node.silent >= SILENT_CYCLES:
+            return f"{node.name}: no process data for {node.silent} cycles. Check the bus."
+        if node.state is not State.ENABLED:
+            return f"{node.name}: left Operation enabled: {node.state}."
+        if node.boots:
+            return f"{node.name}: started anew by itself. Check its supply."
+        low, high = limits.position
+        if not low <= node.position <= high:
+            return f"{node.name}: position {node.way(node.position)} is outside {node.way(low)} to {node.way(high)}."
+        if abs(node.velocity) > limits.velocity:
+            return f"{node.name}: velocity {node.way(node.velocity)}/s is above {node.way(limits.velocity)}/s."
+        if abs(node.force) > limits.force:
+            newton = "N m" if node.rotary else "N"
+            return f"{node.name}: force {node.force:.2f} {newton} is above {limits.force:g} {newton}."
+        if abs(node.following_error) > limits.following_error:
+            error, limit = node.way(node.following_error), node.way(limits.following_error)
+            return f"{node.name}: following error {error} is above {limit}."
+        return ""
+
+    # ------------------------------------------------------------------------------------------------------- stop
+
+    def stop(self) -> None:
+        """The one way to the end: quick stop, then disabled; what cannot be confirmed is told. Never raises."""
+        if not self.running:
+            self.network.close()
+            return
+        self.running = False
+        with undisturbed():
+            try:
+                self._bring_down()
+            except Exception as error:
+                self.notes.append(
+                    f"stop: {error} The drives stop by themselves when this program's heartbeat is missing."
+                )
+            finally:
+                self.network.close()
+
+    def _bring_down(self) -> None:
+        for node in self.nodes.values():
+            node.goal, node.homing = State.QUICK_STOP, False
+        self._cycles_until(lambda node: node.state in (*AT_REST, State.QUICK_STOP) and self._stands(node))
+        for node in self.nodes.values():
+            node.goal = State.DISABLED
+        self._cycles_until(lambda node: node.state in AT_REST)
+        for node in self.nodes.values():
+            state = node.state
+            try:
+                setup.make_safe(node)
+                state = setup.release(node)
+                confirmed = state in AT_REST
+            except SimulationError:
+                confirmed = False
+            if not confirmed:
+                self.notes.append(
+                    f"{node.name}: did not confirm that it is disabled (last state: {state}). Check it before you touch it."
+                )
+        self.nmt(PRE_OPERATIONAL)
+        self.wait(self.cycle)
+        self._beating = False
+
+    def _lost(self, node: Node) -> bool:
+        return self.network.now - node.heard_at > node.keys.heartbeat.lost_after
+
+    def _stands(self, node: Node) -> bool:
+        return abs(node.velocity) < 0.01 * node.keys.limits.velocity
+
+    def _cycles_until(self, done: Callable[[Node], bool]) -> None:
+        """Cycles until it holds for every node that still lives, or too long."""
+        end = self.network.now + STANDSTILL
+        while self.network.now < end and not all(done(node) or self._lost(node) for node in self.nodes.values()):
+            self.run_cycle()
+
+    def report(self) -> dict[str, Any]:
+        """Statistics of the run."""
+        nodes = {
+            name: {
+                "late_pdos": node.late,
+                "lost_pdos": node.lost,
+                "emergencies": [f"{c:04X}" for _, c in node.emergencies],
+            }
+            for name, node in self.nodes.items()
+        }
+        return {**self.timing.summary(), "nodes": nodes}
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """A second Ctrl-C, or SIGTERM, does not keep the drives from being stopped."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {one: signal.signal(one, signal.SIG_IGN) for one in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for one, handler in before.items():
+            signal.signal(one, handler)

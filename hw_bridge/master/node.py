@@ -1,0 +1,228 @@
+"""One drive as the master sees it: who it is, how it is set up, what it is told and what it says in each cycle."""
+
+from __future__ import annotations
+
+import struct
+from collections import deque
+from math import degrees
+from typing import TYPE_CHECKING
+
+from hw_bridge import cia402
+from hw_bridge.cia402 import Mode, State, state_of
+from hw_bridge.dictionary import Dictionary
+from hw_bridge.frame import Frame
+from hw_bridge.master import setup
+from hw_bridge.master.sdo import SdoClient
+from hw_bridge.master.vendor import SUBSTITUTES, VENDORS, current_unit
+
+if TYPE_CHECKING:
+    from hw_bridge.hardware import NodeKeys
+    from hw_bridge.master.network import Condition, Network
+    from hw_bridge.profile import Profile
+
+TARGET_PDO, CONTROL_PDO = 0x200, 0x300
+STATE_PDO, SPEED_PDO = 0x180, 0x280
+LM2070 = 11.64  # force constant [N/A]
+WINDOW = 0.1  # time over which the way that was driven is compared with the way that was asked for [s]
+
+RESETS = 3  # a fault that stays has a cause
+
+UP = {  # controlword on the way to Operation enabled
+    State.DISABLED:    0x06,
+    State.READY:       0x07,
+    State.SWITCHED_ON: 0x0F,
+    State.ENABLED:     0x0F,
+}  # fmt: skip
+DOWN = {  # on the way to a standstill
+    State.ENABLED:    0x02,
+    State.QUICK_STOP: 0x02,
+}  # fmt: skip
+AT_REST = (State.DISABLED, State.READY, State.NOT_READY, State.FAULT)
+
+
+class Node:
+    """A drive. Positions [m] count from where `zero` was called; all else is in SI too, by the table of units."""
+
+    def __init__(self, name: str, keys: NodeKeys, profile: Profile, network: Network, wait: Waiting) -> None:
+        self.name, self.keys, self.profile = name, keys, profile
+        self.vendor = VENDORS[profile.name]
+        self.number = keys.node
+        self.mirror = Dictionary(profile.objects, keys.node)  # what the drive is known to hold
+        self.sdo = SdoClient(keys.node, network.send, wait)
+        self.sign = -keys.scale if keys.inverted else keys.scale
+        self.rotary = False  # whether positions are angles
+        self.origin = 0.0  # what the drive counts where the position is 0 [m]
+        self.goal = State.DISABLED
+        self.homing = False
+        self.mode = Mode.CSV
+        self.target_position = self.target_velocity = 0.0
+        self.word = 0
+        self.raw_position = self.raw_velocity = self.raw_current = 0
+        self.carried = 0.0  # part of the target velocity that rounding left over [device units]
+        self.heard_at = 0  # last heartbeat [ns]
+        self.emergencies: list[tuple[int, int]] = []  # time [ns], code
+        self.ways: deque[tuple[float, float]] = deque()  # asked for and driven, one for each cycle [m]
+        self.boots = 0  # boot-up messages heard
+        self.answered = 0  # process data since the last SYNC
+        self.missing = self.late = self.silent = 0  # of process data: cycles without, too late, the same in a row
+        self.resets = 0  # attempts to leave Fault
+        self._pulse = False
+        self.use_units()
+
+    # ------------------------------------------------------------------------------------------------------ scaling
+
+    def use_units(self) -> None:
+        """Take over units after the drive's scaling is known."""
+        units = self.profile.units(self.mirror)
+        self.units = units
+        self.ampere = current_unit(self.vendor, units)
+        constant = self.profile.motor.parameters.get("force_constant", LM2070)
+        self.force_constant = self.keys.force_constant or constant / self.keys.scale
+        self.form = "<i" if self.vendor.current & 0xFF == 32 else "<h"
+
+    @property
+    def position(self) -> float:
+        """Actual position [m]."""
+        return self.sign * self.raw_position * self.units.position - self.origin
+
+    @property
+    def velocity(self) -> float:
+        """Actual velocity [m/s]."""
+        return self.sign * self.raw_velocity * self.units.velocity
+
+    @property
+    def current(self) -> float:
+        """Actual current [A], positive where it pushes to positive positions."""
+        return (-1.0 if self.keys.inverted else 1.0) * self.raw_current * self.ampere
+
+    @property
+    def force(self) -> float:
+        """Force of the motor by its current [N]."""
+        return self.force_constant * self.current
+
+    @property
+    def state(self) -> State:
+        """State of the power drive system."""
+        return state_of(self.word)
+
+    def zero(self, position: float) -> None:
+        """Here is this position."""
+        self.origin += self.position - position
+
+    def way(self, value: float) -> str:
+        """A position or a way for people."""
+        return f"{degrees(value):.2f} deg" if self.rotary else f"{1e3 * value:.2f} mm"
+
+    def device_position(self, position: float) -> int:
+        """A position as the drive counts."""
+        return round((position + self.origin) / (self.sign * self.units.position))
+
+    # ----------------------------------------------------------------------------------------------------- set-up
+
+    def identify(self) -> list[str]:
+        """Every difference between the drive that answers and the one that is expected."""
+        return setup.identify(self)
+
+    def configure(self, cycle: int, master: int) -> None:
+        """Write what a run needs, each value read back."""
+        setup.configure(self, cycle, master)
+
+    # -------------------------------------------------------------------------------------------------- each cycle
+
+    @property
+    def own_mode(self) -> Mode:
+        """The wanted mode, or what stands for it where the drive has it not."""
+        if self.homing:
+            return Mode.HM
+        offered = self.mirror.get(0x6502)
+        return self.mode if offered >> (self.mode - 1) & 1 else SUBSTITUTES[self.mode]
+
+    def frames(self) -> list[Frame]:
+        """Target and controlword of this cycle. Until the drive is enabled the targets are its actual values."""
+        mode, state = self.own_mode, self.state
+        follows = state is State.ENABLED and self.goal is State.ENABLED and not self.homing
+        places = mode in (Mode.CSP, Mode.PP)
+        position = self.device_position(self.target_position) if follows and places else self.raw_position
+        velocity = 0
+        if follows and not places:
+            wanted = self.target_velocity / (self.sign * self.units.velocity) + self.carried
+            velocity = round(wanted)
+            self.carried = wanted - velocity
+        word = self.controlword(state)
+        control = [word]
+        if mode is Mode.PP and follows:  # each target is a new set-point, on a rising edge of bit 4
+            control = [word | cia402.CHANGE_IMMEDIATELY, word | cia402.CHANGE_IMMEDIATELY | cia402.NEW_SET_POINT]
+        target = Frame(TARGET_PDO + self.number, struct.pack("<i", position))
+        pdo = CONTROL_PDO + self.number
+        return [target, *(Frame(pdo, struct.pack("<Hbi", one, mode, velocity)) for one in control)]
+
+    def controlword(self, state: State) -> int:
+        """The next step towards the goal."""
+        if self.goal is State.ENABLED:
+            if state is State.FAULT:  # the reset is an edge
+                self._pulse = not self._pulse and self.resets < RESETS
+                self.resets += self._pulse
+                return cia402.FAULT_RESET if self._pulse else 0
+            word = UP.get(state, 0)
+            return word | cia402.NEW_SET_POINT if self.homing and state is State.ENABLED else word
+        if self.goal is State.QUICK_STOP:
+            return DOWN.get(state, 0)
+        return 0
+
+    def heard(self, frame: Frame, now: int) -> None:
+        """A frame of this drive arrived."""
+        base = frame.id - self.number
+        if base == STATE_PDO and len(frame.data) == 7:
+            self.word, _, self.raw_position = struct.unpack("<Hbi", frame.data)
+            self.answered += 1
+        elif base == SPEED_PDO and len(frame.data) >= 6:
+            self.raw_velocity = struct.unpack_from("<i", frame.data)[0]
+            self.raw_current = struct.unpack_from(self.form, frame.data, 4)[0]
+        elif base == 0x580:
+            self.sdo.heard(frame.data)
+        elif base == 0x80 and len(frame.data) >= 2:
+            self.emergencies.append((now, struct.unpack_from("<H", frame.data)[0]))
+        elif base == 0x700 and frame.data:
+            self.heard_at = now
+            self.boots += frame.data[0] == 0
+
+    def account(self, cycle: int) -> None:
+        """Before a SYNC: whether the last one was answered, and which way was driven since."""
+        self.missing += self.answered == 0
+        self.late += max(self.answered - 1, 0)
+        self.silent = self.silent + 1 if self.answered == 0 else 0
+        self.answered = 0
+        asked = self.target_velocity * cycle / 1e9
+        self.ways.append((asked, self.position))
+        while len(self.ways) * cycle > WINDOW * 1e9:
+            self.ways.popleft()
+
+    def forget(self) -> None:
+        """A run begins: what happened before does not count."""
+        self.missing = self.late = self.silent = self.boots = 0
+        self.ways.clear()
+        self.emergencies.clear()
+
+    @property
+    def lost(self) -> int:
+        """Process data that never came."""
+        return max(self.missing - self.late, 0)
+
+    @property
+    def following_error(self) -> float:
+        """Way that was asked for minus the one that was driven [m]: now in csp, over a window of time in csv."""
+        if self.mode is Mode.CSP:
+            return self.target_position - self.position
+        if not self.ways:
+            return 0.0
+        return sum(asked for asked, _ in self.ways) - (self.position - self.ways[0][1])
+
+
+if TYPE_CHECKING:
+    from typing import Protocol
+
+    class Waiting(Protocol):
+        """Lets time pass, and frames come, until a condition holds."""
+
+        def __call__(self, duration: int, done: Condition = ...) -> None:
+            """Wait at most `duration` [ns]."""

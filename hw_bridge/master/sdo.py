@@ -1,0 +1,99 @@
+"""SDO client: read and write the object dictionary of a node, one request at a time."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+from hw_bridge.abort import Code
+from hw_bridge.agenda import MILLISECOND
+from hw_bridge.frame import Frame
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from hw_bridge.master.network import Condition
+
+REQUEST, RESPONSE = 0x600, 0x580
+TIMEOUT = 300 * MILLISECOND  # longest time to a response [ns]; a drive that writes flash takes that long
+ATTEMPTS = 2  # a frame may be lost
+
+
+class SdoError(SimulationError):
+    """A node refused; `code` says why."""
+
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class SilentError(SimulationError):
+    """A node did not answer."""
+
+
+def told(code: int) -> str:
+    """An abort code in words."""
+    try:
+        return Code(code).name.lower().replace("_", " ")
+    except ValueError:
+        return "no code of CiA 301"
+
+
+class SdoClient:
+    """The requests of a master to one node. `wait(duration, done)` lets time pass, and frames come."""
+
+    def __init__(self, node: int, send: Callable[[Frame], None], wait: Callable[[int, Condition], None]) -> None:
+        self.node, self.send, self.wait = node, send, wait
+        self.answers: list[bytes] = []
+        self.attempts = ATTEMPTS
+
+    def heard(self, data: bytes) -> None:
+        """A response arrived."""
+        self.answers.append(data)
+
+    def read(self, index: int, sub: int = 0, timeout: int = TIMEOUT) -> bytes:
+        """The bytes of an entry."""
+        answer = self._ask(struct.pack("<BHB4x", 0x40, index, sub), index, sub, 0x40, timeout)
+        if answer[0] & 0x02:
+            return answer[4 : 8 - (answer[0] >> 2 & 3 if answer[0] & 1 else 0)]
+        data, toggle = b"", 0
+        while True:
+            part = self._ask(bytes([0x60 | toggle]) + bytes(7), index, sub, toggle, timeout, segment=True)
+            data += part[1 : 8 - (part[0] >> 1 & 7)]
+            if part[0] & 1:
+                return data
+            toggle ^= 0x10
+
+    def write(self, index: int, sub: int, data: bytes) -> None:
+        """Write an entry of up to four bytes; numbers have no more."""
+        head = 0x23 | (4 - len(data)) << 2
+        self._ask(struct.pack("<BHB", head, index, sub) + data.ljust(4, b"\0"), index, sub, 0x60, TIMEOUT)
+
+    def _ask(self, request: bytes, index: int, sub: int, expected: int, timeout: int, segment: bool = False) -> bytes:
+        for _ in range(1 if segment else self.attempts):
+            self.answers.clear()
+            self.send(Frame(REQUEST + self.node, request))
+            self.wait(timeout, lambda: any(self._fits(one, index, sub, expected, segment) for one in self.answers))
+            for answer in self.answers:
+                if self._fits(answer, index, sub, expected, segment):
+                    return self._checked(answer, index, sub)
+        raise SilentError(
+            f"node {self.node}: no answer on {index:04X}h.{sub}. Check its power, the wiring, the bit rate and its node-ID."
+        )
+
+    @staticmethod
+    def _fits(answer: bytes, index: int, sub: int, expected: int, segment: bool) -> bool:
+        """Whether this answers the request; an older one may have come late."""
+        if len(answer) != 8:
+            return False
+        if segment and answer[0] != 0x80:
+            return answer[0] & 0xF0 == expected
+        named = struct.unpack_from("<HB", answer, 1) == (index, sub)
+        return named and (answer[0] == 0x80 or answer[0] & 0xE0 == expected)
+
+    def _checked(self, answer: bytes, index: int, sub: int) -> bytes:
+        if answer[0] == 0x80:
+            code = struct.unpack_from("<I", answer, 4)[0]
+            raise SdoError(f"node {self.node}: {index:04X}h.{sub}: refused with {code:08X}h, {told(code)}.", code)
+        return answer

@@ -1,0 +1,181 @@
+"""Bringing one drive to where process data can begin: identity, parameters with read-back, mapping."""
+
+from __future__ import annotations
+
+import struct
+from math import ceil
+from typing import TYPE_CHECKING
+
+from hw_bridge.abort import Abort
+from hw_bridge.agenda import MILLISECOND
+from hw_bridge.cia402 import State, state_of
+from hw_bridge.master.sdo import SdoError
+from hw_bridge.master.vendor import RECEIVE, SPEED, TRANSMIT
+from hw_bridge.slave.pdo import INVALID
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from hw_bridge.dictionary import Entry
+    from hw_bridge.master.node import Node
+
+DRIVE = 402  # device profile: the lower half of 1000h
+IDENTITY = {1: "vendor", 2: "product code", 3: "revision", 4: "serial number"}
+SCALING = (0x2350, 0x3001, 0x3010, 0x608F, 0x6075, 0x6091, 0x6092, 0x60A9)  # what units follow from
+
+
+def read(node: Node, index: int, sub: int = 0) -> int:
+    """Read a number by its type in the vendor's dictionary, and remember it."""
+    entry = node.mirror.entry(index, sub)
+    data = node.sdo.read(index, sub)
+    try:
+        value = entry.decode(data)
+    except Abort:
+        raise SimulationError(
+            f"{node.name}: {index:04X}h.{sub} has {len(data)} bytes, {node.profile.title} has {entry.type.size}. "
+            f"Check the profile."
+        ) from None
+    assert isinstance(value, int)
+    node.mirror.values[index, sub] = value
+    return value
+
+
+def write(node: Node, index: int, sub: int, value: int) -> None:
+    """Write a number and read it back."""
+    if sub not in node.mirror.objects.get(index, {}):
+        raise SimulationError(
+            f"{node.name}: {node.profile.title} has no {index:04X}h.{sub}. Correct the hardware file."
+        )
+    entry = node.mirror.entry(index, sub)
+    try:
+        data = entry.encode(value)
+    except struct.error:
+        raise SimulationError(f"{node.name}: {index:04X}h.{sub} cannot hold {value}: {entry.type.name}.") from None
+    try:
+        node.sdo.write(index, sub, data)
+    except SdoError as error:
+        raise SdoError(f"{node.name}: {error} It was to become {value}.", error.code) from None
+    if (found := read(node, index, sub)) != value:
+        raise SimulationError(f"{node.name}: {index:04X}h.{sub} reads {found} after {value} was written.")
+
+
+def identify(node: Node) -> list[str]:
+    """Every difference between the drive that answers and the one that the hardware file expects."""
+    keys, name = node.keys, node.name
+    device = struct.unpack("<I", node.sdo.read(0x1000))[0]
+    if device & 0xFFFF != DRIVE:
+        return [f"{name}: node {node.number} is no drive: 1000h is {device:08X}h. Check the node-ID."]
+    found = {sub: struct.unpack("<I", node.sdo.read(0x1018, sub))[0] for sub in IDENTITY}
+    expected = {1: node.mirror.get(0x1018, 1)}
+    expected |= {2: keys.product} if keys.product is not None else {}
+    expected |= {4: keys.serial} if keys.serial is not None else {}
+    return [
+        f"{name}: node {node.number}: {IDENTITY[sub]} is {found[sub]:X}h, expected {value:X}h "
+        f"({node.profile.title}). Correct the hardware file or the wiring."
+        for sub, value in expected.items()
+        if found[sub] != value
+    ]
+
+
+def configure(node: Node, cycle: int, master: int) -> None:
+    """All parameters of a run. The node is in Pre-operational; its power stage goes off first."""
+    node.sdo.write(0x6040, 0, b"\0\0")
+    read(node, 0x6502)
+    entries = node.mirror.objects
+    for index, sub, value in node.vendor.setup:
+        write(node, index, sub, value)
+    for (index, sub), value in node.keys.objects.items():
+        write(node, index, sub, value)
+    for index in SCALING:
+        for entry in entries.get(index, {}).values():
+            if entry.readable and entry.sub:
+                read(node, index, entry.sub)
+        if 0 in entries.get(index, {}) and len(entries[index]) == 1:
+            read(node, index)
+    node.use_units()
+    if 0x60C2 in entries:  # 0 means no interpolation on an EPOS4
+        write(node, 0x60C2, 1, cycle // MILLISECOND)
+        write(node, 0x60C2, 2, -3)
+    make_safe(node)
+    ramps(node)
+    heartbeat(node, master)
+    mapping(node)
+
+
+def ramps(node: Node) -> None:
+    """Accelerations and the largest speed, in the drive's units."""
+    limits, scale, units = node.keys.limits, node.keys.scale, node.units
+    for index in (0x6083, 0x6084, 0x6085):
+        put(node, index, 0, ceil(limits.acceleration / (scale * units.acceleration)))
+    for index in (0x607F, 0x6080, 0x6081):
+        put(node, index, 0, ceil(limits.velocity / (scale * units.velocity)))
+    put(node, 0x6065, 0, ceil(limits.following_error / (scale * units.position)))
+
+
+def limit_positions(node: Node) -> None:
+    """Software limits 607Dh, once it is known from where positions count. A tenth beyond those of the master."""
+    low, high = node.keys.limits.position
+    margin = 0.1 * (high - low)
+    ends = sorted(node.device_position(one) for one in (low - margin, high + margin))
+    for sub, end in enumerate(ends, 1):
+        put(node, 0x607D, sub, end)
+
+
+def put(node: Node, index: int, sub: int, value: int) -> None:
+    """Write where the drive has such an object, at most what it takes."""
+    entry = node.mirror.objects.get(index, {}).get(sub)
+    if entry is not None and entry.writable:
+        write(node, index, sub, limited(entry, value))
+
+
+def limited(entry: Entry, value: int) -> int:
+    """A value inside the entry's range."""
+    low = entry.low if entry.low is not None else value
+    high = entry.high if entry.high is not None else value
+    return min(max(value, low), high)
+
+
+def heartbeat(node: Node, master: int) -> None:
+    """Both directions: the drive tells that it lives, and stops when this program does not."""
+    times = node.keys.heartbeat
+    write(node, 0x1016, 1, 0)
+    write(node, 0x1016, 1, master << 16 | times.lost_after // MILLISECOND)
+    write(node, 0x1017, 0, times.every // MILLISECOND)
+
+
+def mapping(node: Node) -> None:
+    """The remap procedure for four PDOs each way: one controlword in all, everything at SYNC, the others off."""
+    # a drive without interpolation gets several set-points in a cycle: they act when they come
+    kind = 1 if 0x60C2 in node.mirror else 255
+    receive: tuple[tuple[int, ...], ...] = (*RECEIVE, (), ())
+    transmit: tuple[tuple[int, ...], ...] = (TRANSMIT, (SPEED, node.vendor.current), (), ())
+    for number in range(4):
+        map_pdo(node, 0x1400 + number, 0x200 + 0x100 * number + node.number, receive[number], kind)
+        map_pdo(node, 0x1800 + number, 0x180 + 0x100 * number + node.number, transmit[number], 1)
+
+
+def map_pdo(node: Node, index: int, identifier: int, words: tuple[int, ...], kind: int) -> None:
+    """Take a PDO out of use, map it anew, and use it again if it has anything to carry."""
+    flags = read(node, index, 1) & 0x40000000
+    write(node, index, 1, INVALID | flags | identifier)
+    if not words:
+        return
+    write(node, index, 2, kind)
+    write(node, index + 0x200, 0, 0)
+    for place, word in enumerate(words, 1):
+        write(node, index + 0x200, place, word)
+    write(node, index + 0x200, 0, len(words))
+    write(node, index, 1, flags | identifier)
+
+
+def make_safe(node: Node) -> None:
+    """Digital outputs as the hardware file wants them when nothing moves."""
+    if node.keys.safe_outputs is not None:
+        write(node, 0x60FE, 1, node.keys.safe_outputs)
+
+
+def release(node: Node) -> State:
+    """After an orderly end: disabled by SDO too, no heartbeat is expected any more. The state that it tells."""
+    node.sdo.write(0x6040, 0, b"\0\0")
+    node.sdo.write(0x1016, 1, b"\0\0\0\0")
+    node.sdo.write(0x1017, 0, b"\0\0")
+    return state_of(struct.unpack("<H", node.sdo.read(0x6041))[0])

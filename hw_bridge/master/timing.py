@@ -1,0 +1,43 @@
+"""How well the cycle kept its time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+LONGEST = 2_000_000  # cycles that are kept: nearly three hours at 5 ms
+
+
+class Timing:
+    """Times of SYNC against the plan; `overruns` are cycles that came later than a whole cycle."""
+
+    def __init__(self, cycle: int) -> None:
+        self.cycle = cycle
+        self.lateness: list[int] = []  # of each SYNC [ns]
+        self.sent: list[int] = []  # time of each SYNC [ns]
+        self.overruns = 0
+
+    def synced(self, now: int, due: int) -> None:
+        """A SYNC was sent."""
+        if len(self.sent) < LONGEST:
+            self.sent.append(now)
+            self.lateness.append(now - due)
+
+    @property
+    def jitter(self) -> np.ndarray[Any, Any]:
+        """Each period between SYNCs minus the cycle [s]."""
+        return (np.diff(np.array(self.sent, np.int64)) - self.cycle) / 1e9
+
+    def summary(self) -> dict[str, Any]:
+        """Figures in seconds."""
+        jitter = np.abs(self.jitter)
+        late = np.array(self.lateness, np.int64) / 1e9
+        if not len(jitter):
+            return {"cycles": len(late), "overruns": self.overruns}
+        return {
+            "cycles": len(late), "cycle": self.cycle / 1e9, "overruns": self.overruns,
+            "jitter_std": float(np.std(self.jitter)), "jitter_median": float(np.median(jitter)),
+            "jitter_99": float(np.quantile(jitter, 0.99)), "jitter_max": float(jitter.max()),
+            "lateness_99": float(np.quantile(late, 0.99)), "lateness_max": float(late.max()),
+        }  # fmt: skip

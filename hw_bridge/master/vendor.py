@@ -1,0 +1,57 @@
+"""What a master has to know of each vendor's drive to use it, as tables. Traps are told where they are avoided."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from hw_bridge.cia402 import Mode
+
+if TYPE_CHECKING:
+    from hw_bridge.profile import Units
+
+QUICK_STOP_WHEN_LOST = (0x6007, 0, 3)
+
+
+@dataclass(frozen=True)
+class Vendor:
+    """Objects to write (index, subindex, value) and where the current is. `per_unit`: [A]; 0: as 6077h counts."""
+
+    setup: tuple[tuple[int, int, int], ...]
+    current: int  # mapping word
+    per_unit: float
+
+
+VENDORS = {
+    "faulhaber_v3": Vendor(
+        # units stay um and mm/s: finer ones would limit ramps to 3 m/s2. What rounding leaves over is carried on.
+        setup=(QUICK_STOP_WHEN_LOST,),
+        current=0x60770010,
+        per_unit=0.0,
+    ),
+    "mclm": Vendor(
+        # pitch of the LM 2070 instead of 18 mm; errors of 2321h trip instead of being told only, also the heartbeat's,
+        # but the continuous overcurrent, which derates; software limits act in velocity mode too
+        setup=((0x2350, 4, 24), (0x2321, 2, 0x7BDE), (0x2338, 2, 1)),
+        current=0x60780010,
+        per_unit=1e-3,
+    ),
+    "epos4": Vendor(
+        setup=((0x60A9, 0, 0xFDB44700), QUICK_STOP_WHEN_LOST),  # a unit of 1 mrpm instead of 1 rpm
+        current=0x30D10220,
+        per_unit=1e-3,
+    ),
+}
+
+# Process data. The lower identifier goes first, and so does the lower number at SYNC: the target, then the controlword.
+RECEIVE = ((0x607A0020,), (0x60400010, 0x60600008, 0x60FF0020))
+TRANSMIT = (0x60410010, 0x60610008, 0x60640020)
+SPEED = 0x606C0020
+
+# what stands for a mode that a drive has not
+SUBSTITUTES = {Mode.CSP: Mode.PP, Mode.CSV: Mode.PV}
+
+
+def current_unit(vendor: Vendor, units: Units) -> float:
+    """Current of one unit of the mapped object [A]."""
+    return vendor.per_unit or units.torque

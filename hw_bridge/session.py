@@ -1,0 +1,189 @@
+"""One case of a run on drives: from the first step, which brings them up, to the stop."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from hw_bridge.bus import Bus
+from hw_bridge.cia402 import INTERNAL_LIMIT, Mode
+from hw_bridge.contact import ContactWatch
+from hw_bridge.drive.drive import Drive
+from hw_bridge.drive.motor import Motor
+from hw_bridge.master.master import Master
+from hw_bridge.master.network import Network, SimulatedNetwork
+from hw_bridge.plant import Plant
+from hw_bridge.profiles import profile
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from hw_bridge.hardware import ContactKeys, HardwareKeys
+    from twin.component import Component
+
+SHARE = 0.8  # of the velocity limit that a target may ask for: the drive overshoots
+
+
+def bench_network(keys: HardwareKeys, build: Path) -> Network:
+    """The bus of a bench alone, without a scenario; simulated drives feel no load."""
+    if not keys.simulated:
+        return wire(keys)
+    bus = Bus(keys.bit_rate)
+    for node in keys.nodes.values():
+        vendor = profile(node.profile)
+        bus.attach(Drive(vendor, node.node, Motor(vendor.motor, build=build)))
+    return SimulatedNetwork(bus)
+
+
+def wire(keys: HardwareKeys) -> Network:
+    """A python-can interface."""
+    from hw_bridge.master.wire import WireNetwork
+
+    return WireNetwork(keys.interface, keys.channel, keys.bit_rate, keys.options)
+
+
+def beginning(axis: Component) -> float:
+    """Where a member begins [m or rad]."""
+    return float(axis.views["target_position"]) if "target_position" in axis.views else 0.0
+
+
+class Session:
+    """Drives and their master during one case."""
+
+    def __init__(self, keys: HardwareKeys, contacts: dict[str, ContactKeys], build: Path) -> None:
+        self.keys, self.contacts, self.build = keys, contacts, build
+        self.axes: dict[str, Component] = {}
+        self.plants: dict[str, Plant] = {}
+        self.master: Master | None = None
+        self.bus: Bus | None = None
+        self.begun = self.closed = self.real_time = False
+        self.wall_clock = not keys.simulated
+        self.stepped: set[str] = set()
+        self.origin = 0  # time of the network at the scenario's zero [ns]
+        self.start = 0
+        self.watches: dict[str, ContactWatch] = {}
+        self.notes: list[str] = []
+
+    def network(self) -> Network:
+        """The bus, with its simulated drives where they are part of the run."""
+        keys = self.keys
+        if not keys.simulated:
+            return wire(keys)
+        self.bus = Bus(keys.bit_rate)
+        for name, axis in self.axes.items():
+            self.plants[name] = Plant(axis, keys.nodes[name], beginning(axis), self.build)
+            self.bus.attach(self.plants[name].drive)
+        return SimulatedNetwork(self.bus)
+
+    def step(self, member: str, t: float, h: float) -> None:
+        """The targets of a member are there; with the last one everything goes on from t to t + h [s]."""
+        self.stepped.add(member)
+        if self.stepped == set(self.axes):
+            self.stepped.clear()
+            try:
+                self.advance(round(t * 1e9), round(h * 1e9))
+            except BaseException:
+                self.close()
+                raise
+
+    def advance(self, t: int, h: int) -> None:
+        """Let the bus go from t to t + h [ns]."""
+        for plant in self.plants.values():
+            plant.feel()
+        if not self.begun:
+            self.begin(t)
+        master = self.master
+        assert master is not None
+        for name, watch in self.watches.items():
+            watch.look(t, float(self.axes[name].views["contact_force"]))
+        if (t - self.start) % self.keys.cycle == 0:
+            self.keep_pace(t)
+            if problem := master.check():
+                raise SimulationError(f"{problem} All drives stop.")
+            self.take_targets()
+            master.exchange()
+            master.timing.synced(master.network.now, self.origin + t + master.window)
+        master.wait_until(self.origin + t + h)
+        self.show()
+
+    def begin(self, t: int) -> None:
+        """Bring the drives up."""
+        master = self.master = Master(self.keys, self.network())
+        self.begun, self.start, self.real_time = True, t, master.network.real_time
+        for name, axis in self.axes.items():
+            master.nodes[name].rotary = "angle" in axis.views
+        master.begin({name: beginning(axis) for name, axis in self.axes.items()})
+        self.origin = master.network.now - t
+        for name, plant in self.plants.items():
+            plant.zero(master.nodes[name])
+        for name, contact in self.contacts.items():
+            self.watches[name] = ContactWatch(name, contact, master.nodes[name], t)
+
+    def keep_pace(self, t: int) -> None:
+        """A loop that came too late goes on from here instead of hurrying after."""
+        master = self.master
+        assert master is not None
+        late = master.network.now - (self.origin + t)
+        if self.wall_clock and late > self.keys.cycle:
+            master.timing.overruns += 1
+            self.origin += late
+
+    def take_targets(self) -> None:
+        """What the drives are told in this cycle."""
+        assert self.master is not None
+        retracting = [watch for watch in self.watches.values() if watch.reason]
+        for name, node in self.master.nodes.items():
+            views = self.axes[name].views
+            if retracting:
+                watch = self.watches.get(name)
+                node.mode, node.target_velocity = Mode.CSV, watch.velocity() if watch and watch.reason else 0.0
+                continue
+            mode = Mode(int(views["mode_of_operation"])) if "mode_of_operation" in views else Mode.CSV
+            limit = node.keys.limits
+            fastest = SHARE * limit.velocity
+            node.target_velocity = min(max(float(views["target_velocity"]), -fastest), fastest)
+            if mode is Mode.CSP:
+                target = float(views["target_position"])
+                if (jump := abs(target - node.position)) > limit.following_error:
+                    raise SimulationError(
+                        f"{name}: target_position {node.way(target)} is {node.way(jump)} from where the drive is, a jump. "
+                        f"All drives stop."
+                    )
+                node.target_position = target
+            node.mode = mode
+        if retracting and all(watch.done() for watch in retracting):
+            raise SimulationError(f"{retracting[0].reason} All drives stop.")
+
+    def show(self) -> None:
+        """Outputs of all members."""
+        assert self.master is not None
+        for name, node in self.master.nodes.items():
+            values = {
+                "position_actual_value": node.position, "velocity_actual_value": node.velocity,
+                "position": node.position, "velocity": node.velocity, "current": node.current, "force": node.force,
+                "angle": node.position, "angular_velocity": node.velocity, "motor_angle": node.position / node.keys.scale,
+                "torque": node.force * node.keys.scale, "limited": bool(node.word & INTERNAL_LIMIT),
+            }  # fmt: skip
+            if name in self.plants:
+                self.plants[name].show(values)
+            views = self.axes[name].views
+            for key, value in values.items():
+                if key in views:
+                    views[key][...] = value
+
+    def close(self) -> None:
+        """Stop everything; once."""
+        if self.closed:
+            return
+        self.closed = True
+        if self.master is not None:
+            self.master.stop()
+            self.notes += self.master.notes
+
+    def report(self) -> dict[str, Any]:
+        """Statistics of the case."""
+        assert self.master is not None
+        found = self.master.report() | {"real_time_priority": self.real_time}
+        if self.bus is not None:
+            found |= {"bus_load": self.bus.load, "longest_wait": self.bus.longest_wait / 1e9}
+        return found
