@@ -13,6 +13,9 @@ from elftools.elf.elffile import ELFFile
 from twin import catalog, compiled, library
 from twin.component import Component
 from twin.errors import BuildError, TwinError
+from twin.export import group
+from twin.run import prepare
+from twin.scenario import Scenario
 from twin.variable import input, output, parameter
 
 BARE = Path(__file__).with_name("bare")
@@ -97,6 +100,48 @@ def test_two_libraries_in_one_program_equal_the_components_to_the_bit(folder, ta
         assert found == [sheath.tip_position, control.target_velocity]
     assert len(lines) == 200
     assert sheath.tip_position > 0.0
+
+
+GROUP = """
+#include <stdio.h>
+#include "control.h"
+
+int main(void)
+{
+    static control_t control;
+    control_init(&control);
+    control.controller_force = 0.1;
+    control_start(&control, 0.0);
+    for (int k = 0; k < 300; k++) {
+        control.estimate_position = 0.003 * (k % 50) / 50.0;
+        if (control_step(&control, k / 1000.0, 0.001)) return 1;
+        printf("%a\\n", control.controller_target_velocity);
+    }
+    return 0;
+}
+"""
+
+
+def test_a_group_of_a_scenario_is_one_library(build, tmp_path):
+    scenario = Scenario.load(Path(__file__).parents[1] / "scenarios/heart_wall_force.yaml")
+    case = scenario.cases(["PI+FF+BW"])[0]
+    cls = group("control", case, prepare(scenario)[case.variant], list(scenario.groups["control"]))
+    target = compiled.host()
+    library.export(cls, "control", tmp_path, build, (target,), force=False)
+    (tmp_path / "main.c").write_text(GROUP)
+    command = [*ZIG, "cc", "-target", library.TRIPLES[target][0], "-std=c11", "-O2", *WARNINGS, "-ffp-contract=off"]
+    archive = str(tmp_path / target / "libcontrol.a")
+    subprocess.run([*command, "main.c", archive, "-lm", "-o", "main"], cwd=tmp_path, check=True)
+    lines = subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=True, timeout=60).stdout.split()
+    part = cls()
+    part.views["controller.force"][...] = 0.1
+    part.start()
+    for k, line in enumerate(lines):
+        part.views["estimate.position"][...] = 0.003 * (k % 50) / 50.0
+        part.advance(k / 1000.0, 0.001)
+        assert float.fromhex(line) == part.views["controller.target_velocity"]
+    assert len(lines) == 300
+    assert float.fromhex(lines[-1]) != float.fromhex(lines[0])
 
 
 def moved(steps):

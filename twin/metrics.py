@@ -237,7 +237,9 @@ def limits(one: Expectation, found: list[tuple[str, float, float, str]]) -> Outc
         case, value, when = broken[0]
         cases = f" Broken in {len(broken)} of {len(found)} runs" + f": {grouped(broken)}." if len(found) > 1 else ""
         return Outcome(name, "fail", f"{what} is {value}{when} in {case}; expected {expected}.{cases}")
-    span = f"{shown(min(row[1] for row in found), one.unit)} to {shown(max(row[2] for row in found), one.unit)}"
+    span = " to ".join(dict.fromkeys(
+        (shown(min(row[1] for row in found), one.unit), shown(max(row[2] for row in found), one.unit))
+    ))  # fmt: skip
     return Outcome(name, "pass", f"{what} was {span}; expected {expected}.")
 
 

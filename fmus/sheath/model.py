@@ -2,6 +2,7 @@
 
 from math import pi
 
+from fmus.dead_zone import beyond
 from twin import solver
 from twin.component import Component
 from twin.variable import input, local, output, parameter, state, terminal
@@ -73,12 +74,3 @@ class Sheath(Component):
         self.reaction_force = -self.thrust[0]
         self.tip_position = self.position[NODES - 1]
         self.tip_velocity = self.der_position[NODES - 1]
-
-
-def beyond(value: float, limit: float) -> float:
-    """What is left of a value outside of +-limit: play, or force beyond friction."""
-    if value > limit:
-        return value - limit
-    if value < -limit:
-        return value + limit
-    return 0.0

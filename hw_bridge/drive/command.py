@@ -125,6 +125,6 @@ def _told(message: can.Message) -> str:
 
 def main() -> None:
     """Run the command as `twin` would."""
-    from twin.cli import run
+    from twin.cli import invoke
 
-    run(command, "python -m hw_bridge.drive")
+    invoke(command, "python -m hw_bridge.drive")

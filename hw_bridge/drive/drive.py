@@ -39,6 +39,7 @@ MODES: dict[int, type[modes.ModeOfOperation]] = {
     Mode.CSV:  modes.CyclicVelocity,
     Mode.CST:  modes.CyclicTorque,
 }  # fmt: skip
+TARGETS = (0x607A, 0x60FF, 0x6071)
 CYCLIC = (Mode.CSP, Mode.CSV, Mode.CST)
 STAGE_ON = (State.SWITCHED_ON, State.ENABLED, State.QUICK_STOP, State.REACTION)
 
@@ -74,7 +75,7 @@ class Drive(Slave):
         self.active: dict[int, Fault] = {}
         self.stop: modes.Stop | None = None
         self.after: State | None = None  # the state after the stop; None: stay
-        self.heard = 0  # when the last RPDO came [ns]; 0: never
+        self.heard = 0  # when the last target came [ns]; 0: never
         self.mode = MODES[Mode.NONE](self.axis, self.error)
         self._choose_mode()
         self._show()
@@ -314,9 +315,10 @@ class Drive(Slave):
         """A heartbeat or node guarding is missing."""
         self.error(HEARTBEAT)
 
-    def data_received(self) -> None:
-        """Targets came; the silence is over."""
-        self.heard = self.port.agenda.now
+    def data_received(self, mapped: list[Entry]) -> None:
+        """If targets came the silence is over."""
+        if any(entry.index in TARGETS for entry in mapped):
+            self.heard = self.port.agenda.now
 
     def nmt_changed(self) -> None:
         """Stopped and a reset end the connection, as CiA 402 has it; Pre-operational does not."""

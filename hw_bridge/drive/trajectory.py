@@ -25,20 +25,24 @@ class Trajectory:
     @property
     def end(self) -> int:
         """When it is over [ns]."""
-        return self.start + ceil(sum(duration for duration, _ in self.segments) * SECOND)
+        return self.start + ceil(self._length * SECOND)
+
+    @property
+    def _length(self) -> float:
+        return sum(duration for duration, _ in self.segments)
 
     def at(self, time: int) -> tuple[float, float]:
         """Position and speed at a time [ns]."""
         elapsed = (time - self.start) / SECOND
+        if time >= self.end:
+            return self.target + self.velocity_end * max(elapsed - self._length, 0.0), self.velocity_end
         x, v = self.position, self.velocity
         for duration, acceleration in self.segments:
             part = min(elapsed, duration)
             x += part * (v + 0.5 * acceleration * part)
             v += acceleration * part
             elapsed -= part
-            if elapsed <= 0.0 and part < duration:
-                return x, v
-        return self.target + self.velocity_end * elapsed, self.velocity_end
+        return x, v
 
 
 def _brake(x: float, v: float, deceleration: float) -> tuple[float, tuple[float, float]]:

@@ -119,7 +119,12 @@ class ReceivePdo(Pdo):
     receiving = True
 
     def __init__(
-        self, port: Port, rules: Rules, number: int, fault: Callable[[int], None], written: Callable[[], None]
+        self,
+        port: Port,
+        rules: Rules,
+        number: int,
+        fault: Callable[[int], None],
+        written: Callable[[list[Entry]], None],
     ) -> None:
         super().__init__(port, rules, 0x1400 + number, 0x1600 + number)
         self.fault, self.written = fault, written
@@ -162,7 +167,7 @@ class ReceivePdo(Pdo):
             taken.append(entry)
         for entry in taken:
             dictionary.act(entry)
-        self.written()
+        self.written(self.mapped)
 
 
 class TransmitPdo(Pdo):

@@ -54,8 +54,8 @@ class Slave(ABC):
         """A heartbeat that is watched, or node guarding, did not come in time."""
 
     @abstractmethod
-    def data_received(self) -> None:
-        """A receive PDO was taken over."""
+    def data_received(self, mapped: list[Entry]) -> None:
+        """A receive PDO with these objects was taken over."""
 
     @abstractmethod
     def nmt_changed(self) -> None:

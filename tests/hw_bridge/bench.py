@@ -3,13 +3,14 @@
 import struct
 
 from hw_bridge.abort import Code
-from hw_bridge.agenda import MILLISECOND, NEVER
+from hw_bridge.agenda import MILLISECOND
 from hw_bridge.bus import Bus
 from hw_bridge.cia402 import Mode, State, state_of
 from hw_bridge.drive.drive import Drive
 from hw_bridge.drive.motor import Motor
 from hw_bridge.frame import Frame
 from hw_bridge.profiles import profile
+from hw_bridge.recorder import Recorder
 
 NODE = 3
 
@@ -22,29 +23,12 @@ class AbortedError(Exception):
         self.code = Code(code)
 
 
-class Master:
-    """A station that remembers what it hears."""
+class Master(Recorder):
+    """A recorder that is on a bus."""
 
     def __init__(self, bus):
-        self.bus, self.heard = bus, []
+        super().__init__()
         bus.attach(self)
-
-    def connect(self, send):
-        self.send = send
-
-    def next_time(self):
-        return NEVER
-
-    def advance(self, time):
-        pass
-
-    def receive(self, frame):
-        self.heard.append((self.bus.now, frame))
-
-    def error_passive(self):
-        pass
-
-    bus_off = bus_on = error_passive
 
 
 class Bench:

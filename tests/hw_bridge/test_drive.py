@@ -35,6 +35,26 @@ def test_only_the_vendors_modes(bench):
         bench.write(0x6060, 7)  # interpolated position
 
 
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("faulhaber_v3", [0x0250, 0x0231, 0x0233, 0x0237, 0x0250]),  # bit 4: supply; no mode by default; 605Ah = 2
+        ("mclm", [0x0250, 0x0231, 0x0233, 0x0637, 0x0250]),
+        ("epos4", [0x0240, 0x0221, 0x0233, 0x0637, 0x0217]),  # bit 4: power stage; 605Ah = 6
+    ],
+)
+def test_statuswords(make, name, words):
+    bench = make(name)
+    bench.nmt(1)
+    assert bench.read(0x6041) == bench.word
+    seen = [bench.word]
+    for controlword in (0x06, 0x07, 0x0F, 0x02):
+        bench.send(0x200 + NODE, [controlword, 0])
+        bench.go(2)
+        seen.append(bench.word)
+    assert [f"{word:04X}" for word in seen] == [f"{word:04X}" for word in words]
+
+
 # ---------------------------------------------------------------------------------------------------------------- pp
 
 

@@ -82,10 +82,10 @@ def group() -> None:
 
 def main() -> None:
     """Run the command line."""
-    run(group, "twin")
+    invoke(group, "twin")
 
 
-def run(command: click.Command, name: str) -> None:
+def invoke(command: click.Command, name: str) -> None:
     """Run a command; an expected failure is one line on stderr and exit code 1. SIGTERM ends it like Ctrl-C."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
