@@ -1,0 +1,82 @@
+"""Trace files by python-can: ASC, BLF, candump logs and what else it reads and writes, chosen by the file's suffix."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import can
+
+from hw_bridge.wire import from_message, to_message
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from hw_bridge.frame import Frame
+
+SUFFIXES = (".asc", ".blf", ".log")
+
+
+class TraceWriter:
+    """Writes the frames of one run. Times [ns] are the bus's own; nothing but a header tells when a file was made."""
+
+    def __init__(self, path: Path, channel: str) -> None:
+        self.path, self.channel = path, channel
+        self.frames = 0
+        if path.suffix.lower() not in SUFFIXES:
+            raise SimulationError(f"{path}: no trace format {path.suffix!r}. Use {', '.join(SUFFIXES)}.")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._writer = can.Logger(path)
+        except OSError as error:
+            raise SimulationError(f"{path}: cannot be written: {error.strerror}. Choose another place.") from error
+        if isinstance(self._writer, can.ASCWriter):
+            self._writer.log_event("times count from 0", 0.0)  # else they count from the first frame
+        if isinstance(self._writer, can.BLFWriter):
+            self._writer.start_timestamp = 0.0
+        if isinstance(self._writer, can.CanutilsLogWriter):
+            self._writer.channel = channel
+
+    def write(self, time: int, frame: Frame | None) -> None:
+        """A frame at a time; none is an error frame."""
+        message = can.Message(is_error_frame=True) if frame is None else to_message(frame)
+        message.timestamp = time / 1e9
+        self._writer.on_message_received(message)
+        self.frames += 1
+
+    def close(self) -> None:
+        """Complete the file."""
+        self._writer.stop()
+
+
+def read(path: Path) -> Iterator[tuple[int, Frame | None, str]]:
+    """Time [ns] of each frame and the frame; where there is none, why. SimulationError in one line for a broken file."""
+    if not path.is_file():
+        raise SimulationError(f"{path}: no such file. Name a trace ({', '.join(SUFFIXES)}).")
+    if path.suffix.lower() not in SUFFIXES:
+        raise SimulationError(f"{path}: no trace format {path.suffix!r}. Use {', '.join(SUFFIXES)}.")
+    if path.stat().st_size == 0:
+        raise SimulationError(f"{path}: is empty. Record it anew.")
+    count = 0
+    try:
+        with can.LogReader(path) as messages:
+            for message in messages:
+                count += 1
+                yield round(message.timestamp * 1e9), from_message(message), _why(message)
+            if isinstance(messages, can.BLFReader) and messages.file_size > path.stat().st_size:
+                raise EOFError("the file is shorter than its header says")
+    except SimulationError:
+        raise
+    except Exception as error:  # python-can's readers raise whatever their parsing meets
+        what = str(error) or type(error).__name__
+        raise SimulationError(f"{path}: broken after {count} frames: {what}. Record it anew.") from error
+    if not count:
+        raise SimulationError(f"{path}: holds no frames, or is no {path.suffix.lower()} file. Record it anew.")
+
+
+def _why(message: can.Message) -> str:
+    """What a message is that CANopen does not use."""
+    if message.is_error_frame:
+        return "error frame"
+    return "29-bit identifier" if message.is_extended_id else "CAN FD" if message.is_fd else ""
