@@ -64,8 +64,7 @@ def read(path: Path) -> Iterator[tuple[int, Frame | None, str]]:
             for message in messages:
                 count += 1
                 yield round(message.timestamp * 1e9), from_message(message), _why(message)
-            if isinstance(messages, can.BLFReader) and messages.file_size > path.stat().st_size:
-                raise EOFError("the file is shorter than its header says")
+            _check_length(messages, path)
     except SimulationError:
         raise
     except Exception as error:  # python-can's readers raise whatever their parsing meets
@@ -73,6 +72,12 @@ def read(path: Path) -> Iterator[tuple[int, Frame | None, str]]:
         raise SimulationError(f"{path}: broken after {count} frames: {what}. Record it anew.") from error
     if not count:
         raise SimulationError(f"{path}: holds no frames, or is no {path.suffix.lower()} file. Record it anew.")
+
+
+def _check_length(reader: object, path: Path) -> None:
+    """A BLF file knows how long it is; python-can reads on to the end of what there is."""
+    if isinstance(reader, can.BLFReader) and reader.file_size > path.stat().st_size:
+        raise EOFError("the file is shorter than its header says")
 
 
 def _why(message: can.Message) -> str:
