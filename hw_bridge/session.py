@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from hw_bridge.master.node import Node
     from twin.component import Component
 
+SHARE = 0.8  # of the velocity limit that a target may ask for: the drive overshoots
 OWN = ("current_maximum", "current_continuous")  # parameters of a motor that its drive uses for itself
 
 
@@ -134,7 +135,7 @@ class Session:
         if (t - self.start) % self.keys.cycle == 0:
             self.keep_pace(t)
             if problem := master.check():
-                raise SimulationError(f"{problem} All drives were stopped.")
+                raise SimulationError(f"{problem} All drives stop.")
             self.take_targets()
             master.exchange()
             master.timing.synced(master.network.now, self.origin + t + master.window)
@@ -174,18 +175,19 @@ class Session:
                 continue
             mode = Mode(int(views["mode_of_operation"])) if "mode_of_operation" in views else Mode.CSV
             limit = node.keys.limits
-            node.target_velocity = min(max(float(views["target_velocity"]), -limit.velocity), limit.velocity)
+            fastest = SHARE * limit.velocity
+            node.target_velocity = min(max(float(views["target_velocity"]), -fastest), fastest)
             if mode is Mode.CSP:
                 target = float(views["target_position"])
                 if abs(target - node.position) > limit.following_error:
                     raise SimulationError(
                         f"{name}: target_position {1e3 * target:.2f} mm is {1e3 * abs(target - node.position):.2f} mm from "
-                        f"where the drive is, a jump. All drives were stopped."
+                        f"where the drive is, a jump. All drives stop."
                     )
                 node.target_position = target
             node.mode = mode
         if retracting and all(watch.done() for watch in retracting):
-            raise SimulationError(f"{retracting[0].reason} All drives were stopped.")
+            raise SimulationError(f"{retracting[0].reason} All drives stop.")
 
     def show(self) -> None:
         """Outputs of all members."""

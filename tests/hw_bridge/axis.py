@@ -1,0 +1,56 @@
+"""A bridge with simulated drives, driven by hand: no scenario around it."""
+
+from pathlib import Path
+
+from fmus.servomotor.model import Servomotor
+from hw_bridge.bridge import Hardware
+from hw_bridge.hardware import HardwareKeys
+
+MILLISECOND = 1_000_000
+H = 1e-3
+
+
+def node(profile="faulhaber_v3", number=1, **more):
+    return {"node": number, "profile": profile, **more}
+
+
+class Rig:
+    """Axes of one simulated bench, all stepped together by 1 ms."""
+
+    def __init__(self, build, nodes, **more):
+        keys = HardwareKeys.model_validate({"simulated": True, "nodes": nodes, **more})
+        self.hardware = Hardware(Path("bench.yaml"), keys, build=build)
+        self.axes = {name: self.hardware._component(name, Servomotor)() for name in nodes}
+        self.session = self.hardware.present
+        self.t = 0
+        for axis in self.axes.values():
+            axis.start()
+
+    @property
+    def axis(self):
+        return next(iter(self.axes.values()))
+
+    @property
+    def plant(self):
+        return next(iter(self.session.plants.values()))
+
+    @property
+    def drive(self):
+        return self.plant.drive
+
+    @property
+    def master(self):
+        return self.session.master
+
+    def go(self, milliseconds):
+        for _ in range(milliseconds):
+            for axis in self.axes.values():
+                axis.advance(self.t / 1000, H)
+            self.t += 1
+
+    def set(self, **values):
+        for name, value in values.items():
+            self.axis.views[name][...] = value
+
+    def get(self, name):
+        return float(self.axis.views[name])
