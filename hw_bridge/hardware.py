@@ -7,16 +7,19 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError
 
+from hw_bridge.agenda import NEVER
+from hw_bridge.fault import Cause, Fault
 from hw_bridge.profiles import MODULES
 from twin.errors import CouplingError, ScenarioError
 from twin.scenario.message import dotted, quoted
-from twin.scenario.model import Keys, Period, Reference, Text
+from twin.scenario.model import Keys, Period, Reference, Text, Time
 from twin.scenario.tree import Node, read
 from twin.scenario.value import duration, number, short
 from twin.system import nearest
 
 SOFTWARE = ("virtual", "udp_multicast")  # interfaces of python-can without any hardware
 MILLISECOND = 1_000_000
+MASTER = "master"  # this program, where a fault names a node
 
 
 def quantity(symbol: str) -> Any:
@@ -61,6 +64,14 @@ def object_name(value: Any) -> dict[tuple[int, int], int]:
     return found
 
 
+def emergency_code(value: Any) -> int:
+    """`7300h`, or a number."""
+    try:
+        return value if isinstance(value, int) else int(str(value).removesuffix("h"), 16)
+    except ValueError:
+        raise ValueError(f"expected an EMCY code such as 7300h, not {short(value)}") from None
+
+
 class LimitKeys(Keys):
     """What a drive may do; checked each cycle, and written into the drive where it has objects for it."""
 
@@ -97,6 +108,31 @@ class ContactKeys(Keys):
     direction: Literal["positive", "negative"] = "negative"
 
 
+class FaultKeys(Keys):
+    """A fault of a simulated bench at a time of the scenario. `node`: a member, or `master`."""
+
+    at: Time
+    fault: Literal[tuple(Cause)]  # type: ignore[valid-type]
+    node: Text = ""
+    code: Annotated[int, BeforeValidator(emergency_code)] = 0
+    lasting: bool = False
+    duration: Period = NEVER
+    share: Annotated[float, Field(gt=0, le=1)] = 1.0
+    count: Annotated[int, Field(strict=True, ge=1)] = NEVER
+    delay: Period = 10 * MILLISECOND
+    jitter: Time = 0
+    offset: Metres = 0.0
+    identifiers: Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
+
+    def made(self) -> Fault:
+        """The fault as it is injected."""
+        low_high = (self.identifiers[0], self.identifiers[1]) if self.identifiers is not None else None
+        return Fault(
+            Cause(self.fault), self.code, self.lasting, self.duration, self.share, self.count, self.delay, self.jitter,
+            self.offset, low_high,
+        )  # fmt: skip
+
+
 class NodeKeys(Keys):
     """The drive that stands for a member."""
 
@@ -128,6 +164,7 @@ class HardwareKeys(Keys):
     cycle: Milliseconds = 5 * MILLISECOND
     master: Annotated[int, Field(strict=True, ge=1, le=127)] = 127
     nodes: Annotated[dict[str, NodeKeys], Field(min_length=1)]
+    faults: list[FaultKeys] = Field(default=[])
 
     def is_software(self) -> bool:
         """Whether no current can flow: the bus is simulated, or its interface exists in software only."""
@@ -179,6 +216,25 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
             problems.append(
                 f"{place}: nodes.{name}.heartbeat: lost_after is not longer than every. Use three times as long."
             )
+    return problems + check_faults(keys, root)
+
+
+def check_faults(keys: HardwareKeys, root: Node) -> list[str]:
+    """Faults that cannot be done."""
+    from hw_bridge.fault import problem
+    from hw_bridge.profiles import profile
+
+    problems = []
+    for place, one in enumerate(keys.faults):
+        where = f"{root.find(('faults', place)).place}: faults[{place + 1}]"
+        if not keys.simulated:
+            problems.append(f"{where}: only a bench with `simulated: true` can have faults. Use twin drive inject.")
+        elif one.node not in (*keys.nodes, MASTER):
+            problems.append(f"{where}: no node {one.node!r}. {nearest(one.node, [*keys.nodes, MASTER])}")
+        else:
+            chosen = None if one.node == MASTER else profile(keys.nodes[one.node].profile)
+            if text := problem(one.made(), chosen):
+                problems.append(f"{where}: {text}.")
     return problems
 
 
@@ -200,7 +256,7 @@ def line(root: Node, error: Any) -> str:
 
 
 KEYS: dict[str, type[Keys]] = {
-    "limits": LimitKeys, "heartbeat": HeartbeatKeys, "homing": HomingKeys, "contact": ContactKeys,
+    "limits": LimitKeys, "heartbeat": HeartbeatKeys, "homing": HomingKeys, "contact": ContactKeys, "faults": FaultKeys,
 }  # fmt: skip
 
 

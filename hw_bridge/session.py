@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import Bus
@@ -10,9 +11,11 @@ from hw_bridge.cia402 import Mode
 from hw_bridge.contact import ContactWatch
 from hw_bridge.drive.drive import Drive
 from hw_bridge.drive.motor import Motor
+from hw_bridge.fault import inject
 from hw_bridge.master.master import Master
 from hw_bridge.master.network import Network, SimulatedNetwork
 from hw_bridge.profiles import profile
+from hw_bridge.trace.watch import Watch
 from twin.errors import SimulationError
 from twin.variable import Role
 
@@ -86,13 +89,14 @@ class Plant:
 class Session:
     """Drives and their master during one case."""
 
-    def __init__(self, keys: HardwareKeys, build: Path) -> None:
-        self.keys, self.build = keys, build
+    def __init__(self, keys: HardwareKeys, build: Path, trace: Path | None = None) -> None:
+        self.keys, self.build, self.trace = keys, build, trace
+        self.watch: Watch | None = None
         self.axes: dict[str, Component] = {}
         self.plants: dict[str, Plant] = {}
         self.master: Master | None = None
         self.bus: Bus | None = None
-        self.begun = self.closed = self.real_time = False
+        self.begun = self.closed = self.real_time = self.failed = False
         self.wall_clock = not keys.simulated
         self.stepped: set[str] = set()
         self.origin = 0  # time of the network at the scenario's zero [ns]
@@ -119,6 +123,7 @@ class Session:
             try:
                 self.advance(round(t * 1e9), round(h * 1e9))
             except BaseException:
+                self.failed = True
                 self.close()
                 raise
 
@@ -144,15 +149,29 @@ class Session:
 
     def begin(self, t: int) -> None:
         """Bring the drives up."""
-        master = self.master = Master(self.keys, self.network())
+        network = self.network()
+        self.watch = Watch(self.keys, network, self.trace)
+        master = self.master = Master(self.keys, network)
         self.begun, self.start, self.real_time = True, t, master.network.real_time
         master.begin()
         self.origin = master.network.now - t
+        self.plan_faults()
         for name, plant in self.plants.items():
             plant.zero(master.nodes[name])
         for name, node in self.keys.nodes.items():
             if node.contact is not None:
                 self.watches[name] = ContactWatch(name, node.contact, master.nodes[name], t)
+
+    def plan_faults(self) -> None:
+        """Faults of the hardware file, at their times."""
+        bus = self.bus
+        if bus is None:
+            return
+        for one in self.keys.faults:
+            plant = self.plants.get(one.node)
+            node = plant.drive.node if plant is not None else self.keys.master
+            drive = plant.drive if plant is not None else None
+            bus.agenda.at(self.origin + one.at, partial(inject, one.made(), bus, node, drive))
 
     def keep_pace(self, t: int) -> None:
         """A loop that came too late goes on from here instead of hurrying after."""
@@ -212,11 +231,16 @@ class Session:
         if self.master is not None:
             self.master.stop()
             self.notes += self.master.notes
+        if self.watch is not None:
+            self.watch.close()
 
     def report(self) -> dict[str, Any]:
         """Statistics of the case."""
         assert self.master is not None
         found = self.master.report() | {"real_time_priority": self.real_time}
+        if self.watch is not None:
+            found |= {"origin": self.origin / 1e9, "seen": self.watch.seen(self.origin)}
+            found |= {"trace": str(self.trace), "frames": self.watch.count} if self.trace is not None else {}
         if self.bus is not None:
             found |= {"bus_load": self.bus.load, "longest_wait": self.bus.longest_wait / 1e9}
         return found

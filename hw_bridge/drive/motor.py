@@ -67,17 +67,25 @@ class Motor:
         if "current_continuous" in self._views:
             self._views["current_continuous"][...] = 10.0 * self.strongest  # I2t is the drive's, by its own objects
         self.powered = True
+        self.offset = 0.0  # error of the sensor [m or rad]
+        self._stuck: float | None = None  # where the sensor stands still
         self.off()
 
     @property
     def measured_position(self) -> float:
         """What its sensor says [m or rad]."""
-        return self.model.ratio * float(self._views["position_actual_value"])
+        if self._stuck is not None:
+            return self._stuck
+        return self.model.ratio * float(self._views["position_actual_value"]) + self.offset
+
+    def stick(self) -> None:
+        """The sensor stands still from now on. The motor's own loops go on as if it did not."""
+        self._stuck = self.measured_position
 
     @property
     def measured_velocity(self) -> float:
         """Filtered difference of the measured position [m/s or rad/s]."""
-        return self.model.ratio * float(self._views["velocity_actual_value"])
+        return 0.0 if self._stuck is not None else self.model.ratio * float(self._views["velocity_actual_value"])
 
     @property
     def position(self) -> float:
@@ -101,7 +109,7 @@ class Motor:
 
     def follow_position(self, position: float, limit: float) -> None:
         """Go to a position [m or rad] with no more than `limit` [A]."""
-        self._follow(CSP, "target_position", position, limit)
+        self._follow(CSP, "target_position", position - self.offset, limit)
 
     def follow_velocity(self, velocity: float, limit: float) -> None:
         """Keep a speed [m/s or rad/s]."""

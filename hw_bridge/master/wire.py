@@ -57,6 +57,7 @@ class WireNetwork(Network):
             raise SimulationError(
                 f"bus: does not take frames: {error}. Check wiring, termination and power."
             ) from error
+        self.tell(frame)
 
     def advance(self, until: int, done: Condition = never) -> None:
         """Hear frames until a time, or until a condition holds."""
@@ -70,7 +71,10 @@ class WireNetwork(Network):
                 if message.is_error_frame and self.bus.state is can.BusState.ERROR:
                     raise SimulationError("bus: bus-off. Check bit rate, wiring and termination.")
                 if (frame := from_message(message)) is not None:
+                    self.tell(frame)
                     self.hear(frame)
+                elif message.is_error_frame:
+                    self.tell(None)
             elif left <= 0.0:
                 return
             if done is not never and done():
