@@ -262,5 +262,6 @@ KEYS: dict[str, type[Keys]] = {
 
 def _near(path: tuple[str | int, ...]) -> str:
     """The key that was probably meant."""
-    model: type[Keys] = HardwareKeys if len(path) == 1 else KEYS.get(str(path[-2]), NodeKeys)
+    parents = [str(one) for one in path[:-1] if isinstance(one, str)]
+    model = HardwareKeys if not parents else KEYS.get(parents[-1], NodeKeys)
     return " " + nearest(str(path[-1]), list(model.model_fields))
