@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import can
 
@@ -15,7 +16,10 @@ if TYPE_CHECKING:
 
     from hw_bridge.frame import Frame
 
-SUFFIXES = (".asc", ".blf", ".log")
+READERS: dict[str, Callable[[Any], Iterable[can.Message]]] = {
+    ".asc": can.ASCReader, ".blf": can.BLFReader, ".log": can.CanutilsLogReader,
+}  # fmt: skip
+SUFFIXES = tuple(READERS)
 
 
 class TraceWriter:
@@ -54,13 +58,15 @@ def read(path: Path) -> Iterator[tuple[int, Frame | None, str]]:
     """Time [ns] of each frame and the frame; where there is none, why. SimulationError in one line for a broken file."""
     if not path.is_file():
         raise SimulationError(f"{path}: no such file. Name a trace ({', '.join(SUFFIXES)}).")
-    if path.suffix.lower() not in SUFFIXES:
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
         raise SimulationError(f"{path}: no trace format {path.suffix!r}. Use {', '.join(SUFFIXES)}.")
     if path.stat().st_size == 0:
         raise SimulationError(f"{path}: is empty. Record it anew.")
     count = 0
     try:
-        with can.LogReader(path) as messages:
+        with path.open("rb" if suffix == ".blf" else "r") as file:  # its readers do not close what they cannot parse
+            messages = READERS[suffix](file)
             for message in messages:
                 count += 1
                 yield round(message.timestamp * 1e9), from_message(message), _why(message)
@@ -71,7 +77,7 @@ def read(path: Path) -> Iterator[tuple[int, Frame | None, str]]:
         what = str(error) or type(error).__name__
         raise SimulationError(f"{path}: broken after {count} frames: {what}. Record it anew.") from error
     if not count:
-        raise SimulationError(f"{path}: holds no frames, or is no {path.suffix.lower()} file. Record it anew.")
+        raise SimulationError(f"{path}: holds no frames, or is no {suffix} file. Record it anew.")
 
 
 def _check_length(reader: object, path: Path) -> None:

@@ -112,9 +112,7 @@ def test_what_is_written_is_in_the_drive(rig):
     assert get(0x1017) == 20
     low, high = (get(0x607D, sub) * rig.drive.axis.units.position * rig.plant.scale for sub in (1, 2))
     assert (low, high) == pytest.approx((-0.042, 0.042), abs=1e-4)
-    words = [
-        get(0x1600 + n, sub) for n in range(4) for sub in range(1, get(0x1600 + n) + 1) if get(0x1400 + n, 1) >> 31 == 0
-    ]
+    words = [get(0x1600 + n, sub) for n in range(4) for sub in range(1, get(0x1600 + n) + 1) if get(0x1400 + n, 1) >> 31 == 0]
     assert sum(word >> 16 == 0x6040 for word in words) == 1
 
 
@@ -158,9 +156,7 @@ def test_a_fault_from_before_is_reset(build):
     assert rig.drive.state is State.ENABLED
 
 
-@pytest.mark.parametrize(
-    ("profile", "method"), [("faulhaber_v3", 37), ("mclm", 35), ("epos4", 37), ("faulhaber_v3", -3)]
-)
+@pytest.mark.parametrize(("profile", "method"), [("faulhaber_v3", 37), ("mclm", 35), ("epos4", 37), ("faulhaber_v3", -3)])
 def test_homing(build, profile, method):
     rig = Rig(build, {"servomotor": {**NODES[profile], "homing": {"method": method}}})
     rig.go(10)
