@@ -97,7 +97,9 @@ def cable() -> Iterator[tuple[str, str]]:
     for pair in pairs:
         for end in pair:
             tty.setraw(end)
-    process = multiprocessing.get_context("fork").Process(target=carry, args=([pair[0] for pair in pairs],), daemon=True)
+    process = multiprocessing.get_context("fork").Process(
+        target=carry, args=([pair[0] for pair in pairs],), daemon=True
+    )
     process.start()
     try:
         yield os.ttyname(pairs[0][1]), os.ttyname(pairs[1][1])

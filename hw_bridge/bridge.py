@@ -7,19 +7,21 @@ each member that the file names. All of them share one `Session` per case, which
 from __future__ import annotations
 
 from dataclasses import replace
+from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hw_bridge.hardware import ContactKeys
 from hw_bridge.hardware import load as load_keys
-from hw_bridge.session import Session
+from hw_bridge.session import Session, beginning
 from twin import catalog
 from twin.component import Component, PythonComponent
 from twin.errors import CouplingError, ScenarioError
 from twin.scenario.scenario import ConnectionSpec, MemberSpec
 from twin.system import nearest
-from twin.variable import Role
+from twin.variable import Float64, Role
 from twin.variable import input as input_variable
 
 if TYPE_CHECKING:
@@ -30,6 +32,9 @@ if TYPE_CHECKING:
 KEPT = (Role.input, Role.output, Role.parameter)
 NEEDED = ("target_velocity", "position_actual_value")
 CONTACT = "contact_force"
+MEASURED = "measured_force"
+PLACES = {"position", "position_actual_value", "angle"}
+START = dict.fromkeys(("velocity", "velocity_actual_value", "angular_velocity", "current", "force", "torque"), 0.0)
 
 
 class DriveAxis(PythonComponent):
@@ -37,17 +42,18 @@ class DriveAxis(PythonComponent):
 
     hardware: Hardware
     member: str
-    measured: tuple[str, ...] = ()  # outputs that a drive tells
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)
         self._session = self.hardware.join(self)
 
     def initialize(self) -> None:
-        """At rest at zero: the drives are brought up in the first step."""
+        """At rest where it begins: the drives are brought up in the first step."""
         for variable in type(self).variables:
             if variable.role is Role.output:
-                self.views[variable.name][...] = 0
+                self.views[variable.name][...] = START.get(variable.name, nan) if variable.type is Float64 else 0
+        for name in PLACES & set(self.views):
+            self.views[name][...] = beginning(self)
 
     def step(self, t: float, h: float) -> None:
         """Hand the targets over; the last member of a session lets the bus go on."""
@@ -65,6 +71,7 @@ class Hardware:
         self, path: Path, keys: HardwareKeys, arm: bool = False, build: Path = Path("build"), trace: Path | None = None
     ) -> None:
         self.path, self.keys, self.arm, self.build, self.trace = path, keys, arm, build, trace
+        self.contacts = {name: node.contact for name, node in keys.nodes.items() if node.contact is not None}
         self.sessions: list[Session] = []
         self.present: Session | None = None
 
@@ -94,12 +101,33 @@ class Hardware:
                 )
             if node.contact is not None and node.contact.signal.partition(".")[0] not in case.members:
                 found.append(f"{self.path}: nodes.{name}.contact: no member for {node.contact.signal}. Correct it.")
+            elif node.contact is None and node.watch_contact:
+                found += self._find_contact(name, case)
         if self.keys.cycle % case.step_ns:
             found.append(
                 f"{self.path}: cycle: {self.keys.cycle / 1e6:g} ms is not a multiple of the scenario's step, "
                 f"{case.step_ns / 1e6:g} ms. Change one of them."
             )
         return found
+
+    def _find_contact(self, name: str, case: Case) -> list[str]:
+        """Watch the contact force that the scenario measures, if it measures one."""
+        found = [
+            f"{member}.{MEASURED}"
+            for member, spec in case.members.items()
+            if member not in self.keys.nodes and not spec.component.endswith(".fmu")
+            and any(v.name == MEASURED and v.role is Role.output for v in self._replaced(spec).variables)
+        ]  # fmt: skip
+        if len(found) == 1:
+            self.contacts[name] = ContactKeys(signal=found[0])
+        if len(found) < 2:
+            return []
+        return [
+            (
+                f"{self.path}: nodes.{name}: which contact force is to be watched, {' or '.join(found)}? "
+                f"Add `contact: {{signal: {found[0]}}}`, or `watch_contact: false`."
+            )
+        ]
 
     @staticmethod
     def _replaced(spec: MemberSpec) -> type[Component]:
@@ -109,7 +137,7 @@ class Hardware:
 
     def _applied(self, case: Case) -> Case:
         members, connections = dict(case.members), list(case.connections)
-        for name, node in self.keys.nodes.items():
+        for name in self.keys.nodes:
             spec = members[name]
             members[name] = replace(
                 spec,
@@ -117,16 +145,15 @@ class Hardware:
                 made=self._component(name, self._replaced(spec)),
                 period_ns=None,
             )
-            if node.contact is not None:
-                connections.append(
-                    ConnectionSpec(node.contact.signal, f"{name}.{CONTACT}", f"{self.path}: nodes.{name}")
-                )
+            if name in self.contacts:
+                source = self.contacts[name].signal
+                connections.append(ConnectionSpec(source, f"{name}.{CONTACT}", f"{self.path}: nodes.{name}"))
         return replace(case, members=members, connections=tuple(connections))
 
     def _component(self, name: str, replaced: type[Component]) -> type[DriveAxis]:
         """A component class with the connectors of the one that it replaces."""
         fields: dict[str, Any] = {v.name: v for v in replaced.variables if v.role in KEPT}
-        if self.keys.nodes[name].contact is not None:
+        if name in self.contacts:
             fields[CONTACT] = input_variable("N", "force that is watched")
         fields |= {"hardware": self, "member": name, "replaced": replaced, "__module__": __name__}
         fields["__doc__"] = f"A drive instead of {replaced.__name__}."
@@ -135,7 +162,7 @@ class Hardware:
     def join(self, axis: DriveAxis) -> Session:
         """The session that an axis belongs to: a new one where a case begins."""
         if self.present is None or self.present.begun or self.present.closed or axis.member in self.present.axes:
-            self.present = Session(self.keys, self.build, self._trace())
+            self.present = Session(self.keys, self.contacts, self.build, self._trace())
             self.sessions.append(self.present)
         self.present.axes[axis.member] = axis
         return self.present

@@ -22,14 +22,17 @@ MILLISECOND = 1_000_000
 MASTER = "master"  # this program, where a fault names a node
 
 
-def quantity(symbol: str) -> Any:
-    """A type of key that converts text such as `5 mm` to SI; a bare number is in SI."""
+def quantity(*symbols: str) -> Any:
+    """A type of key that converts text such as `5 mm` to SI, of the first kind that fits; a bare number is in SI."""
 
     def convert(value: Any) -> float:
-        try:
-            return number(value, symbol, "")
-        except CouplingError as error:
-            raise ValueError(str(error).removeprefix(": ")) from None
+        problems = []
+        for symbol in symbols:
+            try:
+                return number(value, symbol, "")
+            except CouplingError as error:
+                problems.append(str(error).removeprefix(": "))
+        raise ValueError(problems[0])
 
     return BeforeValidator(convert)
 
@@ -42,11 +45,13 @@ def whole_milliseconds(value: Any) -> int:
     return time
 
 
-Metres = Annotated[float, quantity("m")]
-Speed = Annotated[float, quantity("m/s"), Field(gt=0)]
-Acceleration = Annotated[float, quantity("m/s^2"), Field(gt=0)]
-Force = Annotated[float, quantity("N"), Field(gt=0)]
-ForceConstant = Annotated[float, quantity("N/A"), Field(gt=0)]
+# of a linear axis, or of one that turns
+Place = Annotated[float, quantity("m", "rad")]
+Distance = Annotated[float, quantity("m", "rad"), Field(gt=0)]
+Speed = Annotated[float, quantity("m/s", "rad/s"), Field(gt=0)]
+Acceleration = Annotated[float, quantity("m/s^2", "rad/s^2"), Field(gt=0)]
+Force = Annotated[float, quantity("N", "N*m"), Field(gt=0)]
+ForceConstant = Annotated[float, quantity("N/A", "N*m/A"), Field(gt=0)]
 Milliseconds = Annotated[int, BeforeValidator(whole_milliseconds)]
 
 
@@ -75,10 +80,10 @@ def emergency_code(value: Any) -> int:
 class LimitKeys(Keys):
     """What a drive may do; checked each cycle, and written into the drive where it has objects for it."""
 
-    position: Annotated[list[Metres], Field(min_length=2, max_length=2)] = Field(default=[-0.035, 0.035])
+    position: Annotated[list[Place], Field(min_length=2, max_length=2)] = Field(default=[-0.035, 0.035])
     velocity: Speed = 0.3
     force: Force = 15.0
-    following_error: Annotated[float, quantity("m"), Field(gt=0)] = 5e-3
+    following_error: Distance = 5e-3
     acceleration: Acceleration = 10.0
 
 
@@ -90,20 +95,27 @@ class HeartbeatKeys(Keys):
 
 
 class HomingKeys(Keys):
-    """A method of 6098h; without one, the place where the drive stands at the start counts as zero."""
+    """A method of 6098h, and what position `at` the place that it finds has. Then the drive goes to where it begins.
+
+    Without homing, the place where the drive stands is where the scenario begins.
+    """
 
     method: Annotated[int, Field(strict=True, ge=-128, le=127)]
+    at: Place = 0.0
     speed: Speed = 0.02
     timeout: Milliseconds = 30_000 * MILLISECOND
 
 
 class ContactKeys(Keys):
-    """A force that is watched: above the limit, or silent, the drive retracts."""
+    """A force that is watched: above the limit, or silent, the drive retracts.
+
+    Without it, the only output `measured_force` of the scenario is watched, unless `watch_contact` is false.
+    """
 
     signal: Reference
     above: Force = 0.4
     silent_for: Period = 100 * MILLISECOND
-    distance: Annotated[float, quantity("m"), Field(gt=0)] = 10e-3
+    distance: Distance = 10e-3
     speed: Speed = 0.05
     direction: Literal["positive", "negative"] = "negative"
 
@@ -121,7 +133,7 @@ class FaultKeys(Keys):
     count: Annotated[int, Field(strict=True, ge=1)] = NEVER
     delay: Period = 10 * MILLISECOND
     jitter: Time = 0
-    offset: Metres = 0.0
+    offset: Place = 0.0
     identifiers: Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
 
     def made(self) -> Fault:
@@ -134,7 +146,7 @@ class FaultKeys(Keys):
 
 
 class NodeKeys(Keys):
-    """The drive that stands for a member."""
+    """The drive that stands for a member. `safe_outputs`: 60FEh.1 after every stop, for valves of grippers."""
 
     node: Annotated[int, Field(strict=True, ge=1, le=126)]
     profile: Literal["faulhaber_v3", "mclm", "epos4"]
@@ -147,6 +159,8 @@ class NodeKeys(Keys):
     heartbeat: HeartbeatKeys = HeartbeatKeys()
     homing: HomingKeys | None = None
     contact: ContactKeys | None = None
+    watch_contact: bool = True
+    safe_outputs: Annotated[int, Field(strict=True, ge=0, lt=2**32)] | None = None
     objects: Annotated[dict[tuple[int, int], int], BeforeValidator(object_name)] = Field(default={})
     description: Text = ""
 

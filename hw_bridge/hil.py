@@ -11,6 +11,7 @@ import click
 
 from hw_bridge.hardware import load
 from hw_bridge.profiles import MODULES, profile
+from hw_bridge.session import bench_network
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -46,7 +47,6 @@ def check(file: Path, build: Path) -> None:
 def differences(keys: HardwareKeys, build: Path) -> list[str]:
     """Everything on the bus that is not as the hardware file says."""
     from hw_bridge.master.master import Master
-    from hw_bridge.session import bench_network
 
     master = Master(keys, bench_network(keys, build))
     try:

@@ -2,32 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import Bus
-from hw_bridge.cia402 import Mode
+from hw_bridge.cia402 import INTERNAL_LIMIT, Mode
 from hw_bridge.contact import ContactWatch
 from hw_bridge.drive.drive import Drive
 from hw_bridge.drive.motor import Motor
 from hw_bridge.fault import inject
 from hw_bridge.master.master import Master
 from hw_bridge.master.network import Network, SimulatedNetwork
+from hw_bridge.plant import Plant
 from hw_bridge.profiles import profile
 from hw_bridge.trace.watch import Watch
 from twin.errors import SimulationError
-from twin.variable import Role
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from hw_bridge.hardware import HardwareKeys
-    from hw_bridge.master.node import Node
+    from hw_bridge.hardware import ContactKeys, HardwareKeys
     from twin.component import Component
 
 SHARE = 0.8  # of the velocity limit that a target may ask for: the drive overshoots
-OWN = ("current_maximum", "current_continuous")  # parameters of a motor that its drive uses for itself
 
 
 def bench_network(keys: HardwareKeys, build: Path) -> Network:
@@ -48,49 +45,18 @@ def wire(keys: HardwareKeys) -> Network:
     return WireNetwork(keys.interface, keys.channel, keys.bit_rate, keys.options)
 
 
-class Plant:
-    """A simulated drive with its motor, which feels the load of the co-simulation."""
-
-    def __init__(self, axis: Component, keys: HardwareKeys, name: str, build: Path) -> None:
-        node = keys.nodes[name]
-        vendor = profile(node.profile)
-        model = vendor.motor
-        self.axis, self.parameters = axis, {}
-        start = {v.name: v.start for v in type(axis).variables if v.role is Role.parameter}
-        if axis.replaced.__module__.endswith(f".{model.component}.model"):  # type: ignore[attr-defined]
-            given = {key: float(axis.views[key]) for key in start if float(axis.views[key]) != start[key]}
-            model = replace(model, parameters={**model.parameters, **given})
-            self.parameters = {key: float(axis.views[key]) for key in start if key not in OWN}
-        self.motor = Motor(model, build=build)
-        self.drive = Drive(vendor, node.node, self.motor)
-        self.sign = -node.scale if node.inverted else node.scale
-        self.scale = node.scale
-        self.origin = 0.0
-
-    def zero(self, node: Node) -> None:
-        """True and measured positions count from the same place."""
-        self.origin = self.sign * self.motor.measured_position - node.position
-
-    def feel(self) -> None:
-        """Take over load and parameters that changed."""
-        views = self.axis.views
-        if "load_force" in views:
-            self.motor.load(float(views["load_force"]) * self.sign)
-        for key, before in self.parameters.items():
-            if (value := float(views[key])) != before:
-                self.parameters[key] = value
-                self.motor._views[key][...] = value
-
-    def show(self, values: dict[str, float]) -> None:
-        """What only a simulated motor can tell."""
-        values["position"] = self.sign * self.motor.position - self.origin
+def beginning(axis: Component) -> float:
+    """Where a member begins [m or rad]."""
+    return float(axis.views["target_position"]) if "target_position" in axis.views else 0.0
 
 
 class Session:
     """Drives and their master during one case."""
 
-    def __init__(self, keys: HardwareKeys, build: Path, trace: Path | None = None) -> None:
-        self.keys, self.build, self.trace = keys, build, trace
+    def __init__(
+        self, keys: HardwareKeys, contacts: dict[str, ContactKeys], build: Path, trace: Path | None = None
+    ) -> None:
+        self.keys, self.contacts, self.build, self.trace = keys, contacts, build, trace
         self.watch: Watch | None = None
         self.axes: dict[str, Component] = {}
         self.plants: dict[str, Plant] = {}
@@ -111,7 +77,7 @@ class Session:
             return wire(keys)
         self.bus = Bus(keys.bit_rate)
         for name, axis in self.axes.items():
-            self.plants[name] = Plant(axis, keys, name, self.build)
+            self.plants[name] = Plant(axis, keys.nodes[name], beginning(axis), self.build)
             self.bus.attach(self.plants[name].drive)
         return SimulatedNetwork(self.bus)
 
@@ -153,14 +119,15 @@ class Session:
         self.watch = Watch(self.keys, network, self.trace)
         master = self.master = Master(self.keys, network)
         self.begun, self.start, self.real_time = True, t, master.network.real_time
-        master.begin()
+        for name, axis in self.axes.items():
+            master.nodes[name].rotary = "angle" in axis.views
+        master.begin({name: beginning(axis) for name, axis in self.axes.items()})
         self.origin = master.network.now - t
         self.plan_faults()
         for name, plant in self.plants.items():
             plant.zero(master.nodes[name])
-        for name, node in self.keys.nodes.items():
-            if node.contact is not None:
-                self.watches[name] = ContactWatch(name, node.contact, master.nodes[name], t)
+        for name, contact in self.contacts.items():
+            self.watches[name] = ContactWatch(name, contact, master.nodes[name], t)
 
     def plan_faults(self) -> None:
         """Faults of the hardware file, at their times."""
@@ -198,10 +165,10 @@ class Session:
             node.target_velocity = min(max(float(views["target_velocity"]), -fastest), fastest)
             if mode is Mode.CSP:
                 target = float(views["target_position"])
-                if abs(target - node.position) > limit.following_error:
+                if (jump := abs(target - node.position)) > limit.following_error:
                     raise SimulationError(
-                        f"{name}: target_position {1e3 * target:.2f} mm is {1e3 * abs(target - node.position):.2f} mm from "
-                        f"where the drive is, a jump. All drives stop."
+                        f"{name}: target_position {node.way(target)} is {node.way(jump)} from where the drive is, a jump. "
+                        f"All drives stop."
                     )
                 node.target_position = target
             node.mode = mode
@@ -215,6 +182,8 @@ class Session:
             values = {
                 "position_actual_value": node.position, "velocity_actual_value": node.velocity,
                 "position": node.position, "velocity": node.velocity, "current": node.current, "force": node.force,
+                "angle": node.position, "angular_velocity": node.velocity, "motor_angle": node.position / node.keys.scale,
+                "torque": node.force * node.keys.scale, "limited": bool(node.word & INTERNAL_LIMIT),
             }  # fmt: skip
             if name in self.plants:
                 self.plants[name].show(values)

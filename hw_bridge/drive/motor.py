@@ -101,6 +101,14 @@ class Motor:
         """Force [N] or torque [N*m] of the load from now on, behind the gear."""
         self._views[self.model.load][...] = force
 
+    def set(self, parameter: str, value: float) -> None:
+        """Change a parameter of the component."""
+        self._views[parameter][...] = value
+
+    def get(self, name: str) -> float:
+        """A variable of the component."""
+        return float(self._views[name])
+
     def off(self) -> None:
         """No current."""
         self.powered = False

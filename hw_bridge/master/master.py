@@ -10,10 +10,11 @@ import signal
 import struct
 import threading
 from contextlib import contextmanager
+from math import copysign
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.agenda import MILLISECOND
-from hw_bridge.cia402 import BIT_12, BIT_13, TARGET_REACHED, TYPICAL, Command, State
+from hw_bridge.cia402 import BIT_12, BIT_13, TARGET_REACHED, TYPICAL, Command, Mode, State
 from hw_bridge.frame import Frame, bit_count
 from hw_bridge.master import setup
 from hw_bridge.master.network import never
@@ -25,7 +26,7 @@ from hw_bridge.profiles import profile
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
     from hw_bridge.hardware import HardwareKeys
     from hw_bridge.master.network import Condition, Network
@@ -37,6 +38,7 @@ ALIVE = 0x05  # the state that this program's heartbeat tells: Operational
 BOOT = 500 * MILLISECOND  # longest time that a drive takes to answer after power-on [ns]
 RAMP_UP = 2_000 * MILLISECOND  # longest time to Operation enabled
 STANDSTILL = 2_000 * MILLISECOND  # longest time of a quick stop
+SETTLE = 200 * MILLISECOND  # after an approach
 SILENT_CYCLES = 5  # so many cycles without process data are the end of a drive
 
 
@@ -126,8 +128,8 @@ class Master:
     def _all_booted(self) -> bool:
         return all(node.boots for node in self.nodes.values())
 
-    def begin(self) -> None:
-        """From whatever state to Operation enabled at a standstill, all positions counted from home."""
+    def begin(self, starts: Mapping[str, float]) -> None:
+        """From whatever state to Operation enabled at a standstill, where the scenario begins: `starts`, positions."""
         if problems := self.identify():
             raise SimulationError(" ".join(problems))
         if self._twin_master:
@@ -147,7 +149,8 @@ class Master:
         for node in self.nodes.values():
             if node.keys.homing is not None:
                 self._home(node)
-            node.zero()
+            else:
+                node.zero(starts[node.name])
             setup.limit_positions(node)
         for node in self.nodes.values():
             node.goal, node.target_velocity = State.ENABLED, 0.0
@@ -158,6 +161,9 @@ class Master:
         )  # fmt: skip
         for node in self.nodes.values():
             node.forget()
+        for node in self.nodes.values():
+            if node.keys.homing is not None:
+                self._approach(node, starts[node.name])
 
     def _until(self, done: Callable[[], bool], limit: int, what: Callable[[], str]) -> None:
         """Cycles until a condition holds; SimulationError if it takes too long."""
@@ -193,7 +199,20 @@ class Master:
         self._until(done, keys.timeout, lambda: f"{node.name}: homing by method {keys.method} did not end")
         node.homing, node.goal = False, State.DISABLED
         self._until(lambda: node.state in AT_REST, RAMP_UP, lambda: node.name)
-        node.origin = 0.0
+        node.origin = -keys.at
+
+    def _approach(self, node: Node, position: float) -> None:
+        """Go to where the scenario begins, at the speed of homing."""
+        assert node.keys.homing is not None
+        step = node.keys.homing.speed * self.cycle / 1e9
+        node.mode = Mode.CSP
+        while (left := position - node.target_position) != 0.0:
+            node.target_position = position if abs(left) <= step else node.target_position + copysign(step, left)
+            self.run_cycle()
+            if problem := self.check():
+                raise SimulationError(problem)
+        for _ in range(SETTLE // self.cycle):
+            self.run_cycle()
 
     # ------------------------------------------------------------------------------------------------------ watch
 
@@ -217,14 +236,15 @@ class Master:
             return f"{node.name}: started anew by itself. Check its supply."
         low, high = limits.position
         if not low <= node.position <= high:
-            return f"{node.name}: position {1e3 * node.position:.2f} mm is outside {1e3 * low:g} to {1e3 * high:g} mm."
+            return f"{node.name}: position {node.way(node.position)} is outside {node.way(low)} to {node.way(high)}."
         if abs(node.velocity) > limits.velocity:
-            return f"{node.name}: velocity {1e3 * node.velocity:.0f} mm/s is above {1e3 * limits.velocity:g} mm/s."
+            return f"{node.name}: velocity {node.way(node.velocity)}/s is above {node.way(limits.velocity)}/s."
         if abs(node.force) > limits.force:
-            return f"{node.name}: force {node.force:.1f} N is above {limits.force:g} N."
+            newton = "N m" if node.rotary else "N"
+            return f"{node.name}: force {node.force:.2f} {newton} is above {limits.force:g} {newton}."
         if abs(node.following_error) > limits.following_error:
-            error = 1e3 * node.following_error
-            return f"{node.name}: following error {error:.2f} mm is above {1e3 * limits.following_error:g} mm."
+            error, limit = node.way(node.following_error), node.way(limits.following_error)
+            return f"{node.name}: following error {error} is above {limit}."
         return ""
 
     # ------------------------------------------------------------------------------------------------------- stop
@@ -253,6 +273,8 @@ class Master:
         self._order(State.DISABLED)
         self._cycles_until(lambda node: node.state in AT_REST)
         for node in self.nodes.values():
+            if not self._lost(node):
+                setup.make_safe(node)
             if self._lost(node) or node.state not in AT_REST:
                 self.notes.append(
                     f"{node.name}: did not confirm that it is disabled (last state: {node.state}). Check it before you touch it."

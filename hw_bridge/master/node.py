@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections import deque
+from math import degrees
 from typing import TYPE_CHECKING
 
 from hw_bridge import cia402
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 TARGET_PDO, CONTROL_PDO = 0x200, 0x300
 STATE_PDO, SPEED_PDO = 0x180, 0x280
+LM2070 = 11.64  # force constant [N/A]
 WINDOW = 0.1  # time over which the way that was driven is compared with the way that was asked for [s]
 
 UP = {  # controlword on the way to Operation enabled
@@ -46,7 +48,8 @@ class Node:
         self.mirror = Dictionary(profile.objects, keys.node)  # what the drive is known to hold
         self.sdo = SdoClient(keys.node, network.send, wait)
         self.sign = -keys.scale if keys.inverted else keys.scale
-        self.origin = 0.0  # [m]
+        self.rotary = False  # whether positions are angles
+        self.origin = 0.0  # what the drive counts where the position is 0 [m]
         self.goal = State.DISABLED
         self.homing = False
         self.mode = Mode.CSV
@@ -70,8 +73,8 @@ class Node:
         units = self.profile.units(self.mirror)
         self.units = units
         self.ampere = current_unit(self.vendor, units)
-        motor = self.profile.motor.parameters.get("force_constant", 11.64)  # [N/A] of the LM 2070, or [N*m/A]
-        self.force_constant = self.keys.force_constant or motor / self.keys.scale
+        constant = self.profile.motor.parameters.get("force_constant", LM2070)
+        self.force_constant = self.keys.force_constant or constant / self.keys.scale
         self.form = "<i" if self.vendor.current & 0xFF == 32 else "<h"
 
     @property
@@ -99,9 +102,13 @@ class Node:
         """State of the power drive system."""
         return state_of(self.word)
 
-    def zero(self) -> None:
-        """Count from here."""
-        self.origin += self.position
+    def zero(self, position: float) -> None:
+        """Here is this position."""
+        self.origin += self.position - position
+
+    def way(self, value: float) -> str:
+        """A position or a way for people."""
+        return f"{degrees(value):.2f} deg" if self.rotary else f"{1e3 * value:.2f} mm"
 
     def device_position(self, position: float) -> int:
         """A position as the drive counts."""

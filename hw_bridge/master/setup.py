@@ -40,6 +40,10 @@ def read(node: Node, index: int, sub: int = 0) -> int:
 
 def write(node: Node, index: int, sub: int, value: int) -> None:
     """Write a number and read it back."""
+    if sub not in node.mirror.objects.get(index, {}):
+        raise SimulationError(
+            f"{node.name}: {node.profile.title} has no {index:04X}h.{sub}. Correct the hardware file."
+        )
     entry = node.mirror.entry(index, sub)
     try:
         data = entry.encode(value)
@@ -79,8 +83,6 @@ def configure(node: Node, cycle: int, master: int) -> None:
     for index, sub, value in node.vendor.setup:
         write(node, index, sub, value)
     for (index, sub), value in node.keys.objects.items():
-        if sub not in entries.get(index, {}):
-            raise SimulationError(f"{node.name}: objects: {node.profile.title} has no {index:04X}h.{sub}. Remove it.")
         write(node, index, sub, value)
     for index in SCALING:
         for entry in entries.get(index, {}).values():
@@ -92,6 +94,7 @@ def configure(node: Node, cycle: int, master: int) -> None:
     if 0x60C2 in entries:  # 0 means no interpolation on an EPOS4
         write(node, 0x60C2, 1, cycle // MILLISECOND)
         write(node, 0x60C2, 2, -3)
+    make_safe(node)
     ramps(node)
     heartbeat(node, master)
     mapping(node)
@@ -161,6 +164,12 @@ def map_pdo(node: Node, index: int, identifier: int, words: tuple[int, ...], kin
         write(node, index + 0x200, place, word)
     write(node, index + 0x200, 0, len(words))
     write(node, index, 1, flags | identifier)
+
+
+def make_safe(node: Node) -> None:
+    """Digital outputs as the hardware file wants them when nothing moves."""
+    if node.keys.safe_outputs is not None:
+        write(node, 0x60FE, 1, node.keys.safe_outputs)
 
 
 def release(node: Node) -> None:

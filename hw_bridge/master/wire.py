@@ -16,6 +16,8 @@ from twin.errors import SimulationError
 if TYPE_CHECKING:
     from hw_bridge.frame import Frame
 
+# python-can's slcan looks at the time only after each wait for a byte, which is 1 ms long by default
+OPTIONS: dict[str, dict[str, Any]] = {"slcan": {"timeout": 0.0002}}
 PRIORITY = 10  # of SCHED_FIFO: above everything ordinary, below what the kernel's own threads have
 
 
@@ -36,7 +38,8 @@ class WireNetwork(Network):
     def __init__(self, interface: str, channel: str, bit_rate: int, options: dict[str, Any]) -> None:
         super().__init__()
         try:
-            self.bus = can.Bus(channel=channel, interface=interface, bitrate=bit_rate, **options)
+            more = OPTIONS.get(interface, {}) | options
+            self.bus = can.Bus(channel=channel, interface=interface, bitrate=bit_rate, **more)
         except (can.CanError, OSError, ValueError, ImportError, TypeError) as error:
             raise SimulationError(f"{interface} {channel}: cannot be opened: {error}. Check the adapter.") from error
         self._begin = time.monotonic_ns()

@@ -93,10 +93,28 @@ def test_no_jump_at_enable(build):
 
 def test_a_position_target_far_from_the_drive_is_refused(build):
     rig = Rig(build, {"servomotor": node()})
-    rig.set(mode_of_operation=CSP, target_position=0.02)
+    rig.set(mode_of_operation=CSP)
+    rig.go(10)
+    rig.set(target_position=0.02)
     with pytest.raises(SimulationError, match=r"target_position 20\.00 mm is 20\.00 mm from where the drive is"):
-        rig.go(1)
+        rig.go(10)
     assert rig.drive.state is not State.ENABLED
+
+
+def test_it_begins_where_the_scenario_does(build):
+    """Without homing the place counts; with it, the drive goes there first."""
+    rig = Rig(build, {"servomotor": node()})
+    rig.set(target_position=-0.025)
+    rig.go(1)
+    assert rig.get("position") == pytest.approx(-0.025, abs=1e-5)
+    assert rig.plant.motor.position == pytest.approx(-0.025, abs=1e-5)
+    rig = Rig(
+        build, {"servomotor": node(homing={"method": -3, "at": "-40 mm"}, limits={"position": ["-45 mm", "35 mm"]})}
+    )
+    rig.set(target_position=0.01)
+    rig.go(1)
+    assert rig.get("position") == pytest.approx(0.01, abs=2e-4)
+    assert rig.plant.motor.position == pytest.approx(0.01, abs=2e-4)
 
 
 def test_what_is_written_is_in_the_drive(rig):
@@ -110,9 +128,11 @@ def test_what_is_written_is_in_the_drive(rig):
         assert get(0x60A9) == 0xFDB44700
     assert get(0x1016, 1) == 127 << 16 | 60
     assert get(0x1017) == 20
-    low, high = (get(0x607D, sub) * rig.drive.axis.units.position * rig.plant.scale for sub in (1, 2))
+    low, high = (get(0x607D, sub) * rig.drive.axis.units.position * abs(rig.plant.sign) for sub in (1, 2))
     assert (low, high) == pytest.approx((-0.042, 0.042), abs=1e-4)
-    words = [get(0x1600 + n, sub) for n in range(4) for sub in range(1, get(0x1600 + n) + 1) if get(0x1400 + n, 1) >> 31 == 0]
+    words = [
+        get(0x1600 + n, sub) for n in range(4) for sub in range(1, get(0x1600 + n) + 1) if get(0x1400 + n, 1) >> 31 == 0
+    ]
     assert sum(word >> 16 == 0x6040 for word in words) == 1
 
 
@@ -156,7 +176,9 @@ def test_a_fault_from_before_is_reset(build):
     assert rig.drive.state is State.ENABLED
 
 
-@pytest.mark.parametrize(("profile", "method"), [("faulhaber_v3", 37), ("mclm", 35), ("epos4", 37), ("faulhaber_v3", -3)])
+@pytest.mark.parametrize(
+    ("profile", "method"), [("faulhaber_v3", 37), ("mclm", 35), ("epos4", 37), ("faulhaber_v3", -3)]
+)
 def test_homing(build, profile, method):
     rig = Rig(build, {"servomotor": {**NODES[profile], "homing": {"method": method}}})
     rig.go(10)

@@ -54,7 +54,9 @@ def test_the_drive_stops_when_the_program_is_killed(channel, profile, tmp_path, 
             network.advance(network.now + 500_000_000, never)
             assert len(syncs(heard)) > 400
             beats = [at for at, frame in heard if frame.id == HEARTBEAT]
-            told = [at for at, frame in heard if frame.id == EMERGENCY and frame.data[:2] == b"\x30\x81" and at > beats[-1]]
+            told = [
+                at for at, frame in heard if frame.id == EMERGENCY and frame.data[:2] == b"\x30\x81" and at > beats[-1]
+            ]
             assert told, "no EMCY 8130h"
             # on a machine that others use too
             assert LOST_AFTER - 0.02 < told[0] - beats[-1] < LOST_AFTER + 0.05

@@ -35,7 +35,7 @@ def stopped(drive):
 
 
 def speed(rig):
-    return abs(rig.drive.axis.velocity * rig.plant.scale)
+    return abs(rig.drive.axis.velocity * abs(rig.plant.sign))
 
 
 def test_close_stops_and_disables(rig):
@@ -51,10 +51,10 @@ def test_close_stops_and_disables(rig):
 @pytest.mark.parametrize(
     ("limits", "text"),
     [
-        ({"position": ["-5 mm", "11 mm"]}, r"position 11\.\d\d mm is outside -5 to 11 mm"),
+        ({"position": ["-5 mm", "11 mm"]}, r"position 11\.\d\d mm is outside -5\.00 mm to 11\.00 mm"),
         ({"velocity": "40 mm/s"}, ""),
         ({"force": "1 N"}, r"force -?[\d.]+ N is above 1 N"),
-        ({"following_error": "0.1 mm"}, r"following error -?[\d.]+ mm is above 0.1 mm"),
+        ({"following_error": "0.1 mm"}, r"following error -?[\d.]+ mm is above 0\.10 mm"),
     ],
 )
 def test_limits(build, limits, text):
@@ -75,7 +75,7 @@ def test_a_load_that_carries_the_axis_away(build):
     rig.set(target_velocity=0.05)
     rig.go(200)
     rig.set(load_force=60.0)
-    with pytest.raises(SimulationError, match=r"velocity \d+ mm/s is above 65 mm/s"):
+    with pytest.raises(SimulationError, match=r"velocity [\d.]+ mm/s is above 65\.00 mm/s"):
         rig.go(400)
     assert rig.drive.state is not State.ENABLED
 
@@ -160,6 +160,19 @@ def test_ctrl_c(rig, monkeypatch):
     assert signal.getsignal(signal.SIGINT) is before
 
 
+def test_digital_outputs_are_safe_before_and_after(build):
+    rig = Rig(build, {"servomotor": node(safe_outputs=5)})
+    rig.go(10)
+    outputs = rig.drive.dictionary
+    assert outputs.get(0x60FE, 1) == 5
+    outputs.put(0x60FE, 2, 1)
+    rig.axis.close()
+    assert outputs.get(0x60FE, 1) == 5
+    rig = Rig(build, {"servomotor": node("mclm", safe_outputs=5)})
+    with pytest.raises(SimulationError, match=r"MCLM 300x CO has no 60FEh\.1"):
+        rig.go(1)
+
+
 def test_another_master_on_the_bus(build):
     """Two masters with one ID: neither may go on."""
     from hw_bridge.frame import Frame
@@ -216,6 +229,6 @@ def test_a_silent_sensor_retracts(build, value):
 def test_a_retraction_ends_at_the_position_limit(build):
     rig = touching(build, distance="60 mm", direction="positive")
     rig.set(contact_force=0.6)
-    with pytest.raises(SimulationError, match="above 0.4 N"):
+    with pytest.raises(SimulationError, match=r"above 0\.4 N"):
         rig.go(3000)
     assert rig.get("position") == pytest.approx(0.034, abs=5e-4)

@@ -1,0 +1,78 @@
+"""A simulated drive inside a co-simulation: its motor is the member that it stands for, and feels that member's load."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from hw_bridge.drive.drive import Drive
+from hw_bridge.drive.motor import Motor, MotorModel
+from hw_bridge.profiles import profile
+from twin.variable import Float64, Role
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from hw_bridge.hardware import NodeKeys
+    from hw_bridge.master.node import Node
+    from twin.component import Component
+
+OWN = ("current_maximum", "current_continuous")  # parameters of a motor that its drive uses for itself
+
+TRUE = {"velocity", "angular_velocity", "motor_angle", "current", "force", "torque"}
+
+
+class Plant:
+    """Drive and motor. Positions of the member are those of the motor, but for scale, direction and origin."""
+
+    def __init__(self, axis: Component, keys: NodeKeys, position: float, build: Path) -> None:
+        vendor = profile(keys.profile)
+        self.axis = axis
+        self.sign = -keys.scale if keys.inverted else keys.scale
+        self.parameters: dict[str, float] = {}
+        model = self.model(vendor.motor)
+        self.motor = Motor(model, build=build, position=0.0 if keys.homing else position / self.sign)
+        self.drive = Drive(vendor, keys.node, self.motor)
+        self.load = self.sign * model.ratio  # of the member's load, what the motor's component takes
+        self.origin = 0.0
+
+    def model(self, own: MotorModel) -> MotorModel:
+        """The motor of the vendor's profile with the member's parameters; a rotary drive brings its own gear."""
+        declared = {v.name: v for v in type(self.axis).variables if v.role is Role.parameter and v.type is Float64}
+        values = {key: float(self.axis.views[key]) for key in declared if not declared[key].shape}
+        name = self.axis.replaced.__module__.split(".")[-2]  # type: ignore[attr-defined]
+        given = {key: value for key, value in values.items() if value != declared[key].start}
+        if "gear_ratio" in values:
+            self.parameters = {key: value for key, value in values.items() if key not in OWN}
+            return replace(
+                own, component=name, parameters=given, position="angle", load="load_torque", ratio=values["gear_ratio"]
+            )
+        if name != own.component:
+            return own
+        if own.parameters:  # another motor than the member's
+            return own
+        self.parameters = {key: value for key, value in values.items() if key not in OWN}
+        return replace(own, parameters=given)
+
+    def zero(self, node: Node) -> None:
+        """True and measured positions count from the same place."""
+        self.origin = self.sign * self.motor.measured_position - node.position
+
+    def feel(self) -> None:
+        """Take over load and parameters that changed."""
+        views = self.axis.views
+        for name in ("load_force", "load_torque"):
+            if name in views:
+                self.motor.load(float(views[name]) * self.load)
+        for key, before in self.parameters.items():
+            if (value := float(views[key])) != before:
+                self.parameters[key] = value
+                self.motor.set(key, value)
+
+    def show(self, values: dict[str, float]) -> None:
+        """What only a simulated motor can tell."""
+        values["position"] = values["angle"] = self.sign * self.motor.position - self.origin
+        values["overload"] = self.drive.axis.level
+        if self.parameters:  # it is the member's own component
+            for name in TRUE & set(self.axis.views):
+                values[name] = (1.0 if self.sign > 0.0 else -1.0) * self.motor.get(name)

@@ -1,0 +1,86 @@
+"""The force scenario on a bus in simulated time: the same verdicts as without it, and what the bus changes."""
+
+from pathlib import Path
+
+import pytest
+
+from hw_bridge.bridge import load
+from tests.hw_bridge.axis import Rig, node
+from twin.run import run_scenario
+from twin.scenario import Scenario
+
+ROOT = Path(__file__).parents[2]
+SCENARIO = ROOT / "scenarios/heart_wall_force.yaml"
+BENCH = ROOT / "hw_bridge/benches/simulated_force.yaml"
+
+
+@pytest.fixture
+def outcome(tmp_path, build):
+    """Run the scenario with the hardware file's text changed, or without hardware."""
+
+    def outcome(text, **more):
+        path = tmp_path / "bench.yaml"
+        path.write_text(text)
+        hardware = load(path, build=build) if text else None
+        return run_scenario(
+            Scenario.load(SCENARIO), root=tmp_path, build=build, report=False, hardware=hardware, **more
+        )
+
+    return outcome
+
+
+def figures(outcome, metric):
+    return {one.variant: one.mean for one in outcome.evaluation.figures if one.metric.name == metric}
+
+
+def verdicts(outcome):
+    found = {(one.metric.name, one.variant): one.verdict for one in outcome.evaluation.figures}
+    return found | {one.name: one.verdict for one in outcome.evaluation.outcomes}
+
+
+def test_the_bus_changes_little(outcome):
+    """PI waits for the sensor anyway; what is fed forward comes up to 1.6 ms later."""
+    without = figures(outcome("", seeds=[1]), "force_error_std")
+    with_bus = figures(outcome(BENCH.read_text(), seeds=[1]), "force_error_std")
+    ratios = {name: with_bus[name] / without[name] for name in without}
+    assert ratios["PI"] == pytest.approx(1.0, abs=0.002)
+    assert 1.0 < ratios["PI+FF"] < 1.03
+    assert 1.0 < ratios["PI+FF+BW"] < 1.06
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("profile", ["faulhaber_v3", "mclm"])
+def test_the_same_verdicts(outcome, profile):
+    without, with_bus = outcome(""), outcome(BENCH.read_text().replace("faulhaber_v3", profile))
+    assert verdicts(with_bus) == verdicts(without)
+    assert with_bus.passed
+    assert with_bus.run.simulated_time / with_bus.run.wall_time > 2  # faster than real time, on a busy machine too
+
+
+def test_it_is_the_same_every_time(outcome):
+    one, other = (outcome(BENCH.read_text(), variants=["PI+FF"], seeds=[1]) for _ in range(2))
+    assert one.tables["PI+FF", 1].values.keys() == other.tables["PI+FF", 1].values.keys()
+    for name, values in one.tables["PI+FF", 1].values.items():
+        assert (values == other.tables["PI+FF", 1].values[name]).all(), name
+
+
+@pytest.mark.parametrize(("bit_rate", "longest"), [(1_000_000, 1.5), (250_000, 3.0)])
+def test_delay_from_target_to_motor(build, bit_rate, longest):
+    """Frames of targets, SYNC, then the drive's own cycle of 1 ms."""
+    rig = Rig(build, {"servomotor": node()}, bit_rate=bit_rate)
+    rig.go(50)
+    acted = []
+    follow = rig.drive.axis.follow_velocity
+
+    def noted(velocity, *more):
+        if velocity and not acted:
+            acted.append(rig.drive.port.agenda.now)
+        follow(velocity, *more)
+
+    rig.drive.axis.follow_velocity = noted
+    given = rig.session.origin + rig.t * 1_000_000
+    rig.set(target_velocity=0.01)
+    rig.go(5)
+    delay = (acted[0] - given) / 1e6
+    print(f"{bit_rate}: {delay:.3f} ms, load {rig.session.bus.load:.3f}")
+    assert 0.3 < delay < longest

@@ -1,0 +1,184 @@
+"""Hardware files, `twin hil check` and `twin run --hardware`."""
+
+import importlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from hw_bridge import hardware, hil
+from hw_bridge.bridge import load
+from twin.errors import ScenarioError
+from twin.run import run_scenario
+from twin.scenario import Scenario
+
+run = importlib.import_module("twin.cli.run")  # the package has a function of this name
+ROOT = Path(__file__).parents[2]
+BENCHES = sorted((ROOT / "hw_bridge/benches").glob("*.yaml"))
+SCENARIO = ROOT / "scenarios/heart_wall_force.yaml"
+SHORT = ROOT / "tests/conformance/short_force.yaml"
+SIMULATED = "hw_bridge/benches/simulated_force.yaml"
+
+GOOD = """simulated: true
+nodes:
+  servomotor: {node: 1, profile: faulhaber_v3}
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text):
+        path = tmp_path / "bench.yaml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("path", BENCHES, ids=lambda path: path.stem)
+def test_every_bench_is_well_formed_and_fits_its_scenario(path):
+    scenario = load(path, arm=True).apply(Scenario.load(SCENARIO))
+    for case in scenario.variants:
+        for name in hardware.load(path).nodes:
+            assert case.members[name].made.__name__ == f"Drive_{name}"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("simulated: true", "interface: socketcan", "bench.yaml:1: interface and channel are missing."),
+        ("simulated", "simulate", "bench.yaml:1: simulate: unknown key. Did you mean 'simulated'?"),
+        ("faulhaber_v3", "faulhaber", "bench.yaml:3: nodes.servomotor.profile: `faulhaber` is no drive profile. Did you mean"),
+        ("node: 1", "node: 200", "bench.yaml:3: nodes.servomotor.node: input should be less than or equal to 126, not 200."),
+        ("node: 1, ", "", "bench.yaml:3: nodes.servomotor.node: is missing. Add it."),
+        ("true", "true\ncycle: 2.5 ms", "bench.yaml:2: cycle: expected whole milliseconds above zero, such as 5 ms"),
+        ("true", "true\nbit_rate: 123", "bench.yaml:2: bit_rate: 123 is none of CANopen's."),
+        ("true", "true\nmaster: 1", "bench.yaml:4: nodes.servomotor: node 1 is this program already."),
+        ("node: 1", "node: 1, limits: {force: 5 mm}", "nodes.servomotor.limits.force: `5 mm` does not convert to N."),
+        ("node: 1", "node: 1, limits: {forces: 5 N}", "limits.forces: unknown key. Did you mean 'force'?"),
+        ("node: 1", "node: 1, limits: {position: [1 mm, -1 mm]}", "limits.position: the first limit is not below"),
+        ("node: 1", "node: 1, heartbeat: {every: 60 ms}", "heartbeat: lost_after is not longer than every."),
+        ("node: 1", "node: 1, objects: {speed: 3}", "expected an object such as '3001h.1': 2410, not speed: 3"),
+        ("node: 1", "node: 1, objects: 3", "nodes.servomotor.objects: expected objects such as"),
+        ("node: 1", "node: 1, inverted: maybe", "nodes.servomotor.inverted: input should be a valid boolean"),
+    ],
+)  # fmt: skip
+def test_mistakes_are_named_with_their_line(write, old, new, message):
+    with pytest.raises(ScenarioError) as caught:
+        hardware.load(write(GOOD.replace(old, new, 1)))
+    (line,) = caught.value.problems
+    assert message in line
+    assert "\n" not in line
+
+
+def test_values_are_in_si(write):
+    keys = hardware.load(write(GOOD.replace("node: 1", "node: 1, limits: {velocity: 50 mm/s, force: 3}")))
+    assert keys.nodes["servomotor"].limits.velocity == pytest.approx(0.05)
+    assert keys.nodes["servomotor"].limits.force == 3.0
+    assert keys.cycle == 5_000_000
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (GOOD.replace("servomotor", "servo"), "nodes.servo: no such member. Did you mean 'servomotor'?"),
+        (GOOD.replace("servomotor", "wall"), "nodes.wall: Wall has no target_velocity, position_actual_value."),
+        (GOOD.replace("node: 1", "node: 1, contact: {signal: sensr.force}"), "contact: no member for sensr.force"),
+    ],
+)
+def test_what_does_not_fit_the_scenario(write, text, message):
+    with pytest.raises(ScenarioError) as caught:
+        load(write(text)).apply(Scenario.load(SCENARIO))
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("interface", "channel", "free"),
+    [
+        ("socketcan", "can0", False), ("slcan", "/dev/ttyACM0", False), ("pcan", "PCAN_USBBUS1", False),
+        ("socketcan", "vcan0", True), ("virtual", "here", True), ("udp_multicast", "239.74.163.2", True),
+        ("slcan", "/dev/pts/3", True),
+    ],
+)  # fmt: skip
+def test_real_interfaces_have_to_be_armed(write, interface, channel, free):
+    path = write(GOOD.replace("simulated: true", f"interface: {interface}\nchannel: {channel}"))
+    scenario = Scenario.load(SCENARIO)
+    if free:
+        load(path).apply(scenario)
+    else:
+        with pytest.raises(ScenarioError, match=r"may move real drives\. Add --arm"):
+            load(path).apply(scenario)
+        load(path, arm=True).apply(scenario)
+
+
+def test_the_contact_force_is_watched_by_default(write):
+    for text, signal in (
+        (GOOD, "sensor.measured_force"),
+        (GOOD.replace("node: 1", "node: 1, watch_contact: false"), None),
+    ):
+        scenario = load(write(text)).apply(Scenario.load(SCENARIO))
+        found = [one.source for one in scenario.variants[0].connections if one.target == "servomotor.contact_force"]
+        assert found == ([signal] if signal else [])
+
+
+def test_a_step_that_does_not_fit_the_cycle(write):
+    path = write(GOOD + "cycle: 1 ms\n")
+    with pytest.raises(ScenarioError, match=r"cycle: 1 ms is not a multiple of the scenario's step, 5 ms"):
+        load(path).apply(Scenario.load(SCENARIO, ["step=5 ms"]))
+
+
+def test_the_command_runs_a_scenario_on_drives(tmp_path, build, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(run, "load_hardware", load)
+    arguments = [str(SHORT), "--hardware", SIMULATED, "--variant", "PI", "--runs", str(tmp_path), "--build", str(build)]
+    done = CliRunner().invoke(run.command, [*arguments, "--json"])
+    assert done.exit_code == 0, done.output
+    summary = json.loads(done.stdout)
+    (case,) = summary["hardware"]["cases"]
+    assert case["cycles"] == 30
+    assert case["nodes"]["servomotor"] == {"late_pdos": 0, "lost_pdos": 0, "emergencies": []}
+    assert 0.05 < case["bus_load"] < 0.3
+    assert summary["hardware"]["simulated"] is True
+
+
+def test_every_case_gets_drives_of_its_own(tmp_path, build):
+    found = load(ROOT / SIMULATED, build=build)
+    outcome = run_scenario(Scenario.load(SHORT), hardware=found, root=tmp_path, build=build, report=False)
+    assert outcome.run.status == "completed", outcome.run.reason
+    assert len([one for one in found.sessions if one.begun]) == 3
+    assert found.notes() == []
+
+
+def test_the_report_shows_the_jitter(build):
+    found = load(ROOT / SIMULATED, build=build)
+    assert found.pictures() == []
+    found.jitter = lambda: np.array([1e-4, -1e-4, 2e-4])
+    (picture,) = found.pictures()
+    assert picture["svg"].startswith("<svg ")
+    assert "3 of them" in picture["note"]
+
+
+def test_check_says_what_differs(write, build):
+    runner = CliRunner()
+    done = runner.invoke(hil.command, ["check", str(write(GOOD)), "--build", str(build)])
+    assert done.exit_code == 0, done.output
+    assert done.stdout.startswith("node 1: FAULHABER Motion Control V3.0, vendor 147h")
+    keys = hardware.load(write(GOOD.replace("node: 1", "node: 1, serial: 12")))
+    assert hil.differences(keys, build) == [
+        (
+            "servomotor: node 1: serial number is 1h, expected Ch (FAULHABER Motion Control V3.0). "
+            "Correct the hardware file or the wiring."
+        )
+    ]
+
+
+def test_check_finds_strangers_and_missing_nodes(write, build, monkeypatch):
+    present = hardware.load(write(GOOD.replace("node: 1", "node: 5").replace("faulhaber_v3", "mclm")))
+    network = hil.bench_network
+    monkeypatch.setattr(hil, "bench_network", lambda _keys, build: network(present, build))
+    assert hil.differences(hardware.load(write(GOOD)), build) == [
+        "servomotor: node 1 does not answer. Check its power and node-ID.",
+        "node 5 is not in the hardware file. Add it, or take it off the bus.",
+    ]
