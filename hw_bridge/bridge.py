@@ -218,6 +218,12 @@ class Hardware:
         return np.concatenate(found) if found else np.zeros(0)
 
 
-def load(path: Path, arm: bool = False, build: Path = Path("build"), trace: Path | None = None) -> Hardware:
-    """Read a hardware file. `arm`: real drives may move. `trace`: where the bus is recorded."""
+def load(
+    path: Path, arm: bool = False, build: Path = Path("build"), trace: Path | None = None, replay: str | None = None
+) -> Hardware:
+    """Read a hardware file. `arm`: real drives may move. `trace`: where to record. `replay`: a trace instead of drives."""
+    if replay is not None:
+        from hw_bridge.trace.replay import replay as recorded
+
+        return recorded(path, load_keys(path), replay)
     return Hardware(path, load_keys(path), arm, build, trace)

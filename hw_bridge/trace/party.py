@@ -21,7 +21,6 @@ VELOCITIES = (0x606B, 0x606C, 0x607F, 0x6080, 0x6081, 0x6099, 0x60B1, 0x60FF)
 ACCELERATIONS = (0x6083, 0x6084, 0x6085, 0x609A)
 CURRENTS = (0x6071, 0x6074, 0x6077, 0x60B2)
 MILLIAMPERES = ((0x6078, 0), (0x30D1, 1), (0x30D1, 2))
-UNSIGNED = (0x6065, 0x6067, 0x607F, 0x6080, 0x6081, 0x6099)  # sizes, whichever way an axis is mounted
 WORDS = {0x6040: names.controlword, 0x6041: names.statusword, 0x6060: names.mode, 0x6061: names.mode}
 BITS = {0x6040: "04X", 0x6041: "04X", 0x603F: "04X", 0x1001: "02X"}
 SAVE, PROFILE_AREA = 0x1010, 0x2000
@@ -181,26 +180,21 @@ class Party:
         return shown + (f" ({value:X}h)" if value > 0xFFFF else ""), value
 
     def scale(self, index: int, sub: int) -> tuple[float, str]:
-        """SI value of one device unit and its symbol; an empty symbol where there is none."""
+        """SI value of one device unit and its symbol; none where it has none. At the motor: no bench's scale is in it."""
         if self.profile is None:
             return 1.0, ""
         if self._units is None:
             self._units = self.profile.units(self.dictionary)
         units, way = self._units, self.profile.motor.unit
-        sign = -1.0 if self.keys is not None and self.keys.inverted else 1.0
-        ratio = 1.0
-        if self.keys is not None and self.keys.scale != 1.0:
-            ratio, way = self.keys.scale, "m"
-        size = ratio if index in UNSIGNED else sign * ratio
         if index in POSITIONS:
-            return size * units.position, way
+            return units.position, way
         if index in VELOCITIES:
-            return size * units.velocity, f"{way}/s"
+            return units.velocity, f"{way}/s"
         if index in ACCELERATIONS:
-            return ratio * units.acceleration, f"{way}/s2"
+            return units.acceleration, f"{way}/s2"
         if index in CURRENTS and units.torque:
-            return sign * units.torque, "A"
-        return (sign * 1e-3, "A") if (index, sub) in MILLIAMPERES else (1.0, "")
+            return units.torque, "A"
+        return (1e-3, "A") if (index, sub) in MILLIAMPERES else (1.0, "")
 
 
 def snake(name: str) -> str:
