@@ -37,6 +37,9 @@ class Cause(StrEnum):
     OVERCURRENT = "overcurrent"
     ENCODER = "encoder"
     ENCODER_OFFSET = "encoder_offset"
+    FRICTION = "friction"
+    GRIP = "grip"
+    SLOW = "slow"
     RESET = "reset"
     HEARTBEAT = "heartbeat"
     SYNC = "sync"
@@ -51,6 +54,9 @@ MEANINGS = {
     Cause.OVERCURRENT:    "the vendor's error for too much current",
     Cause.ENCODER:        "the position sensor stands still; where the drive notices, its error",
     Cause.ENCODER_OFFSET: "the position sensor is wrong by `offset` from now on; the drive does not notice",
+    Cause.FRICTION:       "the motor's dry friction becomes `factor` times what it was",
+    Cause.GRIP:           "only `factor` of the load reaches the motor: a sleeve slips",
+    Cause.SLOW:           "the gains of the motor's velocity loop become `factor` times what they were",
     Cause.RESET:          "the drive starts anew by itself",
     Cause.HEARTBEAT:      "the heartbeat of a drive, or of the master, is not heard",
     Cause.SYNC:           "SYNC does not come",
@@ -74,6 +80,7 @@ class Fault:
     delay: int = 10 * MILLISECOND
     jitter: int = 0
     offset: float = 0.0
+    factor: float = 2.0
     identifiers: tuple[int, int] | None = None
 
 
@@ -148,13 +155,27 @@ def _encoder_offset(fault: Fault, drive: Drive) -> None:
     drive.axis.motor.offset = fault.offset
 
 
+def _friction(fault: Fault, drive: Drive) -> None:
+    drive.axis.motor.scale("friction_coulomb", fault.factor)
+
+
+def _grip(fault: Fault, drive: Drive) -> None:
+    drive.axis.motor.grip = fault.factor
+
+
+def _slow(fault: Fault, drive: Drive) -> None:
+    for name in ("velocity_gain", "velocity_integral"):
+        drive.axis.motor.scale(name, fault.factor)
+
+
 def _reset(_: Fault, drive: Drive) -> None:
     drive.nmt.command(bytes([RESET_NODE, drive.node]))
 
 
 ACTIONS: dict[Cause, Callable[[Fault, Drive], None]] = {
     Cause.EMCY: _emcy, Cause.OVERCURRENT: _overcurrent, Cause.ENCODER: _encoder,
-    Cause.ENCODER_OFFSET: _encoder_offset, Cause.RESET: _reset,
+    Cause.ENCODER_OFFSET: _encoder_offset, Cause.FRICTION: _friction, Cause.GRIP: _grip, Cause.SLOW: _slow,
+    Cause.RESET: _reset,
 }  # fmt: skip
 
 

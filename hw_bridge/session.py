@@ -15,6 +15,7 @@ from hw_bridge.master.master import Master
 from hw_bridge.master.network import Network, SimulatedNetwork
 from hw_bridge.plant import Plant
 from hw_bridge.profiles import profile
+from hw_bridge.shadow import Shadow
 from hw_bridge.trace.watch import Watch
 from twin.errors import SimulationError
 
@@ -68,6 +69,7 @@ class Session:
         self.origin = 0  # time of the network at the scenario's zero [ns]
         self.start = 0
         self.watches: dict[str, ContactWatch] = {}
+        self.shadows: dict[str, Shadow] = {}
         self.notes: list[str] = []
 
     def network(self) -> Network:
@@ -97,6 +99,8 @@ class Session:
         """Let the bus go from t to t + h [ns]."""
         for plant in self.plants.values():
             plant.feel()
+        for shadow in self.shadows.values():
+            shadow.feel()
         if not self.begun:
             self.begin(t)
         master = self.master
@@ -107,6 +111,9 @@ class Session:
             self.keep_pace(t)
             if problem := master.check():
                 raise SimulationError(f"{problem} All drives stop.")
+            if t > self.start:
+                for one in self.shadows.values():
+                    one.look(t)
             self.take_targets()
             master.exchange()
             master.timing.synced(master.network.now, self.origin + t + master.window)
@@ -119,6 +126,12 @@ class Session:
         self.watch = Watch(self.keys, network, self.trace)
         master = self.master = Master(self.keys, network)
         self.begun, self.start, self.real_time = True, t, master.network.real_time
+        for name, one in self.keys.nodes.items():
+            if one.shadow is not None:
+                self.shadows[name] = Shadow(
+                    self.axes[name], one, one.shadow, master.nodes[name], network, beginning(self.axes[name]),
+                    self.keys.master, self.keys.cycle, self.build,
+                )  # fmt: skip
         for name, axis in self.axes.items():
             master.nodes[name].rotary = "angle" in axis.views
         master.begin({name: beginning(axis) for name, axis in self.axes.items()})
@@ -202,11 +215,14 @@ class Session:
             self.notes += self.master.notes
         if self.watch is not None:
             self.watch.close()
+        self.notes += [line for shadow in self.shadows.values() for line in shadow.warnings]
 
     def report(self) -> dict[str, Any]:
         """Statistics of the case."""
         assert self.master is not None
         found = self.master.report() | {"real_time_priority": self.real_time}
+        if self.shadows:
+            found["shadow"] = {name: shadow.report() for name, shadow in self.shadows.items()}
         if self.watch is not None:
             found |= {"origin": self.origin / 1e9, "seen": self.watch.seen(self.origin)}
             found |= {"trace": str(self.trace), "frames": self.watch.count} if self.trace is not None else {}

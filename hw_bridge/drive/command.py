@@ -88,10 +88,12 @@ def command(
 @click.option("--count", type=click.IntRange(1), help="So many frames at most.")
 @click.option("--delay", type=click.FloatRange(0), default=0.01, metavar="S", help="With delay [s].", show_default=True)
 @click.option("--jitter", type=click.FloatRange(0), default=0.0, metavar="S", help="Up to so much more [s].")
+@click.option("--factor", type=click.FloatRange(0), default=2.0, metavar="X", help="With friction, grip, slow.",
+              show_default=True)  # fmt: skip
 @click.option("--offset", type=float, default=0.0, metavar="X", help="With encoder_offset [m or rad of the motor].")
 def inject_fault(
     fault: str, control: int, code: str, lasting: bool, duration: float | None, share: float, count: int | None,
-    delay: float, jitter: float, offset: float,
+    delay: float, jitter: float, factor: float, offset: float,
 ) -> None:  # fmt: skip
     """Let FAULT happen in a simulated drive that was started with --control.
 
@@ -108,7 +110,7 @@ def inject_fault(
         raise click.UsageError(f"--code {code}: expected an EMCY code such as 7300h.") from None
     request(control, Fault(
         Cause(fault), number, lasting, NEVER if duration is None else round(duration * 1e9), share,
-        NEVER if count is None else count, round(delay * 1e9), round(jitter * 1e9), offset,
+        NEVER if count is None else count, round(delay * 1e9), round(jitter * 1e9), offset, factor,
     ))  # fmt: skip
     click.echo(f"{fault}: {MEANINGS[Cause(fault)]}")
 

@@ -67,6 +67,7 @@ class Motor:
         if "current_continuous" in self._views:
             self._views["current_continuous"][...] = 10.0 * self.strongest  # I2t is the drive's, by its own objects
         self.powered = True
+        self.grip = 1.0  # share of the load that reaches it
         self.offset = 0.0  # error of the sensor [m or rad]
         self._stuck: float | None = None  # where the sensor stands still
         self.off()
@@ -99,11 +100,15 @@ class Motor:
 
     def load(self, force: float) -> None:
         """Force [N] or torque [N*m] of the load from now on, behind the gear."""
-        self._views[self.model.load][...] = force
+        self._views[self.model.load][...] = force * self.grip
 
     def set(self, parameter: str, value: float) -> None:
         """Change a parameter of the component."""
         self._views[parameter][...] = value
+
+    def scale(self, parameter: str, factor: float) -> None:
+        """Multiply a parameter of the component."""
+        self.set(parameter, factor * self.get(parameter))
 
     def get(self, name: str) -> float:
         """A variable of the component."""
