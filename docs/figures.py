@@ -37,6 +37,8 @@ TABLES = {
     "rotational_grip": ("docs/explanation/racs.md",),
     "rotation": ("docs/explanation/racs.md",),
     "dynamic_regripping": ("docs/explanation/racs.md",),
+    "coordinate_feedforward": ("docs/explanation/injection_catheter.md",),
+    "needle": ("docs/explanation/injection_catheter.md",),
 }
 PIVOTS = {"dynamic_regripping": ("error_out", "error_back", "error_max", "speed_lowest")}  # metrics as columns
 
@@ -247,6 +249,7 @@ def main() -> None:
         draw_plots(outcomes["hysteresis_identification"], {"Heart and tip": "tracking.svg"})
         draw_plots(outcomes["dynamic_regripping"], {"Tracking error": "regripping.svg"})
         draw_plots(outcomes["rotation"], {"Tip over frame": "rotation.svg"})
+        draw_plots(outcomes["coordinate_feedforward"], {"Coordinates wanted and reached": "coordinates.svg"})
         draw_publication(folder)
     for file in sorted(FIGURES.iterdir()):
         sys.stdout.write(f"{file.relative_to(ROOT)}: {file.stat().st_size / 1000:.0f} kB\n")

@@ -196,6 +196,7 @@ class Hardware:
         return {
             "file": str(self.path), "simulated": keys.simulated, "interface": keys.interface,
             "cycle": keys.cycle / 1e9, "shown": told, "cases": reports,
+            "nodes": keys.model_dump()["nodes"],
         }  # fmt: skip
 
     def pictures(self) -> list[dict[str, str]]:

@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field, ValidationError
 
 from hw_bridge.agenda import NEVER
 from hw_bridge.fault import Cause, Fault
+from hw_bridge.frame import Frame, bit_count
 from hw_bridge.profiles import MODULES
 from twin.errors import CouplingError, ScenarioError
 from twin.scenario.message import dotted, quoted
@@ -20,6 +21,8 @@ from twin.system import nearest
 SOFTWARE = ("virtual", "udp_multicast")  # interfaces of python-can without any hardware
 MILLISECOND = 1_000_000
 MASTER = "master"  # this program, where a fault names a node
+PROCESS_DATA = (4, 7, 7, 8, 1)  # bytes of a drive's frames in a cycle: two RPDOs, two TPDOs, a heartbeat
+FULL = 0.8  # more leaves no room for what is repeated
 
 
 def quantity(*symbols: str) -> Any:
@@ -115,7 +118,7 @@ class ContactKeys(Keys):
     signal: Reference
     above: Force = 0.4
     silent_for: Period = 100 * MILLISECOND
-    distance: Distance = 10e-3
+    distance: Distance = 30e-3  # the sheath keeps 8 mm of it, and the wall was pressed in
     speed: Speed = 0.05
     direction: Literal["positive", "negative"] = "negative"
 
@@ -206,6 +209,12 @@ class HardwareKeys(Keys):
         return self.simulated or self.interface in SOFTWARE or channel.startswith("vcan") or pty
 
 
+def bus_load(keys: HardwareKeys) -> float:
+    """Share of a cycle that its process data, SYNC and heartbeats take on the wire at most."""
+    frames = [Frame(0, bytes(size)) for size in PROCESS_DATA] * len(keys.nodes) + [Frame(0), Frame(0, b"0")]
+    return sum(map(bit_count, frames)) / keys.bit_rate * 1e9 / keys.cycle
+
+
 def load(path: Path) -> HardwareKeys:
     """Read and check a hardware file; ScenarioError lists every problem with file and line."""
     root = read(path, str(path))
@@ -228,6 +237,11 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
     if keys.bit_rate not in BIT_RATES:
         place = root.find(("bit_rate",)).place
         problems.append(f"{place}: bit_rate: {keys.bit_rate} is none of CANopen's. Use 1000000, 500000, ...")
+    elif (share := bus_load(keys)) > FULL:
+        problems.append(
+            f"{root.find(('cycle',)).place}: cycle: process data fills {100 * share:.0f} % of {keys.cycle / 1e6:g} ms "
+            f"at {keys.bit_rate} bit/s. Make the cycle longer or the bit rate higher."
+        )
     taken = {keys.master: "this program"}
     for name, node in keys.nodes.items():
         where = root.find(("nodes", name, "node")).place

@@ -89,7 +89,7 @@ def built(build, tmp_path_factory):
 @pytest.fixture
 def folder(tmp_path, built):
     """What a page finds in its current folder."""
-    for name in ("fmus", "scenarios"):
+    for name in ("fmus", "scenarios", "hw_bridge/benches"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
     (tmp_path / "build").symlink_to(built)
     return tmp_path

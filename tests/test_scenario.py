@@ -321,6 +321,8 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         ("within: [0.1 N, 0.4 N]", "within: [0.1 N]", "s.yaml:24: expect[2].within: list should have at least 2 items"),
         ("signals: [sensor.force]", "xy: [sensor.force]", "s.yaml:26: plots[1].xy: list should have at least 2 items"),
         ("signals: [sensor.force], ", "", "s.yaml:26: plot `Force`: give either `signals` or `xy: [x, y]`."),
+        ("signals: [sensor.force]", "signals: [sensor.force, {signal: sensor.force, x: servo.x}]",
+         "s.yaml:26: plot `Force`: some signals have an `x`. Give all of them one, or none."),
         ("per: variant", "per: seed", "s.yaml:26: plots[1].per: `seed` is not known."),
     ],
 )  # fmt: skip

@@ -16,7 +16,7 @@ import numpy as np
 from twin import machine, solver
 from twin.component import Component, PythonComponent
 from twin.dependencies import dependencies
-from twin.errors import CouplingError, SimulationError, described
+from twin.errors import CouplingError, SimulationError, TwinError, described
 from twin.variable import Role, Variable
 
 if TYPE_CHECKING:
@@ -191,7 +191,7 @@ class RecordMember(Member):
             return self.component.advance(t, h)
         except BaseException as error:  # also Ctrl-C: nothing may pass through native frames
             self.failure = error
-            self.log.append(described(error))
+            self.log.append(str(error) if isinstance(error, TwinError) else described(error))
             return solver.ERROR
 
     def instantiate(self) -> None:

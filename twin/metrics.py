@@ -75,7 +75,10 @@ class Curve:
 
 @dataclass(frozen=True)
 class Plot:
-    """A figure of the report. `per_variant`: one panel for each variant, else one panel with every variant's lines."""
+    """A figure of the report. `per_variant`: one panel for each variant, else one panel with every variant's lines.
+
+    `points`: a mark for each sample instead of a line, as for readings at rest.
+    """
 
     title: str
     curves: tuple[Curve, ...]
@@ -89,6 +92,7 @@ class Plot:
     lines: tuple[float, ...] = ()
     variants: tuple[str, ...] = ()
     where: str = field(default="", compare=False)
+    points: bool = False
 
 
 @dataclass(frozen=True)

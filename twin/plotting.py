@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 COLORS = ("#0b62a4", "#d1495b", "#2a9d6f", "#8e5ea2", "#e08e0b", "#4f6d7a", "#4aa3df", "#a0522d")
 STYLES = ("-", "--", "-.", ":")
+MARKS = ("o", "x", "^", "s", "+", "d")
 POINTS = 1400  # about twice the pixels across a panel: more cannot be seen
 WIDTH = 9.4  # [inch]
 
@@ -55,6 +56,12 @@ def thinned(x: Any, y: Any, points: int = POINTS) -> tuple[Any, Any]:
     """A loop with evenly fewer samples: three times as many, since it turns more often than a line over time."""
     stride = -(-len(x) // (3 * points)) or 1
     return x[::stride], y[::stride]
+
+
+def spots(x: Any, y: Any) -> tuple[Any, Any]:
+    """The samples that are numbers."""
+    there = np.isfinite(x) & np.isfinite(y)
+    return x[there], y[there]
 
 
 def in_unit(values: Any, unit: str) -> Any:
@@ -175,13 +182,16 @@ def panel(axis: Any, plot: Plot, tables: Tables, names: Sequence[str]) -> None:
                 continue
             x, y = points if curve.x is None else (in_unit(points[0], plot.x_unit), points[1])
             points_shown = POINTS if is_first else POINTS // 3
-            x, y = (envelope if curve.x is None else thinned)(x, in_unit(y, plot.unit), points_shown)
+            y = in_unit(y, plot.unit)
+            x, y = spots(x, y) if plot.points else (envelope if curve.x is None else thinned)(x, y, points_shown)
             color = COLORS[(names.index(variant) if several and single else number) % len(COLORS)]
             label = (variant if single else f"{variant}: {curve.label}") if several else curve.label
             style = STYLES[names.index(variant) % len(STYLES)] if several and not single else "-"
+            if plot.points:
+                style = MARKS[number % len(MARKS)]
             axis.plot(
                 x, y, style, color=color, label=label if is_first else None, alpha=1.0 if is_first else 0.22,
-                linewidth=1.2 if is_first else 0.7, zorder=3 if is_first else 2,
+                linewidth=1.2 if is_first else 0.7, markersize=4, markerfacecolor="none", zorder=3 if is_first else 2,
             )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ A file has one column per scalar: `time`, the inputs, the outputs; one row per c
 initialization with that row's inputs; the outputs of a later row are what one step from the row before it gave, with
 that row's inputs. The stimulus stands in the file, numbers are written so that they read back to the bit.
 
-    python -m twin.reference NAME ...        writes expected.csv of these components anew
+    python -m twin.reference NAME ...        writes expected.csv of these components anew, under the stimulus it has
 """
 
 from __future__ import annotations
@@ -204,10 +204,24 @@ def command(cls: type[Component]) -> str:
 
 
 def regenerate(cls: type[Component], path: Path | None = None) -> Path:
-    """Write a component's expected.csv, by default beside its model.py."""
+    """Write a component's expected.csv, by default beside its model.py; a stimulus that stands there is kept."""
     place = path or Path(inspect.getfile(cls)).parent / "expected.csv"
-    write(place, record_reference(cls))
+    write(place, record_reference(cls, kept_stimulus(place, cls)))
     return place
+
+
+def kept_stimulus(path: Path, cls: type[Component]) -> Sequence[Row] | None:
+    """Times and inputs of a file, or nothing if there is none or the component has other inputs by now."""
+    if not path.exists():
+        return None
+    with path.open(newline="") as file:
+        names, *lines = list(csv.reader(file))
+    inputs = elements(cls, Role.input)
+    if tuple(names[: 1 + len(inputs)]) != ("time", *inputs) or len(names) <= 1 + len(inputs):
+        return None
+    types = {name: variable.type for variable in cls.variables for name in variable.elements()}
+    convert = [PARSERS[types.get(name, Float64)] for name in names[: 1 + len(inputs)]]
+    return tuple(tuple(parse(text) for parse, text in zip(convert, line, strict=False)) for line in lines)
 
 
 if __name__ == "__main__":

@@ -172,6 +172,11 @@ class Master:
             if self.network.now > end:
                 raise SimulationError(f"not enabled after {limit / 1e9:g} s: {what()}.{self._told()}")
             self.run_cycle()
+            for node in self.nodes.values():
+                if self._lost(node):
+                    raise SimulationError(
+                        f"{node.name}: no heartbeat while it was brought up. Check its power and the bus."
+                    )
 
     def _told(self) -> str:
         """What the drives said in EMCY messages."""
@@ -188,15 +193,19 @@ class Master:
         setup.put(node, 0x6099, 2, max(speed // 2, 1))
         node.homing, node.goal = True, State.ENABLED
         attained = BIT_12 | TARGET_REACHED
+        what = f"{node.name}: homing by method {keys.method}"
+        self._until(lambda: node.state is State.ENABLED, RAMP_UP, lambda: f"{what}: {node.state}")
         for _ in range(4):
             self.run_cycle()
 
         def done() -> bool:
-            if node.state is State.ENABLED and node.word & BIT_13:
-                raise SimulationError(f"{node.name}: homing by method {keys.method} ended with an error.{self._told()}")
-            return node.state is State.ENABLED and node.word & attained == attained
+            if node.state is not State.ENABLED:
+                raise SimulationError(f"{what} was left: {node.state}.{self._told()}")
+            if node.word & BIT_13:
+                raise SimulationError(f"{what} ended with an error.{self._told()}")
+            return node.word & attained == attained
 
-        self._until(done, keys.timeout, lambda: f"{node.name}: homing by method {keys.method} did not end")
+        self._until(done, keys.timeout, lambda: f"{what} did not end")
         node.homing, node.goal = False, State.DISABLED
         self._until(lambda: node.state in AT_REST, RAMP_UP, lambda: node.name)
         node.origin = -keys.at
@@ -273,14 +282,17 @@ class Master:
         self._order(State.DISABLED)
         self._cycles_until(lambda node: node.state in AT_REST)
         for node in self.nodes.values():
-            if not self._lost(node):
+            state = node.state
+            try:
                 setup.make_safe(node)
-            if self._lost(node) or node.state not in AT_REST:
+                state = setup.release(node)
+                confirmed = state in AT_REST
+            except SimulationError:
+                confirmed = False
+            if not confirmed:
                 self.notes.append(
-                    f"{node.name}: did not confirm that it is disabled (last state: {node.state}). Check it before you touch it."
+                    f"{node.name}: did not confirm that it is disabled (last state: {state}). Check it before you touch it."
                 )
-            else:
-                setup.release(node)
         self.nmt(PRE_OPERATIONAL)
         self.wait(self.cycle)
         self._beating = False
@@ -319,12 +331,13 @@ class Master:
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """A second Ctrl-C does not keep the drives from being stopped."""
+    """A second Ctrl-C, or SIGTERM, does not keep the drives from being stopped."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    before = {one: signal.signal(one, signal.SIG_IGN) for one in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for one, handler in before.items():
+            signal.signal(one, handler)

@@ -25,6 +25,8 @@ STATE_PDO, SPEED_PDO = 0x180, 0x280
 LM2070 = 11.64  # force constant [N/A]
 WINDOW = 0.1  # time over which the way that was driven is compared with the way that was asked for [s]
 
+RESETS = 3  # a fault that stays has a cause
+
 UP = {  # controlword on the way to Operation enabled
     State.DISABLED:    0x06,
     State.READY:       0x07,
@@ -63,6 +65,7 @@ class Node:
         self.boots = 0  # boot-up messages heard
         self.answered = 0  # process data since the last SYNC
         self.missing = self.late = self.silent = 0  # of process data: cycles without, too late, the same in a row
+        self.resets = 0  # attempts to leave Fault
         self._pulse = False
         self.use_units()
 
@@ -157,7 +160,8 @@ class Node:
         """The next step towards the goal."""
         if self.goal is State.ENABLED:
             if state is State.FAULT:  # the reset is an edge
-                self._pulse = not self._pulse
+                self._pulse = not self._pulse and self.resets < RESETS
+                self.resets += self._pulse
                 return cia402.FAULT_RESET if self._pulse else 0
             word = UP.get(state, 0)
             return word | cia402.NEW_SET_POINT if self.homing and state is State.ENABLED else word

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.abort import Abort
 from hw_bridge.agenda import MILLISECOND
+from hw_bridge.cia402 import State, state_of
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.vendor import RECEIVE, SPEED, TRANSMIT
 from hw_bridge.slave.pdo import INVALID
@@ -172,7 +173,9 @@ def make_safe(node: Node) -> None:
         write(node, 0x60FE, 1, node.keys.safe_outputs)
 
 
-def release(node: Node) -> None:
-    """After an orderly end: no heartbeat is expected any more."""
+def release(node: Node) -> State:
+    """After an orderly end: disabled by SDO too, no heartbeat is expected any more. The state that it tells."""
+    node.sdo.write(0x6040, 0, b"\0\0")
     node.sdo.write(0x1016, 1, b"\0\0\0\0")
     node.sdo.write(0x1017, 0, b"\0\0")
+    return state_of(struct.unpack("<H", node.sdo.read(0x6041))[0])

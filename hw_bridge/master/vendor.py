@@ -24,8 +24,8 @@ class Vendor:
 
 VENDORS = {
     "faulhaber_v3": Vendor(
-        # a unit of 0.1 um and 0.1 mm/s: whole mm/s are too coarse for a force loop
-        setup=((0x6092, 1, 240_000), (0x6092, 2, 1), QUICK_STOP_WHEN_LOST),
+        # units stay um and mm/s: finer ones would limit ramps to 3 m/s2. What rounding leaves over is carried on.
+        setup=(QUICK_STOP_WHEN_LOST,),
         current=0x60770010,
         per_unit=0.0,
     ),

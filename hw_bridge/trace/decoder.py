@@ -120,7 +120,6 @@ class Decoder:
         state = frame.data[0] & 0x7F
         if frame.data[0] == 0:
             party.reset(self.resetting.pop(party.node, True))
-            self.words.pop(party.node, None)
         text = f"{party.name}: {names.nmt_state(state)}"
         return Line(time, frame, party.node, "HEARTBEAT", text, {"state": state}, notable=frame.data[0] == 0)
 
@@ -158,6 +157,6 @@ class Decoder:
         changed = False
         if isinstance(word := values.get(STATUSWORD), int):
             before = self.words.get(party.node)
-            changed = before is None or state_of(before) is not state_of(word)
+            changed = before is not None and state_of(before) is not state_of(word)
             self.words[party.node] = word
         return Line(time, frame, party.node, "PDO", title + "; ".join(parts), values, notable=changed)

@@ -40,6 +40,17 @@ def test_a_velocity_becomes_a_way(rig):
     assert rig.drive.dictionary.get(0x6061) == (Mode.PV if rig.drive.profile.name == "mclm" else Mode.CSV)
 
 
+@pytest.mark.parametrize("cycle", [1, 2, 10])
+def test_other_cycles(build, cycle):
+    others = {"other": node("mclm", 2)} if cycle > 1 else {}
+    rig = Rig(build, {"servomotor": node()} | others, cycle=f"{cycle} ms")
+    rig.set(target_velocity=0.02)
+    rig.go(500)
+    assert rig.get("position") == pytest.approx(0.01, rel=0.1)
+    assert rig.master.timing.summary()["cycles"] == 500 // cycle
+    assert rig.drive.dictionary.get(0x60C2, 1) == cycle
+
+
 def test_a_position_is_reached(rig):
     """csp, or a new set-point in each cycle where the drive has no csp."""
     rig.set(mode_of_operation=CSP)
@@ -191,6 +202,42 @@ def test_a_homing_method_that_the_drive_has_not(build):
     rig = Rig(build, {"servomotor": node("epos4", homing={"method": 35}, **SCREW)})
     with pytest.raises(SimulationError, match=r"6098h\.0: refused with 06090030h"):
         rig.go(1)
+
+
+def test_a_fault_that_stays_is_told(build):
+    rig = Rig(build, {"servomotor": node()})
+    begin = Session.network
+
+    def faulty(self):
+        made = begin(self)
+        self.bus.advance(200 * MILLISECOND)
+        self.plants["servomotor"].drive.inject(0x7300, lasting=True)
+        return made
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Session, "network", faulty)
+        with pytest.raises(SimulationError, match="not enabled after 2 s: servomotor: Fault"):
+            rig.go(1)
+    assert rig.master.nodes["servomotor"].resets == 3
+
+
+@pytest.mark.parametrize(("event", "text"), [("fault", "homing by method -3 was left"), ("gone", "no heartbeat while")])
+def test_homing_that_is_disturbed(build, event, text):
+    """It is not begun again by itself."""
+    rig = Rig(build, {"servomotor": node(homing={"method": -3, "at": "-40 mm"})})
+    begin = Session.network
+
+    def disturbed(self):
+        made, drive = begin(self), self.plants["servomotor"].drive
+        what = {"fault": lambda: drive.inject(0x7300), "gone": lambda: self.bus.detach(drive)}[event]
+        self.bus.agenda.at(1500 * MILLISECOND, what)
+        return made
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Session, "network", disturbed)
+        with pytest.raises(SimulationError, match=text):
+            rig.go(1)
+    assert rig.drive.state is not State.ENABLED or event == "gone"
 
 
 def test_own_objects(build):

@@ -67,6 +67,29 @@ def test_the_drive_stops_when_the_program_is_killed(channel, profile, tmp_path, 
             network.close()
 
 
+def test_ctrl_c_leaves_the_drive_disabled(channel, tmp_path, build):
+    heard = []
+    with hil.drive("faulhaber_v3", "udp_multicast", channel, build):
+        line = hil.run_line(
+            hil.bench(tmp_path, "faulhaber_v3", "udp_multicast", channel), 20.0, tmp_path / "runs", build
+        )
+        process = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        network = WireNetwork("udp_multicast", channel, 1_000_000, {})
+        try:
+            network.hear = lambda frame: heard.append((time.monotonic(), frame))
+            network.advance(network.now + 60_000_000_000, lambda: len(syncs(heard)) > 300)
+            process.send_signal(signal.SIGINT)
+            network.advance(network.now + 15_000_000_000, lambda: process.poll() is not None)
+            assert process.wait(10) == 130, process.stderr.read()
+            network.advance(network.now + 300_000_000, never)
+            assert state(network, heard) is State.DISABLED
+            assert not [frame for _, frame in heard if frame.id == EMERGENCY and frame.data[:2] == b"\x30\x81"]
+        finally:
+            process.kill()
+            process.communicate()
+            network.close()
+
+
 def syncs(heard):
     return [at for at, frame in heard if frame.id == 0x080]
 

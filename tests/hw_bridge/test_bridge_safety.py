@@ -160,6 +160,25 @@ def test_ctrl_c(rig, monkeypatch):
     assert signal.getsignal(signal.SIGINT) is before
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_does_not_interrupt_the_stop(rig, number):
+    sent = []
+
+    def impatient(_now, _frame):
+        sent.append(signal.raise_signal(number))
+
+    rig.session.bus.observers.append(impatient)
+    before = signal.signal(number, signal.default_int_handler)
+    try:
+        rig.axis.close()
+        assert signal.getsignal(number) is signal.default_int_handler
+    finally:
+        signal.signal(number, before)
+    assert len(sent) > 10
+    assert stopped(rig.drive)
+    assert rig.session.notes == []
+
+
 def test_digital_outputs_are_safe_before_and_after(build):
     rig = Rig(build, {"servomotor": node(safe_outputs=5)})
     rig.go(10)

@@ -18,13 +18,14 @@ from twin import __version__
 from twin.errors import TwinError
 
 COMMANDS = {
-    "run":      "run a scenario: all variants and seeds, metrics, report",
-    "check":    "find every mistake in scenario files without running them",
-    "simulate": "run any single FMU and write its outputs",
-    "build":    "build all components of fmus/ as FMUs",
-    "test":     "check that a component does the same interpreted, compiled and as FMU",
-    "export":   "a component, or any part of a scenario, as one FMU",
-    "new":      "write a new component folder that builds and passes its tests",
+    "run":       "run a scenario: all variants and seeds, metrics, report",
+    "check":     "find every mistake in scenario files without running them",
+    "simulate":  "run any single FMU and write its outputs",
+    "build":     "build all components of fmus/ as FMUs",
+    "test":      "check that a component does the same interpreted, compiled and as FMU",
+    "export":    "a component, or any part of a scenario, as one FMU",
+    "calibrate": "readings of a bench, as CSV files, to the parameters of a component",
+    "new":       "write a new component folder that builds and passes its tests",
 }  # fmt: skip
 
 

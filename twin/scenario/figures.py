@@ -146,7 +146,9 @@ class Builder:
         path, what = ("plots", index), f"plot `{keys.title}`"
         if (keys.xy is None) == (not keys.signals):
             self.problem(path, f"{what}: give either `signals` or `xy: [x, y]`.")
-        curves = tuple(Curve(one.signal, one.label or one.signal.text) for one in keys.signals)
+        curves = tuple(Curve(one.signal, one.label or one.signal.text, one.x) for one in keys.signals)
+        if any(one.x for one in keys.signals) and not all(one.x for one in keys.signals):
+            self.problem((*path, "signals"), f"{what}: some signals have an `x`. Give all of them one, or none.")
         if keys.xy is not None:
             curves = (Curve(keys.xy[1], keys.xy[1].text, keys.xy[0]),)
         unit = self.unit((*path, "unit"), keys.unit, what)
@@ -157,7 +159,7 @@ class Builder:
             self.window(path, keys, what), keys.per == "variant",
             (band[0], band[1]) if len(band) == 2 and band[0] is not None and band[1] is not None else None,
             tuple(line for line in lines if line is not None),
-            self.known((*path, "variants"), keys.variants, what), str(self.tree.find(path).place),
+            self.known((*path, "variants"), keys.variants, what), str(self.tree.find(path).place), keys.points,
         )  # fmt: skip
 
     def analysis(self, name: str, keys: AnalysisKeys) -> Analysis:

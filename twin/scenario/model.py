@@ -176,9 +176,10 @@ class AnalysisKeys(WindowKeys):
 
 
 class CurveKeys(Keys):
-    """A line of a plot."""
+    """A line of a plot, over time or over `x`."""
 
     signal: Signal
+    x: Signal | None = None
     label: Text = ""
 
 
@@ -198,6 +199,7 @@ class PlotKeys(WindowKeys):
     x_label: Text = ""
     x_unit: Text = ""
     per: Literal["variant"] | None = None
+    points: bool = False
     variants: list[Text] = []
     band: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
     lines: Annotated[list[Value], BeforeValidator(one_or_more)] = []

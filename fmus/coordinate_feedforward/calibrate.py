@@ -1,0 +1,233 @@
+"""Calibration of an injection catheter: readings from a bench to the parameters of `coordinate_feedforward`.
+
+The forms are those of Cheng and Law (paper B), eqs. (1) to (9); all are fitted by linear least squares. Lengths in mm,
+one reading per row, in the order in which they were taken: directions are told from it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from fmus.injection import COUPLING_TRAVEL, DEAD_BAND, INCREMENT
+from twin.errors import TwinError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from numpy.typing import NDArray
+
+    Values = NDArray[np.float64]
+
+# table -> column -> meaning; what `twin calibrate` reads
+TABLES = {
+    "steppers": {"steps": "steps sent for a move, with sign", "distance_mm": "measured way, with sign"},
+    "linear": {"handle_mm": "handle's slide after each move", "tip_mm": "tip after each move"},
+    "deflection": {"pull_mm": "pull wire's slide, rising", "y_mm": "tip across", "z_mm": "tip along, falls with the pull"},
+    "coupling": {"pull_mm": "pull wire's slide", "handle_mm": "handle's slide, forth and back at each pull",
+                 "y_mm": "tip across", "z_mm": "tip along"},
+    "needle": {"pull_mm": "pull wire's slide", "needle_mm": "needle's slide, out and in at each pull",
+               "length_mm": "length of the needle"},
+}  # fmt: skip
+
+STILL = 0.15  # deflection [mm] that counts as none
+CLEAR = 1.6  # a move is surely beyond the play if it is longer than the reversal's offset by this factor
+BEYOND = 1.25  # a reading is counted as beyond it, where few readings are left
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted form: coefficients in the paper's order, how well they fit, and the readings that were used."""
+
+    coefficients: tuple[float, ...]
+    r_squared: float
+    residual: float  # root mean square [mm]
+    used: Values = field(repr=False)  # index of the readings
+    predicted: Values = field(repr=False)  # at these readings
+
+
+class CalibrationError(TwinError):
+    """Readings that do not determine what they are meant for; one line."""
+
+
+def least_squares(terms: list[Values], values: Values, used: Values, what: str) -> Fit:
+    """Coefficients of terms, each an array over the readings that are used."""
+    matrix = np.column_stack(terms)
+    scale = np.abs(matrix).max(axis=0) if len(matrix) else np.ones(matrix.shape[1])
+    if len(matrix) <= matrix.shape[1] or np.linalg.matrix_rank(matrix / np.where(scale > 0, scale, 1.0)) < len(terms):
+        raise CalibrationError(
+            f"{what}: {len(matrix)} usable readings do not determine {len(terms)} coefficients. Take more, at more places."
+        )
+    solution = np.linalg.lstsq(matrix / scale, values, rcond=None)[0] / scale
+    predicted = matrix @ solution
+    error = values - predicted
+    spread = float(np.sum((values - values.mean()) ** 2))
+    r_squared = 1.0 - float(np.sum(error**2)) / spread if spread > 0 else float("nan")
+    return Fit(tuple(map(float, solution)), r_squared, float(np.sqrt(np.mean(error**2))), used, predicted)
+
+
+def two_variables(degree: int, a: Values, z: Values) -> list[Values]:
+    """Terms 1, a, z, a^2, a z, z^2, ... of Table 1."""
+    return [a ** (d - j) * z**j for d in range(degree + 1) for j in range(d + 1)]
+
+
+def fit_steppers(table: Mapping[str, Values]) -> dict[str, Fit]:
+    """Eq. (1): travel per revolution [mm], the mean over all moves as in the paper."""
+    steps, distance = table["steps"], table["distance_mm"]
+    used = np.flatnonzero(steps != 0)
+    if len(used) < 2:
+        raise CalibrationError(f"steppers: {len(used)} moves with steps. Take at least 2, in both directions.")
+    per_revolution = distance[used] / steps[used] * 1600.0
+    lead = float(np.mean(per_revolution))
+    return {
+        "lead": Fit((lead,), float("nan"), float(np.std(per_revolution, ddof=1)), used, steps[used] * lead / 1600.0)
+    }
+
+
+def fit_linear(table: Mapping[str, Values]) -> dict[str, Fit]:
+    """Eqs. (2) and (3): what the tip's way differs by over the handle's way, after a reversal and without one.
+
+    Only moves that leave the play behind count: a reversal shorter than it says nothing about the line, nor does the
+    move after such a one.
+    """
+    handle, tip = np.diff(table["handle_mm"]), np.diff(table["tip_mm"])
+    way, direction = np.abs(handle), np.sign(handle)
+    reversal = np.zeros(len(way), bool)
+    reversal[1:] = direction[1:] != direction[:-1]
+    difference = tip * direction - way
+    long = way > 4.0
+    offset = float(np.median(-difference[reversal & long])) if (reversal & long).any() else 0.0
+    clear = way > CLEAR * max(offset, 0.0)
+
+    # before a move the play must have been used up
+    ready = np.zeros(len(way), bool)
+    ready[1:] = clear[:-1]
+    changed = np.flatnonzero(reversal & clear & ready)
+    same = np.flatnonzero(~reversal & ready & (way > 0))
+    undershoot = least_squares(
+        [way[changed], np.ones(len(changed))], -difference[changed], changed + 1, "linear, reversals"
+    )
+    overshoot = least_squares([way[same]], difference[same], same + 1, "linear, same direction")
+    return {"reversal": undershoot, "same_direction": overshoot}
+
+
+def fit_deflection(table: Mapping[str, Values]) -> dict[str, Fit]:
+    """Eqs. (4) and (5), for pulls beyond the dead band; positions count from those without a pull."""
+    pull = table["pull_mm"]
+    rest = pull <= pull.min() + 1e-3 + 0.02 * np.ptp(pull)
+    y = table["y_mm"] - table["y_mm"][rest].mean()
+    z = table["z_mm"][rest].mean() - table["z_mm"]
+    dead = float(pull[np.abs(y) <= STILL].max())
+    used = np.flatnonzero(pull > dead + 0.5 * INCREMENT)
+    a = pull[used]
+    fit_y = least_squares([a, a**2, a**3], y[used], used, "deflection, y")
+    fit_z = least_squares([np.ones(len(a)), a, a**2, a**3], z[used], used, "deflection, z")
+    band = Fit(
+        (round(dead, 1),),
+        float("nan"),
+        float(np.std(y[np.abs(y) <= STILL])),
+        np.flatnonzero(pull <= dead),
+        y[pull <= dead],
+    )
+    padded = Fit((0.0, *fit_y.coefficients), fit_y.r_squared, fit_y.residual, fit_y.used, fit_y.predicted)
+    return {"bend_y": padded, "bend_z": fit_z, "dead_band": band}
+
+
+def fit_coupling(table: Mapping[str, Values], bends: Mapping[str, Fit], offset: float) -> dict[str, Fit]:
+    """Eq. (6): shift across over pull and advance, pushed and pulled, for deflections that were measured."""
+    pull, handle = table["pull_mm"], table["handle_mm"]
+    pushed, pulled = branches(handle, BEYOND * offset)
+    dead = bends["dead_band"].coefficients[0]
+    shift = table["y_mm"] - polynomial(bends["bend_y"].coefficients, pull)
+    advance = np.clip(table["z_mm"] + polynomial(bends["bend_z"].coefficients, pull), 0.0, COUPLING_TRAVEL)
+    deflected = pull > dead + 0.5 * INCREMENT
+    result = {}
+    for name, branch, degree in (("compression", pushed, 5), ("tension", pulled, 3)):
+        used = np.flatnonzero(branch & deflected)
+        terms = two_variables(degree, pull[used], advance[used])
+        result[name] = least_squares(terms, shift[used], used, f"coupling, {name}")
+    return result
+
+
+def fit_needle(table: Mapping[str, Values]) -> dict[str, Fit]:
+    """Eqs. (7), (8) and (9): needle going out straight, what a pull adds, and the slide for a decrease."""
+    pull, slide, length = table["pull_mm"], table["needle_mm"], table["length_mm"]
+    _, back = branches(slide, 0.0)
+    out, _ = branches(slide, np.ptp(slide) / 3.0)  # the needle's play is well within a third of its stroke
+    straight = np.flatnonzero(out & (pull <= pull.min() + DEAD_BAND * 0.5) & (length > 0))
+    forward = least_squares([slide[straight], np.ones(len(straight))], length[straight], straight, "needle, going out")
+    bent = np.flatnonzero(out & (length > 0))
+    added = length[bent] - polynomial((forward.coefficients[1], forward.coefficients[0]), slide[bent])
+    per_pull = least_squares([pull[bent]], added, bent, "needle, with the pull")
+    turn = float(slide.max())
+    longest = (
+        polynomial((forward.coefficients[1], forward.coefficients[0]), np.array(turn)) + per_pull.coefficients[0] * pull
+    )
+    shorter = longest - length
+    used = np.flatnonzero(back & (shorter > STILL) & (length > 0))
+    terms = two_variables(2, shorter[used], pull[used])
+    return {
+        "forward": forward, "per_pull": per_pull,
+        "retraction": least_squares(terms, slide[used], used, "needle, going in"),
+        "turn": Fit((turn,), float("nan"), 0.0, np.flatnonzero(slide == turn), slide[slide == turn]),
+    }  # fmt: skip
+
+
+def branches(slide: Values, play: float) -> tuple[Any, Any]:
+    """Readings that were reached by going up, and by going down, by more than a play from the last turn."""
+    up, down = np.zeros(len(slide), bool), np.zeros(len(slide), bool)
+    direction, turn = 1.0, slide[0] - 2.0 * play - 1.0  # a bench begins pushed in
+    for k in range(len(slide)):
+        change = slide[k] - slide[k - 1] if k else 0.0
+        if change * direction < 0.0:
+            direction, turn = -direction, slide[k - 1]
+        # a reading without a move shows what another slide did inside of the play
+        clear = abs(slide[k] - turn) > play and (change != 0.0 or k == 0)
+        up[k], down[k] = clear and direction > 0.0, clear and direction < 0.0
+    return up, down
+
+
+def polynomial(c: tuple[float, ...], a: Values) -> Values:
+    """c[0] + c[1] a + c[2] a^2 + ..."""
+    return np.polynomial.polynomial.polyval(a, c)  # type: ignore[no-any-return]
+
+
+FITS: dict[str, Callable[[Mapping[str, Values]], dict[str, Fit]]] = {
+    "steppers": fit_steppers, "linear": fit_linear, "deflection": fit_deflection, "needle": fit_needle,
+}  # fmt: skip
+
+
+def calibrate(tables: Mapping[str, Mapping[str, Values]]) -> tuple[dict[str, Any], dict[str, Fit]]:
+    """Parameters of `coordinate_feedforward` that the tables determine, and all fits."""
+    fits: dict[str, Fit] = {}
+    for name, function in FITS.items():
+        if name in tables:
+            fits |= function(tables[name])
+    if "coupling" in tables:
+        if "bend_y" not in fits or "reversal" not in fits:
+            raise CalibrationError("coupling: needs the tables deflection and linear too. Give them.")
+        fits |= fit_coupling(tables["coupling"], fits, fits["reversal"].coefficients[1])
+    return parameters(fits), fits
+
+
+def parameters(fits: Mapping[str, Fit]) -> dict[str, Any]:
+    """Fitted values by the component's names and in its units."""
+    found: dict[str, Any] = {}
+    if "lead" in fits:
+        found["lead"] = 1e-3 * fits["lead"].coefficients[0]
+    if "reversal" in fits:
+        # one slope for both, as the paper assumed
+        slope = 0.5 * (fits["same_direction"].coefficients[0] - fits["reversal"].coefficients[0])
+        found |= {"slope": slope, "reversal_offset": fits["reversal"].coefficients[1]}
+    if "bend_y" in fits:
+        found |= {name: list(fits[name].coefficients) for name in ("bend_y", "bend_z")}
+        found["dead_band"] = fits["dead_band"].coefficients[0]
+    if "compression" in fits:
+        found |= {name: list(fits[name].coefficients) for name in ("compression", "tension")}
+    if "forward" in fits:
+        found["needle"] = [*fits["forward"].coefficients, *fits["per_pull"].coefficients]
+        found["needle_back"] = list(fits["retraction"].coefficients)
+        found["needle_turn"] = fits["turn"].coefficients[0]
+    return found

@@ -1,0 +1,235 @@
+"""Feedforward controller of the injection catheter."""
+
+from math import floor
+
+from fmus.injection import (
+    BEND_Y,
+    BEND_Z,
+    COMPRESSION,
+    DEAD_BAND,
+    MILLIMETER,
+    NEEDLE,
+    RETRACTION,
+    REVERSAL_OFFSET,
+    SLOPE,
+    TENSION,
+    bend,
+    coupling,
+    needle_limits,
+    retraction,
+)
+from twin.component import Component
+from twin.variable import Boolean, Int32, Int64, input, local, output, parameter
+
+UNMODIFIED, CALIBRATED = 0, 1
+ACCEPTED, Y_OUTSIDE, Z_OUTSIDE, NEEDLE_OUTSIDE, NOT_REACHABLE, NO_MODE = 0, 1, 2, 3, 4, 5
+HALVINGS = 40  # 9 mm / 2^40: the rounding of the actuators' steps is coarser by far
+WAYPOINTS = 8  # of the pull, where the needle's play is looked at
+REACTION = 3  # periods until a slide that was sent away says that it moves
+NEAR = 1e-6  # advance [mm] below which a target is not a move
+
+
+class CoordinateFeedforward(Component):
+    """From (y, z, needle length) to positions and step counts of pull wire, handle and needle, without feedback.
+
+    Cheng and Law (paper B), calibration method: the inverse of eqs. (1) to (9) with a memory of directions. A target
+    that is refused moves nothing; `refusal` says why. The needle moves when the tip rests. Bisection with a fixed
+    number of steps, no heap.
+    """
+
+    period = 10e-3
+
+    target_y = input("m", "wanted tip position across", display_unit="mm", minimum=0.0, maximum=15e-3, nominal=10e-3)
+    target_z = input("m", "wanted tip position along", display_unit="mm", minimum=0.0, maximum=20e-3, nominal=10e-3)
+    target_needle_length = input(
+        "m", "wanted needle length", display_unit="mm", minimum=0.0, maximum=6e-3, nominal=4e-3
+    )
+
+    handle_moving = input("", "whether the handle's slide moves; the needle waits for it", type=Boolean)
+    wire_moving = input("", "whether the wire's slide moves; the needle waits for it", type=Boolean)
+
+    handle_position = output("m", "handle's slide", display_unit="mm")
+    wire_position = output("m", "pull wire's slide", display_unit="mm")
+    needle_position = output("m", "needle's slide", display_unit="mm")
+    handle_steps = output("", "the same in steps of the motor", type=Int64)
+    wire_steps = output("", "the same in steps of the motor", type=Int64)
+    needle_steps = output("", "the same in steps of the motor", type=Int64)
+    refusal = output(
+        "", "0: accepted; outside: 1 y, 2 z, 3 needle; 4: not reachable from here; 5: no such mode", type=Int32
+    )
+
+    mode = parameter(CALIBRATED, "", "0: unmodified, eqs. (1), (4), (5) alone; 1: calibrated", type=Int32, fixed=True,
+                     source="paper, results")  # fmt: skip
+    y_maximum = parameter(15e-3, "m", "workspace across", display_unit="mm", source="paper, calibration method")
+    z_maximum = parameter(20e-3, "m", "workspace along", display_unit="mm", source="paper, calibration method")
+    needle_maximum = parameter(6e-3, "m", "longest needle", display_unit="mm",
+                               source="estimate: Table 2 goes to 5 mm")  # fmt: skip
+    lead = parameter(7.7e-3, "m", "travel per revolution", display_unit="mm", minimum=1e-6, source="paper, eq. (1)")
+    steps_per_revolution = parameter(1600.0, "", "steps per revolution", minimum=1.0, source="paper, eq. (1)")
+    slope = parameter(SLOPE, "", "tip travel per handle travel, less one", source="paper, eqs. (2), (3)")
+    reversal_offset = parameter(REVERSAL_OFFSET, "", "travel [mm] that a reversal costs", minimum=0.0,
+                                source="paper, eq. (2)")  # fmt: skip
+    bend_y = parameter(BEND_Y, "", "eq. (4): coefficients of a^0 to a^3 in mm", source="paper, eq. (4)")
+    bend_z = parameter(BEND_Z, "", "eq. (5): coefficients of a^0 to a^3 in mm", source="paper, eq. (5)")
+    dead_band = parameter(DEAD_BAND, "", "pull [mm] that takes up the wire's slack", minimum=0.0,
+                          source="paper, eq. (4)")  # fmt: skip
+    pull_maximum = parameter(9.0, "", "longest pull [mm]", minimum=0.0, source="paper, eq. (4)")
+    compression = parameter(COMPRESSION, "", "eq. (6) compressed, in mm", source="paper, Table 1")
+    tension = parameter(TENSION, "", "eq. (6) in tension, in mm",
+                        source="paper, Table 1; terms in the order of poly33, two printed features are wrong")  # fmt: skip
+    needle = parameter(NEEDLE, "", "eqs. (7), (8): length per actuator, offset [mm], length per pull",
+                       source="paper, eqs. (7), (8)")  # fmt: skip
+    needle_back = parameter(RETRACTION, "", "eq. (9), in mm", source="paper, eq. (9)")
+    needle_turn = parameter(11.5, "", "actuator position [mm] from which eq. (9) retracts",
+                            source="not printed: see pull_wire_catheter")  # fmt: skip
+
+    last_y = local(0.0, "m", "target of the last sample", display_unit="mm")
+    last_z = local(0.0, "m", "target of the last sample", display_unit="mm")
+    last_needle = local(0.0, "m", "target of the last sample", display_unit="mm")
+    pull = local(0.0, "", "pull [mm]")
+    handle = local(0.0, "", "handle's slide [mm]")
+    needle_slide = local(0.0, "", "needle's slide [mm]")
+    tip_advance = local(0.0, "", "advance of the tip [mm] without deflection")
+    tension_share = local(0.0, "", "last direction: 0 pushed, 1 pulled")
+    waiting = local(0, "", "periods before the needle may move; 0: it has", type=Int64)
+    needle_set = local(0.0, "", "length [mm] that the needle's slide has set")
+
+    def initialize(self) -> None:
+        # the bench begins straight, pushed in, with the needle just inside
+        self.last_y = 0.0
+        self.last_z = 0.0
+        self.last_needle = 0.0
+        self.pull = 0.0
+        self.handle = 0.0
+        self.tip_advance = 0.0
+        self.tension_share = 0.0
+        self.needle_set = 0.0
+        self.needle_slide = -self.needle[1] / self.needle[0]
+        self.waiting = 0
+        self.refusal = ACCEPTED
+        publish(self)
+
+    def step(self, t: float, h: float) -> None:
+        changed = self.target_y != self.last_y or self.target_z != self.last_z
+        if changed or self.target_needle_length != self.last_needle:
+            self.last_y = self.target_y
+            self.last_z = self.target_z
+            self.last_needle = self.target_needle_length
+            self.refusal = outside(self)
+            if self.refusal == ACCEPTED:
+                self.refusal = move(self)
+            if self.refusal == ACCEPTED:
+                self.waiting = REACTION
+        elif self.waiting > 1:
+            self.waiting -= 1
+        elif self.waiting == 1 and not (self.handle_moving or self.wire_moving):
+            self.waiting = 0
+            move_needle(self)
+        publish(self)
+
+
+def outside(self: CoordinateFeedforward) -> int:
+    """Why a target is refused before anything is computed; also what is not a number."""
+    if self.mode != UNMODIFIED and self.mode != CALIBRATED:
+        return NO_MODE
+    if not 0.0 <= self.target_y <= self.y_maximum:
+        return Y_OUTSIDE
+    if not 0.0 <= self.target_z <= self.z_maximum:
+        return Z_OUTSIDE
+    if not 0.0 <= self.target_needle_length <= self.needle_maximum:
+        return NEEDLE_OUTSIDE
+    return ACCEPTED
+
+
+def move(self: CoordinateFeedforward) -> int:
+    """Set the slides for the target, or leave everything and say why."""
+    y = self.target_y / MILLIMETER
+    z = self.target_z / MILLIMETER
+    if self.mode == UNMODIFIED:
+        pull = pull_for(self, y, z, -1.0)
+        if pull < 0.0:
+            return NOT_REACHABLE
+        self.pull = pull
+        self.tip_advance = z + bend(self.bend_z, self.dead_band, pull)
+        self.handle = self.tip_advance
+        return ACCEPTED
+
+    # the sideways shift depends on the direction, the direction on the pull: the last direction is tried first
+    share = self.tension_share
+    pull = pull_for(self, y, z, share)
+    advance = z + bend(self.bend_z, self.dead_band, max(pull, 0.0))
+    if pull < 0.0 or (advance - self.tip_advance) * (1.0 - 2.0 * share) < -NEAR:
+        share = 1.0 - share
+        pull = pull_for(self, y, z, share)
+        advance = z + bend(self.bend_z, self.dead_band, max(pull, 0.0))
+        if pull < 0.0 or (advance - self.tip_advance) * (1.0 - 2.0 * share) < 0.0:
+            return NOT_REACHABLE
+    pull_moves_needle(self, pull)
+    self.pull = pull
+    self.tip_advance = advance
+    self.tension_share = share
+    self.handle = (advance - share * self.reversal_offset) / (1.0 + self.slope)
+    return ACCEPTED
+
+
+def across(self: CoordinateFeedforward, pull: float, z: float, share: float) -> float:
+    """Tip position across [mm] with a pull at a wanted position along; a negative share: without coupling."""
+    y = bend(self.bend_y, self.dead_band, pull)
+    if share >= 0.0:
+        advance = z + bend(self.bend_z, self.dead_band, pull)
+        y += coupling(self.compression, self.tension, share, self.dead_band, pull, advance)
+    return y
+
+
+def pull_for(self: CoordinateFeedforward, y: float, z: float, share: float) -> float:
+    """Pull [mm] that brings the tip to y, by bisection; -1 if there is none."""
+    if y <= 0.0:
+        return 0.0
+    low = self.dead_band
+    high = self.pull_maximum
+    if across(self, high, z, share) < y:
+        return -1.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if across(self, middle, z, share) < y:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+def pull_moves_needle(self: CoordinateFeedforward, pull: float) -> None:
+    """What is left of the needle's length when the pull changes with the needle's slide at rest.
+
+    The play is narrowest at a pull of about 4 mm, so on its way there the pull can draw the needle in by itself.
+    """
+    for i in range(1, WAYPOINTS + 1):
+        between = self.pull + (pull - self.pull) * i / WAYPOINTS
+        low, high = needle_limits(self.needle, self.needle_back, self.needle_turn, self.needle_slide, between)
+        self.needle_set = min(max(self.needle_set, low), high)
+
+
+def move_needle(self: CoordinateFeedforward) -> None:
+    """Slide for the wanted length, when the tip is at rest; the play is crossed only where it must be."""
+    length = self.last_needle / MILLIMETER
+    if self.mode == UNMODIFIED:
+        self.needle_slide = (length - self.needle[1]) / self.needle[0]
+        return
+    wanted = length - self.needle[2] * self.pull
+    if wanted >= self.needle_set:
+        self.needle_slide = max((wanted - self.needle[1]) / self.needle[0], self.needle_slide)
+    else:
+        shorter = self.needle[0] * self.needle_turn + self.needle[1] - wanted
+        self.needle_slide = min(retraction(self.needle_back, shorter, self.pull), self.needle_slide)
+    self.needle_set = wanted
+
+
+def publish(self: CoordinateFeedforward) -> None:
+    """Outputs from the memory."""
+    steps = self.steps_per_revolution / (self.lead / MILLIMETER)
+    self.handle_position = MILLIMETER * self.handle
+    self.wire_position = MILLIMETER * self.pull
+    self.needle_position = MILLIMETER * self.needle_slide
+    self.handle_steps = floor(self.handle * steps + 0.5)
+    self.wire_steps = floor(self.pull * steps + 0.5)
+    self.needle_steps = floor(self.needle_slide * steps + 0.5)
