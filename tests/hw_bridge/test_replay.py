@@ -91,3 +91,28 @@ def test_a_trace_of_other_drives(build, tmp_path):
     bench.write_text("simulated: true\nnodes: {servomotor: {node: 9, profile: mclm}}\n")
     with pytest.raises(SimulationError, match=r"says nothing of servomotor's position \(node 9\)"):
         load(bench, replay=str(tmp_path / "run.blf"))
+
+
+def test_a_real_interface_is_observed_both_ways():
+    """What is sent and what is heard, in the order of time; an interface that echoes does not count twice."""
+    import can
+
+    from hw_bridge.frame import Frame
+    from hw_bridge.master.wire import WireNetwork
+
+    network = WireNetwork("virtual", "observed", 1_000_000, {})
+    seen = []
+    network.observe(lambda time, frame: seen.append((time, frame)))
+    try:
+        with can.Bus("observed", interface="virtual") as other:
+            network.send(Frame(0x080))
+            other.send(can.Message(arbitration_id=0x181, data=[1], is_extended_id=False))
+            other.send(can.Message(is_error_frame=True))
+            network.advance(network.now + 50_000_000)
+            network._echoes = True
+            other.send(can.Message(arbitration_id=0x080, is_extended_id=False))
+            network.advance(network.now + 50_000_000)
+    finally:
+        network.close()
+    assert [frame for _, frame in seen] == [Frame(0x080), Frame(0x181, b"\1"), None]
+    assert [time for time, _ in seen] == sorted(time for time, _ in seen)
