@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 import can
@@ -23,11 +25,13 @@ SUFFIXES = tuple(READERS)
 
 
 class TraceWriter:
-    """Writes the frames of one run. Times [ns] are the bus's own; nothing but a header tells when a file was made."""
+    """Writes the frames of one run. Times [ns] are the bus's own; nothing but a header tells when a file was made.
 
-    def __init__(self, path: Path, channel: str) -> None:
-        self.path, self.channel = path, channel
-        self.frames = 0
+    `aside`: in a thread of its own, where a loop on the wall clock must not wait for compression or a disk.
+    """
+
+    def __init__(self, path: Path, channel: str, aside: bool = False) -> None:
+        self.path = path
         if path.suffix.lower() not in SUFFIXES:
             raise SimulationError(f"{path}: no trace format {path.suffix!r}. Use {', '.join(SUFFIXES)}.")
         try:
@@ -41,16 +45,32 @@ class TraceWriter:
             self._writer.start_timestamp = 0.0
         if isinstance(self._writer, can.CanutilsLogWriter):
             self._writer.channel = channel
+        self._queue: SimpleQueue[tuple[int, Frame | None] | None] = SimpleQueue()
+        self._thread = threading.Thread(target=self._serve, name=f"trace {path.name}", daemon=True) if aside else None
+        if self._thread is not None:
+            self._thread.start()
 
     def write(self, time: int, frame: Frame | None) -> None:
         """A frame at a time; none is an error frame."""
+        if self._thread is not None:
+            self._queue.put((time, frame))
+        else:
+            self._write(time, frame)
+
+    def _serve(self) -> None:
+        while (one := self._queue.get()) is not None:
+            self._write(*one)
+
+    def _write(self, time: int, frame: Frame | None) -> None:
         message = can.Message(is_error_frame=True) if frame is None else to_message(frame)
         message.timestamp = time / 1e9
         self._writer.on_message_received(message)
-        self.frames += 1
 
     def close(self) -> None:
         """Complete the file."""
+        if self._thread is not None:
+            self._queue.put(None)
+            self._thread.join()
         self._writer.stop()
 
 

@@ -32,7 +32,7 @@ class Watch:
         if path is not None:
             from hw_bridge.trace.files import TraceWriter
 
-            self.writer = TraceWriter(path, keys.channel or "can0")
+            self.writer = TraceWriter(path, keys.channel or "can0", aside=network.wall_clock)
         network.observe(self.hear)
 
     def hear(self, time: int, frame: Frame | None) -> None:

@@ -214,6 +214,17 @@ def test_a_truncated_blf(recorded, tmp_path):
         list(read(path))
 
 
+def test_written_aside_is_the_same(tmp_path):
+    """By a thread of its own, complete and in order when it is closed."""
+    frames = [(time * 1000, Frame(time % 0x7FF, bytes([time % 256]))) for time in range(3000)]
+    for aside in (False, True):
+        writer = TraceWriter(tmp_path / f"{aside}.blf", "can0", aside=aside)
+        for one in frames:
+            writer.write(*one)
+        writer.close()
+    assert (tmp_path / "True.blf").read_bytes() == (tmp_path / "False.blf").read_bytes()
+
+
 def test_a_place_that_cannot_be_written(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(SimulationError, match="cannot be written"):
