@@ -59,6 +59,7 @@ def test_copies_of_a_member_take_its_inputs_and_are_not_recorded():
     assert more.record.select(wider) == case.record.select(catalog)
 
 
+@pytest.mark.slow
 def test_distribution_over_seeds_prints_every_metric(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(injection, "BUILD", tmp_path)
     injection.measure(2, ["seeds"])
@@ -68,6 +69,7 @@ def test_distribution_over_seeds_prints_every_metric(tmp_path, monkeypatch, caps
     assert "injection_seeds_calibrated_t_test_y_above_0.05" in lines
 
 
+@pytest.mark.slow
 def test_rig_is_measured_with_all_its_members(capsys):
     rig.measure(("stop_time=0.5 s",), repeats=1)
     lines = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines())
