@@ -37,6 +37,7 @@ class Sample(NamedTuple):
     current: float  # [A]
     speed: float
     load: float  # [N or N*m]
+    gap: bool  # whether samples before it are missing
 
 
 class Figures(NamedTuple):
@@ -82,7 +83,7 @@ SYMPTOMS = (
 
 
 class Shadow:
-    """One drive and its twin. `look` once per cycle; `warnings` are told once per symptom."""
+    """One drive and its twin. `look` once per cycle; a symptom that stays is told once."""
 
     def __init__(
         self, axis: Component, keys: NodeKeys, bands: ShadowKeys, node: Node, network: Network, position: float,
@@ -99,10 +100,11 @@ class Shadow:
         self.samples: deque[Sample] = deque(maxlen=max(2, round(bands.window / cycle)))
         self.warnings: list[str] = []
         self.largest = {"position": 0.0, "velocity": 0.0, "current": 0.0}
-        self._told: set[str] = set()
+        self._told: dict[str, int] = {}  # parts that were told, and when they were last seen [ns]
         self._symptom: Symptom | None = None  # what is seen, and since when [ns]
         self._since = 0
         self._zero: float | None = None
+        self._missed = self._gap = False
         network.observe(self.hear)
 
     def hear(self, time: int, frame: Frame | None) -> None:
@@ -129,6 +131,10 @@ class Shadow:
     def look(self, t: int) -> None:
         """Compare what the drive said since the last SYNC; t [ns] is the scenario's."""
         node, (position, velocity, current) = self.node, self.raw
+        stale, self._missed = self._missed and node.answered < 2, node.answered == 0
+        if self._missed or stale:  # process data that came late belong to an earlier SYNC
+            self._gap = True
+            return
         direction = copysign(1.0, node.sign)
         way = node.sign * node.units.position * (node.raw_position - position)
         if self._zero is None:  # both may have begun anywhere
@@ -141,7 +147,9 @@ class Shadow:
             direction * node.ampere * (node.raw_current - current),
             node.sign * node.units.velocity * velocity,
             load,
+            self._gap,
         )
+        self._gap = False
         self.samples.append(sample)
         for name in self.largest:
             self.largest[name] = max(self.largest[name], abs(getattr(sample, name)))
@@ -154,10 +162,13 @@ class Shadow:
         symptom = next((one for one in SYMPTOMS if one.shows(figures)), None)
         if symptom is not self._symptom:
             self._symptom, self._since = symptom, t
-        if symptom is None or symptom.part in self._told:
+        if symptom is None:
             return
-        if symptom.at_once or t - self._since >= self.bands.window:
-            self._told.add(symptom.part)
+        known = self._told.get(symptom.part)
+        if known is not None and t - known <= self.bands.window:
+            self._told[symptom.part] = t
+        elif symptom.at_once or t - self._since >= self.bands.window:
+            self._told[symptom.part] = t
             self.warnings.append(
                 f"{self.node.name}: at {t / 1e9:.3f} s {symptom.seen} ({self._shown(figures)}). Look at {symptom.part}."
             )

@@ -56,6 +56,27 @@ def test_a_fault_speaks_for_its_part(build, which, inverted):
     assert rig.session.report()["shadow"]["servomotor"]["warnings"] == shadow.warnings
 
 
+def test_late_process_data_are_no_residual(build):
+    """On a bus that is late half of the time the drive is compared where both are of the same SYNC."""
+    late = {"at": "0.1 s", "node": "servomotor", "fault": "delay", "identifiers": [0x181, 0x2FF], "delay": "4.7 ms",
+            "share": 0.5}  # fmt: skip
+    rig = Rig(build, {"servomotor": node(shadow={"window": "0.2 s"})}, faults=[late])
+    to_and_fro(rig, 1.0)
+    (shadow,) = rig.session.shadows.values()
+    assert rig.master.nodes["servomotor"].late > 20
+    assert len(shadow.warnings) == 0
+    assert shadow.largest["position"] < 1.2 * 0.02 * 5e-3  # at most one cycle's way
+
+
+def test_a_symptom_that_comes_back_is_told_again(build):
+    jumps = [{"at": f"{at} s", "node": "servomotor", "fault": "encoder_offset", "offset": x * 1e-3}
+             for at, x in ((0.5, 0.4), (1.5, -0.4))]  # fmt: skip
+    rig = Rig(build, {"servomotor": node(shadow={"window": "0.3 s"})}, faults=jumps)
+    to_and_fro(rig, 2.0)
+    (shadow,) = rig.session.shadows.values()
+    assert [line.partition(" s ")[0] for line in shadow.warnings] == ["servomotor: at 0.505", "servomotor: at 1.505"]
+
+
 @pytest.mark.parametrize(
     ("seen", "part"),
     [
