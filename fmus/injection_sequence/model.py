@@ -39,7 +39,7 @@ def packed(column: int) -> int:
 
 ACROSS, ALONG, NEEDLE, HOLD, FLOW, WATCHED = (packed(column) for column in range(6))
 
-NONE, ASKED, FORCE_HIGH, FORCE_LOST, POSITION_LOST, NEEDLE_NOT_HOME, NEEDLE_SLOW = 0, 1, 2, 3, 4, 5, 6
+NONE, ASKED, FORCE_HIGH, FORCE_LOST, POSITION_LOST, NEEDLE_NOT_HOME, NEEDLE_STUCK = 0, 1, 2, 3, 4, 5, 6
 
 
 class InjectionSequence(Component):
@@ -60,6 +60,8 @@ class InjectionSequence(Component):
     position_valid = input("", "whether that is a measurement", start=True, type=Boolean)
     needle_slide = input("m", "measured position of the needle's slide", display_unit="mm", nominal=4e-3)
 
+    needle_command = input("m", "where the controller sent the needle's slide", display_unit="mm", nominal=4e-3)
+
     target_x = output("m", "wanted tip position", display_unit="mm")
     target_y = output("m", "wanted tip position", display_unit="mm")
     target_z = output("m", "wanted tip position along", display_unit="mm")
@@ -72,7 +74,7 @@ class InjectionSequence(Component):
     injected = output("", "targets with a full dose", type=Int64)
     missed = output("", "targets left out: not reached, or no contact", type=Int64)
     reason = output("", "of an abort: 1 asked for, 2 force too high, 3 force lost, 4 position lost, 5 needle not at home, "
-                        "6 needle does not come home", type=Int32)  # fmt: skip
+                        "6 needle does not follow or come home", type=Int32)  # fmt: skip
 
     target_count = parameter(5, "", "number of targets, to 8", type=Int64, minimum=0, maximum=TARGETS, source="chosen")
     border_x = parameter((6e-3, 3e-3, -3e-3, -6e-3, -3e-3, 3e-3, 0.0, 0.0), "m", "targets on the border of the infarct",
@@ -116,9 +118,15 @@ class InjectionSequence(Component):
     home_time = parameter(3.0, "s", "time in which the needle must come home", minimum=0.0,
                           source="chosen: twice the longest way of its slide, 14 mm at 9.6 mm/s")  # fmt: skip
 
+    needle_tolerance = parameter(0.5e-3, "m", "distance of the needle's slide from its command", display_unit="mm",
+                                 minimum=0.0, source="chosen: ten deviations of a slide")  # fmt: skip
+    follow_time = parameter(1.0, "s", "time that it may be farther away while the needle is out", minimum=0.0,
+                            source="chosen: twice the time that the slide needs from home to where the needle comes out, at 19 mm/s")  # fmt: skip
+
     elapsed = local(0.0, "s", "time in the state")
     arrived = local(0.0, "s", "time since the state's movement has ended")
     force_over = local(0.0, "s", "time since the force is above the threshold")
+    needle_astray = local(0.0, "s", "time since the needle's slide is not where it was sent")
     force_lost = local(0.0, "s", "time without a force")
     position_lost = local(0.0, "s", "time without a position")
 
@@ -138,6 +146,7 @@ class InjectionSequence(Component):
         self.elapsed = 0.0
         self.arrived = 0.0
         self.force_over = 0.0
+        self.needle_astray = 0.0
         self.force_lost = 0.0
         self.position_lost = 0.0
 
@@ -146,6 +155,8 @@ class InjectionSequence(Component):
         self.position_lost = 0.0 if self.position_valid else self.position_lost + h
         touching = self.force_valid and self.measured_force >= self.force_contact
         self.force_over = self.force_over + h if touching else 0.0
+        near = abs(self.needle_slide - self.needle_command) <= self.needle_tolerance
+        self.needle_astray = 0.0 if near else self.needle_astray + h
 
         trouble = found_trouble(self)
         following = self.state
@@ -190,8 +201,10 @@ def found_trouble(self: InjectionSequence) -> int:
         return POSITION_LOST
     if does(self.state, HOLD) == NO and not at_home(self):
         return NEEDLE_NOT_HOME
-    if self.state == NEEDLE_IN and self.elapsed > self.home_time and not at_home(self):
-        return NEEDLE_SLOW
+    late = self.state == NEEDLE_IN and self.elapsed > self.home_time and not at_home(self)
+    astray = (self.state == PROTRUDE or self.state == INJECT) and self.needle_astray > self.follow_time
+    if late or astray:
+        return NEEDLE_STUCK
     return NONE
 
 
@@ -262,7 +275,7 @@ def after_abort(self: InjectionSequence) -> int:
         return ABORTED if self.enable else IDLE
     if not at_home(self):
         if self.elapsed > self.home_time:
-            self.reason = NEEDLE_SLOW
+            self.reason = NEEDLE_STUCK
         return ABORT_NEEDLE
     if self.state == ABORT_NEEDLE:
         return ABORT_WITHDRAW
