@@ -24,8 +24,8 @@ class HeartPhase(Component):
                        minimum=0.0, source="estimate: detectors on a noisy electrocardiogram, 2 to 10 ms")  # fmt: skip
     delay = parameter(20e-3, "s", "time until a wave is found, known and made up for", display_unit="ms", minimum=0.0,
                       source="estimate: filters of a detector in real time, 10 to 40 ms")  # fmt: skip
-    lead = parameter(30e-3, "s", "time by which the phase is ahead", display_unit="ms", minimum=0.0,
-                     source="chosen: the delay of a stepper that follows, and the periods of this and the controller")  # fmt: skip
+    lead = parameter(90e-3, "s", "time by which the phase is ahead", display_unit="ms", minimum=0.0,
+                     source="chosen: half of the time in which the handle's stepper crosses the play, 0.18 s")  # fmt: skip
     seed = parameter(18, "", "seed of the jitter; give every noisy member its own", type=Int64, fixed=True,
                      source="arbitrary")  # fmt: skip
 

@@ -62,7 +62,9 @@ class OmnidirectionalCatheter(Component):
                           source="paper, eq. (4); the same for all four wires is an estimate")  # fmt: skip
     pull_gain = parameter((1.0, 1.0), "", "part of a pull beyond the slack that arrives at the tip, planes x and y",
                           minimum=0.1, source="1: the paper's catheter; a worn or longer way of the wire takes from it")  # fmt: skip
-    tip_offset = parameter((0.0, 0.0, 0.0), "", "shift [mm] of the tip: x, y, z", source="0: guide where it was at calibration")
+    tip_offset = parameter(
+        (0.0, 0.0, 0.0), "", "shift [mm] of the tip: x, y, z", source="0: guide where it was at calibration"
+    )
     wire_play = parameter(0.03, "", "pull [mm] that a release must go back before the tip does", minimum=0.0,
                           source="estimate: see pull_wire_catheter")  # fmt: skip
     compression = parameter(COMPRESSION, "", "eq. (6) compressed, in mm", source="paper, Table 1")
@@ -226,9 +228,7 @@ def publish_forces(self: OmnidirectionalCatheter, share: float, pull: float) -> 
         self.wire_force[i] = -self.wire_stiffness * MILLIMETER * max(taut, 0.0)
 
     bent = needle_pull(self.dead_band, pull)
-    low, high = needle_limits(
-        self.needle, self.needle_back, self.needle_turn, self.needle_position / MILLIMETER, bent
-    )
+    low, high = needle_limits(self.needle, self.needle_back, self.needle_turn, self.needle_position / MILLIMETER, bent)
     part = (self.needle_set - low) / max(high - low, 1e-9)
     self.needle_force = self.needle_friction * (2.0 * min(part, 1.0) - 1.0)
     length = self.needle_set + self.needle[2] * bent + self.deviation_needle * self.error_needle[1]

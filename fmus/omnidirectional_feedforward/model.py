@@ -26,7 +26,24 @@ ACCEPTED, ACROSS_OUTSIDE, Z_OUTSIDE, NEEDLE_OUTSIDE, NOT_REACHABLE, NO_MODEL = 0
 PHASES = 16
 
 # contraction at 16 phases of the heartbeat, from 0 at diastole to 1 at systole
-CONTRACTION = (0.393, 0.424, 0.414, 0.299, 0.121, 0.006, 0.042, 0.203, 0.418, 0.656, 0.878, 0.996, 0.942, 0.751, 0.541, 0.414)
+CONTRACTION = (
+    0.393,
+    0.424,
+    0.414,
+    0.299,
+    0.121,
+    0.006,
+    0.042,
+    0.203,
+    0.418,
+    0.656,
+    0.878,
+    0.996,
+    0.942,
+    0.751,
+    0.541,
+    0.414,
+)
 
 
 class OmnidirectionalFeedforward(Component):

@@ -51,11 +51,13 @@ class SelfCalibration(Component):
                            source="estimate: calibrated on the bench before")  # fmt: skip
     offset_start = parameter(0.5, "", "standard deviation [mm] of the shift at the start", minimum=0.0,
                              source="estimate: images registered to the guide")  # fmt: skip
-    gain_walk = parameter(0.004, "", "growth of the gains' deviation per root of a frame", minimum=0.0,
-                          source="chosen: follows 20 % within some twenty frames, and averages as many")  # fmt: skip
-    offset_walk = parameter(0.02, "", "growth [mm] of the shift's deviation per root of a frame", minimum=0.0,
-                            source="chosen: averages some twenty frames")  # fmt: skip
-    gain_minimum = parameter(0.5, "", "least gain that is learned", minimum=0.1, source="chosen: below, a wire is broken")
+    gain_walk = parameter(0.003, "", "growth of the gains' deviation per root of a frame", minimum=0.0,
+                          source="chosen: a few ten frames follow 20 %, and are averaged")  # fmt: skip
+    offset_walk = parameter(0.01, "", "growth [mm] of the shift's deviation per root of a frame", minimum=0.0,
+                            source="chosen: a guide that shifts slowly")  # fmt: skip
+    gain_minimum = parameter(
+        0.5, "", "least gain that is learned", minimum=0.1, source="chosen: below, a wire is broken"
+    )
     gain_maximum = parameter(1.5, "", "largest gain that is learned", source="chosen: as far above")
     bend_y = parameter(BEND_Y, "", "eq. (4): coefficients of a^0 to a^3 in mm", source="paper, eq. (4)")
     bend_z = parameter(BEND_Z, "", "eq. (5): coefficients of a^0 to a^3 in mm", source="paper, eq. (5)")
