@@ -129,15 +129,20 @@ class InjectionSequence(Component):
     needle_astray = local(0.0, "s", "time since the needle's slide is not where it was sent")
     force_lost = local(0.0, "s", "time without a force")
     position_lost = local(0.0, "s", "time without a position")
+    x = local(0.0, "m", "wanted tip position", display_unit="mm")
+    y = local(0.0, "m", "wanted tip position", display_unit="mm")
+    z = local(0.0, "m", "wanted tip position", display_unit="mm")
+    needle = local(0.0, "m", "wanted needle length", display_unit="mm")
+    given = local(0.0, "m^3", "what the syringe has given", display_unit="mL")
 
     def initialize(self) -> None:
-        self.target_x = 0.0
-        self.target_y = 0.0
-        self.target_z = 0.0
-        self.target_needle_length = -1e-3
+        self.x = 0.0
+        self.y = 0.0
+        self.z = 0.0
+        self.needle = -1e-3
         self.hold = False
         self.flow = 0.0
-        self.volume = 0.0
+        self.given = 0.0
         self.state = IDLE
         self.number = 0
         self.injected = 0
@@ -149,6 +154,7 @@ class InjectionSequence(Component):
         self.needle_astray = 0.0
         self.force_lost = 0.0
         self.position_lost = 0.0
+        publish(self)
 
     def step(self, t: float, h: float) -> None:
         self.force_lost = 0.0 if self.force_valid else self.force_lost + h
@@ -176,6 +182,7 @@ class InjectionSequence(Component):
             self.elapsed = 0.0
             self.arrived = 0.0
         act(self, h)
+        publish(self)
         self.elapsed += h
 
 
@@ -235,7 +242,7 @@ def after_approach(self: InjectionSequence) -> int:
     if self.state == POSITION:
         if not rests:
             return POSITION
-        off = hypot(self.measured_x - self.target_x, self.measured_y - self.target_y)
+        off = hypot(self.measured_x - self.x, self.measured_y - self.y)
         if off <= self.position_tolerance:
             return APPROACH
         self.missed += 1
@@ -288,27 +295,27 @@ def act(self: InjectionSequence, h: float) -> None:
     if does(self.state, ACROSS) == YES:
         there = move_across(self, h)
     if does(self.state, ALONG) == CLEAR:
-        before = self.target_z
-        self.target_z = toward(before, self.z_clear, self.speed_clear * h)
-        there = there and self.target_z == self.z_clear
+        before = self.z
+        self.z = toward(before, self.z_clear, self.speed_clear * h)
+        there = there and self.z == self.z_clear
     elif does(self.state, ALONG) == FORWARD:
-        self.target_z = toward(self.target_z, self.z_limit, self.speed_approach * h)
-        there = there and self.target_z == self.z_limit
+        self.z = toward(self.z, self.z_limit, self.speed_approach * h)
+        there = there and self.z == self.z_limit
 
-    before = self.target_needle_length
+    before = self.needle
     if does(self.state, NEEDLE) == HOME:
-        self.target_needle_length = -1e-3
+        self.needle = -1e-3
     elif does(self.state, NEEDLE) == OUT:
-        self.target_needle_length = toward(max(before, 0.0), self.needle_length, self.speed_needle * h)
-        there = there and self.target_needle_length == self.needle_length
+        self.needle = toward(max(before, 0.0), self.needle_length, self.speed_needle * h)
+        there = there and self.needle == self.needle_length
     else:
-        self.target_needle_length = toward(before, self.needle_end, self.speed_inject * h)
-        there = there and self.target_needle_length == self.needle_end
+        self.needle = toward(before, self.needle_end, self.speed_inject * h)
+        there = there and self.needle == self.needle_end
 
     # as much per depth everywhere: the flow goes with the speed of the needle
     way = max(self.needle_length - self.needle_end, 1e-6)
-    self.flow = self.dose * (before - self.target_needle_length) / (way * h) if does(self.state, FLOW) == YES else 0.0
-    self.volume += self.flow * h
+    self.flow = self.dose * (before - self.needle) / (way * h) if does(self.state, FLOW) == YES else 0.0
+    self.given += self.flow * h
     self.hold = does(self.state, HOLD) == YES
     self.arrived = self.arrived + h if there else 0.0
 
@@ -317,17 +324,26 @@ def move_across(self: InjectionSequence, h: float) -> bool:
     """A step toward the target on the straight line to it; whether it is reached."""
     x = self.border_x[self.number - 1]
     y = self.border_y[self.number - 1]
-    left = hypot(x - self.target_x, y - self.target_y)
+    left = hypot(x - self.x, y - self.y)
     way = self.speed_across * h
     if left <= way:
-        self.target_x = x
-        self.target_y = y
+        self.x = x
+        self.y = y
         return True
-    self.target_x += (x - self.target_x) * way / left
-    self.target_y += (y - self.target_y) * way / left
+    self.x += (x - self.x) * way / left
+    self.y += (y - self.y) * way / left
     return False
 
 
 def toward(value: float, goal: float, way: float) -> float:
     """A value that goes to its goal by one step."""
     return min(value + way, goal) if goal >= value else max(value - way, goal)
+
+
+def publish(self: InjectionSequence) -> None:
+    """Outputs from the memory."""
+    self.target_x = self.x
+    self.target_y = self.y
+    self.target_z = self.z
+    self.target_needle_length = self.needle
+    self.volume = self.given

@@ -36,35 +36,49 @@ class InjectionSite(Component):
     start_x = local(0.0, "m", "tip when the needle came out", display_unit="mm")
     start_y = local(0.0, "m", "tip when the needle came out", display_unit="mm")
 
+    layers = local(0.0, "m^3", "dose by depth", shape=(BINS,), display_unit="mL")
+    beside = local(0.0, "m^3", "dose that no layer got", display_unit="mL")
+    farthest = local(0.0, "m", "largest way across with the needle outside", display_unit="mm")
+
     def initialize(self) -> None:
         for i in range(BINS):
-            self.dose[i] = 0.0
-        self.given = 0.0
-        self.lost = 0.0
-        self.across = 0.0
+            self.layers[i] = 0.0
+        self.beside = 0.0
+        self.farthest = 0.0
         self.start_x = self.tip_x
         self.start_y = self.tip_y
         publish(self)
 
     def step(self, t: float, h: float) -> None:
-        if not self.needle_outside:
+        if self.needle_length <= 0.0:
             self.start_x = self.tip_x
             self.start_y = self.tip_y
-        publish(self)
-        if self.needle_outside:
-            self.across = max(self.across, hypot(self.tip_x - self.start_x, self.tip_y - self.start_y))
+        else:
+            self.farthest = max(self.farthest, hypot(self.tip_x - self.start_x, self.tip_y - self.start_y))
 
         volume = self.flow * h
-        place = floor(self.depth / self.layer)
-        if self.depth <= 0.0 or place >= BINS:
-            self.lost += volume
+        place = floor(depth_now(self) / self.layer)
+        if place < 0 or place >= BINS:
+            self.beside += volume
         else:
-            self.dose[place] += volume
-            self.given += volume
+            self.layers[place] += volume
+        publish(self)
+
+
+def depth_now(self: InjectionSite) -> float:
+    """Needle's tip under the surface [m]. A catheter's tip beyond it rests on it: its way is taken up by bending."""
+    gap = max(self.surface_position + self.heart_position - self.tip_z, 0.0)
+    return self.needle_length * cos(self.tip_angle) - gap
 
 
 def publish(self: InjectionSite) -> None:
-    """Where the needle is. A tip beyond the surface rests on it: its way is taken up by bending."""
-    gap = max(self.surface_position + self.heart_position - self.tip_z, 0.0)
-    self.depth = self.needle_length * cos(self.tip_angle) - gap
+    """Outputs from the memory."""
+    self.depth = depth_now(self)
     self.needle_outside = self.needle_length > 0.0
+    self.across = self.farthest
+    self.lost = self.beside
+    total = 0.0
+    for i in range(BINS):
+        self.dose[i] = self.layers[i]
+        total += self.layers[i]
+    self.given = total

@@ -76,6 +76,7 @@ class SelfCalibration(Component):
     last_wire = local(0.0, "m", "where the wires were sent at the last sample", shape=(WIRES,))
     last_advance = local(0.0, "m", "advance at the last sample")
     last_frame = local(0, "", "number of the last frame", type=Int64)
+    distance = local(0.0, "", "distance [mm] of the last used frame from the model")
     rested = local(0.0, "s", "time since the slides were sent away")
 
     def initialize(self) -> None:
@@ -90,7 +91,7 @@ class SelfCalibration(Component):
         self.last_advance = 0.0
         self.last_frame = 0
         self.rested = 0.0
-        self.innovation = 0.0
+        self.distance = 0.0
         self.used = 0
         publish(self)
 
@@ -119,7 +120,7 @@ def learn(self: SelfCalibration) -> None:
     distance = 0.0
     for axis in range(3):
         distance += (measured[axis] - found[axis] - self.estimate[2 + axis]) ** 2
-    self.innovation = MILLIMETER * distance**0.5
+    self.distance = distance**0.5
     self.used += 1
     for axis in range(3):
         take(self, axis, measured[axis])
@@ -168,5 +169,6 @@ def publish(self: SelfCalibration) -> None:
     self.offset_x = MILLIMETER * self.estimate[2]
     self.offset_y = MILLIMETER * self.estimate[3]
     self.offset_z = MILLIMETER * self.estimate[4]
+    self.innovation = MILLIMETER * self.distance
     self.deviation_x = max(self.covariance[0, 0], 0.0) ** 0.5
     self.deviation_y = max(self.covariance[1, 1], 0.0) ** 0.5
