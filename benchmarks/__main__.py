@@ -18,7 +18,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import TextIO
 
-from benchmarks import force, group, peers, ring, startup
+from benchmarks import force, group, peers, rig, ring, startup
 
 RESULTS = Path(__file__).parent / "results"
 PACKAGES = (
@@ -90,7 +90,7 @@ def machine() -> None:
 
 
 def main() -> None:
-    """Run everything; force comes last, since it keeps this process on one core."""
+    """Run everything; force and rig come last, since they keep this process on one core."""
     RESULTS.mkdir(exist_ok=True)
     path = RESULTS / f"{dt.datetime.now(dt.UTC):%Y-%m-%d}_{revision()}.txt"
     with path.open("w") as file, contextlib.redirect_stdout(Both(sys.stdout, file)):  # type: ignore[type-var]
@@ -100,6 +100,7 @@ def main() -> None:
         startup.measure()
         group.main()
         force.main()
+        rig.main()
     print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 

@@ -64,8 +64,8 @@ def stepping(case: Case, catalog: Catalog, form: Form, stop: int) -> float:
     return took
 
 
-def figures(case: Case, catalog: Catalog, repeats: int) -> None:
-    """Print a variant's real-time factors, what a step costs with FMUs, and what each member takes of it."""
+def figures(head: str, case: Case, catalog: Catalog, repeats: int, interpreted_ns: int) -> None:
+    """Print a case's real-time factors, what a step costs with FMUs, and what each member takes of it."""
     fmus: list[float] = []
     compiled: list[float] = []
     added: dict[str, list[float]] = {name: [] for name in case.members}
@@ -75,12 +75,11 @@ def figures(case: Case, catalog: Catalog, repeats: int) -> None:
             more = stepping(*with_copies(case, catalog, name), Form.fmu, case.stop_ns)
             compiled.append(stepping(case, catalog, Form.compiled, case.stop_ns))
             costs.append((more - fmus[-1]) / COPIES)
-    interpreted = stepping(case, catalog, Form.interpreted, case.start_ns + INTERPRETED_NS)
+    interpreted = stepping(case, catalog, Form.interpreted, case.start_ns + interpreted_ns)
     span = 1e-9 * (case.stop_ns - case.start_ns)
-    head = f"force_{case.variant}"
     print(f"{head}_fmu_factor: {span / statistics.median(fmus):.0f}")
     print(f"{head}_compiled_factor: {span / statistics.median(compiled):.0f}")
-    print(f"{head}_interpreted_factor: {1e-9 * INTERPRETED_NS / interpreted:.2f}")
+    print(f"{head}_interpreted_factor: {1e-9 * interpreted_ns / interpreted:.2f}")
     scale = case.step_ns / span
     step = scale * statistics.median(fmus)
     own = {name: scale * statistics.median(costs) for name, costs in added.items()}
@@ -96,7 +95,7 @@ def measure(overrides: tuple[str, ...] = (), repeats: int = REPEATS) -> None:
     scenario = Scenario.load(SCENARIO, overrides)
     catalogs = prepare(scenario)
     for case in scenario.variants:
-        figures(case, catalogs[case.variant], repeats)
+        figures(f"force_{case.variant}", case, catalogs[case.variant], repeats, INTERPRETED_NS)
 
 
 def main() -> None:

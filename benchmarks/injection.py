@@ -1,6 +1,6 @@
 """The 26 coordinates of the injection catheter over many seeds: the distribution of what the paper has one sample of.
 
-    python -m benchmarks.injection           prints `name: value` lines: 200 seeds, five minutes
+    python -m benchmarks.injection           prints `name: value` lines: 200 seeds and three groups, ten minutes
 
 Each seed has its own coordinates, slides and noise. Printed are mean and the 5th, 50th and 95th percentile over the
 seeds, how much of the distribution lies below the paper's figure, and the part of the seeds with p > 0.05. The second

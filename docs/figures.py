@@ -33,7 +33,14 @@ FIGURES = ROOT / "docs" / "figures"
 TABLES = {
     "heart_wall_force": ("README.md",),
     "hysteresis_identification": ("docs/explanation/force_experiment.md",),
+    "linear_grip": ("docs/explanation/racs.md",),
+    "rotational_grip": ("docs/explanation/racs.md",),
+    "rotation": ("docs/explanation/racs.md",),
+    "dynamic_regripping": ("docs/explanation/racs.md",),
+    "coordinate_feedforward": ("docs/explanation/injection_catheter.md",),
+    "needle": ("docs/explanation/injection_catheter.md",),
 }
+PIVOTS = {"dynamic_regripping": ("error_out", "error_back", "error_max", "speed_lowest")}  # metrics as columns
 
 
 def run(name: str, folder: Path) -> Outcome:
@@ -44,7 +51,11 @@ def run(name: str, folder: Path) -> Outcome:
 
 def table(summary: Mapping[str, Any]) -> str:
     """Metrics with a published figure and a tolerance, as a table in Markdown."""
-    rows = ["| metric | variant | paper | twin, mean of 3 seeds | twin / paper |", "|---|---|---|---|---|"]
+    count = len(
+        {seed for one in summary["metrics"].values() for row in one["variants"].values() for seed in row["values"]}
+    )
+    mean = f", mean of {count} seeds" if count > 1 else ""
+    rows = [f"| metric | variant | paper | twin{mean} | twin / paper |", "|---|---|---|---|---|"]
     for metric in summary["metrics"].values():
         if metric["tolerance"] is None:
             continue
@@ -57,13 +68,24 @@ def table(summary: Mapping[str, Any]) -> str:
     return "\n".join(rows)
 
 
+def pivot(summary: Mapping[str, Any], names: tuple[str, ...]) -> str:
+    """Some metrics as columns, one row for each variant."""
+    metrics = [summary["metrics"][name] for name in names]
+    rows = [f"| variant | {' | '.join(one['description'] for one in metrics)} |", "|---" * (len(names) + 1) + "|"]
+    for variant in metrics[0]["variants"]:
+        values = [f"{one['variants'][variant]['mean']:#.3g} {one['unit']}".rstrip() for one in metrics]
+        rows.append(f"| {variant} | {' | '.join(values)} |")
+    return "\n".join(rows)
+
+
 def write_tables(outcomes: Mapping[str, Outcome]) -> None:
     """Replace what stands between the two comments `results NAME` and `end`."""
     for name, pages in TABLES.items():
         for page in pages:
             path = ROOT / page
             marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-            text = table(outcomes[name].summary)
+            summary = outcomes[name].summary
+            text = pivot(summary, PIVOTS[name]) if name in PIVOTS else table(summary)
             path.write_text(marks.sub(lambda match, text=text: match[1] + text + "\n" + match[2], path.read_text()))
 
 
@@ -225,6 +247,9 @@ def main() -> None:
         draw_system(outcomes["heart_wall_force"])
         draw_plots(outcomes["heart_wall_force"], {"Contact force": "force.svg", "What the sheath keeps": "sheath.svg"})
         draw_plots(outcomes["hysteresis_identification"], {"Heart and tip": "tracking.svg"})
+        draw_plots(outcomes["dynamic_regripping"], {"Tracking error": "regripping.svg"})
+        draw_plots(outcomes["rotation"], {"Tip over frame": "rotation.svg"})
+        draw_plots(outcomes["coordinate_feedforward"], {"Coordinates wanted and reached": "coordinates.svg"})
         draw_publication(folder)
     for file in sorted(FIGURES.iterdir()):
         sys.stdout.write(f"{file.relative_to(ROOT)}: {file.stat().st_size / 1000:.0f} kB\n")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from twin.component import Component
-from twin.variable import input, local, output, parameter
+from twin.variable import input, local, output, parameter, terminal
 
 
 class ForceControl(Component):
@@ -16,6 +16,8 @@ class ForceControl(Component):
     heart_position = input("m", "estimated wall position; PI alone ignores it", display_unit="mm", nominal=5e-3)
 
     target_velocity = output("m/s", "velocity demand for the drive, positive distal", display_unit="mm/s")
+
+    drive = terminal("what it commands", rule="bus", target_velocity=target_velocity)
 
     proportional = parameter(0.150, "m/(s*N)", "proportional gain", display_unit="mm/(s*N)", minimum=0.0,
                              source="paper, section V.B: 150 mm/(s N)")  # fmt: skip

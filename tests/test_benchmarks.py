@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from benchmarks import force, peers, ring, startup
+from benchmarks import force, injection, peers, rig, ring, startup
 from benchmarks.parts import Relay
 from twin.fmi import exporter
 
@@ -57,3 +57,21 @@ def test_copies_of_a_member_take_its_inputs_and_are_not_recorded():
     assert len(more.members) == len(case.members) + force.COPIES
     assert len(more.connections) == len(case.connections) + 2 * force.COPIES
     assert more.record.select(wider) == case.record.select(catalog)
+
+
+def test_distribution_over_seeds_prints_every_metric(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(injection, "BUILD", tmp_path)
+    injection.measure(2, ["seeds"])
+    lines = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines())
+    assert 0.05 < float(lines["injection_seeds_calibrated_rms_z_mean"]) < 0.3
+    assert float(lines["injection_seeds_unmodified_rms_z_below_paper"]) in (0.0, 0.5, 1.0)
+    assert "injection_seeds_calibrated_t_test_y_above_0.05" in lines
+
+
+def test_rig_is_measured_with_all_its_members(capsys):
+    rig.measure(("stop_time=0.5 s",), repeats=1)
+    lines = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines())
+    assert float(lines["rig_fmu_factor"]) > 0
+    shares = [float(value) for name, value in lines.items() if name.endswith("_share")]
+    assert len(shares) == 12  # 11 members and the rest
+    assert sum(shares) == pytest.approx(1.0, abs=0.01)

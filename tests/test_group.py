@@ -5,11 +5,14 @@ import fmpy.validation
 import numpy as np
 import pytest
 import yaml
+from fmpy import simulate_fmu
+from fmpy.validation import validate_fmu
 
 from twin.dependencies import dependencies
-from twin.errors import CouplingError
+from twin.errors import CouplingError, ScenarioError
 from twin.export import group
 from twin.fmi import exporter
+from twin.members import Form
 from twin.run import prepare, run_scenario
 from twin.scenario import Scenario
 
@@ -177,3 +180,98 @@ def test_a_group_also_runs_interpreted():
         assert part.advance(k * 1e-3, 1e-3) == 0
     assert part.views["controller.target_velocity"] > 0.0
     assert part.views["controller.setpoint"] == 0.25
+
+
+def test_a_group_has_event_mode_and_its_members_terminals(tmp_path, build):
+    scenario = Scenario.loads(SCENARIO.replace("ALGORITHM", "jacobi"))
+    case = scenario.cases()[0]
+    cls = group("g", case, prepare(scenario)["base"], ["estimate", "controller"])
+    assert list(cls.terminals) == ["controller.drive"]
+    path = exporter.export(cls, "3.0", tmp_path / "g.fmu", build)
+    assert validate_fmu(str(path)) == []
+    options = {"stop_time": 0.05, "output_interval": 5e-4, "start_values": {"controller.force": 0.1}}
+    plain = simulate_fmu(str(path), **options)
+    events = simulate_fmu(str(path), use_event_mode=True, early_return_allowed=True, **options)
+    last = np.append(np.diff(events["time"]) > 1e-9, True)
+    assert np.count_nonzero(~last) == 50
+    assert events["controller.target_velocity"][last].tolist() == plain["controller.target_velocity"].tolist()
+    assert len(set(plain["controller.target_velocity"])) > 5
+
+
+def test_terminals_that_are_connected_inside_are_not_carried_over():
+    scenario = Scenario.loads(SCENARIO.replace("ALGORITHM", "jacobi"))
+    case = scenario.cases()[0]
+    cls = group("g", case, prepare(scenario)["base"], ["heart", "servomotor", "sheath", "wall", "sensor"])
+    assert list(cls.terminals) == ["heart.wall"]  # the estimate outside reads it too
+    cls = group("g", case, prepare(scenario)["base"], ["sheath", "wall"])
+    assert list(cls.terminals) == ["sheath.gripper", "wall.heart"]
+    members = cls.terminals["sheath.gripper"].members
+    assert {key: v.name for key, v in members.items()} == {
+        "position": "sheath.gripper_position", "force": "sheath.reaction_force",
+    }  # fmt: skip
+
+
+# ---------------------------------------------------------------------------------- groups of other scenarios as members
+
+
+RIG = """
+stop_time: 0.3 s
+members:
+  motor:  {component: servomotor, parameters: {mass: 0.7 kg}}
+  sheath: {component: sheath}
+  sensor: {component: force_sensor}
+connections:
+  - motor.position -> sheath.gripper_position
+  - sheath.reaction_force -> motor.load_force
+  - motor.force -> sensor.force
+groups: {rig: [motor, sheath, sensor]}
+"""
+TWO = """
+stop_time: 0.3 s
+seeds: [1, 2]
+members:
+  first:  {component: rig.yaml#rig, parameters: {motor.target_velocity: 20 mm/s}}
+  second: {component: rig.yaml#rig, parameters: {motor.mass: 2 kg}}
+  chirp:  {component: chirp}
+connections: [chirp.velocity -> second.motor.target_velocity]
+record: ["*.*"]
+"""
+
+
+def test_a_group_of_another_scenario_is_a_member(tmp_path, build):
+    (tmp_path / "rig.yaml").write_text(RIG)
+    scenario = Scenario.loads(TWO, tmp_path / "two.yaml")
+    runs = [
+        run_scenario(scenario, root=tmp_path / "runs", build=build, report=True, form=form)
+        for form in (Form.fmu, Form.compiled, Form.interpreted)
+    ]
+    tables = [outcome.tables for outcome in runs]
+    values = tables[0]["base", 1].values
+    for other in tables[1:]:
+        for signal, value in other["base", 1].values.items():
+            assert np.asarray(value).tobytes() == np.asarray(values[signal]).tobytes(), signal
+    assert values["first.motor.position"][-1] > 5e-3
+    assert scenario.cases()[0].values("first", prepare(scenario)["base"]["first"])["sensor.seed"] > 0
+    noise = [
+        np.diff(tables[0]["base", seed].values[f"{name}.sensor.measured_force"]) for seed in (1, 2)
+        for name in ("first", "second")
+    ]  # fmt: skip
+    assert all(not np.array_equal(noise[0], one) for one in noise[1:])
+
+
+@pytest.mark.parametrize(
+    ("component", "message"),
+    [
+        ("rig.yaml#rug", r"two\.yaml:5: member `first`: .*rig\.yaml has no group `rug`\. Did you mean `rig`"),
+        ("rag.yaml#rig", r"two\.yaml:5: member `first`: there is no file .*rag\.yaml\. Did you mean `rig\.yaml`"),
+        ("rig.yaml#rig@fast", r"two\.yaml:5: member `first`: .*there is no variant `fast`"),
+        ("two.yaml#self", r"two\.yaml.* is a part of itself\. Break the circle"),
+    ],
+)
+def test_a_group_that_cannot_be_a_member_says_why(component, message, tmp_path):
+    (tmp_path / "rig.yaml").write_text(RIG)
+    text = TWO.replace("first:  {component: rig.yaml#rig", f"first:  {{component: {component}")
+    text += "groups: {self: [first]}"
+    (tmp_path / "two.yaml").write_text(text)
+    with pytest.raises(ScenarioError, match=message):
+        prepare(Scenario.load(tmp_path / "two.yaml"))

@@ -181,6 +181,8 @@ def test_what_did_not_finish_is_left_out() -> None:
         (Expectation("", metric="m", ordered=("A", "X")), "skipped", "m is known for fewer than two of the variants."),
         (Expectation("", metric="m", at_most=0.035), "fail", f"m is {shown(1.1 * STD, 'N')} in A, seed 1; expected at most 0.035 N."),
         (Expectation("", metric="m", at_most=0.035, variants=("B",)), "pass", f"m was {shown(0.5 * STD, 'N')} to {shown(0.55 * STD, 'N')}; expected at most"),
+        (Expectation("", metric="m", at_most=1.06 * STD, variants=("A",), mean=True), "pass", f"m was {shown(1.05 * STD, 'N')}; expected"),
+        (Expectation("", metric="m", at_most=1.04 * STD, variants=("A",), mean=True), "fail", f"m is {shown(1.05 * STD, 'N')} in the mean of 2 runs; expected"),
         (Expectation("", metric="m", at_least=1.0), "fail", f"m is {shown(STD, 'N')} in A, seed 0; expected at least 1 N."),
         (Expectation("", signal=expression.parse("a.force"), at_least=0.1, at_most=0.3), "pass", "a.force was 0.145 N to 0.255 N"),
         (Expectation("", signal=expression.parse("a.force"), at_least=0.1, at_most=0.25), "fail",

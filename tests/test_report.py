@@ -167,6 +167,16 @@ def test_plots_survive_what_is_not_a_number() -> None:
     assert plotting.draw(PLOTS[0], one).startswith("<svg")
 
 
+def test_points_are_marked_where_there_are_numbers() -> None:
+    """Matplotlib draws a marker once per point as a reference to one definition."""
+    sparse = np.full(len(TIME), np.nan)
+    sparse[[10, 200, 3000]] = 1.0, 2.0, 3.0
+    found = {("A", 1): Signals(TIME, {"a.x": sparse, "a.y": sparse**2})}
+    curve = Curve(expression.parse("a.y"), "y", expression.parse("a.x"))
+    line, points = (plotting.draw(Plot("P", (curve,), points=flag), found) for flag in (False, True))
+    assert points.count("<use ") - line.count("<use ") == 3
+
+
 def test_matplotlib_and_others_are_loaded_only_when_needed() -> None:
     code = "import sys, twin.scenario, twin.metrics, twin.results, twin.report, twin.cli.check; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from twin.errors import ScenarioError, TwinError
 from twin.member import MemberVariable
+from twin.run import prepare
 from twin.scenario import EventSpec, Scenario, check_against, member_seed, tree, value
 
 if TYPE_CHECKING:
@@ -320,6 +321,8 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         ("within: [0.1 N, 0.4 N]", "within: [0.1 N]", "s.yaml:24: expect[2].within: list should have at least 2 items"),
         ("signals: [sensor.force]", "xy: [sensor.force]", "s.yaml:26: plots[1].xy: list should have at least 2 items"),
         ("signals: [sensor.force], ", "", "s.yaml:26: plot `Force`: give either `signals` or `xy: [x, y]`."),
+        ("signals: [sensor.force]", "signals: [sensor.force, {signal: sensor.force, x: servo.x}]",
+         "s.yaml:26: plot `Force`: some signals have an `x`. Give all of them one, or none."),
         ("per: variant", "per: seed", "s.yaml:26: plots[1].per: `seed` is not known."),
     ],
 )  # fmt: skip
@@ -566,3 +569,65 @@ def test_a_file_that_changes_the_plant_is_not_compared_with_the_paper(tmp_path):
         other = tmp_path / "other.yaml"
         other.write_text(f"extends: base.yaml\n{text}\n")
         assert Scenario.load(other).paper_applies is applies
+
+
+# ---------------------------------------------------------------------------------------------------- parameter sets
+
+SETS = """
+stop_time: 10 ms
+members:
+  left:  {component: servomotor}
+  right: {component: servomotor, parameters: {mass: 0.9 kg}}
+  wall:  {component: wall}
+parameter_sets: small.yaml
+variants:
+  small: {}
+  large: {parameter_sets: [small.yaml, large.yaml]}
+  plain: {parameter_sets: []}
+"""
+
+
+def mass(scenario, variant, member):
+    case = scenario.cases([variant])[0]
+    return case.members[member].parameters.get("mass")
+
+
+def test_parameter_sets_serve_all_members_of_a_component_and_give_way_to_their_own(tmp_path):
+    (tmp_path / "small.yaml").write_text("servomotor: {mass: 0.1 kg, friction_coulomb: 2 N}\nsheath: {drag: 7}\n")
+    (tmp_path / "large.yaml").write_text("servomotor: {mass: 5 kg}\n")
+    scenario = Scenario.loads(SETS, tmp_path / "s.yaml")
+    assert [mass(scenario, "small", member) for member in ("left", "right")] == ["0.1 kg", "0.9 kg"]
+    assert [mass(scenario, "large", member) for member in ("left", "right")] == ["5 kg", "0.9 kg"]
+    assert mass(scenario, "plain", "left") is None
+    assert scenario.cases(["large"])[0].members["left"].parameters["friction_coulomb"] == "2 N"
+    assert mass(Scenario.loads(SETS, tmp_path / "s.yaml", ["left.mass=3 kg"]), "large", "left") == "3 kg"
+
+
+def test_a_frozen_scenario_needs_no_parameter_file(tmp_path):
+    (tmp_path / "small.yaml").write_text("servomotor: {mass: 0.1 kg}\n")
+    (tmp_path / "large.yaml").write_text("servomotor: {mass: 5 kg}\n")
+    frozen = Scenario.loads(SETS, tmp_path / "s.yaml").frozen()
+    (tmp_path / "small.yaml").unlink()
+    again = Scenario.loads(frozen, tmp_path / "elsewhere" / "s.yaml")
+    assert mass(again, "large", "left") == "5 kg"
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, r"s\.yaml:7: parameter_sets: there is no file small\.yaml\."),
+        ("servomotor: {mas: 1 kg}\n", r"small\.yaml:1: left has no variable `mas`\. Did you mean `mass`\?"),
+        ("servomotor: 3\n", r"small\.yaml:1"),
+        ("- 3\n", r"small\.yaml:1"),
+        (
+            "servomoto: {mass: 1 kg}\n",
+            r"small\.yaml:1: parameter_sets: there is no component `servomoto`\. Did you mean",
+        ),
+    ],
+)
+def test_a_wrong_parameter_set_is_told_with_its_line(tmp_path, content, message):
+    if content is not None:
+        (tmp_path / "small.yaml").write_text(content)
+    text = SETS.replace(", large.yaml", "")
+    with pytest.raises(ScenarioError, match=message):
+        prepare(Scenario.loads(text, tmp_path / "s.yaml"))

@@ -37,10 +37,11 @@ TARGETS = {
     "aarch64-darwin":  "arm64-apple-macosx11.0.0",
 }  # fmt: skip
 
-# platforms without an operating system: triple, processor; their code is linked into a firmware, not loaded
+# platforms without an operating system: triple, processor, features; their code is linked into a firmware, not loaded.
+# Firmware may trap unaligned accesses, and memory without an MMU must not see them
 BARE = {
-    "cortex-m7":  ("thumbv7em-none-eabihf", "cortex-m7"),
-    "cortex-a53": ("aarch64-none-elf",      "cortex-a53"),
+    "cortex-m7":  ("thumbv7em-unknown-none-eabihf", "cortex-m7",  "+strict-align"),
+    "cortex-a53": ("aarch64-unknown-none-elf",      "cortex-a53", "+strict-align"),
 }  # fmt: skip
 
 # numba's attributes that must go: its CPU, and its wrapper's wish that the wrapped function stays apart
@@ -172,6 +173,7 @@ class Entry:
 def _numba() -> Any:
     """Numba with our machine words, imported on first use; its SVML calls would tie the code to one runtime."""
     os.environ["NUMBA_DISABLE_INTEL_SVML"] = "1"
+    os.environ["NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING"] = "1"  # escape codes, wherever colorama is installed
     from twin import intrinsics
 
     return intrinsics
@@ -220,9 +222,9 @@ def _optimize(module: llvm.ModuleRef, target: str) -> tuple[llvm.ModuleRef, llvm
     """Set the target, then optimize; no target features, so that every machine of a platform computes the same."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
-    triple, processor = BARE[target] if target in BARE else (TARGETS[target], "")
+    triple, processor, features = BARE[target] if target in BARE else (TARGETS[target], "", "")
     target_machine = llvm.Target.from_triple(triple).create_target_machine(
-        cpu=processor, opt=3, reloc="static" if processor else "pic", codemodel="small"
+        cpu=processor, features=features, opt=3, reloc="static" if processor else "pic", codemodel="small"
     )
     text = "\n".join(line for line in str(module).splitlines() if not line.startswith("target "))
     for attribute, instead in ATTRIBUTES.items():
@@ -258,9 +260,7 @@ def _object(entries: tuple[Entry, ...], dtype: np.dtype[Any], target: str, where
 
 def compile_entries(entries: tuple[Entry, ...], dtype: np.dtype[Any], target: str, where: str, build: Path) -> bytes:
     """Object file with the entries as hidden symbols, from the cache in `build` where it holds them."""
-    shape = (
-        f"{target} {dtype.descr if dtype.names is None else dtype.fields} {[(e.symbol, e.arguments) for e in entries]}"
-    )
+    shape = f"{BARE.get(target, target)} {dtype.descr if dtype.names is None else dtype.fields} {[(e.symbol, e.arguments) for e in entries]}"
     key = content_hash(tuple(entry.function for entry in entries), shape)
     place = build / "objects" / f"{key}.o"
     if place.exists():

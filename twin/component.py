@@ -11,10 +11,12 @@ Call sequence, the same for every way of running it:
 Kinds, by the functions a class has:
 
 - continuous: `derivatives(self, t)` sets `der_x` of every state `x`, and the outputs; `method` integrates it;
-  `switches` names locals or outputs at whose zeros it bends or jumps, for a solver outside that looks for them
+  `switches` names quantities at whose zeros it bends or jumps, for a solver outside that looks for them
 - sampled: `step(self, t, h)` and a `period` [s]: inputs of `t`, published at `t + period`
 - stepped: `step(self, t, h)` without a period: called at every communication point
 - Python-side (`PythonComponent`): `step` may use all of Python (pymunk, a bus); it cannot become an FMU
+
+Of any kind: `terminal` fields group what is connected together.
 
 An instance is the interpreted form: set inputs, call `start` and `advance`, read outputs, put breakpoints anywhere.
 """
@@ -29,13 +31,37 @@ import numpy as np
 
 from twin import clock, solver
 from twin.errors import DeclarationError
-from twin.variable import Float64, Layout, Role, Variable, derivative, layout
+from twin.variable import Float64, Layout, Role, Terminal, Variable, derivative, layout
 
 RESERVED = {"start", "advance", "views", "record", "layout", "variables", "method", "period", "period_ns", "icon"}
-RESERVED |= {"initialize", "step", "derivatives", "close", "start_values", "switches"}
+RESERVED |= {"initialize", "step", "derivatives", "close", "start_values", "switches", "terminals"}
 RESERVED |= {"time"}  # the independent variable of every FMU
 
 ARGUMENTS = {"initialize": ("self",), "step": ("self", "t", "h"), "derivatives": ("self", "t")}
+
+
+CONNECTABLE = (Role.input, Role.output, Role.parameter)
+
+
+def terminals(cls: type[Component]) -> dict[str, Terminal]:
+    """The terminals declared in a class and its bases; their members are inputs, outputs or parameters of it."""
+    found = {name: v for base in reversed(cls.__mro__) for name, v in vars(base).items() if isinstance(v, Terminal)}
+    connectable = {v.name for v in cls.variables if v.role in CONNECTABLE}
+    taken = {v.name for v in cls.variables} | RESERVED
+    for name, one in found.items():
+        where = f"{cls.__name__}.{name}"
+        if name in taken or not name.isascii():
+            raise DeclarationError(
+                f"{where}: a terminal cannot have this name. Choose another in a to z, digits and _."
+            )
+        if one.rule not in ("plug", "bus"):
+            raise DeclarationError(f'{where}: matching rule {one.rule!r} is not known. Use "plug" or "bus".')
+        wrong = [key for key, v in one.members.items() if not isinstance(v, Variable) or v.name not in connectable]
+        if wrong or not one.members:
+            raise DeclarationError(
+                f"{where}: {', '.join(wrong) or 'nothing'} is no variable to connect. Name inputs, outputs or parameters."
+            )
+    return found
 
 
 class Component:
@@ -46,6 +72,7 @@ class Component:
     switches: ClassVar[tuple[str, ...]] = ()
 
     variables: ClassVar[tuple[Variable, ...]] = ()
+    terminals: ClassVar[dict[str, Terminal]] = {}
     layout: ClassVar[Layout] = layout((), {})
     period_ns: ClassVar[int] = 0
 
@@ -74,6 +101,7 @@ class Component:
         is_continuous = "derivatives" in dir(cls)
         if states and not is_continuous:
             raise DeclarationError(f"{cls.__name__}: has a state but no derivatives(self, t). Use local() for memory.")
+        cls.terminals = terminals(cls)
         if cls.switches:
             check_switches(cls, is_continuous)
         method = cls.method if is_continuous else None
@@ -126,11 +154,12 @@ class PythonComponent(Component):
 
 def check_switches(cls: type[Component], is_continuous: bool) -> None:
     """Switching functions are continuous quantities that `derivatives` computes."""
-    computed = {v.name for v in cls.variables if v.role in (Role.local, Role.output) and v.type is Float64}
+    roles = (Role.local, Role.output, Role.state)
+    computed = {v.name for v in cls.variables if v.role in roles and v.type is Float64}
     for name in cls.switches:
         if name not in computed or not is_continuous:
             raise DeclarationError(
-                f"{cls.__name__}: switches names {name!r}. Name Float64 locals or outputs that derivatives(self, t) sets."
+                f"{cls.__name__}: switches names {name!r}. Name states, or Float64 locals or outputs that derivatives(self, t) sets."
             )
 
 

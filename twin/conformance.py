@@ -39,14 +39,20 @@ class MemberTarget:
             for variable in member.variables.values()
             for name, index in zip(elements(variable.name, variable.shape), np.ndindex(variable.shape), strict=True)
         }
+        # arrays are written whole; before initialization an FMU need not let them be read
+        self.arrays = {
+            variable.name: np.array(np.broadcast_to(variable.start, variable.shape))
+            for variable in member.variables.values()
+            if variable.shape
+        }
         member.instantiate()
 
     def set(self, name: str, value: Value) -> None:
         """Write an input."""
         variable, index = self.places[name]
-        whole = np.array(self.member.get(variable)) if index else np.array(value)
-        whole[index] = value
-        self.member.set(variable, whole if index else value)
+        if index:
+            self.arrays[variable][index] = value
+        self.member.set(variable, self.arrays[variable] if index else value)
 
     def get(self, name: str) -> Value:
         """Read an output."""
@@ -110,6 +116,9 @@ def check_documentation(cls: type[Component], _build: Path) -> None:
             )
         if variable.role is Role.parameter and variable.type is Float64 and not variable.source:
             raise ConformanceError(f"{where}: has no source. Say where the value comes from, or `assumed`.")
+    for name, terminal in cls.terminals.items():
+        if not terminal.description:
+            raise ConformanceError(f"{cls.__name__}.{name}: has no description. Say what is connected there.")
 
 
 def check_outputs_written(cls: type[Component], _build: Path) -> None:

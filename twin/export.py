@@ -32,7 +32,8 @@ def group(name: str, case: Case, variables: Catalog, chosen: list[str]) -> type[
     parts = {}
     for member in case.members:
         if member in chosen:
-            spec, cls = case.members[member], catalog.component(case.members[member].component)
+            spec = case.members[member]
+            cls = spec.made or catalog.component(spec.component)
             period = spec.period_ns or cls.period_ns or case.step_ns
             parts[member] = Part(cls, case.values(member, variables[member]), period)
     inside = [link for link in links if link.source.member in parts and link.target.member in parts]

@@ -14,12 +14,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from twin import solver
-from twin.component import Component, PythonComponent, functions
+from twin.component import CONNECTABLE, Component, PythonComponent, functions
 from twin.dependencies import dependencies, flow
 from twin.errors import CouplingError
 from twin.graph import ordered_groups, reached
 from twin.system import Link, is_real
-from twin.variable import Int64, Layout, Role, Variable, layout
+from twin.variable import Int64, Layout, Role, Terminal, Variable, layout
 
 Key = tuple[str, str]
 
@@ -263,7 +263,7 @@ def compose(
     }  # fmt: skip
     cls: type[Group] = type(name, (Group,), body)
     cls.variables, cls.layout, cls.period_ns = tuple(variables), place, step
-    cls.starts = starts(parts, variables)
+    cls.starts, cls.terminals = starts(parts, variables), carried_over(parts, variables)
     advance = solver.sampled_advance(code["step"], step, words)
     cls._functions = (group_start(code["initialize"]), advance)  # type: ignore[attr-defined]
     return cls
@@ -323,6 +323,19 @@ def group_layout(writer: Writer, variables: list[Variable], border: list[Variabl
     }  # fmt: skip
     dtype: np.dtype[Any] = np.dtype(specification, align=True)  # type: ignore[call-overload]
     return Layout(tuple(variables), dtype, 0, words, places)
+
+
+def carried_over(parts: dict[str, Part], variables: list[Variable]) -> dict[str, Terminal]:
+    """Terminals of the members whose variables can all be connected outside, as `member.terminal`."""
+    outside = {v.name: v for v in variables if v.role in CONNECTABLE}
+    result = {}
+    for member, part in parts.items():
+        for name, terminal in part.component.terminals.items():
+            members = {key: f"{member}.{v.name}" for key, v in terminal.members.items()}
+            if all(place in outside for place in members.values()):
+                kept = {key: outside[place] for key, place in members.items()}
+                result[f"{member}.{name}"] = replace(terminal, members=kept)
+    return result
 
 
 def starts(parts: dict[str, Part], variables: list[Variable]) -> dict[str, Any]:

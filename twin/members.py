@@ -26,25 +26,25 @@ class Form(StrEnum):
     interpreted = "interpreted"
 
 
-def variables(component: str, sizes: Mapping[str, Any] | None = None) -> Mapping[str, MemberVariable]:
+def variables(component: str | type[Component], sizes: Mapping[str, Any] | None = None) -> Mapping[str, MemberVariable]:
     """The variables that a member made of `component` will have, without running anything.
 
     `sizes`: values of structural parameters, on which the shapes of others depend.
     """
-    if component.endswith(".fmu"):
+    if isinstance(component, str) and component.endswith(".fmu"):
         from twin.fmi.importer import FMUMember
 
         member = FMUMember("member", component, dict(sizes or {}))
         member.close()
         return member.variables
-    return declared_variables(catalog.component(component))
+    return declared_variables(catalog.component(component) if isinstance(component, str) else component)
 
 
-def make(name: str, component: str, values: Mapping[str, Any], form: Form, build: Path) -> Member:
+def make(name: str, component: str | type[Component], values: Mapping[str, Any], form: Form, build: Path) -> Member:
     """A member with its start values set; a Python-side component runs as Python whatever `form` says."""
-    if component.endswith(".fmu"):
+    if isinstance(component, str) and component.endswith(".fmu"):
         return imported(name, Path(component), values)
-    cls = catalog.component(component)
+    cls = catalog.component(component) if isinstance(component, str) else component
     if form is Form.fmu and not issubclass(cls, PythonComponent):
         from twin.fmi import exporter
 
@@ -58,7 +58,7 @@ def make(name: str, component: str, values: Mapping[str, Any], form: Form, build
     part = instance(name, cls, values)
     code = compiled.load_component(cls, build) if native else None
     kind = "python" if issubclass(cls, PythonComponent) else str(form if native else Form.interpreted)
-    return RecordMember(name, part, code, identity={"kind": kind, "component": component})
+    return RecordMember(name, part, code, identity={"kind": kind, "component": str(component)})
 
 
 def instance(name: str, cls: type[Component], values: Mapping[str, Any]) -> Component:

@@ -60,6 +60,7 @@ class Expectation:
     descending: bool = True
     window: Window = WHOLE
     unit: str = ""
+    mean: bool = False  # of a metric: the mean over all variants and seeds is judged, not each run
     where: str = field(default="", compare=False)
 
 
@@ -214,6 +215,9 @@ def outcome(one: Expectation, figures: Iterable[Figure], tables: Mapping[tuple[s
             low, high = int(np.argmin(samples[1])), int(np.argmax(samples[1]))
             worse = low if one.at_least is not None and not samples[1][low] >= one.at_least else high
             found.append((case, samples[1][low], samples[1][high], f" at {samples[0][worse]:.6g} s"))
+    if one.mean and found:
+        mean = float(np.mean([row[1] for row in found]))
+        found = [(f"the mean of {len(found)} runs", mean, mean, "")]
     return limits(one, found)
 
 
@@ -237,7 +241,9 @@ def limits(one: Expectation, found: list[tuple[str, float, float, str]]) -> Outc
         case, value, when = broken[0]
         cases = f" Broken in {len(broken)} of {len(found)} runs" + f": {grouped(broken)}." if len(found) > 1 else ""
         return Outcome(name, "fail", f"{what} is {value}{when} in {case}; expected {expected}.{cases}")
-    span = f"{shown(min(row[1] for row in found), one.unit)} to {shown(max(row[2] for row in found), one.unit)}"
+    span = " to ".join(dict.fromkeys(
+        (shown(min(row[1] for row in found), one.unit), shown(max(row[2] for row in found), one.unit))
+    ))  # fmt: skip
     return Outcome(name, "pass", f"{what} was {span}; expected {expected}.")
 
 

@@ -63,7 +63,7 @@ def simulation(case: Case, catalog: Catalog, form: Form, build: Path) -> CoSimul
     parts: dict[str, Member] = {}
     try:
         for name, spec in case.members.items():
-            parts[name] = members.make(name, spec.component, case.values(name, catalog[name]), form, build)
+            parts[name] = members.make(name, spec.made or spec.component, case.values(name, catalog[name]), form, build)
         found = {name: part.variables for name, part in parts.items()}
         system = System(found, [Connection(one.source, one.target, one.where) for one in case.connections])
         recorded = [find(path, found).key for path in case.record.select(found)]
@@ -212,7 +212,13 @@ def sources(cases: Iterable[Case]) -> dict[str, str]:
     for case in cases:
         for name, spec in case.members.items():
             if not spec.component.endswith(".fmu"):
-                found.update({f"{name}.{v.name}": v.source for v in component(spec.component).variables if v.source})
+                found.update(
+                    {
+                        f"{name}.{v.name}": v.source
+                        for v in (spec.made or component(spec.component)).variables
+                        if v.source
+                    }
+                )
     return found
 
 

@@ -150,6 +150,24 @@ def state(start: Start, unit: str, description: str, **options: Any) -> Any:
     return _declare(Role.state, unit, description, start, options)
 
 
+@dataclass(frozen=True, slots=True)
+class Terminal:
+    """Variables that are connected together, such as both quantities at the end of a rod.
+
+    `members`: by the name that the same quantity has in a terminal at the other side. `rule`: FMI's matching rule,
+    "plug" if all members must be there at the other side, "bus" if some may be missing.
+    """
+
+    description: str
+    members: dict[str, Variable]
+    rule: str = "plug"
+
+
+def terminal(description: str, /, *, rule: str = "plug", **members: Any) -> Any:
+    """Declare a terminal, such as `terminal("end of the rod", position=position, force=load_force)`."""
+    return Terminal(description, members, rule)
+
+
 def derivative(of: Variable) -> Variable:
     """The declaration of a state's derivative."""
     unit = "1/s" if of.unit in ("", "1") else f"{of.unit}/s"

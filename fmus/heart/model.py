@@ -3,7 +3,7 @@
 from math import cos, pi, sin
 
 from twin.component import Component
-from twin.variable import output, parameter
+from twin.variable import output, parameter, terminal
 
 HARMONICS = 7
 
@@ -16,6 +16,8 @@ class Heart(Component):
 
     position = output("m", "wall position, positive away from the instrument", display_unit="mm")
     velocity = output("m/s", "wall speed", display_unit="mm/s")
+
+    wall = terminal("the wall that it moves", position=position)
 
     rate = parameter(1.0, "Hz", "heart rate", minimum=0.0, source="paper, section IV.B: omega = 2 pi rad/s")
     scale = parameter(1.0, "", "factor on all amplitudes", source="1: the paper's motion")

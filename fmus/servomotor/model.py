@@ -4,7 +4,7 @@ from math import copysign, exp, floor
 
 from twin.component import Component
 from twin.solver import ERROR, OK
-from twin.variable import Int32, input, local, output, parameter
+from twin.variable import Boolean, Int32, input, local, output, parameter, terminal
 
 # modes of operation, CiA 402 object 6060h
 CYCLIC_SYNCHRONOUS_POSITION = 8
@@ -29,10 +29,24 @@ class Servomotor(Component):
     velocity = output("m/s", "true speed of rod and gripper", display_unit="mm/s")
     current = output("A", "motor current, positive pushes distally")
     force = output("N", "motor force on the rod, positive distal")
+    overload = output("", "I2t: mean square of the current over that of the continuous current; 1 is the limit")
+    limited = output("", "the current is limited to the continuous current", type=Boolean)
+
+    rod = terminal("mechanical side: the end of the rod", position=position, force=load_force)
+    drive = terminal(
+        "electrical side: what a master on the field bus sees, by CiA 402", rule="bus",
+        mode_of_operation=mode_of_operation, target_position=target_position, target_velocity=target_velocity,
+        position_actual_value=position_actual_value, velocity_actual_value=velocity_actual_value, current=current,
+    )  # fmt: skip
 
     mass = parameter(0.65, "kg", "moved mass", minimum=1e-3, source="estimate: rod 0.15 kg, gripper carriage 0.5 kg")
     force_constant = parameter(11.64, "N/A", "force per current", minimum=0.0, source="LM 2070 datasheet, recalled")
     current_maximum = parameter(2.37, "A", "peak current", minimum=0.0, source="LM 2070 datasheet, recalled")
+    current_continuous = parameter(0.79, "A", "continuous current", minimum=1e-3, source="LM 2070 datasheet, recalled")
+    thermal_time = parameter(15.0, "s", "time constant of I2t, that of the winding", minimum=1e-3,
+                             source="estimate: 10 to 20 s; peak current lasts 1.8 s")  # fmt: skip
+    overload_release = parameter(0.9, "", "overload below which the peak current is allowed again", minimum=0.0,
+                                 maximum=1.0, source="estimate: a setting of the drive")  # fmt: skip
     current_lag = parameter(
         0.5e-3, "s", "time constant of the closed current loop", display_unit="ms", minimum=1e-6,
         source="estimate: electrical time constant is 0.1 ms",
@@ -66,6 +80,8 @@ class Servomotor(Component):
     winding_current = local(0.0, "A", "current in the winding")
     measured_position = local(0.0, "m", "position of the last sample", display_unit="mm")
     measured_velocity = local(0.0, "m/s", "filtered speed of the last sample", display_unit="mm/s")
+    heating = local(0.0, "", "I2t: mean square of the current over that of the continuous current")
+    cut = local(False, "", "the limit is the continuous current")
     current_integral = local(0.0, "A", "integral part of the current demand")
 
     def initialize(self) -> None:
@@ -76,6 +92,8 @@ class Servomotor(Component):
         self.measured_position = counted(self.target_position, self.position_resolution)
         self.measured_velocity = 0.0
         self.current_integral = 0.0
+        self.heating = 0.0
+        self.cut = False
         publish(self)
 
     def step(self, t: float, h: float) -> int:
@@ -98,6 +116,8 @@ def publish(self: Servomotor) -> None:
     self.velocity_actual_value = self.measured_velocity
     self.current = self.winding_current
     self.force = self.force_constant * self.winding_current
+    self.overload = min(self.heating, 1.0)
+    self.limited = self.cut
 
 
 def counted(position: float, resolution: float) -> float:
@@ -122,10 +142,22 @@ def sample(self: Servomotor) -> float:
     demand = self.velocity_gain * error + self.current_integral
 
     # the integral waits while the current is at its limit
-    if abs(demand) > self.current_maximum:
-        return copysign(self.current_maximum, demand)
+    limit = current_limit(self)
+    if abs(demand) > limit:
+        return copysign(limit, demand)
     self.current_integral += self.velocity_integral * period * error
     return demand
+
+
+def current_limit(self: Servomotor) -> float:
+    """I2t: peak current until the winding is as warm as continuous current makes it, then that, until it has cooled."""
+    load = (self.winding_current / self.current_continuous) ** 2
+    self.heating += self.drive_period / self.thermal_time * (load - self.heating)
+    if self.heating >= 1.0:
+        self.cut = True
+    elif self.heating < self.overload_release:
+        self.cut = False
+    return min(self.current_continuous, self.current_maximum) if self.cut else self.current_maximum
 
 
 def move(self: Servomotor, demand: float) -> None:

@@ -2,9 +2,10 @@
 
 from math import pi
 
+from fmus.dead_zone import beyond
 from twin import solver
 from twin.component import Component
-from twin.variable import input, local, output, parameter, state
+from twin.variable import input, local, output, parameter, state, terminal
 
 NODES = 3
 
@@ -24,6 +25,9 @@ class Sheath(Component):
     reaction_force = output("N", "force of the instrument on the gripper, positive distal")
     tip_position = output("m", "end of the sheathed part, positive distal", display_unit="mm")
     tip_velocity = output("m/s", "speed of the end of the sheathed part", display_unit="mm/s")
+
+    gripper = terminal("gripped end", position=gripper_position, force=reaction_force)
+    tip = terminal("end of the sheathed part", position=tip_position, force=contact_force)
 
     stiffness = parameter(
         (2.2e3, 12.0e3, 12.0e3), "N/m", "axial stiffness up to each node", display_unit="N/mm", minimum=1.0,
@@ -70,12 +74,3 @@ class Sheath(Component):
         self.reaction_force = -self.thrust[0]
         self.tip_position = self.position[NODES - 1]
         self.tip_velocity = self.der_position[NODES - 1]
-
-
-def beyond(value: float, limit: float) -> float:
-    """What is left of a value outside of +-limit: play, or force beyond friction."""
-    if value > limit:
-        return value - limit
-    if value < -limit:
-        return value + limit
-    return 0.0

@@ -4,7 +4,7 @@ from math import sqrt
 
 from twin import solver
 from twin.component import Component
-from twin.variable import input, output, parameter, state
+from twin.variable import input, local, output, parameter, state, terminal
 
 
 class Wall(Component):
@@ -15,11 +15,15 @@ class Wall(Component):
     """
 
     method = solver.rk4(1e-4)
+    switches = ("load", "indentation")
 
     tip_position = input("m", "root of the distal section, positive distal", display_unit="mm", nominal=5e-3)
     heart_position = input("m", "wall position, positive away from the instrument", display_unit="mm", nominal=5e-3)
 
     force = output("N", "contact force, never negative")
+
+    instrument = terminal("root of the distal section", position=tip_position, force=force)
+    heart = terminal("the heart that moves the wall", position=heart_position)
 
     bending_stiffness = parameter(4.3e-4, "N*m^2", "EI of the distal section", minimum=0.0,
                                   source="Khoshnam, thesis: ablation catheter")  # fmt: skip
@@ -41,6 +45,7 @@ class Wall(Component):
     )  # fmt: skip
 
     indentation = state(0.0, "m", "indentation of the wall", display_unit="mm", nominal=1e-3)
+    load = local(0.0, "N", "what the bent section would press with; below zero it has lost the wall")
 
     def initialize(self) -> None:
         self.indentation = 0.0
@@ -48,15 +53,15 @@ class Wall(Component):
     def derivatives(self, t: float) -> None:
         bending = 3.0 * self.bending_stiffness / (self.free_length * self.free_length * self.free_length)
         approach = self.tip_position - self.heart_position - self.surface_position
-        load = bending * (approach - self.indentation)
+        self.load = bending * (approach - self.indentation)
 
         # Hertz, sphere on half-space [N]
         depth = max(self.indentation, 0.0)
         elastic = 4.0 / 3.0 * self.wall_modulus * sqrt(self.tip_radius * depth) * depth
-        self.force = max(load, 0.0)
+        self.force = max(self.load, 0.0)
 
         # separated: the wall has recovered, and the free end carries no force
-        if load < 0.0 and self.indentation <= 0.0:
+        if self.load < 0.0 and self.indentation <= 0.0:
             self.der_indentation = 0.0
         else:
-            self.der_indentation = (load - elastic) / (self.dissipation * elastic + self.gel_drag)
+            self.der_indentation = (self.load - elastic) / (self.dissipation * elastic + self.gel_drag)

@@ -16,20 +16,45 @@ ROOT = Path(__file__).parent.parent.parent
 SCENARIOS = sorted((ROOT / "scenarios").glob("*.yaml"))
 
 
+LONG = 1400  # simulated time that the fast tests give a scenario [s]: fewer seeds, or none; the slow ones run all
+
+
+def total(scenario):
+    """Simulated time of all variants with one seed [s]."""
+    return sum(case.stop_ns - case.start_ns for case in scenario.variants) / 1e9
+
+
 @pytest.fixture(scope="module")
 def outcomes(build, tmp_path_factory):
     """The outcome of a scenario, run once."""
 
     @cache
     def outcome(path):
-        return run_scenario(Scenario.load(path), root=tmp_path_factory.mktemp("runs"), build=build, report=False)
+        scenario = Scenario.load(path)
+        seeds = scenario.seeds[: max(1, int(LONG / total(scenario)))]
+        root = tmp_path_factory.mktemp("runs")
+        return run_scenario(scenario, root=root, build=build, report=False, seeds=seeds)
 
     return outcome
 
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
 def test_scenario(path, outcomes):
-    outcome = outcomes(path)
+    if total(Scenario.load(path)) > LONG:
+        pytest.skip("a slow test runs it")
+    assert_all_holds(outcomes(path))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
+def test_scenario_with_all_its_seeds(path, build, tmp_path):
+    scenario = Scenario.load(path)
+    if len(scenario.seeds) * total(scenario) <= LONG:
+        pytest.skip("the fast test runs all its seeds")
+    assert_all_holds(run_scenario(scenario, root=tmp_path, build=build, report=False))
+
+
+def assert_all_holds(outcome):
     assert outcome.run.status == "completed", outcome.run.reason
     failed = [one.name for one in outcome.evaluation.outcomes if one.verdict == "fail"]
     failed += [f"{one.metric.name} of {one.variant}" for one in outcome.evaluation.figures if one.verdict == "fail"]
@@ -37,6 +62,7 @@ def test_scenario(path, outcomes):
     assert outcome.passed
 
 
+@pytest.mark.xdist_group("hysteresis_identification")
 def test_the_compensators_constants_are_those_that_the_scenario_identifies(outcomes):
     """The valley is flat, so the constants may differ; what they say about the tip may not."""
     outcome = outcomes(ROOT / "scenarios/hysteresis_identification.yaml")
@@ -87,3 +113,17 @@ def test_forms_agree_to_the_bit(build, tmp_path):
     for name in sorted(names):
         for form in (Form.compiled, Form.interpreted):
             assert np.asarray(recorded[form][name]).tobytes() == np.asarray(recorded[Form.fmu][name]).tobytes(), name
+
+
+@pytest.mark.xdist_group("rotation")
+def test_the_rotation_compensators_play_is_that_which_the_scenario_identifies(outcomes):
+    """For the catheter, at every speed."""
+    outcome = outcomes(ROOT / "scenarios/rotation.yaml")
+    default = catalog.component("rotation_compensator").play.start
+    plays = [
+        table.values["identified.play"][-1]
+        for (variant, _), table in outcome.tables.items()
+        if variant.startswith("catheter")
+    ]
+    assert len(plays) == 3
+    np.testing.assert_allclose(plays, default, rtol=0.01)

@@ -1,5 +1,7 @@
 """An FMU loaded with FMPy, spoken to in the component's own names."""
 
+import ctypes
+
 import numpy as np
 from elftools.elf.elffile import ELFFile
 from fmpy import fmi2, fmi3, read_model_description
@@ -15,7 +17,7 @@ TYPES_2 = {"Float64": "Real", "Int32": "Integer", "Int64": "Integer", "Boolean":
 class Fmu:
     """A loaded FMU whose variables are read and written by the component's names, arrays whole."""
 
-    def __init__(self, fmus, part, version, token=None, logging=False, kind="CS"):
+    def __init__(self, fmus, part, version, token=None, logging=False, kind="CS", **options):
         path, self.folder = fmus[part, version]
         self.version, self.part, self.kind, self.log = version, part, kind, []
         description = read_model_description(str(path))
@@ -26,17 +28,18 @@ class Fmu:
             unzipDirectory=str(self.folder),
             instanceName="it",
         )
-        getattr(self, f"_instantiate_{version[0]}")(logging)
+        getattr(self, f"_instantiate_{version[0]}")(logging, **options)
         self.references = {own_name(v.name): v.valueReference for v in description.modelVariables}
 
     def _instantiate_2(self, logging):
         callbacks = fmi2.fmi2CallbackFunctions()
         self.logger = fmi2.fmi2CallbackLoggerTYPE(lambda _, name, *line: self.log.append(line))
         callbacks.logger = self.logger
+        self.callbacks = callbacks
         self.slave.instantiate(callbacks=callbacks, loggingOn=logging)
 
-    def _instantiate_3(self, logging):
-        self.slave.instantiate(logMessage=lambda _, *line: self.log.append(line), loggingOn=logging)
+    def _instantiate_3(self, logging, **options):
+        self.slave.instantiate(logMessage=lambda _, *line: self.log.append(line), loggingOn=logging, **options)
 
     def access(self, name, verb):
         variable = next(v for v in self.part.variables if v.name == name)
@@ -70,6 +73,13 @@ class Fmu:
 
     def outputs(self):
         return b"".join(self.get(v.name).tobytes() for v in self.part.variables if v.role == "output")
+
+
+def function(fmu, name):
+    """A function of the library by its name without `fmi3`, to be called with any arguments; returns a status."""
+    found = fmu.slave.dll[f"fmi{fmu.version[0]}{name}"]  # a new function object: FMPy's argument types stay FMPy's
+    found.restype = ctypes.c_int
+    return found
 
 
 def own_name(name):

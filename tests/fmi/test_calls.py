@@ -1,8 +1,8 @@
 """Which function may be called in which state: every pair is tried and compared with the standard, written down anew.
 
 States by letter: i Instantiated, m Initialization Mode, s Step Mode, d step discarded, t Terminated, e after an error,
-f after a fatal error; of Model Exchange v Event Mode, c Continuous-Time Mode. A refused call returns Error and changes
-nothing.
+f after a fatal error; of Model Exchange c Continuous-Time Mode; of it and of Co-Simulation with events v Event Mode. A
+refused call returns Error and changes nothing. Intermediate Update Mode is tried in test_steps.py.
 """
 
 import ctypes
@@ -10,12 +10,18 @@ import subprocess
 
 import pytest
 
-from tests.fmi.loaded import VERSIONS, Fmu
-from tests.fmi.parts import Failing, Masses
+from tests.fmi.loaded import VERSIONS, Fmu, function
+from tests.fmi.parts import Failing, Masses, Sampler
 
 # part, kind of instance, states it is brought into
-INSTANCES = [(Failing, "CS", "imsdtef"), (Masses, "CS", "imset"), (Masses, "ME", "imvct")]
-CASES = [(part, kind, state) for part, kind, states in INSTANCES for state in states]
+INSTANCES = [(Failing, "CS", "imsdtef"), (Masses, "CS", "imset"), (Masses, "ME", "imvct"), (Sampler, "EV", "imvst")]
+CASES = [
+    (version, part, kind, state)
+    for version in VERSIONS
+    for part, kind, states in INSTANCES
+    for state in states
+    if (version, kind) != ("2.0", "EV")
+]
 GETTERS, SETTERS, KEEPERS = "msdtevc", "imsv", "imsdtevc"
 TYPES = {
     "2.0": ("Real", "Integer", "Boolean", "String"),
@@ -92,13 +98,17 @@ EXCHANGE = {
     },
 }  # fmt: skip
 
+# of an instance for Co-Simulation whose importer handles events, beside those above
+EVENTFUL = {"EnterEventMode": "s", "EnterStepMode": "v", "UpdateDiscreteStates": "v"}
+
 
 def is_legal(version, part, kind, name, state):
     """What the standard says."""
     if name == "GetDirectionalDerivative":
         return part is Masses and state in GETTERS
-    if kind == "CS":
-        return state in EXPECTED[version].get(name, "")
+    if kind != "ME":
+        more = EVENTFUL if kind == "EV" else {}
+        return state in {**EXPECTED[version], **more}.get(name, "")
     return name not in STEPPING and state in {**EXPECTED[version], **EXCHANGE[version]}.get(name, "")
 
 
@@ -113,7 +123,9 @@ STEP_TO = {"d": 2, "e": 3, "f": 4}
 
 def in_state(fmus, version, state, part=Failing, kind="CS"):
     """A new instance brought into a state; after a failed step it is still asked what it can be asked."""
-    fmu = Fmu(fmus, part, version, kind=kind)
+    fmu = (
+        Fmu(fmus, part, version, kind="CS", eventModeUsed=True) if kind == "EV" else Fmu(fmus, part, version, kind=kind)
+    )
     if state == "i":
         return fmu
     if state == "m":
@@ -122,6 +134,8 @@ def in_state(fmus, version, state, part=Failing, kind="CS"):
     fmu.begin()
     if state == "c":
         fmu.slave.enterContinuousTimeMode()
+    if kind == "EV" and state == "s":
+        fmu.slave.enterStepMode()
     if state in STEP_TO:
         if part is Failing:
             fmu.set("status", STEP_TO[state])
@@ -131,12 +145,6 @@ def in_state(fmus, version, state, part=Failing, kind="CS"):
     if state == "t":
         fmu.slave.terminate()
     return fmu
-
-
-def function(fmu, name):
-    found = fmu.slave.dll[f"fmi{fmu.version[0]}{name}"]  # a new function object: FMPy's argument types stay FMPy's
-    found.restype = ctypes.c_int
-    return found
 
 
 def step(fmu):
@@ -208,8 +216,7 @@ def exported(fmus, version, part=Failing):
     return {line.split()[-1].removeprefix(f"fmi{version[0]}") for line in lines.splitlines()}
 
 
-@pytest.mark.parametrize(("part", "kind", "state"), CASES)
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize(("version", "part", "kind", "state"), CASES)
 def test_every_function_in_every_state(fmus, version, part, kind, state):
     names = exported(fmus, version, part)
     assert EXPECTED[version].keys() | EXCHANGE[version].keys() <= names
@@ -265,7 +272,11 @@ def test_status_of_a_discarded_step(fmus):
 
 def test_modes_that_are_not_offered_give_no_instance(fmus):
     fmu = Fmu(fmus, Failing, "3.0")
-    for options in ({"eventModeUsed": True}, {"requiredIntermediateVariables": [1]}):
+    for options in (
+        {"eventModeUsed": True},
+        {"requiredIntermediateVariables": [1]},
+        {"requiredIntermediateVariables": [0]},
+    ):
         with pytest.raises(Exception, match="instantiate"):
             fmu.slave.instantiate(**options)
     for name, count in (("InstantiateModelExchange", 7), ("InstantiateScheduledExecution", 10)):

@@ -174,6 +174,27 @@ def test_events_are_found_where_a_switching_function_is_zero(version, build, tmp
     assert found["y"][-1] == pytest.approx(0.5, abs=1e-6)
 
 
+@pytest.mark.parametrize("version", VERSIONS)
+def test_the_wall_is_touched_and_lost_at_events(version, build):
+    wall = catalog.component("wall")
+    t = np.linspace(0.0, 2.0, 2001)
+    columns = [("time", float), ("tip_position", float), ("heart_position", float)]
+    signal = np.zeros(len(t), columns)
+    signal["time"] = t
+    signal["tip_position"] = wall.surface_position.start - 1e-3 + 5e-3 * np.sin(2.0 * np.pi * t)
+    found = simulate_fmu(
+        str(exporter.build(wall, version, build)), fmi_type="ModelExchange", stop_time=2.0, output_interval=1e-3,
+        input=signal, output=["force", "load", "indentation"],
+    )  # fmt: skip
+    events = found[1:][np.diff(found["time"]) == 0.0]
+    touched = np.arcsin(0.2) / (2.0 * np.pi)
+    for begin in (0.0, 1.0):
+        assert np.abs(events["time"] - begin - touched).min() < 1e-6
+    for event in events:
+        assert min(abs(event["load"]), abs(event["indentation"])) < 1e-12
+    assert 6 <= len(events) <= 8
+
+
 def test_switches_that_are_no_quantities_are_refused():
     with pytest.raises(DeclarationError, match="'z'"):
 

@@ -1,6 +1,7 @@
 """Calibration from readings: exact on exact readings, a catheter's own model from its own readings, clear errors."""
 
 import csv
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,8 +13,10 @@ from fmus.coordinate_feedforward import calibrate
 from fmus.coordinate_feedforward.model import CoordinateFeedforward
 from fmus.pull_wire_catheter.model import PullWireCatheter
 from twin.cli.calibrate import command
+from twin.cli.check import examine
 from twin.errors import TwinError
 
+ROOT = Path(__file__).parent.parent.parent
 MM = 1e-3
 QUIET = {"deviation_y": 0.0, "deviation_z": 0.0, "deviation_needle": 0.0, "wire_play": 0.0}
 
@@ -181,3 +184,14 @@ def test_a_file_is_not_replaced_unasked(folder, tmp_path):
     assert target.read_text() == "mine"
     assert run(*arguments, "--force").exit_code == 0
     assert "lead" in target.read_text()
+
+
+def test_the_file_is_what_a_scenario_takes(folder, tmp_path):
+    parameters = calibrated(folder, "other", tmp_path)
+    patch = {
+        "extends": str(ROOT / "scenarios/coordinate_feedforward.yaml"),
+        "members": {"feedforward": {"parameters": parameters}},
+    }
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(patch))
+    problems, _ = examine(str(tmp_path / "mine.yaml"))
+    assert problems == []

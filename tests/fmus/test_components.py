@@ -8,12 +8,13 @@ import pytest
 import fmus
 from twin import reference, source, unit
 from twin.catalog import component
-from twin.variable import Role
+from twin.variable import Float64, Role
 
 FOLDER = Path(fmus.__path__[0])
 NAMES = (
     "bouc_wen_compensator", "chirp", "em_tracker", "force_sensor", "heart", "heart_estimate", "pi_bouc_wen_control",
-    "pi_control", "pi_feedforward_control", "servomotor", "sheath", "wall",
+    "pi_control", "pi_feedforward_control", "regripping_sequencer", "servomotor", "sheath",
+    "travel_command", "wall",
 )  # fmt: skip
 
 
@@ -34,8 +35,10 @@ def test_expected_is_reproduced_to_the_bit(name, native):
 def test_expected_exercises_every_output(name):
     cls = component(name)
     expected = reference.read(FOLDER / name / "expected.csv", cls)
+    types = {element: variable.type for variable in cls.variables for element in variable.elements()}
     for column, output in enumerate(expected.outputs, 1 + len(expected.inputs)):
-        assert len({row[column] for row in expected.rows}) > 3, output
+        if types[output] is Float64:  # the others have few values, which the component's own tests reach
+            assert len({row[column] for row in expected.rows}) > 3, output
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -72,3 +72,16 @@ def test_stale_file_says_what_to_do(tmp_path):
 def test_a_failing_step_is_reported():
     with pytest.raises(SimulationError, match="status 3 after 11 ms"):
         reference.record_reference(Failing)
+
+
+def test_a_file_keeps_its_stimulus_when_it_is_written_anew(tmp_path):
+    path = tmp_path / "expected.csv"
+    rows = [(0.0, 1.0, 2.0, False, 9), (5e-3, 1.0, 2.5, True, 9)]
+    reference.write(path, reference.record_reference(Mixed, rows))
+    text = path.read_text()
+    path.write_text(text.rsplit(",", 1)[0] + ",0\n")
+    reference.regenerate(Mixed, path)
+    assert path.read_text() == text
+    path.write_text("time,x\n0.0,1.0\n")
+    reference.regenerate(Mixed, path)
+    assert len(reference.read(path, Mixed).rows) == reference.STEPS + 1

@@ -92,3 +92,32 @@ def test_current_is_limited_and_the_integral_waits(native):
     run(motor, 0.3)
     assert motor.velocity == pytest.approx(0.05, abs=3e-3)
     assert np.isfinite(motor.force)
+
+
+def test_peak_force_lasts_as_long_as_the_winding_takes_to_warm(native):
+    motor = native(Servomotor, target_velocity=0.05, load_force=-40.0)
+    motor.start(0.0)
+    seconds = 0.0
+    while not motor.limited:
+        run(motor, 0.01)
+        seconds += 0.01
+    assert seconds == pytest.approx(15.0 * np.log(9.0 / 8.0), abs=0.05)  # (2.37 / 0.79)^2 = 9
+    run(motor, 0.1)
+    assert motor.current == pytest.approx(0.79)
+    assert motor.force == pytest.approx(9.2, abs=0.01)
+    run(motor, 60.0)
+    assert motor.limited
+    assert motor.overload == pytest.approx(1.0, abs=1e-3)
+
+    motor.target_velocity = motor.load_force = 0.0
+    run(motor, 15.0 * np.log(1.0 / 0.9) + 2.0)
+    assert not motor.limited
+
+
+def test_continuous_force_is_held_without_end(native):
+    motor = native(Servomotor, load_force=-(9.0 + 1.5))
+    motor.start(0.0)
+    run(motor, 120.0)
+    assert not motor.limited
+    assert abs(motor.position) < 2e-3
+    assert 0.9 < motor.overload < 1.0

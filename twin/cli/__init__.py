@@ -1,4 +1,7 @@
-"""The command line: one file per command, imported only when it is called, so that `twin --help` is quick."""
+"""The command line: one file per command, imported only when it is called, so that `twin --help` is quick.
+
+Packages above the engine add theirs as entry points of the group `twin.commands`, so that `twin` need not know them.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,8 @@ import importlib
 import os
 import signal
 import sys
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 
 import click
 
@@ -24,15 +29,24 @@ COMMANDS = {
 }  # fmt: skip
 
 
+@cache
+def added() -> dict[str, EntryPoint]:
+    """Commands of installed packages, by name."""
+    return {point.name: point for point in sorted(entry_points(group="twin.commands"), key=lambda point: point.name)}
+
+
 class Commands(click.Group):
-    """A group whose commands are modules of this package."""
+    """A group whose commands are modules of this package, or added by others."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """The commands in the order in which one meets them."""
-        return list(COMMANDS)
+        return [*COMMANDS, *added()]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import the command's module."""
+        if cmd_name in added():
+            other: click.Command = added()[cmd_name].load()
+            return other
         if cmd_name not in COMMANDS:
             return None
         command: click.Command = importlib.import_module(f"twin.cli.{cmd_name}").command
@@ -42,16 +56,17 @@ class Commands(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the command, or name the nearest one."""
-        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+        if args and args[0] not in self.list_commands(ctx) and not args[0].startswith("-"):
             from twin.system import nearest
 
-            ctx.fail(f"no command {args[0]!r}. {nearest(args[0], list(COMMANDS))}")
+            ctx.fail(f"no command {args[0]!r}. {nearest(args[0], self.list_commands(ctx))}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands without importing them."""
+        """List the commands, importing only those of others."""
+        others = [(name, point.load().get_short_help_str(limit=90)) for name, point in added().items()]
         with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+            formatter.write_dl([*COMMANDS.items(), *others])
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
@@ -67,10 +82,15 @@ def group() -> None:
 
 
 def main() -> None:
-    """Run the command line; an expected failure is one line on stderr and exit code 1. SIGTERM ends it like Ctrl-C."""
+    """Run the command line."""
+    invoke(group, "twin")
+
+
+def invoke(command: click.Command, name: str) -> None:
+    """Run a command; an expected failure is one line on stderr and exit code 1. SIGTERM ends it like Ctrl-C."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        group(prog_name="twin", standalone_mode=False)
+        command(prog_name=name, standalone_mode=False)
     except TwinError as error:
         for line in str(error).splitlines():
             click.echo(f"error: {line}", err=True)

@@ -88,6 +88,12 @@ def offers_derivatives(cls: type[Component]) -> bool:
     return offers_exchange(cls) and isinstance(tangents(cls), Tangents)
 
 
+def is_intermediate(cls: type[Component], exposed: Exposed) -> bool:
+    """Whether a variable can be set or read between communication points: a continuous input or output can."""
+    is_signal = exposed.variable.role in (Role.input, Role.output) and exposed.variability == "continuous"
+    return offers_exchange(cls) and is_signal
+
+
 def _properties(cls: type[Component], variable: Variable, written: dict[str, frozenset[str]]) -> tuple[str, str]:
     """`initial` and `variability`; a start value is exact unless initialization may write the variable."""
     if variable.role is Role.parameter:
@@ -247,7 +253,8 @@ def _document(cls: type[Component], **attributes: Any) -> Any:
     return root
 
 
-def _bytes(root: Any) -> bytes:
+def serialized(root: Any) -> bytes:
+    """An XML file."""
     return bytes(etree.tostring(root, pretty_print=True, xml_declaration=True, encoding="UTF-8"))
 
 
@@ -290,7 +297,7 @@ def describe_2(cls: type[Component], name: str, token: str, exposed: list[Expose
         parent = add(group, tag) if rows else group
         for row in rows:
             _add_unknown(parent, "Unknown", "index", row, lambda place: place + 1)
-    return _bytes(root)
+    return serialized(root)
 
 
 def describe_3(cls: type[Component], name: str, token: str, exposed: list[Exposed]) -> bytes:
@@ -306,6 +313,9 @@ def describe_3(cls: type[Component], name: str, token: str, exposed: list[Expose
         canGetAndSetFMUState=True, canSerializeFMUState=True,
         providesDirectionalDerivatives=offers_derivatives(cls) or None,
         fixedInternalStepSize=clock.seconds(cls.period_ns) if cls.period_ns else None,
+        providesIntermediateUpdate=offers_exchange(cls) or None,
+        canReturnEarlyAfterIntermediateUpdate=offers_exchange(cls) or None,
+        hasEventMode=bool(cls.period_ns) or None, mightReturnEarlyFromDoStep=bool(cls.period_ns) or None,
     )  # fmt: skip
     _units(root, cls.variables)
     _log_categories(root)
@@ -320,6 +330,7 @@ def describe_3(cls: type[Component], name: str, token: str, exposed: list[Expose
             causality=e.causality, variability=e.variability, initial=None if e.causality == "input" else e.initial,
             **_limits(e.variable), start=" ".join(map(text, e.start)) if e.has_start else None,
             derivative=None if state is None else exposed[state].reference,
+            intermediateUpdate=is_intermediate(cls, e) or None,
         )  # fmt: skip
         for length in e.shape:
             add(variable, "Dimension", start=length)
@@ -331,4 +342,4 @@ def describe_3(cls: type[Component], name: str, token: str, exposed: list[Expose
     references = {e.variable.name: e.reference for e in exposed}
     for variable in switches(cls):
         add(group, "EventIndicator", valueReference=references[variable.name])
-    return _bytes(root)
+    return serialized(root)

@@ -24,7 +24,7 @@ import twin
 from twin import compiled, source, tangent
 from twin.component import Component, PythonComponent, functions
 from twin.errors import BuildError
-from twin.fmi import description
+from twin.fmi import description, terminals
 from twin.fmi.description import Exposed
 from twin.revision import revision
 from twin.variable import Role
@@ -48,16 +48,21 @@ class Target:
 
 
 ELF = ("-lm", "-s", "-Wl,--build-id=none", "-fno-asynchronous-unwind-tables")
+MACHO = ("-s", "-Wl,-install_name,@rpath/library.dylib")  # else the name is the path of the temporary folder
 TARGETS = {
     "x86_64-linux":   Target("x86_64-linux-gnu.2.17",  ".so",    "linux64",        ELF),
     "aarch64-linux":  Target("aarch64-linux-gnu.2.17", ".so",    "aarch64-linux",  ELF),
     "x86_64-windows": Target("x86_64-windows-gnu",     ".dll",   "win64",          ("-s",)),
-    "x86_64-darwin":  Target("x86_64-macos.11.0",      ".dylib", "darwin64",       ("-s",)),
-    "aarch64-darwin": Target("aarch64-macos.11.0",     ".dylib", "aarch64-darwin", ("-s",)),
+    "x86_64-darwin":  Target("x86_64-macos.11.0",      ".dylib", "darwin64",       MACHO),
+    "aarch64-darwin": Target("aarch64-macos.11.0",     ".dylib", "aarch64-darwin", MACHO),
 }  # fmt: skip
 
-# clang must not turn a loop into a call of memcpy, and the record's bytes are read as what they hold
-COMPILE = ("-std=c23", "-O2", "-shared", "-fvisibility=hidden", "-fno-builtin", "-fno-strict-aliasing", "-g0")
+# clang must not turn a loop into a call of memcpy, the record's bytes are read as what they hold, and sums are rounded
+# as in the component's own code
+COMPILE = (
+    "-std=c23", "-O2", "-shared", "-fvisibility=hidden", "-fno-builtin", "-fno-strict-aliasing", "-ffp-contract=off",
+    "-g0",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,11 +74,19 @@ class Version:
     describe: Callable[[type[Component], str, str, list[Exposed]], bytes]
     folder: Callable[[str], str]
     has_time: bool
+    more: Callable[[type[Component]], dict[str, bytes]]
 
 
 VERSIONS = {
-    "2.0": Version("fmi2.c", description.expose_scalars, description.describe_2, lambda p: TARGETS[p].folder_2, False),
-    "3.0": Version("fmi3.c", description.expose_arrays, description.describe_3, lambda p: p, True),
+    "2.0": Version(
+        "fmi2.c",
+        description.expose_scalars,
+        description.describe_2,
+        lambda p: TARGETS[p].folder_2,
+        False,
+        terminals.none,
+    ),
+    "3.0": Version("fmi3.c", description.expose_arrays, description.describe_3, lambda p: p, True, terminals.files),
 }
 
 
@@ -102,13 +115,14 @@ def _c_table(cls: type[Component], name: str, token: str, exposed: list[Exposed]
     for variable in cls.variables:
         places[variable.name] = len(names)
         names += variable.name + "\0"
-    rows = [f"{{TIME, 1, {len(names)}, FLOAT64, 8, CALCULATED}}"] if has_time else []
+    rows = [f"{{TIME, 1, {len(names)}, FLOAT64, 8, CALCULATED, false}}"] if has_time else []
     names += "time\0"
     for e in exposed:
         variable = e.variable
         count = len(e.start)
         kind = f"{variable.type.upper()}, {variable.dtype.itemsize}, {_access(e)}"
-        rows.append(f"{{{e.offset}, {count}, {places[variable.name]}, {kind}}}")
+        seen = description.text(has_time and description.is_intermediate(cls, e))
+        rows.append(f"{{{e.offset}, {count}, {places[variable.name]}, {kind}, {seen}}}")
     image = cls().record.tobytes()
     words = [f"0x{int.from_bytes(image[i : i + 8], 'little'):x}" for i in range(0, len(image), 8)]
     states = [v for v in cls.variables if v.role is Role.state]
@@ -125,6 +139,10 @@ def _c_table(cls: type[Component], name: str, token: str, exposed: list[Exposed]
             f"#define FIELD_COUNT {len(rows)}u",
             f"#define EXCHANGE {int(description.offers_exchange(cls))}",
             f"#define DIRECTIONAL {int(description.offers_derivatives(cls))}",
+            f"#define PERIOD {cls.period_ns}ll",
+            f"#define BEGIN {cls.layout.offset('_begin') if cls.period_ns else 0}",
+            f"#define TICK {cls.layout.offset('_tick') if cls.period_ns else 0}",
+            f"#define SUBSTEP {cls.method.substep if states else 0.0!r}",
             f"#define STATE_COUNT {len(nominals)}",
             f"#define STATES {cls.layout.offset(states[0].name) if states else 0}",
             f"#define DERIVATIVES {cls.layout.offset(derivatives[0].name) if states else 0}",
@@ -135,7 +153,7 @@ def _c_table(cls: type[Component], name: str, token: str, exposed: list[Exposed]
             f"static const uint64_t START[] = {{{', '.join(words)}}};",
             f"static const char NAMES[] = {{{letters}}};",
             "static const Field FIELDS[] = {",
-            *(f"    {row}," for row in rows or ["{0, 0, 0, NO_TYPE, 0, CALCULATED}"]),
+            *(f"    {row}," for row in rows or ["{0, 0, 0, NO_TYPE, 0, CALCULATED, false}"]),
             "};",
             "",
         ]
@@ -185,7 +203,7 @@ def documentation(cls: type[Component], version: str) -> str:
     return environment.get_template("documentation.html").render(
         name=model_name(cls), version=version, summary=description.summary(cls),
         docstring=inspect.cleandoc(cls.__doc__ or "").partition("\n")[2].strip(),
-        readme=markdown.render(_readme(cls)), groups=groups, period=cls.period, text=_start_text,
+        readme=markdown.render(_readme(cls)), groups=groups, period=cls.period, text=_start_text, terminals=cls.terminals,
         exchange=description.offers_exchange(cls), underivable=underivable(cls),
     )  # fmt: skip
 
@@ -225,16 +243,16 @@ def plan(cls: type[Component], version: str) -> Plan:
         raise BuildError(f"FMI version {version!r} is not offered. Use one of {', '.join(VERSIONS)}.")
     words, name = VERSIONS[version], model_name(cls)
     exposed = words.expose(cls)
-    page = documentation(cls, version).encode()
+    more = {"documentation/index.html": documentation(cls, version).encode(), **words.more(cls)}
     nobody = f"{{{uuid.UUID(int=0)}}}"
-    digest = hashlib.sha256(words.describe(cls, name, nobody, exposed) + page)
+    digest = hashlib.sha256(words.describe(cls, name, nobody, exposed) + b"".join(more.values()))
     digest.update(_c_table(cls, name, nobody, exposed, words.has_time).encode())
     for file in sorted(SOURCES.iterdir()):
         digest.update(file.read_bytes())
     digest.update(f"{TARGETS} {COMPILE} {metadata.version('ziglang')}".encode())
     code = (*functions(cls), *(entry.function for entry in compiled.exchange_entries(cls)))
     token = f"{{{uuid.UUID(compiled.content_hash(code, digest.hexdigest()))}}}"
-    files = {"modelDescription.xml": words.describe(cls, name, token, exposed), "documentation/index.html": page}
+    files = {"modelDescription.xml": words.describe(cls, name, token, exposed), **more}
     return Plan(name, token, _c_table(cls, name, token, exposed, words.has_time), files)
 
 

@@ -53,11 +53,25 @@ def check(scenario: Scenario, keys: ScenarioKeys, tree: Node, trees: dict[str, N
                 place = tree.find(("groups", group, index)).place
                 problems.append(f"{place}: group `{group}`: there is no member `{name}`.{nearest(name, members)}")
     members |= {one.name for one in scenario.analyses}
+    problems += check_sets(tree, trees)
     for where, name in references(scenario, keys, tree):
         member = name.partition(".")[0]
         if "*" not in member and member not in members:
             problems.append(f"{where}: there is no member `{member}`.{nearest(member, members)}")
     return problems
+
+
+def check_sets(tree: Node, trees: dict[str, Node]) -> list[str]:
+    """Parameter sets for components that do not exist; those that no member has are fine."""
+    from twin import catalog
+
+    roots = [one.entries["parameter_sets"] for one in (tree, *trees.values()) if "parameter_sets" in one.entries]
+    places = {name: node.place for sets in roots for one in sets.items for name, node in one.entries.items()}
+    known = catalog.names() if places else []
+    return [
+        f"{place}: parameter_sets: there is no component `{name}`.{nearest(name, known)}"
+        for name, place in places.items() if name not in known and ":" not in name and not name.endswith(".fmu")
+    ]  # fmt: skip
 
 
 def references(scenario: Scenario, keys: ScenarioKeys, tree: Node) -> Iterable[tuple[str, str]]:

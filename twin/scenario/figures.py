@@ -125,6 +125,8 @@ class Builder:
             self.problem(path, f"{what}: {' and '.join(limits)} cannot stand together. Use two items.")
         if keys.ordered is not None and keys.signal is not None:
             self.problem((*path, "ordered"), f"{what}: only metrics can be ordered. Name a metric.")
+        if keys.mean and (keys.metric is None or keys.ordered is not None):
+            self.problem((*path, "mean"), f"{what}: the mean is that of a metric within limits. Name a metric.")
         if metric is not None and (keys.start is not None or keys.stop is not None):
             self.problem(path, f"{what}: a metric has its own from and to. Give them there.")
         unit = self.unit((*path, "unit"), keys.unit, what) or (metric.unit if metric else "") or spelled(keys)
@@ -136,7 +138,7 @@ class Builder:
         return Expectation(
             keys.name, keys.metric, keys.signal, self.known((*path, "variants"), keys.variants, what), at_least, at_most,
             self.known((*path, "ordered"), keys.ordered or (), what), keys.descending,
-            self.window(path, keys, what), unit, str(self.tree.find(path).place),
+            self.window(path, keys, what), unit, keys.mean, str(self.tree.find(path).place),
         )  # fmt: skip
 
     def plot(self, index: int, keys: PlotKeys) -> Plot:

@@ -28,7 +28,7 @@ def look_up(scenario: Scenario) -> tuple[dict[str, Catalog], list[str]]:
         for name, member in case.members.items():
             try:
                 if member.component not in known:
-                    known[member.component] = members.variables(member.component)
+                    known[member.component] = members.variables(member.made or member.component)
                 if sizes := structural(name, member, known[member.component]):
                     key = f"{member.component} {sizes}"
                     known.setdefault(key, members.variables(member.component, sizes))

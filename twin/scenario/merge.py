@@ -69,6 +69,9 @@ def normal(root: Node, folder: Path) -> Node:
             entries[key] = Node([one for item in node.items for one in connections(item)], node.place)
         elif key == "record" and isinstance(node.value, list):
             entries[key] = Node({"variables": node}, node.place)
+        elif key == "parameter_sets":
+            items = node.items if isinstance(node.value, list) else [node]
+            entries[key] = Node([parameter_set(item, folder) for item in items], node.place)
         elif key == "members" and isinstance(node.value, dict):
             entries[key] = Node({name: located(item, folder) for name, item in node.entries.items()}, node.place)
         elif key == "variants" and isinstance(node.value, dict):
@@ -76,12 +79,27 @@ def normal(root: Node, folder: Path) -> Node:
     return Node(entries, root.place) if isinstance(root.value, dict) else root
 
 
+def parameter_set(item: Node, folder: Path) -> Node:
+    """A parameter set's content, `component: {parameter: value}`, if its file is named."""
+    if not isinstance(item.value, str):
+        return item
+    path = folder / item.value
+    if not path.is_file():
+        known = [other.name for other in path.parent.glob("*.y*ml")] if path.parent.is_dir() else []
+        hint = nearest(path.name, known) or " Give a path relative to this file."
+        raise ScenarioError(f"{item.place}: parameter_sets: there is no file {item.value}.{hint}")
+    return tree.read(path, str(Path(item.place.file).parent / item.value))
+
+
 def located(member: Node, folder: Path) -> Node:
-    """A member whose component, if it is the path of an FMU, is absolute."""
+    """A member whose component, if it is the path of an FMU or of a scenario's group, is absolute."""
     component = member.entries.get("component")
-    if component is None or not isinstance(component.value, str) or not component.value.endswith(".fmu"):
+    if component is None or not isinstance(component.value, str):
         return member
-    absolute = Node(str((folder / component.value).resolve()), component.place)
+    path, mark, group = component.value.partition("#")
+    if not path.endswith((".yaml", ".yml") if mark else ".fmu"):
+        return member
+    absolute = Node(f"{(folder / path).resolve()}{mark}{group}", component.place)
     return Node(member.entries | {"component": absolute}, member.place)
 
 
@@ -191,8 +209,24 @@ def variant_trees(root: Node) -> dict[str, Node]:
     base = Node({key: node for key, node in root.entries.items() if key != "variants"}, root.place)
     variants = root.entries["variants"].entries if "variants" in root.entries else {}
     if not variants:
-        return {"base": base}
+        return {"base": parametrized(base)}
     return {
-        name: merged(base, patch if isinstance(patch.value, dict) else Node({}, patch.place))
+        name: parametrized(merged(base, patch if isinstance(patch.value, dict) else Node({}, patch.place)))
         for name, patch in variants.items()
     }
+
+
+def parametrized(root: Node) -> Node:
+    """The tree with the parameter sets put under what its members say themselves; later sets over earlier ones."""
+    sets = root.entries["parameter_sets"].items if "parameter_sets" in root.entries else []
+    own = members(root)
+    for one in reversed(sets):
+        for name, member in own.items():
+            component = member.entries.get("component")
+            below = one.entries.get(component.value) if component and isinstance(component.value, str) else None
+            if below is not None and isinstance(below.value, dict):
+                above = member.entries.get("parameters", Node({}, member.place))
+                own = own | {name: Node(member.entries | {"parameters": merged(below, above)}, member.place)}
+    if not sets:
+        return root
+    return Node(root.entries | {"members": Node(own, root.entries["members"].place)}, root.place)

@@ -162,6 +162,7 @@ class ExpectKeys(WindowKeys):
     within: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
     ordered: Annotated[list[Text], Field(min_length=2)] | None = None
     descending: bool = True
+    mean: bool = False
     unit: Text = ""
 
 
@@ -214,6 +215,7 @@ class RunKeys(Keys):
     members: dict[str, MemberKeys | None] = {}
     connections: list[ConnectionKeys] = []
     events: list[EventKeys] | None = None
+    parameter_sets: list[dict[Text, dict[str, Value]]] = []
 
 
 class ScenarioKeys(RunKeys):

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from twin.analysis import Analysis
+    from twin.component import Component
     from twin.member import MemberVariable
     from twin.metrics import Expectation, Metric, Plot
     from twin.scenario.model import ScenarioKeys
@@ -32,18 +33,30 @@ if TYPE_CHECKING:
     Catalog = Mapping[str, Variables]  # member -> its variables
 
 MILLISECOND = 1_000_000
-PHYSICS = ("members", "connections", "variants", "events", "step", "algorithm")  # what a paper's figures hang on
+PHYSICS = (
+    "members",
+    "connections",
+    "variants",
+    "events",
+    "step",
+    "algorithm",
+    "parameter_sets",
+)  # what a paper's figures hang on
 
 
 @dataclass(frozen=True)
 class MemberSpec:
-    """A member as the file names it. `component`: a name in fmus/, `module:Class`, or the absolute path of an FMU."""
+    """A member as the file names it. `component`: a name in fmus/, `module:Class`, or the absolute path of an FMU.
+
+    `made` is the component if it is a group of another scenario, absolute/path.yaml#group.
+    """
 
     component: str
     parameters: dict[str, Any] = field(default_factory=dict)  # name or element `r[1]` -> value as written
     period_ns: int | None = None
     where: str = field(default="", compare=False)
     places: dict[str, str] = field(default_factory=dict, compare=False)  # parameter -> file:line
+    made: type[Component] | None = field(default=None, compare=False)
 
 
 @dataclass(frozen=True)
@@ -113,9 +126,17 @@ class Case:
         found, problems = member_values(self.members[member], member, variables)
         if problems:
             raise ScenarioError(problems)
-        own = variables.get("seed")
-        if own is not None and own.type in ("Int32", "Int64") and own.causality == "parameter" and "seed" not in found:
-            found["seed"] = own.dtype.type(member_seed(self.seed, member))
+        seeds = ["seed", *(name for name in variables if self.members[member].made and name.endswith(".seed"))]
+        for name in seeds:
+            own = variables.get(name)
+            if (
+                own is not None
+                and own.type in ("Int32", "Int64")
+                and own.causality == "parameter"
+                and name not in found
+            ):
+                owner = f"{member}.{name}".removesuffix(".seed")
+                found[name] = own.dtype.type(member_seed(self.seed, owner))
         return found
 
     def event_value(self, event: EventSpec, catalog: Catalog) -> Any:
@@ -204,16 +225,18 @@ def member_seed(seed: int, name: str) -> int:
 
 def build(root: Node, path: Path, overrides: Sequence[str]) -> Scenario:
     """The scenario of a merged tree."""
-    from twin.scenario import check, figures
+    from twin.scenario import check, figures, nested
 
     root, effective, problems = overridden(root, overrides)
     keys, kept, found = validate(listed(root))
     problems += found
     trees = merge.variant_trees(kept)
     variants = {}
+    made, found = nested.components(trees)
+    problems += found
     for name, tree in trees.items():
         own, tree, _ = validate(tree)  # noqa: PLW2901 - its problems are already listed
-        variants[name] = case_of(name, own, tree, keys)
+        variants[name] = case_of(name, own, tree, keys, made)
     analyses, metrics, expectations, plots, found = figures.figures(
         keys, kept, list(variants), root.find(("metrics",)).entries
     )
@@ -275,7 +298,7 @@ def touches(option: str) -> bool:
     return option.partition("=")[0].strip() not in ("seed", "seeds", "title", "source")
 
 
-def case_of(name: str, keys: ScenarioKeys, tree: Node, base: ScenarioKeys) -> Case:
+def case_of(name: str, keys: ScenarioKeys, tree: Node, base: ScenarioKeys, made: Mapping[str, type[Component]]) -> Case:
     """A variant with the first seed, from its merged and validated tree."""
     patch = base.variants.get(name)
     title = patch.title if patch else base.title if not base.variants else ""
@@ -284,7 +307,10 @@ def case_of(name: str, keys: ScenarioKeys, tree: Node, base: ScenarioKeys) -> Ca
         node = tree.find(("members", member))
         places = {p: str(node.find(("parameters", p)).place) for p in own.parameters} if own else {}
         if own:
-            members[member] = MemberSpec(own.component or "", own.parameters, own.period, str(node.place), places)
+            component = own.component or ""
+            members[member] = MemberSpec(
+                component, own.parameters, own.period, str(node.place), places, made.get(component)
+            )
     connections = tuple(
         ConnectionSpec(one.source, one.target, str(tree.find(("connections", i)).place))
         for i, one in enumerate(keys.connections) if one.source

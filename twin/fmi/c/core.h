@@ -22,19 +22,18 @@
 /* status of a call, as the component and both FMI versions number it */
 enum { OK, WARNING, DISCARD, ERROR, FATAL };
 
-/* kinds of instance: Co-Simulation, Model Exchange */
-enum { CS = 1, ME = 2, BOTH = 3 };
+/* kinds of instance: Co-Simulation, Model Exchange, Co-Simulation whose importer handles events */
+enum { CS = 1, ME = 2, EVENTFUL = 4, STEPPED = CS | EVENTFUL, ALL = STEPPED | ME };
 
 /* states of an instance; STEP_FAILED: a step was discarded, FAILED and DEAD: after ERROR and FATAL */
 enum {
     INSTANTIATED = 1, INITIALIZATION = 2, STEP = 4, STEP_FAILED = 8, TERMINATED = 16, FAILED = 32, DEAD = 64,
-    EVENT = 128, CONTINUOUS = 256, ANY = 511,
+    EVENT = 128, CONTINUOUS = 256, ANY = 511, INTERMEDIATE = 512, /* the last one only while fmi3DoStep runs */
 };
 static const char *const STATE_NAMES[] = {
     "Instantiated", "Initialization Mode", "Step Mode", "step discarded", "Terminated", "after an error", "after a fatal error",
-    "Event Mode", "Continuous-Time Mode",
+    "Event Mode", "Continuous-Time Mode", "Intermediate Update Mode",
 };
-enum { EVALUATED = INITIALIZATION | EVENT | CONTINUOUS }; /* states in which a getter sees what was set just before */
 
 /* types of a variable in the record; a getter or setter takes a mask of them */
 enum { FLOAT64 = 1, INT32 = 2, INT64 = 4, BOOLEAN = 8, NO_TYPE = 0 };
@@ -42,7 +41,7 @@ enum { FLOAT64 = 1, INT32 = 2, INT64 = 4, BOOLEAN = 8, NO_TYPE = 0 };
 /* what decides when a variable may be set */
 enum { SIGNAL, INPUT, TUNABLE, FIXED, EXACT, CALCULATED };
 static const uint16_t SETTABLE[] = {
-    [SIGNAL]     = INSTANTIATED | INITIALIZATION | STEP | EVENT | CONTINUOUS, /* an input that is continuous in time */
+    [SIGNAL]     = INSTANTIATED | INITIALIZATION | STEP | EVENT | CONTINUOUS | INTERMEDIATE, /* an input continuous in time */
     [INPUT]      = INSTANTIATED | INITIALIZATION | STEP | EVENT,
     [TUNABLE]    = INSTANTIATED | INITIALIZATION | STEP | EVENT,
     [FIXED]      = INSTANTIATED | INITIALIZATION,
@@ -55,17 +54,21 @@ typedef struct {
     int32_t  offset;
     uint32_t count, name;
     uint8_t  type, width, access;
+    bool     is_intermediate; /* may be asked for in Intermediate Update Mode */
 } Field;
 
 #define TIME (-40) /* offset of the independent variable, the first field of Memory, from the record */
 #include "component.h"
+
+/* states in which a getter sees what was set just before */
+enum { EVALUATED = INITIALIZATION | (EXCHANGE ? EVENT | CONTINUOUS | INTERMEDIATE : 0) };
 
 /* everything that a saved state holds */
 typedef struct {
     double  time, start_time, stop_time;
     int32_t mode, stop_defined;
     int32_t stale; /* something was set in a state of EVALUATED after the component's functions ran */
-    int32_t kind;  /* of instance: CS or ME */
+    int32_t kind;  /* of instance */
     _Alignas(8) unsigned char record[RECORD_SIZE];
 } Memory;
 _Static_assert(offsetof(Memory, time) == 0 && offsetof(Memory, record) == -TIME, "TIME leads to Memory.time");
@@ -77,11 +80,19 @@ typedef struct {
     uint32_t    categories;
 } Sink;
 
+/* what an importer of FMI 3.0 wants to do within steps */
+typedef struct {
+    void    *update; /* its function for Intermediate Update Mode, or NULL */
+    bool     early_return;
+    uint32_t variables[FIELD_COUNT / 32 + 1]; /* one bit each: may be accessed in Intermediate Update Mode */
+} Wishes;
+
 enum { FREE, INSTANCE, STATE };
 typedef struct {
     _Alignas(16) atomic_uintptr_t use; /* FREE, or the slot's own address plus what it is used as */
     Sink       sink;
     char       name[128];
+    Wishes     wishes;
     Memory     memory;
 #if DIRECTIONAL
     Memory     trial, tangents; /* where directional derivatives are computed, so that the question changes nothing */
@@ -244,7 +255,9 @@ static const char *state_name(const Slot *me)
     return STATE_NAMES[__builtin_ctz((unsigned)me->memory.mode)];
 }
 
-static const char *const KIND_NAMES[] = {[CS] = "Co-Simulation", [ME] = "Model Exchange"};
+static const char *const KIND_NAMES[] = {
+    [CS] = "Co-Simulation", [ME] = "Model Exchange", [EVENTFUL] = "Co-Simulation with Event Mode",
+};
 
 /* Trace a call, or say why it is refused. */
 static NOINLINE void comment(const Slot *me, int function, bool legal)

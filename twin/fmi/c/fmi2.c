@@ -8,47 +8,47 @@
 
 /* sections 3.2.3 and 4.2.4 of the standard; fmi2FreeInstance is allowed after a fatal error too, or its place would be lost */
 #define FUNCTIONS(X) \
-    X(fmi2SetDebugLogging,               BOTH, ALIVE,                                        0)             \
-    X(fmi2FreeInstance,                  BOTH, ANY,                                          0)             \
-    X(fmi2SetupExperiment,               BOTH, INSTANTIATED,                                 0)             \
-    X(fmi2EnterInitializationMode,       BOTH, INSTANTIATED,                                 0)             \
-    X(fmi2ExitInitializationMode,        BOTH, INITIALIZATION,                               0)             \
-    X(fmi2Terminate,                     BOTH, EVENT | CONTINUOUS | STEP | STEP_FAILED,      0)             \
-    X(fmi2Reset,                         BOTH, ALIVE,                                        0)             \
-    X(fmi2GetReal,                       BOTH, GETTABLE,                                     FLOAT64)       \
-    X(fmi2GetInteger,                    BOTH, GETTABLE,                                     INT32 | INT64) \
-    X(fmi2GetBoolean,                    BOTH, GETTABLE,                                     BOOLEAN)       \
-    X(fmi2GetString,                     BOTH, GETTABLE,                                     NO_TYPE)       \
-    X(fmi2SetReal,                       BOTH, WRITABLE | CONTINUOUS,                        FLOAT64)       \
-    X(fmi2SetInteger,                    BOTH, WRITABLE,                                     INT32 | INT64) \
-    X(fmi2SetBoolean,                    BOTH, WRITABLE,                                     BOOLEAN)       \
-    X(fmi2SetString,                     BOTH, WRITABLE,                                     NO_TYPE)       \
-    X(fmi2GetFMUstate,                   BOTH, ALIVE,                                        0)             \
-    X(fmi2SetFMUstate,                   BOTH, ALIVE,                                        0)             \
-    X(fmi2FreeFMUstate,                  BOTH, ALIVE,                                        0)             \
-    X(fmi2SerializedFMUstateSize,        BOTH, ALIVE,                                        0)             \
-    X(fmi2SerializeFMUstate,             BOTH, ALIVE,                                        0)             \
-    X(fmi2DeSerializeFMUstate,           BOTH, ALIVE,                                        0)             \
-    X(fmi2DoStep,                        CS,   STEP,                                         0)             \
-    X(fmi2GetStatus,                     CS,   STATUS,                                       0)             \
-    X(fmi2GetRealStatus,                 CS,   STATUS,                                       0)             \
-    X(fmi2GetIntegerStatus,              CS,   STATUS,                                       0)             \
-    X(fmi2GetBooleanStatus,              CS,   STATUS,                                       0)             \
-    X(fmi2GetStringStatus,               CS,   STATUS,                                       0)             \
-    X(fmi2CancelStep,                    CS,   0,                                            0)             \
-    X(fmi2SetRealInputDerivatives,       CS,   0,                                            0)             \
-    X(fmi2GetRealOutputDerivatives,      CS,   0,                                            0)             \
-    X(fmi2GetDirectionalDerivative,      BOTH, DIRECTIONAL ? GETTABLE : 0,                   FLOAT64)       \
-    X(fmi2EnterEventMode,                ME,   EVENT | CONTINUOUS,                           0)             \
-    X(fmi2NewDiscreteStates,             ME,   EVENT,                                        0)             \
-    X(fmi2EnterContinuousTimeMode,       ME,   EVENT,                                        0)             \
-    X(fmi2CompletedIntegratorStep,       ME,   CONTINUOUS,                                   0)             \
-    X(fmi2SetTime,                       ME,   EVENT | CONTINUOUS,                           0)             \
-    X(fmi2SetContinuousStates,           ME,   CONTINUOUS,                                   0)             \
-    X(fmi2GetDerivatives,                ME,   EVALUABLE & ~INITIALIZATION,                  0)             \
-    X(fmi2GetEventIndicators,            ME,   EVALUABLE,                                    0)             \
-    X(fmi2GetContinuousStates,           ME,   EVALUABLE,                                    0)             \
-    X(fmi2GetNominalsOfContinuousStates, ME,   INSTANTIATED | (EVALUABLE & ~INITIALIZATION), 0)
+    X(fmi2SetDebugLogging,               ALL, ALIVE,                                        0)             \
+    X(fmi2FreeInstance,                  ALL, ANY,                                          0)             \
+    X(fmi2SetupExperiment,               ALL, INSTANTIATED,                                 0)             \
+    X(fmi2EnterInitializationMode,       ALL, INSTANTIATED,                                 0)             \
+    X(fmi2ExitInitializationMode,        ALL, INITIALIZATION,                               0)             \
+    X(fmi2Terminate,                     ALL, EVENT | CONTINUOUS | STEP | STEP_FAILED,      0)             \
+    X(fmi2Reset,                         ALL, ALIVE,                                        0)             \
+    X(fmi2GetReal,                       ALL, GETTABLE,                                     FLOAT64)       \
+    X(fmi2GetInteger,                    ALL, GETTABLE,                                     INT32 | INT64) \
+    X(fmi2GetBoolean,                    ALL, GETTABLE,                                     BOOLEAN)       \
+    X(fmi2GetString,                     ALL, GETTABLE,                                     NO_TYPE)       \
+    X(fmi2SetReal,                       ALL, WRITABLE | CONTINUOUS,                        FLOAT64)       \
+    X(fmi2SetInteger,                    ALL, WRITABLE,                                     INT32 | INT64) \
+    X(fmi2SetBoolean,                    ALL, WRITABLE,                                     BOOLEAN)       \
+    X(fmi2SetString,                     ALL, WRITABLE,                                     NO_TYPE)       \
+    X(fmi2GetFMUstate,                   ALL, ALIVE,                                        0)             \
+    X(fmi2SetFMUstate,                   ALL, ALIVE,                                        0)             \
+    X(fmi2FreeFMUstate,                  ALL, ALIVE,                                        0)             \
+    X(fmi2SerializedFMUstateSize,        ALL, ALIVE,                                        0)             \
+    X(fmi2SerializeFMUstate,             ALL, ALIVE,                                        0)             \
+    X(fmi2DeSerializeFMUstate,           ALL, ALIVE,                                        0)             \
+    X(fmi2DoStep,                        CS,  STEP,                                         0)             \
+    X(fmi2GetStatus,                     CS,  STATUS,                                       0)             \
+    X(fmi2GetRealStatus,                 CS,  STATUS,                                       0)             \
+    X(fmi2GetIntegerStatus,              CS,  STATUS,                                       0)             \
+    X(fmi2GetBooleanStatus,              CS,  STATUS,                                       0)             \
+    X(fmi2GetStringStatus,               CS,  STATUS,                                       0)             \
+    X(fmi2CancelStep,                    CS,  0,                                            0)             \
+    X(fmi2SetRealInputDerivatives,       CS,  0,                                            0)             \
+    X(fmi2GetRealOutputDerivatives,      CS,  0,                                            0)             \
+    X(fmi2GetDirectionalDerivative,      ALL, DIRECTIONAL ? GETTABLE : 0,                   FLOAT64)       \
+    X(fmi2EnterEventMode,                ME,  EVENT | CONTINUOUS,                           0)             \
+    X(fmi2NewDiscreteStates,             ME,  EVENT,                                        0)             \
+    X(fmi2EnterContinuousTimeMode,       ME,  EVENT,                                        0)             \
+    X(fmi2CompletedIntegratorStep,       ME,  CONTINUOUS,                                   0)             \
+    X(fmi2SetTime,                       ME,  EVENT | CONTINUOUS,                           0)             \
+    X(fmi2SetContinuousStates,           ME,  CONTINUOUS,                                   0)             \
+    X(fmi2GetDerivatives,                ME,  EVALUABLE & ~INITIALIZATION,                  0)             \
+    X(fmi2GetEventIndicators,            ME,  EVALUABLE,                                    0)             \
+    X(fmi2GetContinuousStates,           ME,  EVALUABLE,                                    0)             \
+    X(fmi2GetNominalsOfContinuousStates, ME,  INSTANTIATED | (EVALUABLE & ~INITIALIZATION), 0)
 
 #include "core.h"
 

@@ -1,71 +1,71 @@
-/* FMI 3.0 for Co-Simulation, without Event Mode, early return, clocks or structural parameters, and for Model Exchange. */
+/* FMI 3.0 for Co-Simulation and Model Exchange, without clocks and structural parameters. */
 
 #define EVALUABLE (INITIALIZATION | EVENT | CONTINUOUS | TERMINATED | FAILED)
 #define GETTABLE  (EVALUABLE | STEP | STEP_FAILED)
 #define WRITABLE  (INSTANTIATED | INITIALIZATION | STEP | EVENT)
 #define ALIVE     (ANY & ~DEAD)
 
-#define GET_AND_SET(X, Name, more, types) X(fmi3Get##Name, BOTH, GETTABLE, types) X(fmi3Set##Name, BOTH, WRITABLE more, types)
+#define GET_AND_SET(X, Name, more, types) X(fmi3Get##Name, ALL, GETTABLE more, types) X(fmi3Set##Name, ALL, WRITABLE more, types)
 
 /* fmi3FreeInstance is allowed after a fatal error too, or its place would be lost */
 #define FUNCTIONS(X) \
-    X(fmi3SetDebugLogging,                 BOTH, ALIVE,                                   0)       \
-    X(fmi3FreeInstance,                    BOTH, ANY,                                     0)       \
-    X(fmi3EnterInitializationMode,         BOTH, INSTANTIATED,                            0)       \
-    X(fmi3ExitInitializationMode,          BOTH, INITIALIZATION,                          0)       \
-    X(fmi3Terminate,                       BOTH, EVENT | CONTINUOUS | STEP | STEP_FAILED, 0)       \
-    X(fmi3Reset,                           BOTH, ALIVE,                                   0)       \
-    X(fmi3DoStep,                          CS,   STEP,                                    0)       \
-    GET_AND_SET(X, Float32, | CONTINUOUS, NO_TYPE)                                               \
-    GET_AND_SET(X, Float64, | CONTINUOUS, FLOAT64)                                               \
-    GET_AND_SET(X, Int8,    ,             NO_TYPE)                                               \
-    GET_AND_SET(X, UInt8,   ,             NO_TYPE)                                               \
-    GET_AND_SET(X, Int16,   ,             NO_TYPE)                                               \
-    GET_AND_SET(X, UInt16,  ,             NO_TYPE)                                               \
-    GET_AND_SET(X, Int32,   ,             INT32)                                                 \
-    GET_AND_SET(X, UInt32,  ,             NO_TYPE)                                               \
-    GET_AND_SET(X, Int64,   ,             INT64)                                                 \
-    GET_AND_SET(X, UInt64,  ,             NO_TYPE)                                               \
-    GET_AND_SET(X, Boolean, ,             BOOLEAN)                                               \
-    GET_AND_SET(X, String,  ,             NO_TYPE)                                               \
-    GET_AND_SET(X, Binary,  ,             NO_TYPE)                                               \
-    GET_AND_SET(X, Clock,   ,             NO_TYPE)                                               \
-    X(fmi3GetFMUState,                     BOTH, ALIVE,                                   0)       \
-    X(fmi3SetFMUState,                     BOTH, ALIVE,                                   0)       \
-    X(fmi3FreeFMUState,                    BOTH, ALIVE,                                   0)       \
-    X(fmi3SerializedFMUStateSize,          BOTH, ALIVE,                                   0)       \
-    X(fmi3SerializeFMUState,               BOTH, ALIVE,                                   0)       \
-    X(fmi3DeserializeFMUState,             BOTH, ALIVE,                                   0)       \
-    X(fmi3EnterEventMode,                  ME,   CONTINUOUS,                              0)       \
-    X(fmi3EnterStepMode,                   CS,   0,                                       0)       \
-    X(fmi3EnterConfigurationMode,          BOTH, 0,                                       0)       \
-    X(fmi3ExitConfigurationMode,           BOTH, 0,                                       0)       \
-    X(fmi3GetNumberOfVariableDependencies, BOTH, 0,                                       0)       \
-    X(fmi3GetVariableDependencies,         BOTH, 0,                                       0)       \
-    X(fmi3GetDirectionalDerivative,        BOTH, DIRECTIONAL ? GETTABLE : 0,              FLOAT64) \
-    X(fmi3GetAdjointDerivative,            BOTH, 0,                                       0)       \
-    X(fmi3GetOutputDerivatives,            CS,   0,                                       0)       \
-    X(fmi3GetIntervalDecimal,              BOTH, 0,                                       0)       \
-    X(fmi3GetIntervalFraction,             BOTH, 0,                                       0)       \
-    X(fmi3GetShiftDecimal,                 BOTH, 0,                                       0)       \
-    X(fmi3GetShiftFraction,                BOTH, 0,                                       0)       \
-    X(fmi3SetIntervalDecimal,              BOTH, 0,                                       0)       \
-    X(fmi3SetIntervalFraction,             BOTH, 0,                                       0)       \
-    X(fmi3SetShiftDecimal,                 BOTH, 0,                                       0)       \
-    X(fmi3SetShiftFraction,                BOTH, 0,                                       0)       \
-    X(fmi3EvaluateDiscreteStates,          BOTH, 0,                                       0)       \
-    X(fmi3UpdateDiscreteStates,            ME,   EVENT,                                   0)       \
-    X(fmi3EnterContinuousTimeMode,         ME,   EVENT,                                   0)       \
-    X(fmi3CompletedIntegratorStep,         ME,   CONTINUOUS,                              0)       \
-    X(fmi3SetTime,                         ME,   EVENT | CONTINUOUS,                      0)       \
-    X(fmi3SetContinuousStates,             ME,   CONTINUOUS,                              0)       \
-    X(fmi3GetContinuousStateDerivatives,   ME,   EVALUABLE,                               0)       \
-    X(fmi3GetEventIndicators,              ME,   EVALUABLE,                               0)       \
-    X(fmi3GetContinuousStates,             ME,   EVALUABLE,                               0)       \
-    X(fmi3GetNominalsOfContinuousStates,   ME,   EVALUABLE,                               0)       \
-    X(fmi3GetNumberOfEventIndicators,      ME,   EVALUABLE,                               0)       \
-    X(fmi3GetNumberOfContinuousStates,     ME,   EVALUABLE,                               0)       \
-    X(fmi3ActivateModelPartition,          BOTH, 0,                                       0)
+    X(fmi3SetDebugLogging,                   ALL,           ALIVE,                                   0)       \
+    X(fmi3FreeInstance,                      ALL,           ANY,                                     0)       \
+    X(fmi3EnterInitializationMode,           ALL,           INSTANTIATED,                            0)       \
+    X(fmi3ExitInitializationMode,            ALL,           INITIALIZATION,                          0)       \
+    X(fmi3Terminate,                         ALL,           EVENT | CONTINUOUS | STEP | STEP_FAILED, 0)       \
+    X(fmi3Reset,                             ALL,           ALIVE,                                   0)       \
+    X(fmi3DoStep,                            STEPPED,       STEP,                                    0)       \
+    GET_AND_SET(X, Float32,  | CONTINUOUS | INTERMEDIATE, NO_TYPE)                                          \
+    GET_AND_SET(X, Float64,  | CONTINUOUS | INTERMEDIATE, FLOAT64)                                          \
+    GET_AND_SET(X, Int8,     ,                            NO_TYPE)                                          \
+    GET_AND_SET(X, UInt8,    ,                            NO_TYPE)                                          \
+    GET_AND_SET(X, Int16,    ,                            NO_TYPE)                                          \
+    GET_AND_SET(X, UInt16,   ,                            NO_TYPE)                                          \
+    GET_AND_SET(X, Int32,    ,                            INT32)                                            \
+    GET_AND_SET(X, UInt32,   ,                            NO_TYPE)                                          \
+    GET_AND_SET(X, Int64,    ,                            INT64)                                            \
+    GET_AND_SET(X, UInt64,   ,                            NO_TYPE)                                          \
+    GET_AND_SET(X, Boolean,  ,                            BOOLEAN)                                          \
+    GET_AND_SET(X, String,   ,                            NO_TYPE)                                          \
+    GET_AND_SET(X, Binary,   ,                            NO_TYPE)                                          \
+    GET_AND_SET(X, Clock,    ,                            NO_TYPE)                                          \
+    X(fmi3GetFMUState,                       ALL,           ALIVE,                                   0)       \
+    X(fmi3SetFMUState,                       ALL,           ALIVE,                                   0)       \
+    X(fmi3FreeFMUState,                      ALL,           ALIVE,                                   0)       \
+    X(fmi3SerializedFMUStateSize,            ALL,           ALIVE,                                   0)       \
+    X(fmi3SerializeFMUState,                 ALL,           ALIVE,                                   0)       \
+    X(fmi3DeserializeFMUState,               ALL,           ALIVE,                                   0)       \
+    X(fmi3EnterEventMode,                    ME | EVENTFUL, CONTINUOUS | STEP,                       0)       \
+    X(fmi3EnterStepMode,                     EVENTFUL,      PERIOD ? EVENT : 0,                      0)       \
+    X(fmi3EnterConfigurationMode,            ALL,           0,                                       0)       \
+    X(fmi3ExitConfigurationMode,             ALL,           0,                                       0)       \
+    X(fmi3GetNumberOfVariableDependencies,   ALL,           0,                                       0)       \
+    X(fmi3GetVariableDependencies,           ALL,           0,                                       0)       \
+    X(fmi3GetDirectionalDerivative,          ALL,           DIRECTIONAL ? GETTABLE : 0,              FLOAT64) \
+    X(fmi3GetAdjointDerivative,              ALL,           0,                                       0)       \
+    X(fmi3GetOutputDerivatives,              STEPPED,       0,                                       0)       \
+    X(fmi3GetIntervalDecimal,                ALL,           0,                                       0)       \
+    X(fmi3GetIntervalFraction,               ALL,           0,                                       0)       \
+    X(fmi3GetShiftDecimal,                   ALL,           0,                                       0)       \
+    X(fmi3GetShiftFraction,                  ALL,           0,                                       0)       \
+    X(fmi3SetIntervalDecimal,                ALL,           0,                                       0)       \
+    X(fmi3SetIntervalFraction,               ALL,           0,                                       0)       \
+    X(fmi3SetShiftDecimal,                   ALL,           0,                                       0)       \
+    X(fmi3SetShiftFraction,                  ALL,           0,                                       0)       \
+    X(fmi3EvaluateDiscreteStates,            ALL,           0,                                       0)       \
+    X(fmi3UpdateDiscreteStates,              ME | EVENTFUL, EVENT,                                   0)       \
+    X(fmi3EnterContinuousTimeMode,           ME,            EVENT,                                   0)       \
+    X(fmi3CompletedIntegratorStep,           ME,            CONTINUOUS,                              0)       \
+    X(fmi3SetTime,                           ME,            EVENT | CONTINUOUS,                      0)       \
+    X(fmi3SetContinuousStates,               ME,            CONTINUOUS,                              0)       \
+    X(fmi3GetContinuousStateDerivatives,     ME,            EVALUABLE,                               0)       \
+    X(fmi3GetEventIndicators,                ME,            EVALUABLE,                               0)       \
+    X(fmi3GetContinuousStates,               ME,            EVALUABLE,                               0)       \
+    X(fmi3GetNominalsOfContinuousStates,     ME,            EVALUABLE,                               0)       \
+    X(fmi3GetNumberOfEventIndicators,        ME,            EVALUABLE,                               0)       \
+    X(fmi3GetNumberOfContinuousStates,       ME,            EVALUABLE,                               0)       \
+    X(fmi3ActivateModelPartition,            ALL,           0,                                       0)
 
 #include "core.h"
 
@@ -76,6 +76,8 @@ static void send(const Sink *sink, int status, const char *category, const char 
     ((Logger)sink->logger)(sink->environment, status, category, text);
 }
 
+#include "fmi3_steps.h"
+
 EXPORT const char *fmi3GetVersion(void) { return "3.0"; }
 
 EXPORT void *fmi3InstantiateCoSimulation(const char *name, const char *token, const char *resources, bool visible,
@@ -83,13 +85,12 @@ EXPORT void *fmi3InstantiateCoSimulation(const char *name, const char *token, co
                                          const uint32_t intermediate[], size_t intermediate_count, void *environment,
                                          Logger logger, void *intermediate_update)
 {
-    (void)resources, (void)visible, (void)early_return_allowed, (void)intermediate, (void)intermediate_update;
+    (void)resources, (void)visible;
     Sink sink = {(void *)logger, environment, name ? name : MODEL, 0};
-    if (event_mode_used || intermediate_count) {
-        say(&sink, ERROR, "%s: has neither Event Mode nor intermediate updates. Instantiate it without them.", MODEL);
-        return NULL;
-    }
-    return instantiate(sink, CS, token, logging);
+    if (!are_possible(&sink, event_mode_used, intermediate, intermediate_count)) return NULL;
+    Slot *me = instantiate(sink, event_mode_used ? EVENTFUL : CS, token, logging);
+    if (me) wish(&me->wishes, EXCHANGE ? intermediate_update : NULL, early_return_allowed, intermediate, intermediate_count);
+    return me;
 }
 
 EXPORT void *fmi3InstantiateModelExchange(const char *name, const char *token, const char *resources, bool visible,
@@ -155,10 +156,13 @@ EXPORT int fmi3DoStep(void *instance, double t, double h, bool no_rollback, bool
 {
     (void)no_rollback;
     ENTER(fmi3DoStep);
-    int status = advance(me, t, h);
-    if (event_handling_needed) *event_handling_needed = false;
+    bool event = false;
+    int status = PERIOD && me->memory.kind == EVENTFUL ? advance_to_event(me, t, h, &event)
+               : EXCHANGE && me->wishes.update         ? advance_in_sight(me, t, h)
+                                                       : advance(me, t, h);
+    if (event_handling_needed) *event_handling_needed = event;
     if (terminate_simulation) *terminate_simulation = false;
-    if (early_return) *early_return = false;
+    if (early_return) *early_return = (PERIOD || EXCHANGE) && status < DISCARD && me->memory.time < t + h;
     if (last_successful_time) *last_successful_time = me->memory.time;
     return status;
 }
@@ -289,7 +293,6 @@ EXPORT int fmi3DeserializeFMUState(void *instance, const uint8_t bytes[], size_t
 
 /* ------------------------------------------------------------------------------------------- interfaces not offered */
 
-ABSENT(fmi3EnterStepMode)
 ABSENT(fmi3EnterConfigurationMode)
 ABSENT(fmi3ExitConfigurationMode)
 ABSENT(fmi3GetNumberOfVariableDependencies, uint32_t, size_t *)

@@ -1,4 +1,4 @@
-/* Model Exchange and directional derivatives of FMI 3.0. Included by fmi3.c. */
+/* Model Exchange, Event Mode and directional derivatives of FMI 3.0. Included by fmi3.c. */
 
 EXPORT int fmi3EnterContinuousTimeMode(void *instance)
 {
@@ -9,7 +9,13 @@ EXPORT int fmi3EnterContinuousTimeMode(void *instance)
 EXPORT int fmi3EnterEventMode(void *instance)
 {
     ENTER(fmi3EnterEventMode);
-    return enter_mode(me, EVENT);
+    return enter_event(me);
+}
+
+EXPORT int fmi3EnterStepMode(void *instance)
+{
+    ENTER(fmi3EnterStepMode);
+    return enter_mode(me, STEP);
 }
 
 EXPORT int fmi3SetTime(void *instance, double t)
@@ -37,7 +43,11 @@ EXPORT int fmi3UpdateDiscreteStates(void *instance, bool *discrete_states_need_u
     bool *const answers[] = {discrete_states_need_update, terminate_simulation, nominals_changed, states_changed, next_event_defined};
     for (size_t i = 0; i < sizeof answers / sizeof *answers; i++)
         if (answers[i]) *answers[i] = false;
-    if (next_event) *next_event = 0;
+    double next = 0;
+    bool is_timed = me->memory.kind == EVENTFUL;
+    if (is_timed) next = sample_inputs(me);
+    if (next_event_defined) *next_event_defined = is_timed;
+    if (next_event) *next_event = next;
     return settle(me);
 }
 

@@ -93,7 +93,7 @@ static int terminate(Slot *me)
 static int exit_initialization(Slot *me)
 {
     int status = settle(me);
-    if (status == OK) me->memory.mode = me->memory.kind == ME ? EVENT : STEP;
+    if (status == OK) me->memory.mode = me->memory.kind == CS ? STEP : EVENT;
     return status;
 }
 
@@ -103,32 +103,51 @@ static double tolerance(double t)
     return 1e-9 * (size > 1 ? size : 1);
 }
 
-static int advance(Slot *me, double t, double h)
+static inline bool step_is_possible(const Slot *me, double t, double h)
 {
-    static const uint8_t AFTER[] = {[DISCARD] = STEP_FAILED, [ERROR] = FAILED, [FATAL] = DEAD};
-    Memory *memory = &me->memory;
+    const Memory *memory = &me->memory;
     double gap = t - memory->time, limit = tolerance(t);
     if (!(gap <= limit && gap >= -limit)) {
         say(&me->sink, ERROR, "The communication point is %g, but the FMU is at %g.", t, memory->time);
-        return ERROR;
+        return false;
     }
     if (!(h > 0) || h - h != 0) {
         say(&me->sink, ERROR, "The communication step size is %g. It must be positive.", h);
-        return ERROR;
+        return false;
     }
     if (memory->stop_defined && t + h > memory->stop_time + tolerance(memory->stop_time)) {
         say(&me->sink, ERROR, "A step from %g to %g goes past the stop time %g.", t, t + h, memory->stop_time);
-        return ERROR;
+        return false;
     }
-    int status = component_advance(memory->record, t, h);
+    return true;
+}
+
+/* Draw the conclusions from a status other than OK of a step, or of a part of it, and return it. */
+static NOINLINE int conclude(Slot *me, int status, double t, double h)
+{
+    static const uint8_t AFTER[] = {[DISCARD] = STEP_FAILED, [ERROR] = FAILED, [FATAL] = DEAD};
     if (status < OK || status > FATAL) status = ERROR;
-    if (status >= DISCARD) memory->mode = AFTER[status];
-    else memory->time = t + h;
-    if (status != OK) say(&me->sink, status, "%s: the step from %g by %g did not go well.", MODEL, t, h);
+    if (status >= DISCARD) me->memory.mode = AFTER[status];
+    say(&me->sink, status, "%s: the step from %g by %g did not go well.", MODEL, t, h);
+    return status;
+}
+
+static int advance(Slot *me, double t, double h)
+{
+    if (!step_is_possible(me, t, h)) return ERROR;
+    int status = component_advance(me->memory.record, t, h);
+    if (status != OK) status = conclude(me, status, t, h);
+    if (status < DISCARD) me->memory.time = t + h;
     return status;
 }
 
 /* ------------------------------------------------------------------------------------------------------ variables */
+
+/* In Intermediate Update Mode only what was asked for at instantiation is within reach. */
+static inline bool is_hidden(const Slot *me, uint32_t reference)
+{
+    return EXCHANGE && me->memory.mode == INTERMEDIATE && !(me->wishes.variables[reference / 32] >> reference % 32 & 1);
+}
 
 /* Say why a variable may not be accessed. */
 static NOINLINE bool explain(const Slot *me, int function, uint32_t reference)
@@ -138,6 +157,8 @@ static NOINLINE bool explain(const Slot *me, int function, uint32_t reference)
     if (reference >= FIELD_COUNT) say(&me->sink, ERROR, "%s: there is no value reference %i.", name, (int64_t)reference);
     else if (!(field->type & LEGAL[function].types))
         say(&me->sink, ERROR, "%s: %s (value reference %i) has another type.", name, NAMES + field->name, (int64_t)reference);
+    else if (is_hidden(me, reference))
+        say(&me->sink, ERROR, "%s: %s is no input or output that was required at instantiation.", name, NAMES + field->name);
     else say(&me->sink, ERROR, "%s: %s cannot be set in state %s.", name, NAMES + field->name, state_name(me));
     return false;
 }
@@ -158,7 +179,8 @@ static inline bool accessible(Slot *me, int function, bool write, const uint32_t
     if (count && (!references || !values)) return explain_size(me, function, 0, count);
     for (size_t i = 0; i < count; i++) {
         const Field *field = &FIELDS[references[i]];
-        if (references[i] >= FIELD_COUNT || !(field->type & types) || (write && !(SETTABLE[field->access] & me->memory.mode)))
+        if (references[i] >= FIELD_COUNT || !(field->type & types) ||
+            (write && !(SETTABLE[field->access] & me->memory.mode)) || is_hidden(me, references[i]))
             return explain(me, function, references[i]);
         total += field->count;
     }
@@ -252,7 +274,7 @@ static int deserialize(Slot *me, const void *bytes, size_t size, void **state)
         copy(&kind, (const char *)bytes + offsetof(Serialized, memory) + offsetof(Memory, kind), sizeof kind);
     }
     if (identity[0] != IDENTITY[0] || identity[1] != IDENTITY[1] || !(mode & ANY) || mode & (mode - 1) ||
-        !(kind == CS || kind == ME)) {
+        !(kind & ALL) || kind & (kind - 1)) {
         say(&me->sink, ERROR, "These %i bytes are not a state of this build of %s.", (int64_t)size, MODEL);
         return ERROR;
     }

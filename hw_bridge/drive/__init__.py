@@ -1,0 +1,1 @@
+"""A simulated CiA 402 drive on top of a CANopen slave."""

@@ -1,0 +1,123 @@
+"""The motor behind a drive: a component of the twin, told what to do by the drive's profile generators.
+
+The component brings its own cascaded loops, so that currents and following errors are physical. What it does not
+offer itself is made from its limits: without current it is switched off, and with a speed demand out of reach its
+current limit is the current.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass, field
+from math import copysign
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hw_bridge.agenda import MILLISECOND
+from twin import clock, members
+from twin.errors import SimulationError
+from twin.member import RecordMember
+from twin.members import Form
+from twin.solver import OK
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+CYCLE = MILLISECOND  # control cycle of a drive [ns]; a multiple of the sampling time of the motor's loops
+CSP, CSV = 8, 9
+UNREACHABLE = 1.0e6  # a speed [m/s or rad/s] that saturates the current
+
+
+@dataclass(frozen=True)
+class MotorModel:
+    """A component with its parameters, and what it calls true position and load. `unit`: m or rad.
+
+    `ratio`: turns of the motor for one of what the component's positions count, where a gear is in it.
+    """
+
+    component: str
+    unit: str
+    resolution: float  # one increment of its sensor [unit]
+    index: float  # distance between index pulses [unit]
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    position: str = "position"
+    load: str = "load_force"
+    ratio: float = 1.0
+
+
+class Motor:
+    """One motor in SI units, linear or rotary, advanced a control cycle at a time. Its side of a gear counts."""
+
+    def __init__(
+        self, model: MotorModel, form: Form = Form.compiled, build: Path = Path("build"), position: float = 0.0
+    ) -> None:
+        self.model = model
+        values = {**model.parameters, "target_position": position / model.ratio, "mode_of_operation": CSP}
+        member = members.make("motor", model.component, values, form, build)
+        assert isinstance(member, RecordMember)
+        self._member = member
+        self._views = member.component.views
+        member.instantiate()
+        member.enter_initialization(0.0, None)
+        member.exit_initialization()
+        member.get(model.position)
+        prototype = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_double, ctypes.c_double)
+        self._step = prototype(member.step_function)
+        self.strongest = float(self._views["current_maximum"])  # the motor's own limit [A]
+        if "current_continuous" in self._views:
+            self._views["current_continuous"][...] = 10.0 * self.strongest  # I2t is the drive's, by its own objects
+        self.powered = True
+        self.off()
+
+    @property
+    def measured_position(self) -> float:
+        """What its sensor says [m or rad]."""
+        return self.model.ratio * float(self._views["position_actual_value"])
+
+    @property
+    def measured_velocity(self) -> float:
+        """Filtered difference of the measured position [m/s or rad/s]."""
+        return self.model.ratio * float(self._views["velocity_actual_value"])
+
+    @property
+    def position(self) -> float:
+        """The true position [m or rad]."""
+        return self.model.ratio * float(self._views[self.model.position])
+
+    @property
+    def current(self) -> float:
+        """Current in the winding [A]."""
+        return float(self._views["current"])
+
+    def load(self, force: float) -> None:
+        """Force [N] or torque [N*m] of the load from now on, behind the gear."""
+        self._views[self.model.load][...] = force
+
+    def off(self) -> None:
+        """No current."""
+        self.powered = False
+        self._views["current_maximum"][...] = 0.0
+        self._views["current_integral"][...] = 0.0  # the loops begin anew when power comes back
+
+    def follow_position(self, position: float, limit: float) -> None:
+        """Go to a position [m or rad] with no more than `limit` [A]."""
+        self._follow(CSP, "target_position", position, limit)
+
+    def follow_velocity(self, velocity: float, limit: float) -> None:
+        """Keep a speed [m/s or rad/s]."""
+        self._follow(CSV, "target_velocity", velocity, limit)
+
+    def follow_current(self, current: float, limit: float) -> None:
+        """Keep a current [A]."""
+        self._follow(CSV, "target_velocity", copysign(UNREACHABLE, current), min(abs(current), limit))
+
+    def _follow(self, mode: int, target: str, value: float, limit: float) -> None:
+        self.powered = True
+        self._views["mode_of_operation"][...] = mode
+        self._views[target][...] = value / self.model.ratio
+        self._views["current_maximum"][...] = min(limit, self.strongest)
+
+    def advance(self, time: int) -> None:
+        """Go one control cycle on from `time` [ns]."""
+        if self._step(self._member.instance, clock.seconds(time), clock.seconds(CYCLE)) != OK:
+            raise SimulationError("motor: its step failed. The control cycle has to be a multiple of its drive_period.")

@@ -1,0 +1,74 @@
+"""Homing methods of CiA 402 as tables of moves."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import NamedTuple
+
+
+class Until(IntEnum):
+    """What ends a move; the first three are the order of `Switches.closed`."""
+
+    NEGATIVE = 0
+    POSITIVE = 1
+    HOME = 2
+    INDEX = 3
+    BLOCK = 4
+
+
+class Move(NamedTuple):
+    """Go in a direction until something is so; `slow`: with the second speed of 6099h."""
+
+    direction: int
+    slow: bool
+    until: Until
+    closed: bool = True
+
+
+def switch(direction: int, until: Until) -> tuple[Move, ...]:
+    """Fast onto a switch, slowly off it again."""
+    return Move(direction, False, until), Move(-direction, True, until, False)
+
+
+def edge(direction: int) -> tuple[Move, ...]:
+    """Off the home switch if on it, then slowly onto it."""
+    return Move(-direction, False, Until.HOME, False), Move(direction, True, Until.HOME)
+
+
+def index(direction: int) -> tuple[Move, ...]:
+    """Slowly to the next index pulse."""
+    return (Move(direction, True, Until.INDEX),)
+
+
+def block(direction: int) -> tuple[Move, ...]:
+    """Slowly against the end stop."""
+    return (Move(direction, True, Until.BLOCK),)
+
+
+METHODS: dict[int, tuple[Move, ...]] = {
+    1:  switch(-1, Until.NEGATIVE) + index(+1),
+    2:  switch(+1, Until.POSITIVE) + index(-1),
+    3:  switch(+1, Until.HOME) + index(-1),
+    4:  edge(+1) + index(+1),
+    5:  switch(-1, Until.HOME) + index(+1),
+    6:  edge(-1) + index(-1),
+    7:  switch(+1, Until.HOME) + index(-1),
+    11: switch(-1, Until.HOME) + index(+1),
+    17: switch(-1, Until.NEGATIVE),
+    18: switch(+1, Until.POSITIVE),
+    19: switch(+1, Until.HOME),
+    20: edge(+1),
+    21: switch(-1, Until.HOME),
+    22: edge(-1),
+    23: switch(+1, Until.HOME),
+    27: switch(-1, Until.HOME),
+    33: index(-1),
+    34: index(+1),
+    35: (),
+    37: (),
+}  # fmt: skip
+# where a limit switch turns the search round
+REVERSING = (7, 11, 23, 27)
+# against the end stop: vendors number them differently
+BLOCKS_FAULHABER = {-1: block(-1) + index(+1), -2: block(+1) + index(-1), -3: block(-1), -4: block(+1)}
+BLOCKS_MAXON = {-1: block(+1) + index(-1), -2: block(-1) + index(+1), -3: block(+1), -4: block(-1)}

@@ -1,0 +1,23 @@
+"""Vendors' drives as tables: object dictionary, errors, traps. Written from public facts, no vendor's file."""
+
+from __future__ import annotations
+
+import importlib
+
+from hw_bridge.profile import Profile
+from twin.errors import DeclarationError
+from twin.system import nearest
+
+MODULES = {
+    "faulhaber_v3": "FAULHABER Motion Control V3.0 (MC 5005 and relatives) with a linear motor LM 2070",
+    "mclm":         "FAULHABER MCLM 300x, Motion Control V2, with a linear motor LM 2070",
+    "epos4":        "maxon EPOS4 with an EC-i 40",
+}  # fmt: skip
+
+
+def profile(name: str) -> Profile:
+    """The profile of this name."""
+    if name not in MODULES:
+        raise DeclarationError(f"There is no drive profile {name!r}. {nearest(name, list(MODULES))}")
+    found: Profile = importlib.import_module(f"hw_bridge.profiles.{name}").PROFILE
+    return found

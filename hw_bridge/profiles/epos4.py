@@ -1,0 +1,232 @@
+"""maxon EPOS4 (Module 50/5) with an EC-i 40, from the facts of its public EDS of 2021.
+
+Traps, all simulated: TPDO 2 to 4 are disabled by default; no interpolation in csp until 60C2h is set; 8250h when cyclic
+targets stay away; a following error trips at once; objects that others have are absent.
+"""
+
+from __future__ import annotations
+
+from math import pi
+from typing import TYPE_CHECKING
+
+from hw_bridge.abort import Code
+from hw_bridge.cia402 import Mode, supported
+from hw_bridge.dictionary import I8, I16, I32, TEXT, U8, U16, U32, NodeId, record, sub, var
+from hw_bridge.drive.motor import MotorModel
+from hw_bridge.drive.moves import BLOCKS_MAXON, METHODS
+from hw_bridge.profile import Currents, Fault, Profile, Reaction, Units
+from hw_bridge.profiles.rows import joined, pdo
+from hw_bridge.slave.pdo import Rules
+
+if TYPE_CHECKING:
+    from hw_bridge.dictionary import Dictionary
+
+MODES = (Mode.PP, Mode.PV, Mode.HM, Mode.CSP, Mode.CSV, Mode.CST)
+PULSES = 500  # of the encoder, four increments each
+RPM = 2.0 * pi / 60.0  # [rad/s]
+
+# The EC-i 40 (488607) with the loops of the linear servomotor: one meter there is one radian here.
+INERTIA = 4.4e-6  # [kg*m2]
+TORQUE_CONSTANT = 0.091  # [N*m/A]
+EC_I_40 = MotorModel(
+    "servomotor",
+    "rad",
+    resolution=2.0 * pi / (4 * PULSES),
+    index=2.0 * pi,
+    parameters={
+        "mass": INERTIA,
+        "force_constant": TORQUE_CONSTANT,
+        "current_maximum": 15.0,
+        "friction_coulomb": 0.15 * TORQUE_CONSTANT,  # the no-load current
+        "friction_viscous": 0.0,
+        "stroke": 1e9,  # turns without end
+        "position_resolution": 2.0 * pi / (4 * PULSES),
+        "velocity_gain": INERTIA * 250.0 / TORQUE_CONSTANT,
+        "velocity_integral": INERTIA * 250.0 / TORQUE_CONSTANT * 62.5,
+        "velocity_maximum": 8000.0 * RPM,
+    },
+)
+
+COMMUNICATION = joined(
+    var(0x1000, "Device type", U32, "const", 0x00020192),
+    var(0x1001, "Error register", U8, "ro"),
+    record(0x1003, "Error history", sub(0, "Number of errors", U8, "rw", 0),
+           *(sub(n, f"Error history {n}", U32, "ro") for n in range(1, 6))),
+    var(0x1005, "COB-ID SYNC", U32, "const", 0x80),
+    var(0x1008, "Manufacturer device name", TEXT, "const", "EPOS4"),
+    record(0x1010, "Store parameters", sub(1, "Save all parameters", U32, "rw", 1)),
+    record(0x1011, "Restore default parameters", sub(1, "Restore all default parameters", U32, "rw", 1),
+           sub(4, "Restore specific default parameters", U32, "rw", 1)),
+    var(0x1014, "COB-ID EMCY", U32, "ro", NodeId(0x80)),
+    record(0x1016, "Consumer heartbeat time", sub(1, "Consumer 1 heartbeat time", U32, "rw"),
+           sub(2, "Consumer 2 heartbeat time", U32, "rw")),
+    var(0x1017, "Producer heartbeat time", U16, "rw"),
+    record(0x1018, "Identity object", sub(1, "Vendor ID", U32, "const", 0xFB),
+           sub(2, "Product code", U32, "const", 0x61500000), sub(3, "Revision number", U32, "const", 0x01700000),
+           sub(4, "Serial number", U32, "const", 1)),
+    record(0x1029, "Error behavior", sub(1, "Communication error", U8, "rw", 0, 0, 2)),
+)  # fmt: skip
+
+NO_RTR, OFF = 0x40000000, 0xC0000000
+PROCESS_DATA = joined(
+    pdo(1, 0x200, (0x60400010,), receive=True, objects=12),
+    pdo(2, 0x300, (0x60400010, 0x60600008), receive=True, objects=12),
+    pdo(3, 0x400, (0x60400010, 0x607A0020), receive=True, objects=12),
+    pdo(4, 0x500, (0x60400010, 0x60FF0020), receive=True, objects=12),
+    pdo(1, 0x180, (0x60410010,), receive=False, objects=12, flags=NO_RTR, inhibit=10),
+    pdo(2, 0x280, (0x60410010, 0x60610008), receive=False, objects=12, flags=OFF, inhibit=10),
+    pdo(3, 0x380, (0x60410010, 0x60640020), receive=False, objects=12, flags=OFF, inhibit=10),
+    pdo(4, 0x480, (0x60410010, 0x606C0020), receive=False, objects=12, flags=OFF, inhibit=10),
+)
+
+VENDOR = joined(
+    var(0x2000, "Node-ID", U8, "ro", NodeId(0)),
+    var(0x2001, "CAN bit rate", U16, "rw", 0, 0, 9),
+    record(0x2200, "Power supply", sub(1, "Power supply voltage [0.1 V]", U16, "ro", 240, pdo=True)),
+    record(0x2201, "Voltage limits", sub(1, "Undervoltage limit [mV]", U32, "rw", 8000),
+           sub(2, "Overvoltage limit [mV]", U32, "rw", 58000)),
+    record(0x3000, "Axis configuration", sub(1, "Sensors", U32, "rw", 0x00100001),
+           sub(2, "Control structure", U32, "rw", 0x00010111), sub(3, "Commutation sensors", U32, "rw", 0x31),
+           sub(4, "Miscellaneous", U32, "rw", 0)),
+    record(0x3001, "Motor data", sub(1, "Nominal current [mA]", U32, "rw", 5000, 1),
+           sub(2, "Output current limit [mA]", U32, "rw", 15000), sub(3, "Number of pole pairs", U8, "rw", 1, 1),
+           sub(4, "Thermal time constant winding [0.1 s]", U16, "rw", 40, 1),
+           sub(5, "Torque constant [uNm/A]", U32, "rw", 0)),
+    record(0x3010, "Digital incremental encoder 1", sub(1, "Number of pulses", U32, "rw", PULSES, 16),
+           sub(2, "Type", U16, "rw", 1)),
+    record(0x30A0, "Current control", sub(1, "P gain", U32, "rw", 1171880), sub(2, "I gain", U32, "rw", 3906250)),
+    record(0x30A1, "Position control", sub(1, "P gain", U32, "rw", 1500000), sub(2, "I gain", U32, "rw", 780000),
+           sub(3, "D gain", U32, "rw", 16000), sub(4, "FF velocity gain", U32, "rw", 0),
+           sub(5, "FF acceleration gain", U32, "rw", 0)),
+    record(0x30A2, "Velocity control", sub(1, "P gain", U32, "rw", 20000), sub(2, "I gain", U32, "rw", 500000),
+           sub(3, "FF velocity gain", U32, "rw", 0), sub(4, "FF acceleration gain", U32, "rw", 0),
+           sub(5, "Filter cut-off frequency", U16, "rw", 600)),
+    var(0x30B0, "Home position", I32, "rw", 0),
+    var(0x30B1, "Home offset move distance", I32, "rw", 0, 0, 0),  # the move is not simulated
+    var(0x30B2, "Current threshold for homing [mA]", U16, "rw", 500),
+    record(0x30D1, "Current actual values", sub(1, "Averaged [mA]", I32, "ro", pdo=True),
+           sub(2, "Actual [mA]", I32, "ro", pdo=True)),
+    record(0x30E0, "Standstill window", sub(1, "Window [velocity units]", U32, "rw", 30), sub(2, "Time [ms]", U16, "rw", 2),
+           sub(3, "Timeout [ms]", U16, "rw", 1000)),
+    record(0x3200, "Thermal overload", sub(1, "I2t level motor [%]", U16, "ro"),
+           sub(2, "I2t level power stage [%]", U16, "ro")),
+)  # fmt: skip
+
+APPLICATION = joined(
+    var(0x6007, "Abort connection option code", I16, "rw", 3, 0, 3),
+    var(0x603F, "Error code", U16, "ro", pdo=True),
+    var(0x6040, "Controlword", U16, "rw", pdo=True),
+    var(0x6041, "Statusword", U16, "ro", pdo=True),
+    var(0x605A, "Quick stop option code", I16, "rw", 6, 0, 6),
+    var(0x605B, "Shutdown option code", I16, "rw", 0, 0, 1),
+    var(0x605C, "Disable operation option code", I16, "rw", 1, 0, 1),
+    var(0x605E, "Fault reaction option code", I16, "rw", 2, 0, 2),
+    var(0x6060, "Modes of operation", I8, "rw", 1, pdo=True),
+    var(0x6061, "Modes of operation display", I8, "ro", pdo=True),
+    var(0x6062, "Position demand value", I32, "ro", pdo=True),
+    var(0x6064, "Position actual value", I32, "ro", pdo=True),
+    var(0x6065, "Following error window", U32, "rw", 2000),
+    var(0x6066, "Following error time out", U16, "rw", 0, 0, 0),
+    var(0x6067, "Position window", U32, "rw", 0xFFFFFFFF),
+    var(0x6068, "Position window time", U16, "rw", 0),
+    var(0x606B, "Velocity demand value", I32, "ro", pdo=True),
+    var(0x606C, "Velocity actual value", I32, "ro", pdo=True),
+    var(0x6071, "Target torque", I16, "rw", pdo=True),
+    var(0x6076, "Motor rated torque [uNm]", U32, "ro", 0),
+    var(0x6077, "Torque actual value", I16, "ro", pdo=True),
+    var(0x607A, "Target position", I32, "rw", pdo=True),
+    record(0x607D, "Software position limit", sub(1, "Min position limit", I32, "rw"),
+           sub(2, "Max position limit", I32, "rw")),
+    var(0x607F, "Max profile velocity", U32, "rw", 50000, 1),
+    var(0x6080, "Max motor speed", U32, "rw", 50000, 1),
+    var(0x6081, "Profile velocity", U32, "rw", 1000, 1, pdo=True),  # rpm
+    var(0x6083, "Profile acceleration", U32, "rw", 10000, 1, pdo=True),  # rpm/s
+    var(0x6084, "Profile deceleration", U32, "rw", 10000, 1, pdo=True),
+    var(0x6085, "Quick stop deceleration", U32, "rw", 10000, 1, pdo=True),
+    var(0x6086, "Motion profile type", I16, "rw", 0, 0, 0),
+    var(0x6098, "Homing method", I8, "rw", 7, pdo=True),
+    record(0x6099, "Homing speeds", sub(1, "Speed for switch search", U32, "rw", 100),
+           sub(2, "Speed for zero search", U32, "rw", 10)),
+    var(0x609A, "Homing acceleration", U32, "rw", 1000, 1),
+    var(0x60A8, "SI unit position", U32, "const", 0x00B50000),
+    var(0x60A9, "SI unit velocity", U32, "rw", 0x00B44700),
+    var(0x60AA, "SI unit acceleration", U32, "const", 0x00C00300),
+    var(0x60B0, "Position offset", I32, "rw", pdo=True),
+    var(0x60B1, "Velocity offset", I32, "rw", pdo=True),
+    var(0x60B2, "Torque offset", I16, "rw", pdo=True),
+    record(0x60C2, "Interpolation time period", sub(1, "Period value", U8, "rw", 0, 0, 100),
+           sub(2, "Time index", I8, "rw", -3, -3, -3)),
+    var(0x60C5, "Max acceleration", U32, "rw", 0xFFFFFFFF),  # not used in cyclic modes
+    var(0x60F4, "Following error actual value", I32, "ro", pdo=True),
+    var(0x60FD, "Digital inputs", U32, "ro", pdo=True),
+    record(0x60FE, "Digital outputs", sub(1, "Physical outputs", U32, "rw", 0, pdo=True)),
+    var(0x60FF, "Target velocity", I32, "rw", pdo=True),
+    var(0x6402, "Motor type", U16, "rw", 10),
+    var(0x6502, "Supported drive modes", U32, "const", supported(*MODES)),
+)  # fmt: skip
+
+FAULTS = {  # EMCY: bits of 1001h, where recalled; bit 7 is a motion error
+    0x1000: Fault(0x01, 0, Reaction.OFF, "generic"),
+    0x2310: Fault(0x03, 0, Reaction.OFF, "overcurrent"),
+    0x2320: Fault(0x03, 0, Reaction.OFF, "power stage protection"),
+    0x3210: Fault(0x05, 0, Reaction.OFF, "overvoltage"),
+    0x3220: Fault(0x05, 0, Reaction.RAMP, "undervoltage"),
+    0x4210: Fault(0x09, 0, Reaction.OFF, "thermal overload"),
+    0x4380: Fault(0x09, 0, Reaction.OFF, "thermal motor overload"),
+    0x5113: Fault(0x05, 0, Reaction.OFF, "logic supply voltage too low"),
+    0x6180: Fault(0x01, 0, Reaction.OFF, "internal software"),
+    0x6320: Fault(0x01, 0, Reaction.RAMP, "software parameter"),
+    0x7320: Fault(0x81, 0, Reaction.OFF, "position sensor"),
+    0x7388: Fault(0x81, 0, Reaction.OFF, "Hall sensor"),
+    0x8110: Fault(0x11, 0, Reaction.CONNECTION, "CAN overrun (objects lost)"),
+    0x8120: Fault(0x11, 0, Reaction.CONNECTION, "CAN error passive"),
+    0x8130: Fault(0x11, 0, Reaction.CONNECTION, "heartbeat"),
+    0x8150: Fault(0x11, 0, Reaction.CONNECTION, "PDO COB-ID collision"),
+    0x81FD: Fault(0x11, 0, Reaction.CONNECTION, "CAN bus turned off"),
+    0x8210: Fault(0x11, 0, Reaction.CONNECTION, "PDO length"),
+    0x8250: Fault(0x11, 0, Reaction.RAMP, "RPDO timeout"),
+    0x8611: Fault(0x81, 0, Reaction.RAMP, "following error"),
+    0x8A80: Fault(0x81, 0, Reaction.RAMP, "negative limit switch"),
+    0x8A81: Fault(0x81, 0, Reaction.RAMP, "positive limit switch"),
+    0x8A82: Fault(0x81, 0, Reaction.RAMP, "software position limit"),
+    0x8A88: Fault(0x81, 0, Reaction.OFF, "STO"),
+}  # fmt: skip
+
+
+def units(dictionary: Dictionary) -> Units:
+    """Increments, the velocity unit of 60A9h (rpm with its prefix), rpm/s, per mille of the rated torque."""
+    prefix = dictionary.get(0x60A9) >> 24
+    prefix -= 256 * (prefix > 127)
+    increment = 2.0 * pi / (4 * dictionary.get(0x3010, 1))
+    return Units(increment, RPM * 10.0**prefix, RPM, dictionary.get(0x3001, 1) * 1e-6)
+
+
+def currents(dictionary: Dictionary) -> Currents:
+    """Nominal current and output limit with the winding's time constant."""
+    get = dictionary.get
+    return Currents(get(0x3001, 1) / 1000.0, get(0x3001, 2) / 1000.0, get(0x3001, 4) / 10.0)
+
+
+def supply(dictionary: Dictionary) -> tuple[float, float]:
+    """Voltage limits."""
+    return dictionary.get(0x2201, 1) / 1000.0, dictionary.get(0x2201, 2) / 1000.0
+
+
+PROFILE = Profile(
+    name="epos4",
+    title="maxon EPOS4",
+    objects=COMMUNICATION + PROCESS_DATA + VENDOR + APPLICATION,
+    modes=MODES,
+    homing={n: METHODS[n] for n in (1, 2, 7, 11, 17, 18, 23, 27, 33, 34, 37)} | BLOCKS_MAXON,
+    faults=FAULTS,
+    motor=EC_I_40,
+    units=units,
+    currents=currents,
+    rules=Rules(objects=12, remap=Code.DEVICE_STATE),
+    bus_off=0x81FD,
+    target_beyond_limit=0x8A82,
+    limits_off_when_zero=True,
+    power_stage_bit=True,
+    rpdo_timeout=True,
+    supply=supply,
+)

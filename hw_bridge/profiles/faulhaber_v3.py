@@ -1,0 +1,191 @@
+"""FAULHABER Motion Control V3.0 (MC 3001, 3603, 5004, 5005, 5010, MCS) with a linear motor LM 2070-080-11.
+
+From the communications manual 7000.05050 and public code. Recalled, not found: the default PDO map, the product code
+of the MC 5005, and every default marked so in the table.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hw_bridge.abort import Code
+from hw_bridge.cia402 import Mode, supported
+from hw_bridge.dictionary import I8, I16, I32, TEXT, U8, U16, U32, NodeId, record, sub, var
+from hw_bridge.drive.motor import MotorModel
+from hw_bridge.drive.moves import BLOCKS_FAULHABER, METHODS
+from hw_bridge.profile import Currents, Fault, Profile, Reaction, Units
+from hw_bridge.profiles.rows import joined, pdo
+from hw_bridge.slave.pdo import Rules
+
+if TYPE_CHECKING:
+    from hw_bridge.dictionary import Dictionary
+
+MODES = (Mode.PP, Mode.PV, Mode.HM, Mode.CSP, Mode.CSV, Mode.CST)
+INCREMENT = 8e-6  # 24 mm of magnetic pitch in 3000 increments [m]
+LM2070 = MotorModel("servomotor", "m", resolution=INCREMENT, index=24e-3)
+FAR = 2_000_000_000
+
+COMMUNICATION = joined(
+    var(0x1000, "Device type", U32, "const", 0x00420192),
+    var(0x1001, "Error register", U8, "ro", pdo=True),
+    record(0x1003, "Pre-defined error field", sub(0, "Number of errors", U8, "rw", 0),
+           *(sub(n, f"Standard error field {n}", U32, "ro") for n in range(1, 9))),
+    var(0x1005, "COB-ID SYNC", U32, "rw", 0x80),
+    var(0x1008, "Manufacturer device name", TEXT, "const", "MC5005"),
+    var(0x1009, "Manufacturer hardware version", TEXT, "const", "1.0"),
+    var(0x100A, "Manufacturer software version", TEXT, "const", "0111.02O"),
+    var(0x100C, "Guard time", U16, "rw"),
+    var(0x100D, "Life time factor", U8, "rw"),
+    record(0x1010, "Store parameters", *(sub(n, f"Save group {n}", U32, "rw", 1) for n in range(1, 4))),
+    record(0x1011, "Restore default parameters", *(sub(n, f"Restore group {n}", U32, "rw", 1) for n in range(1, 4))),
+    var(0x1014, "COB-ID EMCY", U32, "rw", NodeId(0x80)),
+    record(0x1016, "Consumer heartbeat time", sub(1, "Consumer heartbeat time 1", U32, "rw")),
+    var(0x1017, "Producer heartbeat time", U16, "rw"),
+    record(0x1018, "Identity object", sub(1, "Vendor ID", U32, "const", 327),
+           sub(2, "Product code", U32, "const", 11601), sub(3, "Revision number", U32, "const", 1),
+           sub(4, "Serial number", U32, "const", 1)),
+    record(0x1029, "Error behavior", sub(1, "Communication error", U8, "rw", 0, 0, 2)),
+)  # fmt: skip
+
+# RPDO and TPDO as recalled: the controlword in every RPDO
+PROCESS_DATA = joined(
+    pdo(1, 0x200, (0x60400010,), receive=True, objects=8),
+    pdo(2, 0x300, (0x60400010, 0x607A0020), receive=True, objects=8),
+    pdo(3, 0x400, (0x60400010, 0x60FF0020), receive=True, objects=8),
+    pdo(4, 0x500, (0x60400010, 0x60710010), receive=True, objects=8),
+    pdo(1, 0x180, (0x60410010,), receive=False, objects=8, inhibit=0, event=0),
+    pdo(2, 0x280, (0x60410010, 0x60640020), receive=False, objects=8, inhibit=0, event=0),
+    pdo(3, 0x380, (0x60410010, 0x606C0020), receive=False, objects=8, inhibit=0, event=0),
+    pdo(4, 0x480, (0x60410010, 0x60770010), receive=False, objects=8, inhibit=0, event=0),
+)
+
+APPLICATION = joined(
+    var(0x2320, "Error word", U16, "ro", pdo=True),
+    record(0x2325, "Voltages", sub(7, "Motor supply [10 mV]", U16, "ro", 2400, pdo=True)),
+    record(0x2326, "Temperatures", sub(1, "CPU [degC]", I16, "ro", 35), sub(2, "Power stage [degC]", I16, "ro", 35),
+           sub(3, "Winding [degC]", I16, "ro", 30)),
+    record(0x2344, "Velocity control", sub(1, "Gain", U32, "rw", 1000), sub(2, "Integral time [100 us]", U16, "rw", 80),
+           sub(3, "Deviation threshold", U16, "rw", 65535), sub(4, "Deviation time [ms]", U16, "rw", 100)),
+    var(0x6007, "Abort connection option code", I16, "rw", 1, 0, 3),  # default recalled
+    var(0x603F, "Error code", U16, "ro", pdo=True),
+    var(0x6040, "Controlword", U16, "rw", pdo=True),
+    var(0x6041, "Statusword", U16, "ro", pdo=True),
+    var(0x605A, "Quick stop option code", I16, "rw", 2, 0, 6),  # defaults of 605A to 605E recalled
+    var(0x605B, "Shutdown option code", I16, "rw", 0, 0, 1),
+    var(0x605C, "Disable operation option code", I16, "rw", 1, 0, 1),
+    var(0x605D, "Halt option code", I16, "rw", 1, 1, 2),
+    var(0x605E, "Fault reaction option code", I16, "rw", 2, 0, 2),
+    var(0x6060, "Modes of operation", I8, "rw", 0, -4, 10, pdo=True),
+    var(0x6061, "Modes of operation display", I8, "ro", pdo=True),
+    var(0x6062, "Position demand value", I32, "ro", pdo=True),
+    var(0x6063, "Position actual internal value", I32, "ro", pdo=True),
+    var(0x6064, "Position actual value", I32, "ro", pdo=True),
+    var(0x6065, "Following error window", U32, "rw", 0xFFFFFFFF, pdo=True),  # assumed off
+    var(0x6066, "Following error time out", U16, "rw", 100, pdo=True),
+    var(0x6067, "Position window", U32, "rw", 40, pdo=True),
+    var(0x6068, "Position window time", U16, "rw", 48, pdo=True),
+    var(0x606B, "Velocity demand value", I32, "ro", pdo=True),
+    var(0x606C, "Velocity actual value", I32, "ro", pdo=True),
+    var(0x606D, "Velocity window", U16, "rw", 32, pdo=True),  # 606D to 6070 recalled
+    var(0x606E, "Velocity window time", U16, "rw", 48, pdo=True),
+    var(0x606F, "Velocity threshold", U16, "rw", 16, pdo=True),
+    var(0x6070, "Velocity threshold time", U16, "rw", 48, pdo=True),
+    var(0x6071, "Target torque", I16, "rw", 0, -6000, 6000, pdo=True),
+    var(0x6072, "Max torque", U16, "rw", 2000, 0, 6000, pdo=True),
+    var(0x6075, "Motor rated current [mA]", U32, "rw", 790),
+    var(0x6077, "Torque actual value", I16, "ro", pdo=True),
+    var(0x6078, "Current actual value [mA]", I16, "ro", pdo=True),
+    var(0x607A, "Target position", I32, "rw", pdo=True),
+    var(0x607C, "Homing offset", I32, "rw"),
+    record(0x607D, "Software position limit", sub(1, "Min position limit", I32, "rw", -FAR, pdo=True),
+           sub(2, "Max position limit", I32, "rw", FAR, pdo=True)),
+    var(0x607F, "Max profile velocity", U32, "rw", 2000, 0, 32767, pdo=True),  # mm/s
+    var(0x6080, "Max motor speed", U32, "rw", 2000, 0, 32767, pdo=True),
+    var(0x6081, "Profile velocity", U32, "rw", 1000, 1, 32767, pdo=True),
+    var(0x6083, "Profile acceleration", U32, "rw", 1000, 1, 32750, pdo=True),  # mm/s2
+    var(0x6084, "Profile deceleration", U32, "rw", 1000, 1, 32750, pdo=True),
+    var(0x6085, "Quick stop deceleration", U32, "rw", 10000, 1, 32750, pdo=True),
+    var(0x6086, "Motion profile type", I16, "rw", 0, 0, 0),  # 1, sin2, is not simulated
+    record(0x608F, "Position encoder resolution", sub(1, "Encoder increments", U32, "rw", 3000, 1),
+           sub(2, "Motor revolutions", U32, "rw", 1, 1)),
+    record(0x6091, "Gear ratio", sub(1, "Motor shaft revolutions", U32, "rw", 1, 1),
+           sub(2, "Driving shaft revolutions", U32, "rw", 1, 1)),
+    record(0x6092, "Feed constant", sub(1, "Feed", U32, "rw", 24000, 1),  # um for one magnetic pitch
+           sub(2, "Shaft revolutions", U32, "rw", 1, 1)),
+    var(0x6098, "Homing method", I8, "rw", 37),
+    record(0x6099, "Homing speed", sub(1, "Switch seek velocity", U32, "rw", 40), sub(2, "Zero seek velocity", U32,
+           "rw", 20)),
+    var(0x609A, "Homing acceleration", U32, "rw", 500, 1),
+    var(0x60B0, "Position offset", I32, "rw", pdo=True),
+    var(0x60B1, "Velocity offset", I32, "rw", pdo=True),
+    var(0x60B2, "Torque offset", I16, "rw", pdo=True),
+    record(0x60C2, "Interpolation time period", sub(1, "Period value", U8, "rw", 0, 0, 255),
+           sub(2, "Time index", I8, "rw", -3, -6, 0)),
+    var(0x60E0, "Positive torque limit", U16, "rw", 6000, 0, 6000, pdo=True),
+    var(0x60E1, "Negative torque limit", U16, "rw", 6000, 0, 6000, pdo=True),
+    var(0x60F4, "Following error actual value", I32, "ro", pdo=True),
+    var(0x60FD, "Digital inputs", U32, "ro", pdo=True),
+    record(0x60FE, "Digital outputs", sub(1, "Physical outputs", U32, "rw", pdo=True),
+           sub(2, "Bit mask", U32, "rw", 0xFFFFFFFF)),
+    var(0x60FF, "Target velocity", I32, "rw", pdo=True),
+    var(0x6402, "Motor type", U16, "rw", 3),
+    var(0x6502, "Supported drive modes", U32, "const", supported(*MODES)),
+)  # fmt: skip
+
+FAULTS = {  # EMCY: bits of 1001h, bits of 2320h
+    0x84F0: Fault(0x20, 0x0001, Reaction.RAMP, "speed deviation"),
+    0x8611: Fault(0x20, 0x0002, Reaction.RAMP, "following error"),
+    0x3210: Fault(0x04, 0x0004, Reaction.OFF, "overvoltage"),
+    0x3220: Fault(0x04, 0x0008, Reaction.OFF, "undervoltage"),
+    0x43F0: Fault(0x08, 0x0010, Reaction.REPORT, "temperature warning"),
+    0x4310: Fault(0x08, 0x0020, Reaction.OFF, "temperature"),
+    0x7300: Fault(0x20, 0x0040, Reaction.OFF, "encoder"),
+    0x5410: Fault(0x01, 0x0080, Reaction.OFF, "output stage"),
+    0x7400: Fault(0x01, 0x0100, Reaction.OFF, "module"),
+    0x7200: Fault(0x02, 0x0200, Reaction.OFF, "current measurement"),
+    0x5530: Fault(0x01, 0x0400, Reaction.REPORT, "EEPROM"),
+    0x8110: Fault(0x10, 0x0800, Reaction.REPORT, "CAN overrun"),
+    0x8130: Fault(0x10, 0x0800, Reaction.CONNECTION, "node guarding or heartbeat"),
+    0x8140: Fault(0x10, 0x0800, Reaction.REPORT, "recovered from bus-off"),
+    0x8210: Fault(0x10, 0x0800, Reaction.REPORT, "PDO too short"),
+    0x8220: Fault(0x10, 0x0800, Reaction.REPORT, "PDO too long"),
+    0x8310: Fault(0x10, 0x0800, Reaction.REPORT, "RS232 overrun"),
+    0x6100: Fault(0x01, 0x1000, Reaction.OFF, "software"),
+    0x84FF: Fault(0x20, 0x2000, Reaction.RAMP, "speed too high"),
+}  # fmt: skip
+
+
+def units(dictionary: Dictionary) -> Units:
+    """User units follow the factor group: um, mm/s, mm/s2 with the defaults."""
+    get = dictionary.get
+    increments = get(0x608F, 1) / get(0x608F, 2) * get(0x6091, 1) / get(0x6091, 2) * get(0x6092, 2) / get(0x6092, 1)
+    position = INCREMENT * increments
+    return Units(position, 1000.0 * position, 1000.0 * position, get(0x6075) * 1e-6)
+
+
+def currents(dictionary: Dictionary) -> Currents:
+    """Rated current, and the torque limits as a multiple of it."""
+    rated = dictionary.get(0x6075) / 1000.0
+    peak = min(dictionary.get(0x6072), dictionary.get(0x60E0), dictionary.get(0x60E1)) / 1000.0
+    return Currents(rated, peak * rated, 15.0)  # the winding's time constant of the LM 2070 [s], estimate
+
+
+def deviation(dictionary: Dictionary) -> tuple[float, int]:
+    """Window and time of the speed deviation."""
+    return float(dictionary.get(0x2344, 3)), dictionary.get(0x2344, 4)
+
+
+PROFILE = Profile(
+    name="faulhaber_v3",
+    title="FAULHABER Motion Control V3.0",
+    objects=COMMUNICATION + PROCESS_DATA + APPLICATION,
+    modes=MODES,
+    homing={n: moves for n, moves in METHODS.items() if n != 35} | BLOCKS_FAULHABER,
+    faults=FAULTS,
+    motor=LM2070,
+    units=units,
+    currents=currents,
+    rules=Rules(objects=8, remap=Code.UNSUPPORTED_ACCESS),
+    bus_off=0x8140,
+    deviation=deviation,
+)

@@ -1,0 +1,171 @@
+"""FAULHABER MCLM 300x CO (Motion Control V2) with a linear motor LM 2070-080-11, from the facts of its public EDS.
+
+Traps, all simulated: software limits of +-9 996 um that act in position mode; a magnetic pitch of 18 mm by default,
+while this motor has 24 mm, so that a "um" is 1.333 um until 2350h.4 is written; errors that are told but do not trip.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hw_bridge.abort import Code
+from hw_bridge.cia402 import Mode, supported
+from hw_bridge.dictionary import I8, I16, I32, TEXT, U8, U16, U32, NodeId, record, sub, var
+from hw_bridge.drive.moves import METHODS
+from hw_bridge.profile import Currents, Fault, Profile, Reaction, Units
+from hw_bridge.profiles.faulhaber_v3 import INCREMENT, LM2070
+from hw_bridge.profiles.rows import joined, pdo
+from hw_bridge.slave.pdo import Rules
+
+if TYPE_CHECKING:
+    from hw_bridge.dictionary import Dictionary
+
+MODES = (Mode.PP, Mode.PV, Mode.HM)
+PER_PITCH = 3000  # increments of one magnetic pitch
+
+COMMUNICATION = joined(
+    var(0x1000, "Device type", U32, "const", 0x00420192),
+    var(0x1001, "Error register", U8, "ro", pdo=True),
+    record(0x1003, "Pre-defined error field", sub(0, "Number of errors", U8, "rw", 0),
+           *(sub(n, f"Standard error field {n}", U32, "ro") for n in range(1, 3))),
+    var(0x1005, "COB-ID SYNC", U32, "rw", 0x80),
+    var(0x1008, "Manufacturer device name", TEXT, "const", "MCLM300x"),
+    var(0x100A, "Manufacturer software version", TEXT, "const", "3150.69C"),
+    var(0x100C, "Guard time", U16, "rw"),
+    var(0x100D, "Life time factor", U8, "rw"),
+    record(0x1010, "Store parameters", *(sub(n, f"Save group {n}", U32, "rw", 1) for n in range(1, 10))),
+    record(0x1011, "Restore default parameters", *(sub(n, f"Restore group {n}", U32, "rw", 1) for n in range(1, 7))),
+    var(0x1014, "COB-ID EMCY", U32, "rw", NodeId(0x80)),
+    record(0x1016, "Consumer heartbeat time", sub(1, "Consumer heartbeat time 1", U32, "rw")),
+    var(0x1017, "Producer heartbeat time", U16, "rw"),
+    record(0x1018, "Identity object", sub(1, "Vendor ID", U32, "const", 327),
+           sub(2, "Product code", U32, "const", 3150), sub(3, "Revision number", U32, "const", 3),
+           sub(4, "Serial number", U32, "const", 1)),
+    record(0x1029, "Error behavior", sub(1, "Communication error", U8, "rw", 0, 0, 2)),
+)  # fmt: skip
+
+PROCESS_DATA = joined(
+    pdo(1, 0x200, (0x60400010,), receive=True, objects=4),
+    pdo(2, 0x300, (0x60400010, 0x607A0020), receive=True, objects=4),
+    pdo(3, 0x400, (0x60400010, 0x60FF0020), receive=True, objects=4),
+    pdo(4, 0x500, (0x60400010, 0x257A0020), receive=True, objects=4),
+    pdo(1, 0x180, (0x60410010,), receive=False, objects=4, event=0),
+    pdo(2, 0x280, (0x60410010, 0x60640020), receive=False, objects=4, event=0),
+    pdo(3, 0x380, (0x60410010, 0x606C0020), receive=False, objects=4, event=0),
+    pdo(4, 0x480, (0x60640020, 0x606C0020), receive=False, objects=4, event=0),
+)
+
+VENDOR = joined(
+    var(0x2320, "Fault register", U16, "ro", pdo=True),
+    record(0x2321, "Error mask", sub(1, "EMCY mask", U16, "rw", 0xFFFF), sub(2, "Fault mask", U16, "rw", 0),
+           sub(3, "Errout mask", U16, "rw", 0x00FF)),
+    record(0x2322, "Deviation", sub(1, "Delay [ms]", U16, "rw", 200), sub(2, "Maximum [mm/s]", U16, "rw", 30000)),
+    record(0x2330, "Sampling", sub(1, "Sampling rate", U16, "rw", 1, 1, 20)),
+    record(0x2333, "Current control", sub(1, "Continuous current [mA]", U16, "rw", 790, 0, 12000),  # currents: those
+           sub(2, "Peak current [mA]", U16, "rw", 2370, 0, 12000), sub(3, "Integral", U8, "rw", 3, 1, 255)),  # of LM 2070
+    var(0x2334, "Current limit [mA]", U16, "ro", pdo=True),
+    record(0x2338, "General settings", sub(1, "Commutation", U8, "rw", 1, 0, 1),
+           sub(2, "Limits in velocity mode", U8, "rw", 0, 0, 1), sub(3, "Limits in position mode", U8, "rw", 1, 0, 1)),
+    record(0x2350, "Motor", sub(1, "KN", U32, "rw", 14000), sub(2, "RM", U32, "rw", 200000),
+           sub(4, "Magnetic pitch [mm]", U16, "rw", 18, 8, 60), sub(5, "Thermal time constant [s]", U16, "rw", 15, 1)),
+    var(0x2562, "Position demand internal [increments]", I32, "ro", pdo=True),
+    var(0x257A, "Target position internal [increments]", I32, "rw", pdo=True),
+)  # fmt: skip
+
+APPLICATION = joined(
+    var(0x603F, "Error code", U16, "ro", pdo=True),
+    var(0x6040, "Controlword", U16, "rw", pdo=True),
+    var(0x6041, "Statusword", U16, "ro", pdo=True),
+    var(0x6060, "Modes of operation", I8, "rw", 1, -9, 8, pdo=True),
+    var(0x6061, "Modes of operation display", I8, "ro", pdo=True),
+    var(0x6062, "Position demand value", I32, "ro", pdo=True),
+    var(0x6063, "Position actual internal value", I32, "ro", pdo=True),
+    var(0x6064, "Position actual value", I32, "ro", pdo=True),
+    var(0x6067, "Position window", U32, "rw", 120, pdo=True),
+    var(0x6068, "Position window time", U16, "rw", 200, pdo=True),
+    var(0x606B, "Velocity demand value", I32, "ro", pdo=True),
+    var(0x606C, "Velocity actual value", I32, "ro", pdo=True),
+    var(0x606D, "Velocity window", U16, "rw", 20, pdo=True),
+    var(0x606E, "Velocity window time", U16, "rw", 200, pdo=True),
+    var(0x606F, "Velocity threshold", U16, "rw", 20, pdo=True),
+    var(0x6070, "Velocity threshold time", U16, "rw", 200, pdo=True),
+    var(0x6078, "Current actual value [mA]", I16, "ro", pdo=True),
+    var(0x607A, "Target position", I32, "rw", pdo=True),
+    record(0x607B, "Position range limit", sub(1, "Min", I32, "ro", -18_000_000), sub(2, "Max", I32, "ro", 18_000_000)),
+    var(0x607C, "Homing offset", I32, "rw"),
+    record(0x607D, "Software position limit", sub(1, "Min position limit", I32, "rw", -9996),
+           sub(2, "Max position limit", I32, "rw", 9996)),
+    var(0x607F, "Max profile velocity", U32, "rw", 30000, 0, 30000),  # mm/s; default assumed
+    var(0x6081, "Profile velocity", U32, "rw", 1000, 0, 30000, pdo=True),  # default assumed
+    var(0x6083, "Profile acceleration", U32, "rw", 30000, 0, 32000, pdo=True),  # mm/s2
+    var(0x6084, "Profile deceleration", U32, "rw", 30000, 0, 32000, pdo=True),
+    var(0x6085, "Quick stop deceleration", U32, "rw", 30000, 0, 32000, pdo=True),
+    var(0x6086, "Motion profile type", I16, "ro", 0),
+    record(0x608F, "Position encoder resolution", sub(1, "Encoder increments", U32, "ro", PER_PITCH),
+           sub(2, "Pitch [mm]", U32, "ro", 18)),
+    record(0x6091, "Gear ratio", sub(1, "Motor revolutions", U32, "ro", 1), sub(2, "Shaft revolutions", U32, "ro", 1)),
+    record(0x6092, "Feed constant", sub(1, "Feed", U32, "rw", 1000, 1), sub(2, "Shaft revolutions", U32, "rw", 1, 1)),
+    record(0x6093, "Position factor", sub(1, "Numerator", U32, "ro", PER_PITCH),
+           sub(2, "Feed constant", U32, "ro", 18000)),
+    var(0x6098, "Homing method", I8, "rw", 20, 0, 36),
+    record(0x6099, "Homing speed", sub(1, "Switch seek velocity", U32, "rw", 40), sub(2, "Zero seek velocity", U32,
+           "rw", 20)),
+    var(0x609A, "Homing acceleration", U32, "rw", 50, 1),
+    var(0x60FD, "Digital inputs", U32, "ro", pdo=True),
+    var(0x60FF, "Target velocity", I32, "rw", pdo=True),
+    var(0x6402, "Motor type", U16, "rw", 3),
+    var(0x6502, "Supported drive modes", U32, "const", supported(*MODES)),
+)  # fmt: skip
+
+FAULTS = {  # EMCY: bits of 1001h, bits of 2320h; reactions act only where the fault mask 2321h.2 has the bit
+    0x2310: Fault(0x02, 0x0001, Reaction.RAMP, "continuous overcurrent"),
+    0x8400: Fault(0x20, 0x0002, Reaction.RAMP, "speed deviation"),
+    0x8611: Fault(0x20, 0x0002, Reaction.RAMP, "following error"),
+    0x3210: Fault(0x04, 0x0004, Reaction.RAMP, "overvoltage"),
+    0x4310: Fault(0x08, 0x0008, Reaction.RAMP, "temperature"),
+    0x5530: Fault(0x01, 0x0010, Reaction.RAMP, "flash memory"),
+    0x8120: Fault(0x10, 0x0040, Reaction.RAMP, "CAN error passive"),
+    0x8110: Fault(0x10, 0x0080, Reaction.RAMP, "CAN overrun"),
+    0x8130: Fault(0x10, 0x0100, Reaction.RAMP, "life guard or heartbeat"),
+    0x8140: Fault(0x10, 0x0200, Reaction.RAMP, "recovered from bus-off"),
+    0xFF01: Fault(0x01, 0x0800, Reaction.RAMP, "conversion overflow"),
+    0x6100: Fault(0x01, 0x1000, Reaction.RAMP, "software"),
+    0x8220: Fault(0x10, 0x2000, Reaction.RAMP, "PDO too long"),
+    0x8210: Fault(0x10, 0x4000, Reaction.RAMP, "PDO too short"),
+}  # fmt: skip
+
+
+def units(dictionary: Dictionary) -> Units:
+    """User units are um, mm/s, mm/s2 of a motor with the pitch of 2350h.4, whatever motor is there."""
+    pitch = dictionary.get(0x2350, 4)  # [mm]
+    millimeter = INCREMENT * PER_PITCH / pitch  # what the drive takes for 1 mm [m]
+    position = millimeter * dictionary.get(0x6092, 2) / dictionary.get(0x6092, 1)
+    return Units(position, millimeter, millimeter, 0.0)
+
+
+def currents(dictionary: Dictionary) -> Currents:
+    """Continuous and peak current with their thermal time constant."""
+    return Currents(dictionary.get(0x2333, 1) / 1e3, dictionary.get(0x2333, 2) / 1e3, float(dictionary.get(0x2350, 5)))
+
+
+def deviation(dictionary: Dictionary) -> tuple[float, int]:
+    """Window and time of the speed deviation."""
+    return float(dictionary.get(0x2322, 2)), dictionary.get(0x2322, 1)
+
+
+PROFILE = Profile(
+    name="mclm",
+    title="FAULHABER MCLM 300x CO",
+    objects=COMMUNICATION + PROCESS_DATA + VENDOR + APPLICATION,
+    modes=MODES,
+    homing={n: moves for n, moves in METHODS.items() if n != 37},
+    faults=FAULTS,
+    motor=LM2070,
+    units=units,
+    currents=currents,
+    rules=Rules(objects=4, remap=Code.UNSUPPORTED_ACCESS),
+    bus_off=0x8140,
+    deviation=deviation,
+    masks=True,
+    twins={0x257A: 0x607A},
+)

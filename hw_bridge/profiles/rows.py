@@ -1,0 +1,44 @@
+"""Rows that profiles share: process data as CiA 301 has it, and how a vendor's default mapping is written."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hw_bridge.dictionary import U8, U16, U32, NodeId, record, sub
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from hw_bridge.dictionary import Entry
+
+
+def pdo(
+    number: int, base: int, mapping: tuple[int, ...], *, receive: bool, objects: int, flags: int = 0,
+    inhibit: int | None = None, event: int | None = None,
+) -> tuple[Entry, ...]:  # fmt: skip
+    """Communication and mapping record of PDO `number` from 1; `inhibit` and `event`: defaults where it has them."""
+    name = f"{'Receive' if receive else 'Transmit'} PDO {number}"
+    subs = [
+        sub(1, "COB-ID", U32, "rw", NodeId(flags | base)),
+        sub(2, "Transmission type", U8, "rw", 255),
+    ]
+    if inhibit is not None:
+        subs.append(sub(3, "Inhibit time", U16, "rw", inhibit))
+    if event is not None:
+        subs.append(sub(5, "Event timer", U16, "rw", event, 0, 65000))
+    words = [*mapping, *[0] * (objects - len(mapping))]
+    start = 0x1400 if receive else 0x1800
+    return (
+        *record(start + number - 1, f"{name} communication parameter", *subs),
+        *record(
+            start + 0x200 + number - 1,
+            f"{name} mapping parameter",
+            sub(0, "Number of mapped objects", U8, "rw", len(mapping)),
+            *(sub(place, f"Mapped object {place}", U32, "rw", word) for place, word in enumerate(words, 1)),
+        ),
+    )
+
+
+def joined(*rows: Iterable[Entry]) -> tuple[Entry, ...]:
+    """One table of many rows."""
+    return tuple(entry for row in rows for entry in row)

@@ -1,0 +1,158 @@
+"""A CANopen slave: frames in, frames out, `advance(t)`; it does not know whether its time is simulated."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING
+
+from hw_bridge.dictionary import Dictionary
+from hw_bridge.slave.emergency import Emergency
+from hw_bridge.slave.nmt import ERROR_CONTROL, Nmt
+from hw_bridge.slave.pdo import ReceivePdo, Rules, TransmitPdo
+from hw_bridge.slave.port import NmtState, Port
+from hw_bridge.slave.sdo import SdoServer
+from hw_bridge.slave.storage import Storage
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from hw_bridge.dictionary import Entry
+    from hw_bridge.frame import Frame
+
+SDO_REQUEST, SDO_RESPONSE = 0x600, 0x580
+
+
+class Slave(ABC):
+    """The services of CiA 301 around one object dictionary; a device adds what it does.
+
+    `boot_time` and `sdo_time` [ns]: from power-on to the boot-up message, from an SDO request to its response.
+    """
+
+    def __init__(self, entries: Iterable[Entry], node: int, rules: Rules, boot_time: int, sdo_time: int) -> None:
+        self.dictionary = Dictionary(entries, node)
+        self.port = Port(self.dictionary)
+        self.node = node
+        self.sdo_time = sdo_time
+        self.storage = Storage(self.dictionary)
+        self.emergency = Emergency(self.port)
+        self.sdo = SdoServer(self.dictionary)
+        self.nmt = Nmt(self.port, boot_time, self._state_changed, self._reset, self.master_lost)
+        numbers = range(4)
+        self.rpdos = [ReceivePdo(self.port, rules, n, self.communication_error, self.data_received) for n in numbers]
+        self.tpdos = [TransmitPdo(self.port, rules, n) for n in numbers]
+        self._configure()
+        self.nmt.start()
+
+    # -------------------------------------------------------------------------------------------- what a device adds
+
+    @abstractmethod
+    def communication_error(self, code: int) -> None:
+        """An error of communication with this EMCY code occurred."""
+
+    @abstractmethod
+    def master_lost(self) -> None:
+        """A heartbeat that is watched, or node guarding, did not come in time."""
+
+    @abstractmethod
+    def data_received(self, mapped: list[Entry]) -> None:
+        """A receive PDO with these objects was taken over."""
+
+    @abstractmethod
+    def nmt_changed(self) -> None:
+        """The NMT state is another one."""
+
+    @abstractmethod
+    def power_on(self) -> None:
+        """Begin anew with the values of the dictionary."""
+
+    @abstractmethod
+    def error_passive(self) -> None:
+        """The bus repeats much of what this node sends."""
+
+    @abstractmethod
+    def bus_off(self) -> None:
+        """The bus has disconnected this node after too many errors."""
+
+    @abstractmethod
+    def bus_on(self) -> None:
+        """The node is back on the bus."""
+
+    # ------------------------------------------------------------------------------------------------------ the bus
+
+    def connect(self, send: Callable[[Frame], None]) -> None:
+        """Frames go there from now on."""
+        self.port.send = send
+
+    def next_time(self) -> int:
+        """When the slave wants to be advanced at the latest [ns]."""
+        return self.port.agenda.next_time()
+
+    def advance(self, time: int) -> None:
+        """Do everything that is due until `time` [ns]."""
+        self.port.agenda.advance(time)
+
+    def receive(self, frame: Frame) -> None:
+        """A frame arrived, at the time of the last advance."""
+        if not self.port.online:
+            return
+        dictionary, node = self.dictionary, self.node
+        if frame.remote:
+            self._requested(frame.id)
+        elif frame.id == 0:
+            self.nmt.command(frame.data)
+        elif self.port.state is NmtState.INITIALIZING:
+            return
+        elif ERROR_CONTROL < frame.id < ERROR_CONTROL + 0x80:
+            self.nmt.heard(frame.id - ERROR_CONTROL)
+        elif frame.id == SDO_REQUEST + node:
+            if self.port.state is not NmtState.STOPPED and (answer := self.sdo.answer(frame.data)) is not None:
+                respond = self._responding(answer)
+                self.port.agenda.at(self.port.agenda.now + self.sdo_time, respond)
+            self.refresh()
+        elif frame.id == dictionary.get(0x1005) & 0x7FF:
+            self._sync()
+        else:
+            meant = [pdo for pdo in self.rpdos if pdo.hears(frame.id)]
+            for pdo in meant:
+                pdo.receive(frame.data)
+            if meant:
+                self.refresh()
+
+    def refresh(self) -> None:
+        """Let transmit PDOs look for changes."""
+        for pdo in self.tpdos:
+            pdo.changed()
+
+    def _responding(self, answer: bytes) -> Callable[[], None]:
+        return lambda: self.port.transmit(SDO_RESPONSE + self.node, answer)
+
+    def _requested(self, identifier: int) -> None:
+        if identifier == ERROR_CONTROL + self.node:
+            self.nmt.guard()
+        for pdo in self.tpdos:
+            if pdo.hears(identifier):
+                pdo.requested()
+
+    def _sync(self) -> None:
+        """Actual values are those of the SYNC, then targets act."""
+        for sending in self.tpdos:
+            sending.sync()
+        for receiving in self.rpdos:
+            receiving.sync()
+        self.refresh()
+
+    def _configure(self) -> None:
+        for pdo in (*self.rpdos, *self.tpdos):
+            pdo.configure()
+
+    def _state_changed(self) -> None:
+        for pdo in (*self.rpdos, *self.tpdos):
+            pdo.reset()
+        self.nmt_changed()
+        self.refresh()
+
+    def _reset(self, application: bool) -> None:
+        self.storage.load(application)
+        self._configure()
+        if application:
+            self.power_on()

@@ -1,0 +1,54 @@
+"""Store parameters 1010h and restore defaults 1011h, with their signatures."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hw_bridge.abort import Abort, Code
+
+if TYPE_CHECKING:
+    from hw_bridge.dictionary import Dictionary, Entry, Value
+
+SAVE, LOAD = 0x65766173, 0x64616F6C  # "save" and "load" on the bus
+ALL, COMMUNICATION, APPLICATION = 1, 2, 3
+GROUPS = {
+    ALL:           range(0x1000, 0xA000),
+    COMMUNICATION: range(0x1000, 0x2000),
+    APPLICATION:   range(0x2000, 0xA000),
+}  # fmt: skip
+VOLATILE = {0x1003, 0x1010, 0x1011, 0x6040, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60FF}
+
+
+class Storage:
+    """The device's permanent memory. Restored defaults act at the next reset, as CiA 301 has it."""
+
+    def __init__(self, dictionary: Dictionary) -> None:
+        self.dictionary = dictionary
+        self.saved: dict[tuple[int, int], Value] = {}
+        for index, act in ((0x1010, self._store), (0x1011, self._restore)):
+            dictionary.checks[index] = self._check
+            dictionary.effects[index] = act
+
+    def _check(self, entry: Entry, value: Value) -> None:
+        if value != (SAVE if entry.index == 0x1010 else LOAD):
+            raise Abort(Code.CANNOT_STORE)
+
+    def _store(self, entry: Entry) -> None:
+        self.dictionary.put(entry.index, entry.default, entry.sub)  # it reads as what it can do
+        group = GROUPS.get(entry.sub, GROUPS[APPLICATION])
+        for one in self.dictionary.entries():
+            if one.index in group and one.access == "rw" and one.index not in VOLATILE:
+                self.saved[one.index, one.sub] = self.dictionary.values[one.index, one.sub]
+
+    def _restore(self, entry: Entry) -> None:
+        self.dictionary.put(entry.index, entry.default, entry.sub)
+        group = GROUPS.get(entry.sub)
+        if group is None:  # the vendor's pages: back to what was saved, at the next reset, which does just that
+            return
+        self.saved = {key: value for key, value in self.saved.items() if key[0] not in group}
+
+    def load(self, application: bool) -> None:
+        """Values as after a reset: the saved ones, else the defaults; without `application` communication only."""
+        group = GROUPS[ALL if application else COMMUNICATION]
+        values = self.dictionary.defaults() | self.saved
+        self.dictionary.restore({key: value for key, value in values.items() if key[0] in group})

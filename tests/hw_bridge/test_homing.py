@@ -1,0 +1,65 @@
+"""Homing methods with switches, index and end stops."""
+
+import pytest
+
+from hw_bridge.cia402 import Mode
+from hw_bridge.drive.moves import Until
+
+
+@pytest.fixture
+def faulhaber(make):
+    return make("faulhaber_v3")
+
+
+@pytest.mark.parametrize(
+    ("method", "place"),
+    [(17, -0.010), (18, 0.012), (1, 0.0), (2, 0.0), (19, 0.004), (20, 0.004), (21, 0.006), (22, 0.006),
+     (23, 0.004), (27, 0.006), (33, 0.0), (34, 0.024), (-3, -0.040), (-4, 0.040)],
+)  # fmt: skip
+def test_homing_methods(faulhaber, method, place):
+    bench = faulhaber
+    switches = bench.drive.axis.switches
+    switches.negative, switches.positive, switches.home = -0.010, 0.012, (0.004, 0.006)
+    if method in (33, 34, -3, -4):
+        switches.negative, switches.positive = None, None
+    bench.write(0x6098, method)
+    bench.write(0x6099, 40, 1)
+    bench.write(0x607C, 100)
+    bench.enable(Mode.HM)
+    start = {33: 0.002, 21: 0.010, 22: 0.010}.get(method, 0.0)  # beside the index at 0, beyond the switch
+    bench.drive.axis.motor._views["rod_position"][...] = start
+    bench.go(3)
+    bench.control(0x1F)
+    assert bench.word & 0x3400 == 0
+    bench.go(4000)
+    assert bench.word & 0x3400 == 0x1400
+    assert bench.drive.axis.origin + 100e-6 == pytest.approx(place, abs=1.2e-4)
+
+
+def test_homing_without_the_switch_fails(faulhaber):
+    bench = faulhaber
+    bench.write(0x6098, 17)
+    bench.enable(Mode.HM)
+    bench.control(0x1F)
+    bench.go(2000)
+    assert bench.word & 0x3400 == 0x2400
+    assert bench.drive.axis.motor.position == pytest.approx(-0.040, abs=1e-4)
+
+
+def test_homing_is_interrupted_by_its_bit(faulhaber):
+    bench = faulhaber
+    bench.write(0x6098, 18)
+    bench.enable(Mode.HM)
+    bench.control(0x1F)
+    bench.go(50)
+    bench.control(0x0F)
+    bench.go(200)
+    assert bench.word & 0x3400 == 0x0400
+    assert abs(bench.read(0x606C)) < 2
+
+
+def test_moves_name_conditions_in_the_order_of_the_switches(faulhaber):
+    switches = faulhaber.drive.axis.switches
+    switches.negative, switches.positive, switches.home = -1.0, 1.0, (-0.1, 0.1)
+    for place, until in ((-2.0, Until.NEGATIVE), (2.0, Until.POSITIVE), (0.0, Until.HOME)):
+        assert [number for number, closed in enumerate(switches.closed(place)) if closed] == [until]

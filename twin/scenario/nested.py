@@ -1,0 +1,71 @@
+"""A member may be a group of another scenario: `component: rig.yaml#rig`, or `rig.yaml#rig@variant`.
+
+It becomes one compiled component with the other scenario's values as its start values.
+"""
+
+from __future__ import annotations
+
+from contextvars import ContextVar
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from twin.errors import ScenarioError, TwinError
+from twin.scenario.merge import members, nearest
+
+if TYPE_CHECKING:
+    from twin.component import Component
+    from twin.scenario.tree import Node
+
+_above: ContextVar[tuple[str, ...]] = ContextVar("above", default=())  # files whose members are being made
+
+
+def is_group(component: object) -> bool:
+    """Whether a member's component is a group of another scenario."""
+    return isinstance(component, str) and component.partition("#")[0].endswith((".yaml", ".yml")) and "#" in component
+
+
+def components(trees: dict[str, Node]) -> tuple[dict[str, type[Component]], list[str]]:
+    """The groups that members of any variant name, and what is wrong with them."""
+    made: dict[str, type[Component]] = {}
+    problems: dict[str, None] = {}
+    for tree in trees.values():
+        for name, member in members(tree).items():
+            node = member.entries.get("component")
+            if node is None or not is_group(node.value) or node.value in made:
+                continue
+            try:
+                made[node.value] = component(node.value)
+            except TwinError as error:
+                own = getattr(error, "problems", [str(error)])
+                problems |= dict.fromkeys(f"{node.place}: member `{name}`: {one}" for one in own)
+    return made, list(problems)
+
+
+def component(reference: str) -> type[Component]:
+    """The component class of `path.yaml#group@variant`."""
+    from twin.export import group
+    from twin.scenario.lookup import look_up
+    from twin.scenario.scenario import Scenario
+
+    path, _, rest = reference.partition("#")
+    name, _, variant = rest.partition("@")
+    if path in _above.get():
+        raise ScenarioError(f"{path} is a part of itself. Break the circle.")
+    if not Path(path).is_file():
+        known = [other.name for other in Path(path).parent.glob("*.y*ml")]
+        raise ScenarioError(f"there is no file {path}.{nearest(Path(path).name, known)}")
+    token = _above.set((*_above.get(), path))
+    try:
+        scenario = Scenario.load(path)
+        if name not in scenario.groups:
+            hint = nearest(name, scenario.groups) or " Name its members under `groups` there."
+            raise ScenarioError(f"{path} has no group `{name}`.{hint}")
+        catalogs, problems = look_up(scenario)
+        if problems:
+            raise ScenarioError(problems)
+        case = scenario.cases([variant] if variant else [])[0]
+        title = "_".join(part for part in (Path(path).stem, name, variant) if part)
+        cls_name = "".join(letter if letter.isalnum() else "_" for letter in title)
+        return group(cls_name, case, catalogs[case.variant], list(scenario.groups[name]))
+    finally:
+        _above.reset(token)
