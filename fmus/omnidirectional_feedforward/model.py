@@ -1,0 +1,298 @@
+"""Feedforward controller of the injection catheter with four pull wires."""
+
+from math import floor, hypot
+
+from fmus.injection import (
+    BEND_Y,
+    BEND_Z,
+    COMPRESSION,
+    DEAD_BAND,
+    MILLIMETER,
+    NEEDLE,
+    RETRACTION,
+    REVERSAL_OFFSET,
+    SLOPE,
+    TENSION,
+    bend,
+    needle_limits,
+    retraction,
+)
+from fmus.omnidirectional import WIRES, needle_pull, periodic, pull_for
+from twin.component import Component
+from twin.variable import Boolean, Int32, Int64, input, local, output, parameter
+
+DIASTOLE, CHOSEN, INTERPOLATED = 0, 1, 2
+ACCEPTED, ACROSS_OUTSIDE, Z_OUTSIDE, NEEDLE_OUTSIDE, NOT_REACHABLE, NO_MODEL = 0, 1, 2, 3, 4, 5
+PHASES = 16
+
+# contraction at 16 phases of the heartbeat, from 0 at diastole to 1 at systole
+CONTRACTION = (
+    0.393,
+    0.424,
+    0.414,
+    0.299,
+    0.121,
+    0.006,
+    0.042,
+    0.203,
+    0.418,
+    0.656,
+    0.878,
+    0.996,
+    0.942,
+    0.751,
+    0.541,
+    0.414,
+)
+
+
+class OmnidirectionalFeedforward(Component):
+    """From (x, y, z, needle length) to four pull wires, handle and needle, at every phase of the heartbeat, no feedback.
+
+    Inverse of the coupled model of Cheng and Law (paper B) in the plane of the deflection, with a memory of directions.
+    Between the models of diastole and systole the heart's phase decides. What a self-calibration learned is taken
+    over with a new target, never under a tip that holds one. While `hold` is true only the needle moves.
+    """
+
+    period = 10e-3
+
+    target_x = input("m", "wanted tip position across, at diastole", display_unit="mm", nominal=8e-3)
+    target_y = input("m", "wanted tip position across, at diastole", display_unit="mm", nominal=8e-3)
+    target_z = input("m", "wanted tip position along, at diastole", display_unit="mm", minimum=0.0, nominal=10e-3)
+    target_needle_length = input("m", "wanted needle length; negative: at home, inside", start=-1e-3, display_unit="mm",
+                                 maximum=6e-3, nominal=4e-3)  # fmt: skip
+    hold = input("", "whether handle and wires stay where they are", type=Boolean)
+    heart_phase = input("rad", "phase of the heartbeat", nominal=3.0)
+    gain_x = input("", "learned: part of a pull that arrives at the tip, plane x", start=1.0, minimum=0.1)
+    gain_y = input("", "learned: part of a pull that arrives at the tip, plane y", start=1.0, minimum=0.1)
+    offset_x = input("m", "learned: shift of the tip", display_unit="mm")
+    offset_y = input("m", "learned: shift of the tip", display_unit="mm")
+    offset_z = input("m", "learned: shift of the tip", display_unit="mm")
+
+    handle_position = output("m", "handle's slide", display_unit="mm")
+    wire_position = output("m", "slides of the pull wires +x, +y, -x, -y", shape=(WIRES,), display_unit="mm")
+    needle_position = output("m", "needle's slide", display_unit="mm")
+    handle_steps = output("", "the same in steps of the motor", type=Int64)
+    wire_steps = output("", "the same in steps of the motors", type=Int64, shape=(WIRES,))
+    needle_steps = output("", "the same in steps of the motor", type=Int64)
+    tip_advance = output("m", "advance of the tip without deflection, by the model", display_unit="mm")
+    tension_share = output("", "last direction: 0 pushed, 1 pulled")
+    wanted_x = output("m", "where the tip is to be now", display_unit="mm")
+    wanted_y = output("m", "where the tip is to be now", display_unit="mm")
+    wanted_z = output("m", "where the tip is to be now", display_unit="mm")
+    refusal = output("", "0: accepted; outside: 1 across, 2 z, 3 needle; 4: not reachable from here; 5: no such model",
+                     type=Int32)  # fmt: skip
+
+    model = parameter(DIASTOLE, "", "0: diastole alone; 1: diastole or systole, the nearer; 2: between them",
+                      type=Int32, fixed=True, source="0: the bench stands still; paper, discussion, asks for both")  # fmt: skip
+    across_maximum = parameter(15e-3, "m", "workspace across, in every direction", display_unit="mm", minimum=0.0,
+                               source="paper, calibration method")  # fmt: skip
+    z_maximum = parameter(20e-3, "m", "workspace along", display_unit="mm", source="paper, calibration method")
+    needle_maximum = parameter(6e-3, "m", "longest needle", display_unit="mm",
+                               source="estimate: Table 2 goes to 5 mm")  # fmt: skip
+    lead = parameter(7.7e-3, "m", "travel per revolution", display_unit="mm", minimum=1e-6, source="paper, eq. (1)")
+    steps_per_revolution = parameter(1600.0, "", "steps per revolution", minimum=1.0, source="paper, eq. (1)")
+    slope = parameter(SLOPE, "", "tip travel per handle travel, less one", source="paper, eqs. (2), (3)")
+    reversal_offset = parameter(REVERSAL_OFFSET, "", "travel [mm] that a reversal costs", minimum=0.0,
+                                source="paper, eq. (2)")  # fmt: skip
+    reversal_threshold = parameter(0.02, "", "way back [mm] that is not worth a reversal", minimum=0.0,
+                                   source="chosen: half a step of the play's model would chatter; what the camera resolves")  # fmt: skip
+    bend_y = parameter(BEND_Y, "", "eq. (4): coefficients of a^0 to a^3 in mm", source="paper, eq. (4)")
+    bend_z = parameter(BEND_Z, "", "eq. (5): coefficients of a^0 to a^3 in mm", source="paper, eq. (5)")
+    dead_band = parameter(DEAD_BAND, "", "pull [mm] that takes up a wire's slack", minimum=0.0,
+                          source="paper, eq. (4)")  # fmt: skip
+    pull_maximum = parameter(9.0, "", "longest pull [mm] that the equations hold for", minimum=0.0,
+                             source="paper, eq. (4)")  # fmt: skip
+    stiffness_ratio = parameter(0.571, "", "bending stiffness over wire stiffness", minimum=0.0,
+                                source="2 N/mm and 5.5 N/mm of omnidirectional_catheter: 2 / (5.5 - 2)")  # fmt: skip
+    slack = parameter(0.1, "", "pull [mm] by which an antagonist is paid out further than the tip needs", minimum=0.0,
+                      source="chosen: three times the play of a wire")  # fmt: skip
+    compression = parameter(COMPRESSION, "", "eq. (6) compressed, in mm", source="paper, Table 1")
+    tension = parameter(TENSION, "", "eq. (6) in tension, in mm",
+                        source="paper, Table 1; terms in the order of poly33, two printed features are wrong")  # fmt: skip
+    needle = parameter(NEEDLE, "", "eqs. (7), (8): length per actuator, offset [mm], length per pull",
+                       source="paper, eqs. (7), (8)")  # fmt: skip
+    needle_back = parameter(RETRACTION, "", "eq. (9), in mm", source="paper, eq. (9)")
+    needle_turn = parameter(11.5, "", "actuator position [mm] from which eq. (9) retracts",
+                            source="not printed: see pull_wire_catheter")  # fmt: skip
+    needle_home = parameter(-2.0, "", "needle's slide [mm] at home",
+                            source="chosen: by eqs. (8), (9) the needle is then inside at every pull, by 0.7 mm or more")  # fmt: skip
+    contraction = parameter(CONTRACTION, "", "part of the way from diastole to systole at 16 phases of the heartbeat",
+                            source="identified from: wall motion of paper A, eq. (4), as 16 images of a beat show it")  # fmt: skip
+    systole_deflection = parameter(0.93, "", "deflection at systole per deflection at diastole", minimum=0.1,
+                                   source="as omnidirectional_catheter: a calibration at systole")  # fmt: skip
+    systole_shift = parameter((0.0, 0.5, -1.5), "", "way [mm] of the guide's end from diastole to systole: x, y, z",
+                              source="as omnidirectional_catheter: a calibration at systole")  # fmt: skip
+    systole_wall = parameter((0.0, 0.0, -3.0), "", "way [mm] of the target from diastole to systole: x, y, z",
+                             source="as images show it: the stroke in omnidirectional_catheter")  # fmt: skip
+
+    asked = local(0.0, "m", "target of the last sample: x, y, z", shape=(3,))
+    gain = local(1.0, "", "gains in use: x, y", shape=(2,))
+    offset = local(0.0, "", "shift [mm] in use: x, y, z", shape=(3,))
+    wanted = local(0.0, "", "where the tip is to be now [mm]: x, y, z", shape=(3,))
+    slides = local(0.0, "", "pull wires' slides [mm]", shape=(WIRES,))
+    handle = local(0.0, "", "handle's slide [mm]")
+    reached = local(0.0, "", "advance of the tip [mm] without deflection")
+    share = local(0.0, "", "last direction: 0 pushed, 1 pulled")
+    pull = local(0.0, "", "pull [mm] of a single wire that bends as much")
+    needle_slide = local(0.0, "", "needle's slide [mm]")
+    needle_set = local(0.0, "", "length [mm] that the needle's slide has set")
+    needle_asked = local(0.0, "m", "needle length of the last sample")
+
+    def initialize(self) -> None:
+        # the bench begins straight, pushed in, the needle inside
+        for i in range(3):
+            self.asked[i] = 0.0
+            self.offset[i] = 0.0
+            self.wanted[i] = 0.0
+        for i in range(2):
+            self.gain[i] = 1.0
+        for i in range(WIRES):
+            self.slides[i] = 0.0
+        self.handle = 0.0
+        self.reached = 0.0
+        self.share = 0.0
+        self.pull = self.dead_band
+        self.needle_slide = 0.0
+        self.needle_set = self.needle[1]
+        self.needle_asked = 0.0
+        self.refusal = ACCEPTED
+        publish(self)
+
+    def step(self, t: float, h: float) -> None:
+        refusal = outside(self)
+        if refusal == ACCEPTED and not self.hold:
+            refusal = move(self)
+        if refusal == ACCEPTED and self.target_needle_length != self.needle_asked:
+            self.needle_asked = self.target_needle_length
+            move_needle(self)
+        self.refusal = refusal
+        publish(self)
+
+
+def outside(self: OmnidirectionalFeedforward) -> int:
+    """Why a target is refused before anything is computed; also what is not a number."""
+    if self.model < DIASTOLE or self.model > INTERPOLATED:
+        return NO_MODEL
+    if not hypot(self.target_x, self.target_y) <= self.across_maximum:
+        return ACROSS_OUTSIDE
+    if not 0.0 <= self.target_z <= self.z_maximum:
+        return Z_OUTSIDE
+    if not self.target_needle_length <= self.needle_maximum:
+        return NEEDLE_OUTSIDE
+    return ACCEPTED
+
+
+def systole(self: OmnidirectionalFeedforward) -> float:
+    """Weight of the model of systole now."""
+    if self.model == DIASTOLE:
+        return 0.0
+    weight = periodic(self.contraction, PHASES, self.heart_phase / 6.283185307179586)
+    if self.model == CHOSEN:
+        return 1.0 if weight > 0.5 else 0.0
+    return weight
+
+
+def take_target(self: OmnidirectionalFeedforward) -> None:
+    """With a new target also what has been learned since the last."""
+    if self.target_x != self.asked[0] or self.target_y != self.asked[1] or self.target_z != self.asked[2]:
+        self.asked[0] = self.target_x
+        self.asked[1] = self.target_y
+        self.asked[2] = self.target_z
+        self.gain[0] = max(self.gain_x, 0.1)
+        self.gain[1] = max(self.gain_y, 0.1)
+        self.offset[0] = self.offset_x / MILLIMETER
+        self.offset[1] = self.offset_y / MILLIMETER
+        self.offset[2] = self.offset_z / MILLIMETER
+
+
+def move(self: OmnidirectionalFeedforward) -> int:
+    """Set the slides for the target at this phase, or leave everything and say why."""
+    take_target(self)
+    weight = systole(self)
+    free = (
+        self.asked[0] / MILLIMETER + weight * (self.systole_wall[0] - self.systole_shift[0]) - self.offset[0],
+        self.asked[1] / MILLIMETER + weight * (self.systole_wall[1] - self.systole_shift[1]) - self.offset[1],
+        self.asked[2] / MILLIMETER + weight * (self.systole_wall[2] - self.systole_shift[2]) - self.offset[2],
+    )
+    across = hypot(free[0], free[1])
+    radius = across / (1.0 + weight * (self.systole_deflection - 1.0))
+
+    # the coupling depends on the direction, the direction on the pull: the last direction is tried first
+    share = self.share
+    pull = pull_at(self, radius, free[2], share)
+    advance = free[2] + bend(self.bend_z, self.dead_band, max(pull, 0.0))
+    if pull < 0.0 or (advance - self.reached) * (1.0 - 2.0 * share) < -self.reversal_threshold:
+        share = 1.0 - share
+        pull = pull_at(self, radius, free[2], share)
+        advance = free[2] + bend(self.bend_z, self.dead_band, max(pull, 0.0))
+        if pull < 0.0 or (advance - self.reached) * (1.0 - 2.0 * share) < 0.0:
+            return NOT_REACHABLE
+    if share != self.share or (advance - self.reached) * (1.0 - 2.0 * share) > 0.0:
+        self.share = share
+        self.reached = advance
+        self.handle = (advance - share * self.reversal_offset) / (1.0 + self.slope)
+
+    self.pull = pull
+    size = (pull - self.dead_band) / (1.0 + self.stiffness_ratio)
+    for axis in range(2):
+        part = 0.0 if across <= 0.0 else size * free[axis] / across
+        pull_pair(self, axis, part)
+    bent = needle_pull(self.dead_band, pull)
+    low, high = needle_limits(self.needle, self.needle_back, self.needle_turn, self.needle_slide, bent)
+    self.needle_set = min(max(self.needle_set, low), high)
+    for i in range(3):
+        self.wanted[i] = self.asked[i] / MILLIMETER + weight * self.systole_wall[i]
+    return ACCEPTED
+
+
+def pull_at(self: OmnidirectionalFeedforward, radius: float, z: float, share: float) -> float:
+    """Pull [mm] of a single wire for a radius at a place along; -1 if there is none."""
+    return pull_for(
+        radius, z, self.bend_y, self.bend_z, self.compression, self.tension, self.dead_band, self.pull_maximum, share
+    )
+
+
+def pull_pair(self: OmnidirectionalFeedforward, axis: int, wanted: float) -> None:
+    """Slides of a pair for a shortening [mm]: one pulls, the other is paid out by what it gains in length, and a little."""
+    pulled = self.dead_band + (1.0 + self.stiffness_ratio) * abs(wanted) / self.gain[axis]
+    paid_out = self.dead_band - abs(wanted) / self.gain[axis] - self.slack
+    if wanted == 0.0:
+        pulled = self.dead_band - self.slack
+    self.slides[axis] = pulled if wanted >= 0.0 else paid_out
+    self.slides[axis + 2] = paid_out if wanted >= 0.0 else pulled
+
+
+def move_needle(self: OmnidirectionalFeedforward) -> None:
+    """Slide for the wanted length; the play is crossed only where it must be."""
+    if self.needle_asked < 0.0:
+        self.needle_slide = self.needle_home
+        bent = needle_pull(self.dead_band, self.pull)
+        low, high = needle_limits(self.needle, self.needle_back, self.needle_turn, self.needle_slide, bent)
+        self.needle_set = min(max(self.needle_set, low), high)
+        return
+    bent = needle_pull(self.dead_band, self.pull)
+    wanted = self.needle_asked / MILLIMETER - self.needle[2] * bent
+    if wanted >= self.needle_set:
+        self.needle_slide = max((wanted - self.needle[1]) / self.needle[0], self.needle_slide)
+    else:
+        shorter = self.needle[0] * self.needle_turn + self.needle[1] - wanted
+        self.needle_slide = min(retraction(self.needle_back, shorter, bent), self.needle_slide)
+    self.needle_set = wanted
+
+
+def publish(self: OmnidirectionalFeedforward) -> None:
+    """Outputs from the memory."""
+    steps = self.steps_per_revolution / (self.lead / MILLIMETER)
+    self.handle_position = MILLIMETER * self.handle
+    self.needle_position = MILLIMETER * self.needle_slide
+    self.handle_steps = floor(self.handle * steps + 0.5)
+    self.needle_steps = floor(self.needle_slide * steps + 0.5)
+    for i in range(WIRES):
+        self.wire_position[i] = MILLIMETER * self.slides[i]
+        self.wire_steps[i] = floor(self.slides[i] * steps + 0.5)
+    self.tip_advance = MILLIMETER * self.reached
+    self.tension_share = self.share
+    self.wanted_x = MILLIMETER * self.wanted[0]
+    self.wanted_y = MILLIMETER * self.wanted[1]
+    self.wanted_z = MILLIMETER * self.wanted[2]
