@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hw_bridge import outputs
 from hw_bridge.hardware import ContactKeys
 from hw_bridge.hardware import load as load_keys
 from hw_bridge.session import Session, beginning
@@ -101,6 +102,8 @@ class Hardware:
                 found.append(f"{self.path}: nodes.{name}.contact: no member for {node.contact.signal}. Correct it.")
             elif node.contact is None and node.watch_contact:
                 found += self._find_contact(name, case)
+            if node.outputs:
+                found += outputs.problems(f"{self.path}: nodes.{name}.outputs", node.outputs, case.members)
         if self.keys.cycle % case.step_ns:
             found.append(
                 f"{self.path}: cycle: {self.keys.cycle / 1e6:g} ms is not a multiple of the scenario's step, "
@@ -135,7 +138,7 @@ class Hardware:
 
     def _applied(self, case: Case) -> Case:
         members, connections = dict(case.members), list(case.connections)
-        for name in self.keys.nodes:
+        for name, node in self.keys.nodes.items():
             spec = members[name]
             members[name] = replace(
                 spec,
@@ -146,6 +149,9 @@ class Hardware:
             if name in self.contacts:
                 source = self.contacts[name].signal
                 connections.append(ConnectionSpec(source, f"{name}.{CONTACT}", f"{self.path}: nodes.{name}"))
+            for bit, signal in node.outputs.items():
+                where = f"{self.path}: nodes.{name}.outputs.{bit}"
+                connections.append(ConnectionSpec(signal, f"{name}.{outputs.connector(bit)}", where))
         return replace(case, members=members, connections=tuple(connections))
 
     def _component(self, name: str, replaced: type[Component]) -> type[DriveAxis]:
@@ -153,6 +159,7 @@ class Hardware:
         fields: dict[str, Any] = {v.name: v for v in replaced.variables if v.role in KEPT}
         if name in self.contacts:
             fields[CONTACT] = input_variable("N", "force that is watched")
+        fields |= outputs.inputs(self.keys.nodes[name].outputs)
         fields |= {"hardware": self, "member": name, "replaced": replaced, "__module__": __name__}
         fields["__doc__"] = f"A drive instead of {replaced.__name__}."
         return type(f"Drive_{name}", (DriveAxis,), fields)

@@ -8,7 +8,8 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, ValidationError
 
 from hw_bridge.frame import Frame, bit_count
-from hw_bridge.profiles import MODULES
+from hw_bridge.outputs import OUTPUTS, output_bits
+from hw_bridge.profiles import MODULES, profile
 from twin.errors import CouplingError, ScenarioError
 from twin.scenario.message import dotted, quoted
 from twin.scenario.model import Keys, Period, Reference, Text
@@ -19,6 +20,7 @@ from twin.system import nearest
 SOFTWARE = ("virtual", "udp_multicast")  # interfaces of python-can without any hardware
 MILLISECOND = 1_000_000
 PROCESS_DATA = (4, 7, 7, 8, 1)  # bytes of a drive's frames in a cycle: two RPDOs, two TPDOs, a heartbeat
+SWITCHING = (8, *PROCESS_DATA[1:])  # the same with digital outputs in the first RPDO
 FULL = 0.8  # more leaves no room for what is repeated
 
 
@@ -113,7 +115,11 @@ class ContactKeys(Keys):
 
 
 class NodeKeys(Keys):
-    """The drive that stands for a member. `safe_outputs`: 60FEh.1 after every stop, for valves of grippers."""
+    """The drive that stands for a member.
+
+    `outputs`: bits of 60FEh.1 and the Boolean signals that they follow, for valves of grippers. `safe_outputs`: all of
+    60FEh.1 before the start and after every stop.
+    """
 
     node: Annotated[int, Field(strict=True, ge=1, le=126)]
     profile: Literal["faulhaber_v3", "mclm", "epos4"]
@@ -127,6 +133,7 @@ class NodeKeys(Keys):
     homing: HomingKeys | None = None
     contact: ContactKeys | None = None
     watch_contact: bool = True
+    outputs: Annotated[dict[int, str], BeforeValidator(output_bits)] = Field(default={})
     safe_outputs: Annotated[int, Field(strict=True, ge=0, lt=2**32)] | None = None
     objects: Annotated[dict[tuple[int, int], int], BeforeValidator(object_name)] = Field(default={})
     description: Text = ""
@@ -157,7 +164,8 @@ class HardwareKeys(Keys):
 
 def bus_load(keys: HardwareKeys) -> float:
     """Share of a cycle that its process data, SYNC and heartbeats take on the wire at most."""
-    frames = [Frame(0, bytes(size)) for size in PROCESS_DATA] * len(keys.nodes) + [Frame(0), Frame(0, b"0")]
+    sizes = [size for node in keys.nodes.values() for size in (SWITCHING if node.outputs else PROCESS_DATA)]
+    frames = [*(Frame(0, bytes(size)) for size in sizes), Frame(0), Frame(0, b"0")]
     return sum(map(bit_count, frames)) / keys.bit_rate * 1e9 / keys.cycle
 
 
@@ -168,7 +176,7 @@ def load(path: Path) -> HardwareKeys:
         keys = HardwareKeys.model_validate(root.plain())
     except ValidationError as error:
         raise ScenarioError([line(root, one) for one in error.errors(include_url=False)]) from None
-    if problems := check(keys, root):
+    if problems := check(keys, root) + check_outputs(keys, root):
         raise ScenarioError(problems)
     return keys
 
@@ -207,6 +215,21 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
             problems.append(
                 f"{place}: nodes.{name}.heartbeat: lost_after is not longer than every. Use three times as long."
             )
+    return problems
+
+
+def check_outputs(keys: HardwareKeys, root: Node) -> list[str]:
+    """Outputs that the drive has not, or that nobody said what is safe for."""
+    problems = []
+    for name, node in keys.nodes.items():
+        if not node.outputs:
+            continue
+        where = f"{root.find(('nodes', name, 'outputs')).place}: nodes.{name}.outputs"
+        chosen = profile(node.profile)
+        if not any(entry.index == OUTPUTS and entry.sub and entry.mappable for entry in chosen.objects):
+            problems.append(f"{where}: {chosen.title} has no digital outputs 60FEh.1. Use those of another drive.")
+        if node.safe_outputs is None:
+            problems.append(f"{where}: what are they after a stop? Add `safe_outputs`, such as `safe_outputs: 0`.")
     return problems
 
 

@@ -11,6 +11,7 @@ from hw_bridge.drive.drive import Drive
 from hw_bridge.drive.motor import Motor
 from hw_bridge.master.master import Master
 from hw_bridge.master.network import Network, SimulatedNetwork
+from hw_bridge.outputs import levels
 from hw_bridge.plant import Plant
 from hw_bridge.profiles import profile
 from twin.errors import SimulationError
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from hw_bridge.hardware import ContactKeys, HardwareKeys
     from twin.component import Component
 
+INSTEAD = "Use 8, csp, or 9, csv. All drives stop."
 SHARE = 0.8  # of the velocity limit that a target may ask for: the drive overshoots
 
 
@@ -134,11 +136,12 @@ class Session:
         retracting = [watch for watch in self.watches.values() if watch.reason]
         for name, node in self.master.nodes.items():
             views = self.axes[name].views
-            if retracting:
+            if retracting:  # outputs stay: who holds the instrument takes it along
                 watch = self.watches.get(name)
                 node.mode, node.target_velocity = Mode.CSV, watch.velocity() if watch and watch.reason else 0.0
                 continue
-            mode = Mode(int(views["mode_of_operation"])) if "mode_of_operation" in views else Mode.CSV
+            node.outputs = levels(node.keys.outputs, node.safe_outputs, self.axes[name])
+            mode = self.mode(name)
             limit = node.keys.limits
             fastest = SHARE * limit.velocity
             node.target_velocity = min(max(float(views["target_velocity"]), -fastest), fastest)
@@ -153,6 +156,16 @@ class Session:
             node.mode = mode
         if retracting and all(watch.done() for watch in retracting):
             raise SimulationError(f"{retracting[0].reason} All drives stop.")
+
+    def mode(self, name: str) -> Mode:
+        """What a member is told: csp or csv. None of them is told a force, which cst would need."""
+        views = self.axes[name].views
+        wanted = int(views["mode_of_operation"]) if "mode_of_operation" in views else Mode.CSV
+        if wanted == Mode.CST:
+            raise SimulationError(f"{name}: mode_of_operation 10, cst, needs a member with target_force. {INSTEAD}")
+        if wanted not in (Mode.CSP, Mode.CSV):
+            raise SimulationError(f"{name}: mode_of_operation {wanted} is none that follows every cycle. {INSTEAD}")
+        return Mode(wanted)
 
     def show(self) -> None:
         """Outputs of all members."""
