@@ -16,7 +16,7 @@ import numpy as np
 from hw_bridge import outputs
 from hw_bridge.hardware import ContactKeys
 from hw_bridge.hardware import load as load_keys
-from hw_bridge.session import Session, beginning
+from hw_bridge.session import Session, beginning, unknown_mode
 from twin import catalog
 from twin.component import Component, PythonComponent
 from twin.errors import CouplingError, ScenarioError
@@ -102,6 +102,10 @@ class Hardware:
                 found.append(f"{self.path}: nodes.{name}.contact: no member for {node.contact.signal}. Correct it.")
             elif node.contact is None and node.watch_contact:
                 found += self._find_contact(name, case)
+            told = case.members[name].parameters.get("mode_of_operation")
+            if isinstance(told, int) and (problem := unknown_mode(told)):
+                where = case.members[name].places.get("mode_of_operation", case.members[name].where)
+                found.append(f"{where}: {name} is a drive: {problem}")
             if node.outputs:
                 found += outputs.problems(f"{self.path}: nodes.{name}.outputs", node.outputs, case.members)
         if self.keys.cycle % case.step_ns:

@@ -43,10 +43,7 @@ def connector(bit: int) -> str:
 
 def inputs(bits: Mapping[int, str]) -> dict[str, Variable]:
     """What a member gets so that its drive can switch."""
-    return {
-        connector(bit): input_variable("", f"bit {bit} of 60FEh.1", start=False, type=Boolean)
-        for bit in bits
-    }
+    return {connector(bit): input_variable("", f"bit {bit} of 60FEh.1", start=False, type=Boolean) for bit in bits}
 
 
 def levels(bits: Mapping[int, str], rest: int, member: Component) -> int:

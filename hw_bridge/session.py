@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hw_bridge.hardware import ContactKeys, HardwareKeys
     from twin.component import Component
 
-INSTEAD = "Use 8, csp, or 9, csv. All drives stop."
+CYCLIC = {8: Mode.CSP, 9: Mode.CSV}
 SHARE = 0.8  # of the velocity limit that a target may ask for: the drive overshoots
 
 
@@ -47,6 +47,14 @@ def wire(keys: HardwareKeys) -> Network:
 def beginning(axis: Component) -> float:
     """Where a member begins [m or rad]."""
     return float(axis.views["target_position"]) if "target_position" in axis.views else 0.0
+
+
+def unknown_mode(wanted: int) -> str:
+    """Why a mode of operation cannot be followed, or nothing. cst is none: no member is told a force."""
+    if wanted in CYCLIC:
+        return ""
+    what = "cst needs a member that is told a force, there is none" if wanted == Mode.CST else "no cyclic mode"
+    return f"mode_of_operation {wanted}: {what}. Use 8 (csp) or 9 (csv)."
 
 
 class Session:
@@ -109,7 +117,9 @@ class Session:
         self.show()
 
     def begin(self, t: int) -> None:
-        """Bring the drives up."""
+        """Bring the drives up, if they are told what they can do."""
+        for name in self.axes:
+            self.mode(name)
         master = self.master = Master(self.keys, self.network())
         self.begun, self.start, self.real_time = True, t, master.network.real_time
         for name, axis in self.axes.items():
@@ -158,14 +168,12 @@ class Session:
             raise SimulationError(f"{retracting[0].reason} All drives stop.")
 
     def mode(self, name: str) -> Mode:
-        """What a member is told: csp or csv. None of them is told a force, which cst would need."""
+        """What a member is told in each cycle."""
         views = self.axes[name].views
         wanted = int(views["mode_of_operation"]) if "mode_of_operation" in views else Mode.CSV
-        if wanted == Mode.CST:
-            raise SimulationError(f"{name}: mode_of_operation 10, cst, needs a member with target_force. {INSTEAD}")
-        if wanted not in (Mode.CSP, Mode.CSV):
-            raise SimulationError(f"{name}: mode_of_operation {wanted} is none that follows every cycle. {INSTEAD}")
-        return Mode(wanted)
+        if problem := unknown_mode(wanted):
+            raise SimulationError(f"{name}: {problem} All drives stop.")
+        return CYCLIC[wanted]
 
     def show(self) -> None:
         """Outputs of all members."""

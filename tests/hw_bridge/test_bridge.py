@@ -115,9 +115,9 @@ def test_a_position_target_far_from_the_drive_is_refused(build):
 @pytest.mark.parametrize(
     ("mode", "text"),
     [
-        (10, r"servomotor: mode_of_operation 10, cst, needs a member with target_force\. Use 8, csp, or 9, csv\."),
-        (1, r"servomotor: mode_of_operation 1 is none that follows every cycle\. Use 8"),
-        (77, "servomotor: mode_of_operation 77 is none"),
+        (10, r"servomotor: mode_of_operation 10: cst needs a member that is told a force, there is none\. Use 8 \(csp\)"),
+        (1, "servomotor: mode_of_operation 1: no cyclic mode"),
+        (77, "servomotor: mode_of_operation 77: no cyclic mode"),
     ],
 )
 def test_a_mode_that_the_bridge_has_not(build, mode, text):
@@ -130,6 +130,11 @@ def test_a_mode_that_the_bridge_has_not(build, mode, text):
         rig.go(10)
     assert rig.drive.state is not State.ENABLED
     assert not rig.plant.motor.powered
+    rig = Rig(build, {"servomotor": node()})
+    rig.set(mode_of_operation=mode)
+    with pytest.raises(SimulationError, match=text):
+        rig.go(1)
+    assert rig.session.plants == {}  # from the first step on: not even a bus
 
 
 def test_it_begins_where_the_scenario_does(build):
@@ -208,7 +213,8 @@ def test_a_fault_from_before_is_reset(build):
 
 
 @pytest.mark.parametrize(
-    ("profile", "method"), [("faulhaber_v3", 37), ("mclm", 35), ("epos4", 37), ("faulhaber_v3", -3), ("faulhaber_v3", -1)]
+    ("profile", "method"),
+    [("faulhaber_v3", 37), ("mclm", 35), ("epos4", 37), ("faulhaber_v3", -3), ("faulhaber_v3", -1)],
 )
 def test_homing(build, profile, method):
     rig = Rig(build, {"servomotor": {**NODES[profile], "homing": {"method": method}}})

@@ -134,7 +134,9 @@ def test_grippers_hold_until_the_drive_stands(switching):
     switching.set(output_0=True, target_velocity=0.1)
     switching.go(300)
     fast = []
-    switching.drive.dictionary.effects[0x60FE] = lambda _: fast.append((outputs(switching), switching.drive.axis.velocity))
+    switching.drive.dictionary.effects[0x60FE] = lambda _: fast.append(
+        (outputs(switching), switching.drive.axis.velocity)
+    )
     switching.axis.close()
     assert abs(fast[0][1]) > 0.05
     changes = [speed for (old, _), (new, speed) in pairwise(fast) if old != new]
