@@ -115,7 +115,10 @@ def test_a_position_target_far_from_the_drive_is_refused(build):
 @pytest.mark.parametrize(
     ("mode", "text"),
     [
-        (10, r"servomotor: mode_of_operation 10: cst needs a member that is told a force, there is none\. Use 8 \(csp\)"),
+        (
+            10,
+            r"servomotor: mode_of_operation 10: cst needs a member that is told a force, there is none\. Use 8 \(csp\)",
+        ),
         (1, "servomotor: mode_of_operation 1: no cyclic mode"),
         (77, "servomotor: mode_of_operation 77: no cyclic mode"),
     ],
