@@ -68,8 +68,10 @@ class DriveAxis(PythonComponent):
 class Hardware:
     """A checked hardware file, and what its drives did in the cases of a run."""
 
-    def __init__(self, path: Path, keys: HardwareKeys, arm: bool = False, build: Path = Path("build")) -> None:
-        self.path, self.keys, self.arm, self.build = path, keys, arm, build
+    def __init__(
+        self, path: Path, keys: HardwareKeys, arm: bool = False, build: Path = Path("build"), trace: Path | None = None
+    ) -> None:
+        self.path, self.keys, self.arm, self.build, self.trace = path, keys, arm, build, trace
         self.contacts = {name: node.contact for name, node in keys.nodes.items() if node.contact is not None}
         self.sessions: list[Session] = []
         self.present: Session | None = None
@@ -171,10 +173,17 @@ class Hardware:
     def join(self, axis: DriveAxis) -> Session:
         """The session that an axis belongs to: a new one where a case begins."""
         if self.present is None or self.present.begun or self.present.closed or axis.member in self.present.axes:
-            self.present = Session(self.keys, self.contacts, self.build)
+            self.present = Session(self.keys, self.contacts, self.build, self._trace())
             self.sessions.append(self.present)
         self.present.axes[axis.member] = axis
         return self.present
+
+    def _trace(self) -> Path | None:
+        """The trace of the next case: x.blf, then x-2.blf, x-3.blf, ..."""
+        number = len(self.sessions) + 1
+        if self.trace is None or number == 1:
+            return self.trace
+        return self.trace.with_stem(f"{self.trace.stem}-{number}")
 
     def report(self) -> dict[str, Any]:
         """What is worth keeping of a run, for its summary; `shown` is what the terminal tells."""
@@ -189,9 +198,15 @@ class Hardware:
             shown += (
                 f", jitter 99 % below {1e3 * np.quantile(jitter, 0.99):.3f} ms, at most {1e3 * jitter.max():.3f} ms"
             )
+        told = [shown]
+        for session, one in zip([one for one in self.sessions if one.begun], reports, strict=True):
+            if session.trace is not None:
+                told.append(f"{session.trace}: {one['frames']} frames")
+            if session.failed:
+                told += [f"on the bus at {line}" for line in one["seen"]]
         return {
             "file": str(self.path), "simulated": keys.simulated, "interface": keys.interface,
-            "cycle": keys.cycle / 1e9, "shown": [shown], "cases": reports,
+            "cycle": keys.cycle / 1e9, "shown": told, "cases": reports,
             "nodes": keys.model_dump()["nodes"],
         }  # fmt: skip
 
@@ -215,6 +230,12 @@ class Hardware:
         return np.concatenate(found) if found else np.zeros(0)
 
 
-def load(path: Path, arm: bool = False, build: Path = Path("build")) -> Hardware:
-    """Read a hardware file. `arm`: real drives may move."""
-    return Hardware(path, load_keys(path), arm, build)
+def load(
+    path: Path, arm: bool = False, build: Path = Path("build"), trace: Path | None = None, replay: str | None = None
+) -> Hardware:
+    """Read a hardware file. `arm`: real drives may move. `trace`: where to record. `replay`: a trace instead of drives."""
+    if replay is not None:
+        from hw_bridge.trace.replay import replay as recorded
+
+        return recorded(path, load_keys(path), replay)
+    return Hardware(path, load_keys(path), arm, build, trace)

@@ -55,7 +55,7 @@ class Kind(StrEnum):
 
 @dataclass
 class Disturbance:
-    """What happens to frames with identifiers from `low` to `high` between two times [ns].
+    """What happens to frames with identifiers from `low` to `high` between two times [ns]; of these, to `only` some.
 
     `share` of them is hit, chosen by the bus's own seed; at most `count`. `delay` [ns], and up to `jitter` more.
     """
@@ -69,10 +69,13 @@ class Disturbance:
     count: int = NEVER
     delay: int = 0
     jitter: int = 0
+    only: frozenset[int] | None = None
 
     def hits(self, frame: Frame, now: int, chance: random.Random) -> bool:
         """Whether this frame is disturbed."""
         if not (self.low <= frame.id <= self.high and self.start <= now < self.end and self.count > 0):
+            return False
+        if self.only is not None and frame.id not in self.only:
             return False
         if self.share < 1.0 and chance.random() >= self.share:
             return False
@@ -101,6 +104,7 @@ class Bus:
         self.agenda = Agenda()
         self.disturbances: list[Disturbance] = []
         self.observers: list[Callable[[int, Frame], None]] = []
+        self.error_observers: list[Callable[[int], None]] = []  # of error frames
         self.busy_time = 0  # the wire was in use [ns]
         self.longest_wait = 0  # from the wish to send until the last bit [ns]
         self._chance = random.Random(seed)  # noqa: S311 - which frames are hit, reproducibly
@@ -195,6 +199,8 @@ class Bus:
     def _destroyed(self, sender: _Port) -> None:
         """An error frame followed; the sender counts 8 and tries again until it is bus-off."""
         self._busy = False
+        for observe in self.error_observers:
+            observe(self.now)
         before, sender.errors = sender.errors, sender.errors + 8
         if sender.errors >= BUS_OFF:
             sender.online = False

@@ -7,18 +7,21 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError
 
+from hw_bridge.agenda import NEVER
+from hw_bridge.fault import Cause, Fault
 from hw_bridge.frame import Frame, bit_count
 from hw_bridge.outputs import OUTPUTS, output_bits
 from hw_bridge.profiles import MODULES, profile
 from twin.errors import CouplingError, ScenarioError
 from twin.scenario.message import dotted, quoted
-from twin.scenario.model import Keys, Period, Reference, Text
+from twin.scenario.model import Keys, Period, Reference, Text, Time
 from twin.scenario.tree import Node, read
 from twin.scenario.value import duration, number, short
 from twin.system import nearest
 
 SOFTWARE = ("virtual", "udp_multicast")  # interfaces of python-can without any hardware
 MILLISECOND = 1_000_000
+MASTER = "master"  # this program, where a fault names a node
 PROCESS_DATA = (4, 7, 7, 8, 1)  # bytes of a drive's frames in a cycle: two RPDOs, two TPDOs, a heartbeat
 SWITCHING = (8, *PROCESS_DATA[1:])  # the same with digital outputs in the first RPDO
 FULL = 0.8  # more leaves no room for what is repeated
@@ -71,6 +74,14 @@ def object_name(value: Any) -> dict[tuple[int, int], int]:
     return found
 
 
+def emergency_code(value: Any) -> int:
+    """`7300h`, or a number."""
+    try:
+        return value if isinstance(value, int) else int(str(value).removesuffix("h"), 16)
+    except ValueError:
+        raise ValueError(f"expected an EMCY code such as 7300h, not {short(value)}") from None
+
+
 class LimitKeys(Keys):
     """What a drive may do; checked each cycle, and written into the drive where it has objects for it."""
 
@@ -114,6 +125,47 @@ class ContactKeys(Keys):
     direction: Literal["positive", "negative"] = "negative"
 
 
+class ShadowKeys(Keys):
+    """A twin beside the drive. Bands of residuals, as means over `window`; `moving`: above this speed it moves.
+
+    Estimates, none of them measured on a real bench: position, five increments of 8 um and as much for a belt or
+    coupling; velocity, an increment in a cycle of 5 ms; current, half of what 1.5 N of friction take on an LM 2070. On a
+    bench run the scenario without a fault first, and take three times the largest residual that the report tells.
+    """
+
+    position: Distance = 0.1e-3
+    velocity: Speed = 2e-3
+    current: Annotated[float, quantity("A"), Field(gt=0)] = 0.06
+    window: Period = 1_000 * MILLISECOND
+    moving: Speed = 2e-3
+
+
+class FaultKeys(Keys):
+    """A fault of a simulated bench at a time of the scenario. `node`: a member, or `master`."""
+
+    at: Time
+    fault: Literal[tuple(Cause)]  # type: ignore[valid-type]
+    node: Text = ""
+    code: Annotated[int, BeforeValidator(emergency_code)] = 0
+    lasting: bool = False
+    duration: Period = NEVER
+    share: Annotated[float, Field(gt=0, le=1)] = 1.0
+    count: Annotated[int, Field(strict=True, ge=1)] = NEVER
+    delay: Period = 10 * MILLISECOND
+    jitter: Time = 0
+    offset: Place = 0.0
+    factor: Annotated[float, Field(ge=0)] = 2.0
+    identifiers: Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
+
+    def made(self) -> Fault:
+        """The fault as it is injected."""
+        low_high = (self.identifiers[0], self.identifiers[1]) if self.identifiers is not None else None
+        return Fault(
+            Cause(self.fault), self.code, self.lasting, self.duration, self.share, self.count, self.delay, self.jitter,
+            self.offset, self.factor, low_high,
+        )  # fmt: skip
+
+
 class NodeKeys(Keys):
     """The drive that stands for a member.
 
@@ -133,6 +185,7 @@ class NodeKeys(Keys):
     homing: HomingKeys | None = None
     contact: ContactKeys | None = None
     watch_contact: bool = True
+    shadow: ShadowKeys | None = None
     outputs: Annotated[dict[int, str], BeforeValidator(output_bits)] = Field(default={})
     safe_outputs: Annotated[int, Field(strict=True, ge=0, lt=2**32)] | None = None
     objects: Annotated[dict[tuple[int, int], int], BeforeValidator(object_name)] = Field(default={})
@@ -152,6 +205,7 @@ class HardwareKeys(Keys):
     cycle: Milliseconds = 5 * MILLISECOND
     master: Annotated[int, Field(strict=True, ge=1, le=127)] = 127
     nodes: Annotated[dict[str, NodeKeys], Field(min_length=1)]
+    faults: list[FaultKeys] = Field(default=[])
 
     def is_software(self) -> bool:
         """Whether no current can flow: the bus is simulated, or its interface exists in software only."""
@@ -215,6 +269,25 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
             problems.append(
                 f"{place}: nodes.{name}.heartbeat: lost_after is not longer than every. Use three times as long."
             )
+    return problems + check_faults(keys, root)
+
+
+def check_faults(keys: HardwareKeys, root: Node) -> list[str]:
+    """Faults that cannot be done."""
+    from hw_bridge.fault import problem
+    from hw_bridge.profiles import profile
+
+    problems = []
+    for place, one in enumerate(keys.faults):
+        where = f"{root.find(('faults', place)).place}: faults[{place + 1}]"
+        if not keys.simulated:
+            problems.append(f"{where}: only a bench with `simulated: true` can have faults. Use twin drive inject.")
+        elif one.node not in (*keys.nodes, MASTER):
+            problems.append(f"{where}: no node {one.node!r}. {nearest(one.node, [*keys.nodes, MASTER])}")
+        else:
+            chosen = None if one.node == MASTER else profile(keys.nodes[one.node].profile)
+            if text := problem(one.made(), chosen):
+                problems.append(f"{where}: {text}.")
     return problems
 
 
@@ -251,11 +324,13 @@ def line(root: Node, error: Any) -> str:
 
 
 KEYS: dict[str, type[Keys]] = {
-    "limits": LimitKeys, "heartbeat": HeartbeatKeys, "homing": HomingKeys, "contact": ContactKeys,
+    "limits": LimitKeys, "heartbeat": HeartbeatKeys, "homing": HomingKeys, "contact": ContactKeys, "faults": FaultKeys,
+    "shadow": ShadowKeys,
 }  # fmt: skip
 
 
 def _near(path: tuple[str | int, ...]) -> str:
     """The key that was probably meant."""
-    model: type[Keys] = HardwareKeys if len(path) == 1 else KEYS.get(str(path[-2]), NodeKeys)
+    parents = [str(one) for one in path[:-1] if isinstance(one, str)]
+    model = HardwareKeys if not parents else KEYS.get(parents[-1], NodeKeys)
     return " " + nearest(str(path[-1]), list(model.model_fields))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import Bus
@@ -9,11 +10,14 @@ from hw_bridge.cia402 import INTERNAL_LIMIT, Mode
 from hw_bridge.contact import ContactWatch
 from hw_bridge.drive.drive import Drive
 from hw_bridge.drive.motor import Motor
+from hw_bridge.fault import inject
 from hw_bridge.master.master import Master
 from hw_bridge.master.network import Network, SimulatedNetwork
 from hw_bridge.outputs import levels
 from hw_bridge.plant import Plant
 from hw_bridge.profiles import profile
+from hw_bridge.shadow import Shadow
+from hw_bridge.trace.watch import Watch
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -60,18 +64,22 @@ def unknown_mode(wanted: int) -> str:
 class Session:
     """Drives and their master during one case."""
 
-    def __init__(self, keys: HardwareKeys, contacts: dict[str, ContactKeys], build: Path) -> None:
-        self.keys, self.contacts, self.build = keys, contacts, build
+    def __init__(
+        self, keys: HardwareKeys, contacts: dict[str, ContactKeys], build: Path, trace: Path | None = None
+    ) -> None:
+        self.keys, self.contacts, self.build, self.trace = keys, contacts, build, trace
+        self.watch: Watch | None = None
         self.axes: dict[str, Component] = {}
         self.plants: dict[str, Plant] = {}
         self.master: Master | None = None
         self.bus: Bus | None = None
-        self.begun = self.closed = self.real_time = False
+        self.begun = self.closed = self.real_time = self.failed = False
         self.wall_clock = not keys.simulated
         self.stepped: set[str] = set()
         self.origin = 0  # time of the network at the scenario's zero [ns]
         self.start = 0
         self.watches: dict[str, ContactWatch] = {}
+        self.shadows: dict[str, Shadow] = {}
         self.notes: list[str] = []
 
     def network(self) -> Network:
@@ -93,6 +101,7 @@ class Session:
             try:
                 self.advance(round(t * 1e9), round(h * 1e9))
             except BaseException:
+                self.failed = True
                 self.close()
                 raise
 
@@ -100,6 +109,8 @@ class Session:
         """Let the bus go from t to t + h [ns]."""
         for plant in self.plants.values():
             plant.feel()
+        for shadow in self.shadows.values():
+            shadow.feel()
         if not self.begun:
             self.begin(t)
         master = self.master
@@ -110,6 +121,9 @@ class Session:
             self.keep_pace(t)
             if problem := master.check():
                 raise SimulationError(f"{problem} All drives stop.")
+            if t > self.start:
+                for one in self.shadows.values():
+                    one.look(t)
             self.take_targets()
             master.exchange()
             master.timing.synced(master.network.now, self.origin + t + master.window)
@@ -120,16 +134,36 @@ class Session:
         """Bring the drives up, if they are told what they can do."""
         for name in self.axes:
             self.mode(name)
-        master = self.master = Master(self.keys, self.network())
+        network = self.network()
+        self.watch = Watch(self.keys, network, self.trace)
+        master = self.master = Master(self.keys, network)
         self.begun, self.start, self.real_time = True, t, master.network.real_time
+        for name, one in self.keys.nodes.items():
+            if one.shadow is not None:
+                self.shadows[name] = Shadow(
+                    self.axes[name], one, one.shadow, master.nodes[name], network, beginning(self.axes[name]),
+                    self.keys.master, self.keys.cycle, self.build,
+                )  # fmt: skip
         for name, axis in self.axes.items():
             master.nodes[name].rotary = "angle" in axis.views
         master.begin({name: beginning(axis) for name, axis in self.axes.items()})
         self.origin = master.network.now - t
+        self.plan_faults()
         for name, plant in self.plants.items():
             plant.zero(master.nodes[name])
         for name, contact in self.contacts.items():
             self.watches[name] = ContactWatch(name, contact, master.nodes[name], t)
+
+    def plan_faults(self) -> None:
+        """Faults of the hardware file, at their times."""
+        bus = self.bus
+        if bus is None:
+            return
+        for one in self.keys.faults:
+            plant = self.plants.get(one.node)
+            node = plant.drive.node if plant is not None else self.keys.master
+            drive = plant.drive if plant is not None else None
+            bus.agenda.at(self.origin + one.at, partial(inject, one.made(), bus, node, drive))
 
     def keep_pace(self, t: int) -> None:
         """A loop that came too late goes on from here instead of hurrying after."""
@@ -200,11 +234,19 @@ class Session:
         if self.master is not None:
             self.master.stop()
             self.notes += self.master.notes
+        if self.watch is not None:
+            self.watch.close()
+        self.notes += [line for shadow in self.shadows.values() for line in shadow.warnings]
 
     def report(self) -> dict[str, Any]:
         """Statistics of the case."""
         assert self.master is not None
         found = self.master.report() | {"real_time_priority": self.real_time}
+        if self.shadows:
+            found["shadow"] = {name: shadow.report() for name, shadow in self.shadows.items()}
+        if self.watch is not None:
+            found |= {"origin": self.origin / 1e9, "seen": self.watch.seen(self.origin)}
+            found |= {"trace": str(self.trace), "frames": self.watch.count} if self.trace is not None else {}
         if self.bus is not None:
             found |= {"bus_load": self.bus.load, "longest_wait": self.bus.longest_wait / 1e9}
         return found

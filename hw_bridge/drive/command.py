@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from hw_bridge.agenda import NEVER
+from hw_bridge.fault import MEANINGS, Cause, Fault
 from hw_bridge.profiles import MODULES
 from twin.errors import SimulationError
 
@@ -26,8 +28,8 @@ LISTENING = 0.5  # [s] how long another node may take to be heard
 IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2))  # what it is asked, and asked for in vain
 
 
-@click.command("drive", short_help="a simulated CANopen drive on any CAN interface")
-@click.option("--profile", "-p", "name", type=click.Choice(list(MODULES)), required=True, help="The vendor's drive.")
+@click.group("drive", invoke_without_command=True, short_help="a simulated CANopen drive on any CAN interface")
+@click.option("--profile", "-p", "name", type=click.Choice(list(MODULES)), help="The vendor's drive.")
 @click.option("--node", "-n", type=click.IntRange(1, 127), default=1, show_default=True, help="Its node-ID.")
 @click.option("--interface", "-i", help="python-can's interface: socketcan, slcan, udp_multicast, ...")
 @click.option("--channel", "-c", help="The interface's channel: can0, /dev/ttyACM0, 239.74.163.2, ...")
@@ -38,11 +40,14 @@ IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2))  # what it is asked, and aske
 @click.option(
     "--write-eds", type=click.Path(dir_okay=False, path_type=Path), help="Write the profile's EDS file and end."
 )
+@click.option("--control", type=click.IntRange(0, 65535), metavar="PORT", help="Take faults of twin drive inject there; "
+              "0: any free port.")  # fmt: skip
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
               help="Folder for compiled objects.")  # fmt: skip
+@click.pass_context
 def command(
-    name: str, node: int, interface: str | None, channel: str | None, bitrate: int, eds: Path | None,
-    write_eds: Path | None, build: Path,
+    context: click.Context, name: str | None, node: int, interface: str | None, channel: str | None, bitrate: int, eds: Path | None,
+    write_eds: Path | None, control: int | None, build: Path,
 ) -> None:  # fmt: skip
     """Run a simulated CANopen drive with its motor, paced by the wall clock, until Ctrl-C.
 
@@ -53,9 +58,13 @@ def command(
     twin drive -p faulhaber_v3 -n 1 -i udp_multicast -c 239.74.163.2
     twin drive -p mclm --write-eds mclm.eds
     """
+    if context.invoked_subcommand is not None:
+        return
     from hw_bridge import eds as files
     from hw_bridge.profiles import profile
 
+    if name is None:
+        raise click.UsageError(f"Name --profile: {', '.join(MODULES)}.")
     chosen = profile(name)
     if write_eds is not None:
         write_eds.write_text(files.export(chosen))
@@ -64,17 +73,60 @@ def command(
         raise click.UsageError("Name --interface and --channel, such as -i socketcan -c vcan0, or use --write-eds.")
     if eds is not None:
         chosen = replace(chosen, objects=files.load(eds))
-    serve(chosen, node, interface, channel, bitrate, build)
+    serve(chosen, node, interface, channel, bitrate, build, control)
 
 
-def serve(chosen: Profile, node: int, interface: str, channel: str, bitrate: int, build: Path) -> None:
+@command.command("inject", short_help="let a fault happen in a running twin drive")
+@click.argument("fault", type=click.Choice([str(one) for one in Cause]))
+@click.option("--control", type=click.IntRange(1, 65535), required=True, metavar="PORT", help="Its --control.")
+@click.option("--code", metavar="HEX", default="0", help="EMCY code, such as 7300h, with emcy.")
+@click.option("--lasting", is_flag=True, help="The error cannot be reset.")
+@click.option("--for", "duration", type=float, metavar="S", help="How long frames are disturbed [s]; else to the end.")
+@click.option(
+    "--share", type=click.FloatRange(0, 1, min_open=True), default=1.0, help="Share of the frames that is hit."
+)
+@click.option("--count", type=click.IntRange(1), help="So many frames at most.")
+@click.option("--delay", type=click.FloatRange(0), default=0.01, metavar="S", help="With delay [s].", show_default=True)
+@click.option("--jitter", type=click.FloatRange(0), default=0.0, metavar="S", help="Up to so much more [s].")
+@click.option("--factor", type=click.FloatRange(0), default=2.0, metavar="X", help="With friction, grip, slow.",
+              show_default=True)  # fmt: skip
+@click.option("--offset", type=float, default=0.0, metavar="X", help="With encoder_offset [m or rad of the motor].")
+def inject_fault(
+    fault: str, control: int, code: str, lasting: bool, duration: float | None, share: float, count: int | None,
+    delay: float, jitter: float, factor: float, offset: float,
+) -> None:  # fmt: skip
+    """Let FAULT happen in a simulated drive that was started with --control.
+
+    \b
+    twin drive --profile epos4 --node 3 -i socketcan -c vcan0 --control 4703
+    twin drive inject emcy --code 7320h --control 4703
+    twin drive inject heartbeat --for 0.5 --control 4703
+    """
+    from hw_bridge.drive.control import request
+
+    try:
+        number = int(code.removesuffix("h"), 16)
+    except ValueError:
+        raise click.UsageError(f"--code {code}: expected an EMCY code such as 7300h.") from None
+    request(control, Fault(
+        Cause(fault), number, lasting, NEVER if duration is None else round(duration * 1e9), share,
+        NEVER if count is None else count, round(delay * 1e9), round(jitter * 1e9), offset, factor,
+    ))  # fmt: skip
+    click.echo(f"{fault}: {MEANINGS[Cause(fault)]}")
+
+
+def serve(
+    chosen: Profile, node: int, interface: str, channel: str, bitrate: int, build: Path, port: int | None = None
+) -> None:
     """Run the drive on an interface until a signal ends it."""
     import can
 
+    from hw_bridge.drive.control import Control
     from hw_bridge.drive.drive import Drive
     from hw_bridge.drive.motor import Motor
     from hw_bridge.wire import Wire
 
+    control: Control | None = None
     drive = Drive(chosen, node, Motor(chosen.motor, build=build))
     try:
         bus = can.Bus(channel=channel, interface=interface, bitrate=bitrate)
@@ -83,13 +135,19 @@ def serve(chosen: Profile, node: int, interface: str, channel: str, bitrate: int
     try:
         refuse_if_taken(bus, node)
         wire = Wire(drive, bus)
+        if port is not None:
+            control = Control(port, drive, wire)
+            wire.look = control.look
         _stop_on_signals(wire.stop)
-        click.echo(f"{chosen.title}: node {node} on {interface} {channel}. Ctrl-C ends it.")
+        takes = f" Faults: --control {control.port}." if control is not None else ""
+        click.echo(f"{chosen.title}: node {node} on {interface} {channel}.{takes} Ctrl-C ends it.")
         wire.run()
         click.echo(
             f"stopped after {drive.port.agenda.now / 1e9:.1f} s, {wire.overruns} overruns, {wire.lost} frames lost"
         )
     finally:
+        if control is not None:
+            control.close()
         bus.shutdown()
 
 

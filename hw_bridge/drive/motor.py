@@ -67,17 +67,26 @@ class Motor:
         if "current_continuous" in self._views:
             self._views["current_continuous"][...] = 10.0 * self.strongest  # I2t is the drive's, by its own objects
         self.powered = True
+        self.grip = 1.0  # share of the load that reaches it
+        self.offset = 0.0  # error of the sensor [m or rad]
+        self._stuck: float | None = None  # where the sensor stands still
         self.off()
 
     @property
     def measured_position(self) -> float:
         """What its sensor says [m or rad]."""
-        return self.model.ratio * float(self._views["position_actual_value"])
+        if self._stuck is not None:
+            return self._stuck
+        return self.model.ratio * float(self._views["position_actual_value"]) + self.offset
+
+    def stick(self) -> None:
+        """The sensor stands still from now on. The motor's own loops go on as if it did not."""
+        self._stuck = self.measured_position
 
     @property
     def measured_velocity(self) -> float:
         """Filtered difference of the measured position [m/s or rad/s]."""
-        return self.model.ratio * float(self._views["velocity_actual_value"])
+        return 0.0 if self._stuck is not None else self.model.ratio * float(self._views["velocity_actual_value"])
 
     @property
     def position(self) -> float:
@@ -91,11 +100,15 @@ class Motor:
 
     def load(self, force: float) -> None:
         """Force [N] or torque [N*m] of the load from now on, behind the gear."""
-        self._views[self.model.load][...] = force
+        self._views[self.model.load][...] = force * self.grip
 
     def set(self, parameter: str, value: float) -> None:
         """Change a parameter of the component."""
         self._views[parameter][...] = value
+
+    def scale(self, parameter: str, factor: float) -> None:
+        """Multiply a parameter of the component."""
+        self.set(parameter, factor * self.get(parameter))
 
     def get(self, name: str) -> float:
         """A variable of the component."""
@@ -109,7 +122,7 @@ class Motor:
 
     def follow_position(self, position: float, limit: float) -> None:
         """Go to a position [m or rad] with no more than `limit` [A]."""
-        self._follow(CSP, "target_position", position, limit)
+        self._follow(CSP, "target_position", position - self.offset, limit)
 
     def follow_velocity(self, velocity: float, limit: float) -> None:
         """Keep a speed [m/s or rad/s]."""

@@ -7,17 +7,19 @@ Call sequence: `begin` once, then `exchange` at every cycle with `wait` in betwe
 from __future__ import annotations
 
 import signal
+import struct
 import threading
 from contextlib import contextmanager
 from math import copysign
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.agenda import MILLISECOND
-from hw_bridge.cia402 import BIT_12, BIT_13, TARGET_REACHED, Mode, State
+from hw_bridge.cia402 import BIT_12, BIT_13, TARGET_REACHED, TYPICAL, Command, Mode, State
 from hw_bridge.frame import Frame, bit_count
 from hw_bridge.master import setup
 from hw_bridge.master.network import never
 from hw_bridge.master.node import AT_REST, Node
+from hw_bridge.master.sdo import REQUEST as SDO_REQUEST
 from hw_bridge.master.sdo import RESPONSE as SDO_RESPONSE
 from hw_bridge.master.timing import Timing
 from hw_bridge.profiles import profile
@@ -274,10 +276,10 @@ class Master:
 
     def _bring_down(self) -> None:
         for node in self.nodes.values():
-            node.goal, node.homing = State.QUICK_STOP, False
+            node.homing = False
+        self._order(State.QUICK_STOP)
         self._cycles_until(lambda node: node.state in (*AT_REST, State.QUICK_STOP) and self._stands(node))
-        for node in self.nodes.values():
-            node.goal = State.DISABLED
+        self._order(State.DISABLED)
         self._cycles_until(lambda node: node.state in AT_REST)
         for node in self.nodes.values():
             state = node.state
@@ -294,6 +296,13 @@ class Master:
         self.nmt(PRE_OPERATIONAL)
         self.wait(self.cycle)
         self._beating = False
+
+    def _order(self, goal: State) -> None:
+        """A goal for all nodes, at once and by SDO too: process data may wait for a SYNC that does not come."""
+        for node in self.nodes.values():
+            node.goal = goal
+            word = 0 if goal is State.DISABLED else TYPICAL[Command.QUICK_STOP]
+            self.network.send(Frame(SDO_REQUEST + node.number, struct.pack("<BHBHxx", 0x2B, 0x6040, 0, word)))
 
     def _lost(self, node: Node) -> bool:
         return self.network.now - node.heard_at > node.keys.heartbeat.lost_after

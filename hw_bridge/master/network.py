@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from hw_bridge.frame import Frame
 
 Condition = Callable[[], bool]
+Observer = Callable[[int, "Frame | None"], None]  # time [ns]; no frame: an error frame
 LOOK = MILLISECOND // 4  # how often a condition is looked at in simulated time [ns]
 
 
@@ -34,6 +35,16 @@ class Network(ABC):
 
     def __init__(self) -> None:
         self.hear: Callable[[Frame], None] = ignored
+        self.observers: list[Observer] = []
+
+    def observe(self, observer: Observer) -> None:
+        """Tell an observer all frames, those that this program sends too."""
+        self.observers.append(observer)
+
+    def tell(self, frame: Frame | None) -> None:
+        """Tell a frame to all observers."""
+        for observer in self.observers:
+            observer(self.now, frame)
 
     @property
     @abstractmethod
@@ -98,6 +109,11 @@ class SimulatedNetwork(Network):
         self.terminal = Terminal()
         self.terminal.hear = self._heard
         bus.attach(self.terminal)
+
+    def observe(self, observer: Observer) -> None:
+        """The bus sees more than its stations: also what is lost or destroyed."""
+        self.bus.observers.append(observer)
+        self.bus.error_observers.append(lambda time: observer(time, None))
 
     def _heard(self, frame: Frame) -> None:
         self.hear(frame)

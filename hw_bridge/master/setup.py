@@ -10,8 +10,8 @@ from hw_bridge.abort import Abort
 from hw_bridge.agenda import MILLISECOND
 from hw_bridge.cia402 import State, state_of
 from hw_bridge.master.sdo import SdoError
-from hw_bridge.master.vendor import RECEIVE, SPEED, TRANSMIT
-from hw_bridge.outputs import LEVELS, MASK, OUTPUTS, WORD
+from hw_bridge.master.vendor import SPEED, TRANSMIT, receive
+from hw_bridge.outputs import LEVELS, MASK, OUTPUTS
 from hw_bridge.slave.pdo import INVALID
 from twin.errors import SimulationError
 
@@ -148,11 +148,10 @@ def mapping(node: Node) -> None:
     """The remap procedure for four PDOs each way: one controlword in all, everything at SYNC, the others off."""
     # a drive without interpolation gets several set-points in a cycle: they act when they come
     kind = 1 if 0x60C2 in node.mirror else 255
-    target, control = RECEIVE
-    receive: tuple[tuple[int, ...], ...] = ((*target, WORD) if node.keys.outputs else target, control, (), ())
+    received = (*receive(bool(node.keys.outputs)), (), ())
     transmit: tuple[tuple[int, ...], ...] = (TRANSMIT, (SPEED, node.vendor.current), (), ())
     for number in range(4):
-        map_pdo(node, 0x1400 + number, 0x200 + 0x100 * number + node.number, receive[number], kind)
+        map_pdo(node, 0x1400 + number, 0x200 + 0x100 * number + node.number, received[number], kind)
         map_pdo(node, 0x1800 + number, 0x180 + 0x100 * number + node.number, transmit[number], 1)
 
 

@@ -42,6 +42,8 @@ class WireNetwork(Network):
             self.bus = can.Bus(channel=channel, interface=interface, bitrate=bit_rate, **more)
         except (can.CanError, OSError, ValueError, ImportError, TypeError) as error:
             raise SimulationError(f"{interface} {channel}: cannot be opened: {error}. Check the adapter.") from error
+        self._echoes = interface == "udp_multicast"  # what is sent comes back
+        self._own: set[int] = set()  # identifiers that were sent
         self._begin = time.monotonic_ns()
         self._collecting = gc.isenabled()
         gc.disable()  # its pauses are longer than a cycle
@@ -60,6 +62,8 @@ class WireNetwork(Network):
             raise SimulationError(
                 f"bus: does not take frames: {error}. Check wiring, termination and power."
             ) from error
+        self._own.add(frame.id)
+        self.tell(frame)
 
     def advance(self, until: int, done: Condition = never) -> None:
         """Hear frames until a time, or until a condition holds."""
@@ -73,7 +77,11 @@ class WireNetwork(Network):
                 if message.is_error_frame and self.bus.state is can.BusState.ERROR:
                     raise SimulationError("bus: bus-off. Check bit rate, wiring and termination.")
                 if (frame := from_message(message)) is not None:
+                    if not (self._echoes and frame.id in self._own):
+                        self.tell(frame)
                     self.hear(frame)
+                elif message.is_error_frame:
+                    self.tell(None)
             elif left <= 0.0:
                 return
             if done is not never and done():

@@ -9,7 +9,6 @@ import pytest
 from hw_bridge import hardware
 from hw_bridge.bridge import load
 from hw_bridge.bus import Disturbance, Kind
-from hw_bridge.master import setup
 from hw_bridge.session import Session
 from tests.hw_bridge.axis import Rig, node
 from twin.errors import ScenarioError, SimulationError
@@ -97,7 +96,6 @@ def test_without_a_signal_nothing_is_mapped(build):
     rig = Rig(build, {"servomotor": node(safe_outputs=5)})
     rig.go(5)
     assert rig.drive.dictionary.get(0x1600) == 1
-    assert setup.RECEIVE[0] == (0x607A0020,)
 
 
 def interrupted(*_):

@@ -55,6 +55,7 @@ def command(
     twin export sheath --platform all -o sheath.fmu
     twin export pi_control --target c -o firmware
     twin export scenarios/heart_wall_force.yaml --variant PI+FF --members estimate,controller -o controller.fmu
+    twin export scenarios/heart_wall_force.yaml --group plant --fmi 2.0 -o plant.fmu
     """
     from twin.fmi import exporter
 

@@ -59,12 +59,22 @@ FORMS = ("fmu", "compiled", "interpreted")
     metavar="FILE",
     help="Drives on a bus, simulated or real, for members of the scenario.",
 )
+@click.option(
+    "--trace",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="With --hardware: record the bus (.blf, .asc, .log).",
+)
+@click.option(
+    "--replay", metavar="FILE", help="With --hardware: its drives as recorded there, from FILE@SECONDS on if named."
+)
 @click.option("--arm", is_flag=True, help="Real drives may move.")
 @click.option("--json", "as_json", is_flag=True, help="Print summary.json to stdout, and nothing else there.")
 @click.option("--no-report", is_flag=True, help="Write no report.html.")
 def command(
     file: Path, overrides: tuple[str, ...], variants: tuple[str, ...], seeds: tuple[int, ...], form: str,
-    runs: Path, build: Path, hardware_file: Path | None, arm: bool, as_json: bool, no_report: bool,
+    runs: Path, build: Path, hardware_file: Path | None, trace: Path | None, replay: str | None, arm: bool,
+    as_json: bool, no_report: bool,
 ) -> None:  # fmt: skip
     """Run a scenario: every variant with every seed, then metrics beside the paper's figures, and a report.
 
@@ -81,7 +91,11 @@ def command(
     from twin.scenario import Scenario
 
     scenario = Scenario.load(file, overrides)
-    hardware = load_hardware(hardware_file, arm, build) if hardware_file is not None else None
+    if (trace is not None or replay is not None) and hardware_file is None:
+        raise click.UsageError("--trace and --replay are of a bus: name it with --hardware.")
+    if trace is not None and replay is not None:
+        raise click.UsageError("Use --trace or --replay: what was recorded is not recorded again.")
+    hardware = load_hardware(hardware_file, arm, build, trace, replay) if hardware_file is not None else None
     with progress_display(scenario.title, not as_json) as progress:
         outcome = run_scenario(
             scenario, Form(form), variants=variants, seeds=seeds, root=runs, build=build,
@@ -97,12 +111,12 @@ def command(
         sys.exit(1)
 
 
-def load_hardware(file: Path, arm: bool, build: Path) -> Hardware:
+def load_hardware(file: Path, arm: bool, build: Path, trace: Path | None = None, replay: str | None = None) -> Hardware:
     """Read a hardware file with the package that knows about drives: an entry point of the group `twin.hardware`."""
     points = sorted(entry_points(group="twin.hardware"), key=lambda point: point.name)
     if not points:
         raise DeclarationError("--hardware: no installed package knows about drives. Run `pip install -e .` again.")
-    hardware: Hardware = points[0].load()(file, arm, build)
+    hardware: Hardware = points[0].load()(file, arm, build, trace, replay)
     return hardware
 
 

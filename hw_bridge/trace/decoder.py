@@ -1,0 +1,162 @@
+"""Frames with their meaning, one after another as they were on the bus."""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from hw_bridge.cia402 import state_of
+from hw_bridge.profiles import MODULES, profile
+from hw_bridge.slave.nmt import RESET_COMMUNICATION, RESET_NODE
+from hw_bridge.trace import names
+from hw_bridge.trace.party import Party, Route
+from hw_bridge.trace.transfer import Transfer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from hw_bridge.frame import Frame
+    from hw_bridge.hardware import HardwareKeys
+
+SYNC, TIME, EMCY, RESPONSE, REQUEST, ERROR_CONTROL = 0x080, 0x100, 0x080, 0x580, 0x600, 0x700
+STATUSWORD = "statusword"
+IDENTITY = ((0x1018, 1), (0x1018, 2))
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One frame and what it says. `node` 0: nobody in particular. `notable`: more than the daily exchange."""
+
+    time: int  # [ns]
+    frame: Frame | None  # none: an error frame, or nothing that CANopen uses
+    node: int
+    service: str
+    text: str
+    values: dict[str, float | str] = field(default_factory=dict)
+    notable: bool = False
+
+
+class Decoder:
+    """Follows a bus. `parties` are known; others are taken for what their identity object says, once it is read."""
+
+    def __init__(self, parties: Iterable[Party] = ()) -> None:
+        self.parties = {party.node: party for party in parties}
+        self.transfers: dict[int, Transfer] = {}
+        self.words: dict[int, int] = {}  # the last statusword of each node
+        self.resetting: dict[int, bool] = {}  # nodes that were told to begin anew: also the application?
+
+    @classmethod
+    def of_bench(cls, keys: HardwareKeys) -> Decoder:
+        """A decoder that knows the drives of a hardware file."""
+        made = [Party(one.node, profile(one.profile), one, name) for name, one in keys.nodes.items()]
+        return cls(made)
+
+    def party(self, node: int) -> Party:
+        """The node with this ID."""
+        if node not in self.parties:
+            self.parties[node] = Party(node)
+        return self.parties[node]
+
+    def error(self, time: int, text: str = "error frame") -> Line:
+        """Something on the bus that is no frame of CANopen."""
+        return Line(time, None, 0, "ERROR" if text == "error frame" else "OTHER", text, {}, notable=True)
+
+    def decode(self, time: int, frame: Frame) -> Line:
+        """The next frame."""
+        identifier, data = frame.id, frame.data
+        node = identifier & 0x7F
+        if identifier == 0:
+            return self._command(time, frame)
+        if identifier == SYNC:
+            return Line(time, frame, 0, "SYNC", f"counter {data[0]}" if data else "")
+        if identifier == TIME:
+            return Line(time, frame, 0, "TIME", "time stamp")
+        for party in self.parties.values():
+            if (route := party.routes.get(identifier)) is not None:
+                return self._process(time, frame, party, route)
+        if EMCY < identifier < EMCY + 0x80:
+            return self._emergency(time, frame, self.party(node))
+        if RESPONSE < identifier < RESPONSE + 0x80:
+            return self._answer(time, frame, node)
+        if REQUEST < identifier < REQUEST + 0x80:
+            return Line(time, frame, node, "SDO", f"{self.party(node).name}: {self._transfer(node).request(data)}")
+        if ERROR_CONTROL < identifier < ERROR_CONTROL + 0x80:
+            return self._alive(time, frame, self.party(node))
+        if 0x180 <= identifier < RESPONSE and node:
+            title = f"TPDO{identifier - 0x80 >> 8}" if identifier & 0x80 else f"RPDO{identifier - 0x100 >> 8}"
+            return Line(time, frame, node, "PDO", f"{self.party(node).name} {title}: mapping not in the trace")
+        return Line(time, frame, 0, "OTHER", "no identifier of CANopen's predefined connection set")
+
+    def _transfer(self, node: int) -> Transfer:
+        return self.transfers.setdefault(node, Transfer(self.party(node)))
+
+    def _command(self, time: int, frame: Frame) -> Line:
+        if len(frame.data) != 2:
+            return Line(time, frame, 0, "NMT", f"command of {len(frame.data)} bytes, 2 expected", {}, notable=True)
+        command, node = frame.data
+        named = names.COMMANDS.get(command, f"unknown command {command:02X}h")
+        if command in (RESET_NODE, RESET_COMMUNICATION):
+            for one in [node] if node else list(self.parties):
+                self.resetting[one] = command == RESET_NODE
+        whom = self.party(node).name if node else "all nodes"
+        return Line(time, frame, node, "NMT", f"{whom}: {named}", {}, notable=True)
+
+    def _emergency(self, time: int, frame: Frame, party: Party) -> Line:
+        if len(frame.data) != 8:
+            text = f"{party.name}: {len(frame.data)} bytes, 8 expected"
+            return Line(time, frame, party.node, "EMCY", text, {}, notable=True)
+        code, register = struct.unpack_from("<HB", frame.data)
+        fault = party.profile.faults.get(code) if party.profile is not None else None
+        meaning = fault.meaning if fault is not None else f"{names.emergency(code)} (class of CiA 301)"
+        text = f"{party.name}: {code:04X}h {'no error' if not code else meaning}; register {names.register(register)}"
+        if any(frame.data[3:]):
+            text += f"; vendor {frame.data[3:].hex(' ').upper()}"
+        return Line(time, frame, party.node, "EMCY", text, {"code": code, "register": register}, notable=True)
+
+    def _alive(self, time: int, frame: Frame, party: Party) -> Line:
+        if frame.remote or not frame.data:
+            return Line(time, frame, party.node, "GUARD", f"{party.name}: state requested")
+        state = frame.data[0] & 0x7F
+        if frame.data[0] == 0:
+            party.reset(self.resetting.pop(party.node, True))
+        text = f"{party.name}: {names.nmt_state(state)}"
+        return Line(time, frame, party.node, "HEARTBEAT", text, {"state": state}, notable=frame.data[0] == 0)
+
+    def _answer(self, time: int, frame: Frame, node: int) -> Line:
+        party = self.party(node)
+        text = self._transfer(node).response(frame.data)
+        self._recognize(party)
+        return Line(time, frame, node, "SDO", f"{party.name}: {text}", {}, notable=Transfer.aborts(frame.data))
+
+    @staticmethod
+    def _recognize(party: Party) -> None:
+        """A node whose identity was read is a drive of that vendor from then on."""
+        if party.profile is not None or not party.learned.issuperset(IDENTITY):
+            return
+        seen = tuple(party.dictionary.get(*one) for one in IDENTITY)
+        for name in MODULES:
+            chosen = profile(name)
+            own = {entry.sub: entry.default for entry in chosen.objects if entry.index == IDENTITY[0][0]}
+            if (own[1], own[2]) == seen:
+                party.adopt(chosen)
+
+    def _process(self, time: int, frame: Frame, party: Party, route: Route) -> Line:
+        title = f"{party.name} {route.title}: "
+        if frame.remote:
+            return Line(time, frame, party.node, "PDO", f"{title}requested")
+        if len(frame.data) != route.size:
+            text = f"{title}{len(frame.data)} bytes, the mapping has {route.size}"
+            return Line(time, frame, party.node, "PDO", text, {}, notable=True)
+        place, parts, values = 0, [], {}
+        for entry, bits in route.mapped:
+            said = party.say(entry, frame.data[place : place + bits // 8])
+            place += bits // 8
+            parts.append(said.text)
+            values[said.name] = said.value
+        changed = False
+        if isinstance(word := values.get(STATUSWORD), int):
+            before = self.words.get(party.node)
+            changed = before is not None and state_of(before) is not state_of(word)
+            self.words[party.node] = word
+        return Line(time, frame, party.node, "PDO", title + "; ".join(parts), values, notable=changed)

@@ -1,0 +1,202 @@
+"""A node as a trace shows it: its dictionary as far as it is known, and what is said in it."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, NamedTuple
+
+from hw_bridge.abort import Abort
+from hw_bridge.dictionary import Dictionary, Entry, Value
+from hw_bridge.master.vendor import SPEED, TRANSMIT, VENDORS, receive
+from hw_bridge.profiles import MODULES, profile
+from hw_bridge.slave.pdo import INVALID
+from hw_bridge.trace import names
+
+if TYPE_CHECKING:
+    from hw_bridge.hardware import NodeKeys
+    from hw_bridge.profile import Profile, Units
+
+POSITIONS = (0x6062, 0x6064, 0x6065, 0x6067, 0x607A, 0x607C, 0x607D, 0x60B0, 0x60F4)
+VELOCITIES = (0x606B, 0x606C, 0x607F, 0x6080, 0x6081, 0x6099, 0x60B1, 0x60FF)
+ACCELERATIONS = (0x6083, 0x6084, 0x6085, 0x609A)
+CURRENTS = (0x6071, 0x6074, 0x6077, 0x60B2)
+MILLIAMPERES = ((0x6078, 0), (0x30D1, 1), (0x30D1, 2))
+WORDS = {0x6040: names.controlword, 0x6041: names.statusword, 0x6060: names.mode, 0x6061: names.mode}
+BITS = {0x6040: "04X", 0x6041: "04X", 0x603F: "04X", 0x1001: "02X"}
+SAVE, PROFILE_AREA = 0x1010, 0x2000
+PDOS = 4
+
+
+class Route(NamedTuple):
+    """What a PDO of a node carries."""
+
+    title: str  # such as TPDO1
+    mapped: tuple[tuple[Entry, int], ...]  # entry and bits
+
+    @property
+    def size(self) -> int:
+        """Bytes."""
+        return sum(bits for _, bits in self.mapped) // 8
+
+
+class Said(NamedTuple):
+    """One value of an object: for people, its name, and in SI where it has a unit."""
+
+    text: str
+    name: str
+    value: float | str
+
+
+@cache
+def common() -> tuple[Entry, ...]:
+    """Objects that a node of an unknown vendor may be taken to have: CiA 301 and CiA 402, but no PDO map."""
+    found: dict[tuple[int, int], Entry] = {}
+    for name in MODULES:
+        for entry in profile(name).objects:
+            standard = entry.index < 0x1400 or 0x6000 <= entry.index < 0x6800
+            if standard:
+                found.setdefault((entry.index, entry.sub), entry)
+    return tuple(found.values())
+
+
+class Party:
+    """A node. Without a profile it has names for what all drives have, and no units."""
+
+    def __init__(self, node: int, chosen: Profile | None = None, keys: NodeKeys | None = None, name: str = "") -> None:
+        self.node, self.keys = node, keys
+        self.name = name or f"node {node}"
+        self.learned: set[tuple[int, int]] = set()
+        self.profile = chosen
+        self.dictionary = Dictionary((), node)
+        self.adopt(chosen)
+        if keys is not None:
+            self._as_bridged()
+
+    def adopt(self, chosen: Profile | None) -> None:
+        """Take over a vendor's dictionary; what was learned before remains."""
+        heard = {key: self.dictionary.values[key] for key in self.learned}
+        self.profile = chosen
+        self.dictionary = Dictionary(chosen.objects if chosen is not None else common(), self.node)
+        self.stored = dict(self.dictionary.values)  # what it begins with after a reset
+        self.dictionary.values.update(heard)
+        self._units: Units | None = None
+        self.routes = self._routed()
+
+    def _as_bridged(self) -> None:
+        """The bridge's own process data, for a trace that begins in the middle of a run."""
+        assert self.profile is not None
+        assert self.keys is not None
+        values, vendor = self.dictionary.values, VENDORS[self.profile.name]
+        for index, sub, value in vendor.setup:
+            values[index, sub] = value
+        values.update(self.keys.objects)
+        for base, start, maps in (
+            (0x200, 0x1400, receive(bool(self.keys.outputs))), (0x180, 0x1800, (TRANSMIT, (SPEED, vendor.current))),
+        ):  # fmt: skip
+            for number in range(PDOS):
+                words = maps[number] if number < len(maps) else ()
+                flags = 0 if words else INVALID
+                values[start + number, 1] = flags | base + 0x100 * number + self.node
+                values[start + number + 0x200, 0] = len(words)
+                values.update({(start + number + 0x200, place): word for place, word in enumerate(words, 1)})
+        self.routes = self._routed()
+
+    # ---------------------------------------------------------------------------------------------------- learning
+
+    def learn(self, index: int, sub: int, data: bytes) -> None:
+        """A value was written, or read."""
+        entry = self.entry(index, sub)
+        try:
+            value: Value = entry.decode(data) if entry is not None else int.from_bytes(data, "little")
+        except Abort:
+            value = int.from_bytes(data, "little")
+        self.dictionary.values[index, sub] = value
+        self.learned.add((index, sub))
+        self._units = None
+        if index == SAVE:
+            self.stored = dict(self.dictionary.values)
+        if 0x1400 <= index < 0x1C00:
+            self.routes = self._routed()
+
+    def reset(self, application: bool) -> None:
+        """The node begins anew, with what it has stored."""
+        self.dictionary.values.update(
+            {key: value for key, value in self.stored.items() if application or key[0] < PROFILE_AREA}
+        )
+        self._units = None
+        self.routes = self._routed()
+
+    def entry(self, index: int, sub: int) -> Entry | None:
+        """What the dictionary has there."""
+        return self.dictionary.objects.get(index, {}).get(sub)
+
+    def title(self, index: int, sub: int) -> str:
+        """Index, subindex and name of an object."""
+        entry = self.entry(index, sub)
+        name = "" if entry is None else f" {entry.title}: {entry.name}" if entry.title else f" {entry.name}"
+        return f"{index:04X}h.{sub}{name}"
+
+    def _routed(self) -> dict[int, Route]:
+        """PDOs in use by identifier."""
+        found = {}
+        for letter, start in (("R", 0x1400), ("T", 0x1800)):
+            for number in range(PDOS):
+                identifier = self.dictionary.get(start + number, 1, missing=INVALID)
+                if identifier & INVALID:
+                    continue
+                count = self.dictionary.get(start + number + 0x200)
+                words = [self.dictionary.get(start + number + 0x200, sub + 1) for sub in range(count)]
+                mapped = [(self.entry(word >> 16, word >> 8 & 0xFF), word & 0xFF) for word in words]
+                if all(entry is not None for entry, _ in mapped):
+                    known = tuple((entry, bits) for entry, bits in mapped if entry is not None)
+                    found[identifier & 0x7FF] = Route(f"{letter}PDO{number + 1}", known)
+        return found
+
+    # ------------------------------------------------------------------------------------------------------ saying
+
+    def say(self, entry: Entry, data: bytes) -> Said:
+        """A value of an object as a process value."""
+        name = entry.name if not entry.title else f"{entry.title}: {entry.name}"
+        text, value = self.valued(entry, data)
+        return Said(f"{name} {text}", snake(name.partition("[")[0]), value)
+
+    def valued(self, entry: Entry | None, data: bytes) -> tuple[str, float | str]:
+        """A value for people, and in SI where the profile has a unit for it."""
+        raw = data.hex(" ").upper()
+        if entry is None:
+            return raw, data.hex()
+        try:
+            value = entry.decode(data)
+        except Abort:
+            return f"{raw} ({entry.type.name} expected)", data.hex()
+        if isinstance(value, str):
+            return repr(value), value
+        shown = f"{value:{BITS[entry.index]}}h" if entry.index in BITS else str(value)
+        if entry.index in WORDS:
+            return f"{shown} {WORDS[entry.index](value)}", value
+        factor, unit = self.scale(entry.index, entry.sub)
+        if unit:
+            return f"{shown} = {factor * value:.6g} {unit}", factor * value
+        return shown + (f" ({value:X}h)" if value > 0xFFFF else ""), value
+
+    def scale(self, index: int, sub: int) -> tuple[float, str]:
+        """SI value of one device unit and its symbol; none where it has none. At the motor: no bench's scale is in it."""
+        if self.profile is None:
+            return 1.0, ""
+        if self._units is None:
+            self._units = self.profile.units(self.dictionary)
+        units, way = self._units, self.profile.motor.unit
+        if index in POSITIONS:
+            return units.position, way
+        if index in VELOCITIES:
+            return units.velocity, f"{way}/s"
+        if index in ACCELERATIONS:
+            return units.acceleration, f"{way}/s2"
+        if index in CURRENTS and units.torque:
+            return units.torque, "A"
+        return (1e-3, "A") if (index, sub) in MILLIAMPERES else (1.0, "")
+
+
+def snake(name: str) -> str:
+    """A name as a key: position_actual_value."""
+    return "_".join("".join(one if one.isalnum() else " " for one in name.lower()).split())

@@ -1,0 +1,134 @@
+"""`twin drive inject`: faults of a running drive, and frames that are disturbed on a wire."""
+
+import subprocess
+import sys
+
+import can
+import pytest
+from click.testing import CliRunner
+
+from hw_bridge.agenda import MILLISECOND
+from hw_bridge.bus import Disturbance, Kind
+from hw_bridge.drive.command import command
+from hw_bridge.drive.control import Control, request
+from hw_bridge.drive.drive import Drive
+from hw_bridge.drive.motor import Motor
+from hw_bridge.fault import Cause, Fault
+from hw_bridge.frame import Frame
+from hw_bridge.profiles import profile
+from hw_bridge.wire import Wire, from_message
+from tests.hw_bridge.test_command import multicast  # noqa: F401 - a fixture
+from twin.errors import SimulationError
+
+NODE = 3
+
+
+class Line:
+    """Takes the place of an interface: keeps what is sent."""
+
+    def __init__(self):
+        self.sent = []
+
+    def send(self, message):
+        self.sent.append(from_message(message))
+
+
+@pytest.fixture
+def wire(build):
+    chosen = profile("epos4")
+    wire = Wire(Drive(chosen, NODE, Motor(chosen.motor, build=build)), Line())
+    wire.slave.advance(110 * MILLISECOND)
+    return wire
+
+
+def beats(wire, milliseconds=100):
+    """Heartbeats that get out."""
+    wire.bus.sent.clear()
+    wire.slave.advance(wire.now + milliseconds * MILLISECOND)
+    return sum(one.id == 0x700 + NODE for one in wire.bus.sent)
+
+
+def test_frames_on_a_wire_are_disturbed(wire):
+    wire.slave.dictionary.download(0x1017, 0, bytes([10, 0]))
+    assert beats(wire) == 10
+    wire.disturbances = [Disturbance(Kind.DROP, 0x703, 0x703, count=4)]
+    assert beats(wire) == 6
+    wire.disturbances = [Disturbance(Kind.DELAY, 0x703, 0x703, delay=25 * MILLISECOND)]
+    assert beats(wire) == 7  # two and a half are under way
+    wire.disturbances = [Disturbance(Kind.CORRUPT, 0x703, 0x703, count=5)]  # repeated, and through
+    assert beats(wire) == 13  # three were late
+    wire.disturbances = [Disturbance(Kind.CORRUPT, 0x703, 0x703, count=32)]
+    assert beats(wire) == 9
+    assert profile("epos4").bus_off in wire.slave.active
+    wire.disturbances = [Disturbance(Kind.DROP, 0x603, 0x603, count=1), Disturbance(Kind.DELAY, 0x603, 0x603, delay=MILLISECOND)]  # fmt: skip
+    for answers in (0, 1):
+        wire.bus.sent.clear()
+        wire._heard(Frame(0x603, bytes([0x40, 0, 0x10, 0, 0, 0, 0, 0])))
+        wire.slave.advance(wire.now + 5 * MILLISECOND)
+        assert sum(one.id == 0x583 for one in wire.bus.sent) == answers
+
+
+def test_a_request_acts_or_says_why_not(wire):
+    control = Control(0, wire.slave, wire)
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("socket.socket.recv", lambda one, size: (control.look(), one.recvfrom(size)[0])[1])
+            request(control.port, Fault(Cause.EMCY, 0x7320))
+            assert 0x7320 in wire.slave.active
+            request(control.port, Fault(Cause.DROP, count=3, identifiers=(0x703, 0x703)))
+            assert (wire.disturbances[0].count, wire.disturbances[0].only) == (3, {0x703})
+            with pytest.raises(SimulationError, match="has no error 1234h"):
+                request(control.port, Fault(Cause.EMCY, 0x1234))
+            assert "not understood" in control._done(b"{}")
+            assert "not understood" in control._done(b"\xff")
+    finally:
+        control.close()
+
+
+def test_nobody_answers_and_a_port_that_is_taken(wire):
+    control = Control(0, wire.slave, wire)
+    try:
+        with pytest.raises(SimulationError, match=f"--control {control.port}: .*Choose another port"):
+            Control(control.port, wire.slave, wire)
+    finally:
+        control.close()
+    with pytest.raises(SimulationError, match=f"--control {control.port}: no drive answers"):
+        request(control.port, Fault(Cause.RESET))
+
+
+def test_faults_of_a_process(multicast):  # noqa: F811
+    """EMCY, lost heartbeat and reset of a drive that runs by itself, seen on the bus."""
+    channel, line = multicast
+    process = subprocess.Popen([*line, "--control", "0"], stdout=subprocess.PIPE, text=True)
+    try:
+        port = process.stdout.readline().partition("--control ")[2].partition(".")[0]
+        inject = [sys.executable, "-c", "from hw_bridge.drive.command import command; command()", "inject"]
+        with can.Bus(channel=channel, interface="udp_multicast") as bus:
+            for _ in range(50):  # a drive that still boots tells no errors
+                bus.send(can.Message(arbitration_id=0x609, data=[0x40, 0, 0x10, 0, 0, 0, 0, 0], is_extended_id=False))
+                if (answer := bus.recv(0.2)) is not None and answer.arbitration_id == 0x589:
+                    break
+            for words, identifier, data in (
+                (["emcy", "--code", "8611h"], 0x089, b"\x11\x86"),
+                (["reset"], 0x709, b"\0"),
+            ):
+                done = subprocess.run([*inject, *words, "--control", port], capture_output=True, text=True, check=False)
+                assert (done.returncode, done.stderr) == (0, "")
+                while (message := bus.recv(5.0)) is not None:
+                    if message.arbitration_id == identifier and bytes(message.data).startswith(data):
+                        break
+                assert message is not None, words
+    finally:
+        process.terminate()
+        process.communicate(timeout=20)
+    assert process.returncode == 0
+
+
+def test_words_that_are_wrong():
+    runner = CliRunner()
+    assert runner.invoke(command, ["inject", "emcy", "--control", "9", "--code", "zz"]).exit_code == 2
+    assert (
+        "expected an EMCY code" in runner.invoke(command, ["inject", "emcy", "--control", "9", "--code", "zz"]).output
+    )
+    assert "bus_off" in runner.invoke(command, ["inject", "--help"]).output
+    assert "Name --profile" in runner.invoke(command, []).output
