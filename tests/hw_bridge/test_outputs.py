@@ -1,5 +1,6 @@
 """Digital outputs: they follow signals of the scenario, and are safe before the start and after every stop."""
 
+import struct
 from itertools import pairwise
 from pathlib import Path
 
@@ -9,7 +10,11 @@ import pytest
 from hw_bridge import hardware
 from hw_bridge.bridge import load
 from hw_bridge.bus import Disturbance, Kind
+from hw_bridge.frame import Frame
+from hw_bridge.profiles import profile
 from hw_bridge.session import Session
+from hw_bridge.trace.decoder import Decoder
+from hw_bridge.trace.party import Party
 from tests.hw_bridge.axis import Rig, node
 from twin.errors import ScenarioError, SimulationError
 from twin.run import run_scenario
@@ -53,11 +58,11 @@ def test_bits_follow_signals(switching):
     assert outputs(switching) == 1 << 31 | 0b1110
 
 
-@pytest.mark.parametrize(("profile", "bit_rate"), [("faulhaber_v3", 1_000_000), ("epos4", 250_000)])
-def test_delay(build, profile, bit_rate):
+@pytest.mark.parametrize(("vendor", "bit_rate"), [("faulhaber_v3", 1_000_000), ("epos4", 250_000)])
+def test_delay(build, vendor, bit_rate):
     """They act at SYNC, without the drive's control cycle: 0.44 ms after it began at 1 Mbit/s, 1.4 ms at 250 kbit/s."""
     bits = {"outputs": {0: "a.b"}, "safe_outputs": 0}
-    rig = Rig(build, {"servomotor": node(profile, limits={"force": 1e4}, **bits)}, bit_rate=bit_rate)
+    rig = Rig(build, {"servomotor": node(vendor, limits={"force": 1e4}, **bits)}, bit_rate=bit_rate)
     rig.go(50)
     acted = []
     rig.drive.dictionary.effects[0x60FE] = lambda _: acted.append((rig.drive.port.agenda.now, outputs(rig)))
@@ -66,7 +71,7 @@ def test_delay(build, profile, bit_rate):
     rig.go(10)
     assert [level for _, level in acted] == [1, 1]
     delay = (acted[0][0] - given) / 1e6
-    print(f"{profile} at {bit_rate}: {delay:.3f} ms")
+    print(f"{vendor} at {bit_rate}: {delay:.3f} ms")
     assert 0.2 < delay < (0.7 if bit_rate == 1_000_000 else 1.5)
 
 
@@ -274,3 +279,33 @@ def test_both_grippers_hold_after_a_failure(tmp_path, build, event):
     assert outcome.run.status == "failed"
     assert sorted(seen[-1]) == [0, 1]
     assert last == [1, 1]
+
+
+# ------------------------------------------------------------------------------------------ traces, replay and shadow
+
+
+def test_a_trace_names_them_without_its_beginning():
+    keys = hardware.NodeKeys.model_validate(node(outputs={0: "a.b"}, safe_outputs=0))
+    decoder = Decoder([Party(1, profile("faulhaber_v3"), keys, "axis")])
+    line = decoder.decode(0, Frame(0x201, struct.pack("<iI", 1000, 3)))
+    assert line.values["target_position"] == pytest.approx(1e-3)
+    assert line.values["digital_outputs_physical_outputs"] == 3
+
+
+def test_a_run_with_outputs_is_recorded_shadowed_and_replayed(tmp_path, build):
+    """The inputs that switch are there in a replay too; the shadow hears the target beside the outputs."""
+    path, trace = tmp_path / "bench.yaml", tmp_path / "run.log"
+    path.write_text(GOOD.replace("node: 1, ", "node: 1, shadow: {}, limits: {position: [-39 mm, 39 mm]}, "))
+    text = SHORT.replace("3.5 s", "0.5 s").replace("sequencer.valve", "servomotor_1.position_actual_value")
+    tables = []
+    for more in ({"trace": trace}, {"replay": str(trace)}):
+        found = load(path, build=build, **more)
+        scenario = Scenario.loads(text, ROOT / "scenarios/short_racs.yaml")
+        outcome = run_scenario(scenario, root=tmp_path, build=build, report=False, hardware=found)
+        assert outcome.run.status == "completed", outcome.run.reason
+        (table,) = outcome.tables.values()
+        tables.append(table.values["servomotor_1.position_actual_value"])
+        if "trace" in more:
+            assert found.sessions[0].shadows["servomotor_1"].warnings == []
+    assert np.allclose(*tables, atol=1e-5)
+    assert np.ptp(tables[0]) > 1e-4
