@@ -13,9 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hw_bridge import outputs
 from hw_bridge.hardware import ContactKeys
 from hw_bridge.hardware import load as load_keys
-from hw_bridge.session import Session, beginning
+from hw_bridge.session import Session, beginning, unknown_mode
 from twin import catalog
 from twin.component import Component, PythonComponent
 from twin.errors import CouplingError, ScenarioError
@@ -103,6 +104,12 @@ class Hardware:
                 found.append(f"{self.path}: nodes.{name}.contact: no member for {node.contact.signal}. Correct it.")
             elif node.contact is None and node.watch_contact:
                 found += self._find_contact(name, case)
+            told = case.members[name].parameters.get("mode_of_operation")
+            if isinstance(told, int) and (problem := unknown_mode(told)):
+                where = case.members[name].places.get("mode_of_operation", case.members[name].where)
+                found.append(f"{where}: {name} is a drive: {problem}")
+            if node.outputs:
+                found += outputs.problems(f"{self.path}: nodes.{name}.outputs", node.outputs, case.members)
         if self.keys.cycle % case.step_ns:
             found.append(
                 f"{self.path}: cycle: {self.keys.cycle / 1e6:g} ms is not a multiple of the scenario's step, "
@@ -137,7 +144,7 @@ class Hardware:
 
     def _applied(self, case: Case) -> Case:
         members, connections = dict(case.members), list(case.connections)
-        for name in self.keys.nodes:
+        for name, node in self.keys.nodes.items():
             spec = members[name]
             members[name] = replace(
                 spec,
@@ -148,6 +155,9 @@ class Hardware:
             if name in self.contacts:
                 source = self.contacts[name].signal
                 connections.append(ConnectionSpec(source, f"{name}.{CONTACT}", f"{self.path}: nodes.{name}"))
+            for bit, signal in node.outputs.items():
+                where = f"{self.path}: nodes.{name}.outputs.{bit}"
+                connections.append(ConnectionSpec(signal, f"{name}.{outputs.connector(bit)}", where))
         return replace(case, members=members, connections=tuple(connections))
 
     def _component(self, name: str, replaced: type[Component]) -> type[DriveAxis]:
@@ -155,6 +165,7 @@ class Hardware:
         fields: dict[str, Any] = {v.name: v for v in replaced.variables if v.role in KEPT}
         if name in self.contacts:
             fields[CONTACT] = input_variable("N", "force that is watched")
+        fields |= outputs.inputs(self.keys.nodes[name].outputs)
         fields |= {"hardware": self, "member": name, "replaced": replaced, "__module__": __name__}
         fields["__doc__"] = f"A drive instead of {replaced.__name__}."
         return type(f"Drive_{name}", (DriveAxis,), fields)

@@ -10,7 +10,8 @@ from pydantic import BeforeValidator, Field, ValidationError
 from hw_bridge.agenda import NEVER
 from hw_bridge.fault import Cause, Fault
 from hw_bridge.frame import Frame, bit_count
-from hw_bridge.profiles import MODULES
+from hw_bridge.outputs import OUTPUTS, output_bits
+from hw_bridge.profiles import MODULES, profile
 from twin.errors import CouplingError, ScenarioError
 from twin.scenario.message import dotted, quoted
 from twin.scenario.model import Keys, Period, Reference, Text, Time
@@ -22,6 +23,7 @@ SOFTWARE = ("virtual", "udp_multicast")  # interfaces of python-can without any 
 MILLISECOND = 1_000_000
 MASTER = "master"  # this program, where a fault names a node
 PROCESS_DATA = (4, 7, 7, 8, 1)  # bytes of a drive's frames in a cycle: two RPDOs, two TPDOs, a heartbeat
+SWITCHING = (8, *PROCESS_DATA[1:])  # the same with digital outputs in the first RPDO
 FULL = 0.8  # more leaves no room for what is repeated
 
 
@@ -165,7 +167,11 @@ class FaultKeys(Keys):
 
 
 class NodeKeys(Keys):
-    """The drive that stands for a member. `safe_outputs`: 60FEh.1 after every stop, for valves of grippers."""
+    """The drive that stands for a member.
+
+    `outputs`: bits of 60FEh.1 and the Boolean signals that they follow, for valves of grippers. `safe_outputs`: all of
+    60FEh.1 before the start and after every stop.
+    """
 
     node: Annotated[int, Field(strict=True, ge=1, le=126)]
     profile: Literal["faulhaber_v3", "mclm", "epos4"]
@@ -180,6 +186,7 @@ class NodeKeys(Keys):
     contact: ContactKeys | None = None
     watch_contact: bool = True
     shadow: ShadowKeys | None = None
+    outputs: Annotated[dict[int, str], BeforeValidator(output_bits)] = Field(default={})
     safe_outputs: Annotated[int, Field(strict=True, ge=0, lt=2**32)] | None = None
     objects: Annotated[dict[tuple[int, int], int], BeforeValidator(object_name)] = Field(default={})
     description: Text = ""
@@ -211,7 +218,8 @@ class HardwareKeys(Keys):
 
 def bus_load(keys: HardwareKeys) -> float:
     """Share of a cycle that its process data, SYNC and heartbeats take on the wire at most."""
-    frames = [Frame(0, bytes(size)) for size in PROCESS_DATA] * len(keys.nodes) + [Frame(0), Frame(0, b"0")]
+    sizes = [size for node in keys.nodes.values() for size in (SWITCHING if node.outputs else PROCESS_DATA)]
+    frames = [*(Frame(0, bytes(size)) for size in sizes), Frame(0), Frame(0, b"0")]
     return sum(map(bit_count, frames)) / keys.bit_rate * 1e9 / keys.cycle
 
 
@@ -222,7 +230,7 @@ def load(path: Path) -> HardwareKeys:
         keys = HardwareKeys.model_validate(root.plain())
     except ValidationError as error:
         raise ScenarioError([line(root, one) for one in error.errors(include_url=False)]) from None
-    if problems := check(keys, root):
+    if problems := check(keys, root) + check_outputs(keys, root):
         raise ScenarioError(problems)
     return keys
 
@@ -280,6 +288,21 @@ def check_faults(keys: HardwareKeys, root: Node) -> list[str]:
             chosen = None if one.node == MASTER else profile(keys.nodes[one.node].profile)
             if text := problem(one.made(), chosen):
                 problems.append(f"{where}: {text}.")
+    return problems
+
+
+def check_outputs(keys: HardwareKeys, root: Node) -> list[str]:
+    """Outputs that the drive has not, or that nobody said what is safe for."""
+    problems = []
+    for name, node in keys.nodes.items():
+        if not node.outputs:
+            continue
+        where = f"{root.find(('nodes', name, 'outputs')).place}: nodes.{name}.outputs"
+        chosen = profile(node.profile)
+        if not any(entry.index == OUTPUTS and entry.sub and entry.mappable for entry in chosen.objects):
+            problems.append(f"{where}: {chosen.title} has no digital outputs 60FEh.1. Use those of another drive.")
+        if node.safe_outputs is None:
+            problems.append(f"{where}: what are they after a stop? Add `safe_outputs`, such as `safe_outputs: 0`.")
     return problems
 
 

@@ -13,6 +13,7 @@ from hw_bridge.drive.motor import Motor
 from hw_bridge.fault import inject
 from hw_bridge.master.master import Master
 from hw_bridge.master.network import Network, SimulatedNetwork
+from hw_bridge.outputs import levels
 from hw_bridge.plant import Plant
 from hw_bridge.profiles import profile
 from hw_bridge.shadow import Shadow
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from hw_bridge.hardware import ContactKeys, HardwareKeys
     from twin.component import Component
 
+CYCLIC = {8: Mode.CSP, 9: Mode.CSV}
 SHARE = 0.8  # of the velocity limit that a target may ask for: the drive overshoots
 
 
@@ -49,6 +51,14 @@ def wire(keys: HardwareKeys) -> Network:
 def beginning(axis: Component) -> float:
     """Where a member begins [m or rad]."""
     return float(axis.views["target_position"]) if "target_position" in axis.views else 0.0
+
+
+def unknown_mode(wanted: int) -> str:
+    """Why a mode of operation cannot be followed, or nothing. cst is none: no member is told a force."""
+    if wanted in CYCLIC:
+        return ""
+    what = "cst needs a member that is told a force, there is none" if wanted == Mode.CST else "no cyclic mode"
+    return f"mode_of_operation {wanted}: {what}. Use 8 (csp) or 9 (csv)."
 
 
 class Session:
@@ -121,7 +131,9 @@ class Session:
         self.show()
 
     def begin(self, t: int) -> None:
-        """Bring the drives up."""
+        """Bring the drives up, if they are told what they can do."""
+        for name in self.axes:
+            self.mode(name)
         network = self.network()
         self.watch = Watch(self.keys, network, self.trace)
         master = self.master = Master(self.keys, network)
@@ -168,11 +180,12 @@ class Session:
         retracting = [watch for watch in self.watches.values() if watch.reason]
         for name, node in self.master.nodes.items():
             views = self.axes[name].views
-            if retracting:
+            if retracting:  # outputs stay: who holds the instrument takes it along
                 watch = self.watches.get(name)
                 node.mode, node.target_velocity = Mode.CSV, watch.velocity() if watch and watch.reason else 0.0
                 continue
-            mode = Mode(int(views["mode_of_operation"])) if "mode_of_operation" in views else Mode.CSV
+            node.outputs = levels(node.keys.outputs, node.safe_outputs, self.axes[name])
+            mode = self.mode(name)
             limit = node.keys.limits
             fastest = SHARE * limit.velocity
             node.target_velocity = min(max(float(views["target_velocity"]), -fastest), fastest)
@@ -187,6 +200,14 @@ class Session:
             node.mode = mode
         if retracting and all(watch.done() for watch in retracting):
             raise SimulationError(f"{retracting[0].reason} All drives stop.")
+
+    def mode(self, name: str) -> Mode:
+        """What a member is told in each cycle."""
+        views = self.axes[name].views
+        wanted = int(views["mode_of_operation"]) if "mode_of_operation" in views else Mode.CSV
+        if problem := unknown_mode(wanted):
+            raise SimulationError(f"{name}: {problem} All drives stop.")
+        return CYCLIC[wanted]
 
     def show(self) -> None:
         """Outputs of all members."""

@@ -80,6 +80,11 @@ class Drive(Slave):
         self._choose_mode()
         self._show()
 
+    @property
+    def outputs(self) -> int:
+        """Levels of its digital outputs: 60FEh.1 where the mask 60FEh.2 lets it act."""
+        return self.dictionary.get(0x60FE, 1) & self.dictionary.get(0x60FE, 2, missing=0xFFFFFFFF)
+
     # -------------------------------------------------------------------------------------------- the state machine
 
     def _controlled(self, _: Entry) -> None:

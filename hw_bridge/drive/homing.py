@@ -86,6 +86,8 @@ class Homing(ModeOfOperation):
                 self._found(mark)
                 return
         elif self._fulfilled(move) or (still and move.until is Until.BLOCK):
+            if move.until is Until.BLOCK:  # what the loops gathered against the stop would hold the motor there
+                axis.motor.off()
             self.moves.pop(0)
             self._next()
             return

@@ -56,6 +56,7 @@ class Node:
         self.homing = False
         self.mode = Mode.CSV
         self.target_position = self.target_velocity = 0.0
+        self.outputs = self.safe_outputs = keys.safe_outputs or 0  # 60FEh.1, and what it is at rest
         self.word = 0
         self.raw_position = self.raw_velocity = self.raw_current = 0
         self.carried = 0.0  # part of the target velocity that rounding left over [device units]
@@ -152,7 +153,10 @@ class Node:
         control = [word]
         if mode is Mode.PP and follows:  # each target is a new set-point, on a rising edge of bit 4
             control = [word | cia402.CHANGE_IMMEDIATELY, word | cia402.CHANGE_IMMEDIATELY | cia402.NEW_SET_POINT]
-        target = Frame(TARGET_PDO + self.number, struct.pack("<i", position))
+        data = struct.pack("<i", position)
+        if self.keys.outputs:  # they keep what they hold until the drive stands
+            data += struct.pack("<I", self.safe_outputs if self.goal is State.DISABLED else self.outputs)
+        target = Frame(TARGET_PDO + self.number, data)
         pdo = CONTROL_PDO + self.number
         return [target, *(Frame(pdo, struct.pack("<Hbi", one, mode, velocity)) for one in control)]
 

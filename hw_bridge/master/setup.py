@@ -10,7 +10,8 @@ from hw_bridge.abort import Abort
 from hw_bridge.agenda import MILLISECOND
 from hw_bridge.cia402 import State, state_of
 from hw_bridge.master.sdo import SdoError
-from hw_bridge.master.vendor import RECEIVE, SPEED, TRANSMIT
+from hw_bridge.master.vendor import SPEED, TRANSMIT, receive
+from hw_bridge.outputs import LEVELS, MASK, OUTPUTS
 from hw_bridge.slave.pdo import INVALID
 from twin.errors import SimulationError
 
@@ -96,6 +97,7 @@ def configure(node: Node, cycle: int, master: int) -> None:
         write(node, 0x60C2, 1, cycle // MILLISECOND)
         write(node, 0x60C2, 2, -3)
     make_safe(node)
+    unmask(node)
     ramps(node)
     heartbeat(node, master)
     mapping(node)
@@ -146,10 +148,10 @@ def mapping(node: Node) -> None:
     """The remap procedure for four PDOs each way: one controlword in all, everything at SYNC, the others off."""
     # a drive without interpolation gets several set-points in a cycle: they act when they come
     kind = 1 if 0x60C2 in node.mirror else 255
-    receive: tuple[tuple[int, ...], ...] = (*RECEIVE, (), ())
+    received = (*receive(bool(node.keys.outputs)), (), ())
     transmit: tuple[tuple[int, ...], ...] = (TRANSMIT, (SPEED, node.vendor.current), (), ())
     for number in range(4):
-        map_pdo(node, 0x1400 + number, 0x200 + 0x100 * number + node.number, receive[number], kind)
+        map_pdo(node, 0x1400 + number, 0x200 + 0x100 * number + node.number, received[number], kind)
         map_pdo(node, 0x1800 + number, 0x180 + 0x100 * number + node.number, transmit[number], 1)
 
 
@@ -170,7 +172,13 @@ def map_pdo(node: Node, index: int, identifier: int, words: tuple[int, ...], kin
 def make_safe(node: Node) -> None:
     """Digital outputs as the hardware file wants them when nothing moves."""
     if node.keys.safe_outputs is not None:
-        write(node, 0x60FE, 1, node.keys.safe_outputs)
+        write(node, OUTPUTS, LEVELS, node.keys.safe_outputs)
+
+
+def unmask(node: Node) -> None:
+    """Let the bits act that follow signals, where the drive has a mask; only after they are safe."""
+    if node.keys.outputs and MASK in node.mirror.objects[OUTPUTS]:
+        write(node, OUTPUTS, MASK, read(node, OUTPUTS, MASK) | sum(1 << bit for bit in node.keys.outputs))
 
 
 def release(node: Node) -> State:

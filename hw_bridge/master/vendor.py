@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hw_bridge.cia402 import Mode
+from hw_bridge.outputs import WORD
 
 if TYPE_CHECKING:
     from hw_bridge.profile import Units
@@ -44,12 +45,17 @@ VENDORS = {
 }
 
 # Process data. The lower identifier goes first, and so does the lower number at SYNC: the target, then the controlword.
-RECEIVE = ((0x607A0020,), (0x60400010, 0x60600008, 0x60FF0020))
+TARGET, CONTROL = (0x607A0020,), (0x60400010, 0x60600008, 0x60FF0020)
 TRANSMIT = (0x60410010, 0x60610008, 0x60640020)
 SPEED = 0x606C0020
 
 # what stands for a mode that a drive has not
 SUBSTITUTES = {Mode.CSP: Mode.PP, Mode.CSV: Mode.PV}
+
+
+def receive(outputs: bool) -> tuple[tuple[int, ...], ...]:
+    """Mapping of RPDOs; digital outputs that follow signals find room beside the target."""
+    return ((*TARGET, WORD) if outputs else TARGET, CONTROL)
 
 
 def current_unit(vendor: Vendor, units: Units) -> float:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.abort import Abort
 from hw_bridge.dictionary import Dictionary, Entry, Value
-from hw_bridge.master.vendor import RECEIVE, SPEED, TRANSMIT, VENDORS
+from hw_bridge.master.vendor import SPEED, TRANSMIT, VENDORS, receive
 from hw_bridge.profiles import MODULES, profile
 from hw_bridge.slave.pdo import INVALID
 from hw_bridge.trace import names
@@ -91,7 +91,7 @@ class Party:
             values[index, sub] = value
         values.update(self.keys.objects)
         for base, start, maps in (
-            (0x200, 0x1400, RECEIVE), (0x180, 0x1800, (TRANSMIT, (SPEED, vendor.current))),
+            (0x200, 0x1400, receive(bool(self.keys.outputs))), (0x180, 0x1800, (TRANSMIT, (SPEED, vendor.current))),
         ):  # fmt: skip
             for number in range(PDOS):
                 words = maps[number] if number < len(maps) else ()

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from hw_bridge.bridge import KEPT, DriveAxis, Hardware
 from hw_bridge.cia402 import State, state_of
 from hw_bridge.frame import bit_count
+from hw_bridge.outputs import inputs
 from hw_bridge.session import beginning
 from hw_bridge.trace.decoder import Decoder
 from hw_bridge.trace.files import read
@@ -145,6 +146,7 @@ class Replay(Hardware):
 
     def _component(self, name: str, replaced: type[Component]) -> type[DriveAxis]:
         fields: dict[str, Any] = {v.name: v for v in replaced.variables if v.role in KEPT}
+        fields |= inputs(self.keys.nodes[name].outputs)
         fields.setdefault(STATUSWORD, output_variable("", "6041h", type=Int32))
         fields |= {"hardware": self, "member": name, "replaced": replaced, "__module__": __name__}
         fields["__doc__"] = f"A recorded drive instead of {replaced.__name__}."

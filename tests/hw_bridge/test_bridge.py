@@ -112,6 +112,34 @@ def test_a_position_target_far_from_the_drive_is_refused(build):
     assert rig.drive.state is not State.ENABLED
 
 
+@pytest.mark.parametrize(
+    ("mode", "text"),
+    [
+        (
+            10,
+            r"servomotor: mode_of_operation 10: cst needs a member that is told a force, there is none\. Use 8 \(csp\)",
+        ),
+        (1, "servomotor: mode_of_operation 1: no cyclic mode"),
+        (77, "servomotor: mode_of_operation 77: no cyclic mode"),
+    ],
+)
+def test_a_mode_that_the_bridge_has_not(build, mode, text):
+    """Refused while the motor moves: nothing else than a stop comes of it."""
+    rig = Rig(build, {"servomotor": node()})
+    rig.set(target_velocity=0.02)
+    rig.go(100)
+    rig.set(mode_of_operation=mode)
+    with pytest.raises(SimulationError, match=text):
+        rig.go(10)
+    assert rig.drive.state is not State.ENABLED
+    assert not rig.plant.motor.powered
+    rig = Rig(build, {"servomotor": node()})
+    rig.set(mode_of_operation=mode)
+    with pytest.raises(SimulationError, match=text):
+        rig.go(1)
+    assert rig.session.plants == {}  # from the first step on: not even a bus
+
+
 def test_it_begins_where_the_scenario_does(build):
     """Without homing the place counts; with it, the drive goes there first."""
     rig = Rig(build, {"servomotor": node()})
@@ -188,7 +216,8 @@ def test_a_fault_from_before_is_reset(build):
 
 
 @pytest.mark.parametrize(
-    ("profile", "method"), [("faulhaber_v3", 37), ("mclm", 35), ("epos4", 37), ("faulhaber_v3", -3)]
+    ("profile", "method"),
+    [("faulhaber_v3", 37), ("mclm", 35), ("epos4", 37), ("faulhaber_v3", -3), ("faulhaber_v3", -1)],
 )
 def test_homing(build, profile, method):
     rig = Rig(build, {"servomotor": {**NODES[profile], "homing": {"method": method}}})

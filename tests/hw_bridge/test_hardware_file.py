@@ -104,6 +104,12 @@ def test_what_does_not_fit_the_scenario(write, text, message):
     assert message in str(caught.value)
 
 
+def test_a_mode_that_drives_are_not_told(write):
+    scenario = Scenario.load(SCENARIO, ["servomotor.mode_of_operation=10"])
+    with pytest.raises(ScenarioError, match=r"servomotor is a drive: mode_of_operation 10: cst needs a member that is"):
+        load(write(GOOD)).apply(scenario)
+
+
 @pytest.mark.parametrize(
     ("interface", "channel", "free"),
     [

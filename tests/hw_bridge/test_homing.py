@@ -46,6 +46,22 @@ def test_homing_without_the_switch_fails(faulhaber):
     assert bench.drive.axis.motor.position == pytest.approx(-0.040, abs=1e-4)
 
 
+@pytest.mark.parametrize(("method", "place"), [(-1, -0.024), (-2, 0.024)])
+@pytest.mark.parametrize("slow", [2, 10])
+def test_the_index_is_found_after_a_long_push_at_the_stop(faulhaber, method, place, slow):
+    """What the loops gathered at the stop does not hold the motor there when it has to come back, however slowly."""
+    bench = faulhaber
+    bench.write(0x6098, method)
+    bench.write(0x6099, slow, 2)
+    bench.drive.axis.motor._views["rod_position"][...] = 1.6 * place
+    bench.enable(Mode.HM)
+    bench.control(0x1F)
+    bench.go(20_000 if slow == 2 else 6000)
+    assert bench.word & 0x3400 == 0x1400
+    assert bench.drive.axis.motor.measured_position == pytest.approx(place, abs=2e-3)
+    assert abs(bench.drive.axis.position) < 2e-3
+
+
 def test_homing_is_interrupted_by_its_bit(faulhaber):
     bench = faulhaber
     bench.write(0x6098, 18)
