@@ -12,6 +12,7 @@ import inspect
 import textwrap
 from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 from twin.graph import reached
 from twin.variable import Role
@@ -248,9 +249,16 @@ class _Analysis(ast.NodeVisitor):
         super().generic_visit(node)
 
 
+# what was found before: sources do not change while a process lives
+_places: WeakKeyDictionary[FunctionType, set[int]] = WeakKeyDictionary()
+_flows: WeakKeyDictionary[type[Component], dict[tuple[str, ...], dict[str, frozenset[str]]]] = WeakKeyDictionary()
+
+
 def _mutated_places(helper: FunctionType, seen: tuple[FunctionType, ...]) -> set[int]:
-    analysis = _Analysis(helper, None, seen)
-    return {place for place, name in enumerate(analysis.parameters) if f"local:{name}" in analysis.mutated}
+    if helper not in _places:
+        analysis = _Analysis(helper, None, seen)
+        _places[helper] = {p for p, name in enumerate(analysis.parameters) if f"local:{name}" in analysis.mutated}
+    return _places[helper]
 
 
 def _edges(cls: type[Component], names: Iterable[str]) -> Iterator[tuple[str, set[str]]]:
@@ -272,6 +280,13 @@ def flow(cls: type[Component], names: Iterable[str]) -> dict[str, frozenset[str]
     known: dict[str, frozenset[str]] | None = getattr(cls, "flows", None)
     if known is not None:  # a group of components: its members were followed when it was made
         return known if "initialize" in names else {}
+    found = _flows.setdefault(cls, {})
+    if tuple(names) not in found:
+        found[tuple(names)] = _followed(cls, names)
+    return found[tuple(names)]
+
+
+def _followed(cls: type[Component], names: Iterable[str]) -> dict[str, frozenset[str]]:
     variables = {variable.name: variable for variable in cls.variables}
     writable = [name for name, variable in variables.items() if variable.role not in SET_FROM_OUTSIDE]
     graph: dict[str, set[str]] = {}

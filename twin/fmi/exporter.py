@@ -16,6 +16,7 @@ import tempfile
 import uuid
 import zipfile
 from dataclasses import dataclass
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -192,20 +193,28 @@ def _readme(cls: type[Component]) -> str:
     return readme.read_text(encoding="utf-8") if readme.exists() else ""
 
 
-def documentation(cls: type[Component], version: str) -> str:
-    """`documentation/index.html`: docstring, README, variables with units, starts and sources."""
+@cache
+def _page() -> Any:
+    """The template of the documentation, compiled once."""
     import jinja2
-    import markdown_it
 
     environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True)
+    return environment.get_template("documentation.html")
+
+
+def documentation(cls: type[Component], version: str) -> str:
+    """`documentation/index.html`: docstring, README, variables with units, starts and sources."""
+    import markdown_it
+
     markdown = markdown_it.MarkdownIt("commonmark", {"html": False}).enable("table")
     groups = [(role, [v for v in cls.variables if v.role is role]) for role in Role if role is not Role.derivative]
-    return environment.get_template("documentation.html").render(
+    page: str = _page().render(
         name=model_name(cls), version=version, summary=description.summary(cls),
         docstring=inspect.cleandoc(cls.__doc__ or "").partition("\n")[2].strip(),
         readme=markdown.render(_readme(cls)), groups=groups, period=cls.period, text=_start_text, terminals=cls.terminals,
         exchange=description.offers_exchange(cls), underivable=underivable(cls),
     )  # fmt: skip
+    return page
 
 
 def underivable(cls: type[Component]) -> str:
