@@ -49,8 +49,7 @@ class ImagePosition(Component):
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)
         for i in range(LINE):
-            for j in range(4):
-                self.line[i, j] = 0.0
+            self.line[i, 3] = 0.0  # no frame: what stands beside it is never read
         self.head = 0
         self.frames = 0
         for i in range(3):
