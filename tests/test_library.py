@@ -62,7 +62,7 @@ int main(void)
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory, build):
     place = tmp_path_factory.mktemp("c")
-    for name in ("sheath", "pi_control", "servomotor"):
+    for name in ("sheath", "pi_control", "servomotor", "coordinate_feedforward"):
         library.export(catalog.component(name), name, place, build, tuple(library.TRIPLES), force=False)
     return place
 
@@ -161,21 +161,42 @@ def moved(steps):
     return np.array(rows)
 
 
-@pytest.mark.parametrize("target", MACHINES)
-def test_firmware_runs_on_the_emulated_processor(folder, target, tmp_path):
+def emulated(program, names, folder, target, place):
+    """What a firmware prints on the emulated processor, one row of numbers per line."""
     (emulator, *machine), options = MACHINES[target]
     if not shutil.which(emulator):
         pytest.skip(f"{emulator} is missing: Debian's qemu-system-arm")
-    libraries = [str(folder / target / f"lib{name}.a") for name in ("sheath", "servomotor")]
+    libraries = [str(folder / target / f"lib{name}.a") for name in names]
     command = [*ZIG, "cc", *options, "-std=c11", "-O2", "-ffreestanding", *WARNINGS, f"-I{folder}", "-o", "firmware"]
-    command += [str(BARE / "firmware.c"), *libraries, f"-Wl,-T,{BARE / target}.ld", "-Wl,-e,reset"]
-    subprocess.run(command, cwd=tmp_path, check=True)
+    command += [str(BARE / program), *libraries, f"-Wl,-T,{BARE / target}.ld", "-Wl,-e,reset"]
+    subprocess.run(command, cwd=place, check=True)
     silent = ["-display", "none", "-monitor", "none", "-serial", "none", "-semihosting", "-kernel", "firmware"]
     done = subprocess.run(
-        [emulator, *machine, *silent], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=True
+        [emulator, *machine, *silent], cwd=place, capture_output=True, text=True, timeout=60, check=True
     )
     lines = (done.stdout + done.stderr).splitlines()  # QEMU prints what comes through semihosting to its stderr
-    found = np.array([[struct.unpack(">d", bytes.fromhex(word))[0] for word in line.split()] for line in lines])
+    return np.array([[struct.unpack(">d", bytes.fromhex(word))[0] for word in line.split()] for line in lines])
+
+
+@pytest.mark.parametrize("target", MACHINES)
+def test_the_feedforward_controller_runs_on_a_microcontroller(folder, target, tmp_path):
+    found = emulated("feedforward.c", ["coordinate_feedforward"], folder, target, tmp_path)
+    part = catalog.component("coordinate_feedforward")()
+    part.start()
+    wanted = []
+    for k in range(60):
+        part.target_y, part.target_z = 0.0016 * (k * 7 % 11), 0.0015 * (k * 5 % 13)
+        part.target_needle_length = 0.0004 * (k % 8)
+        part.advance(0.01 * k, 0.01)
+        wanted.append([part.handle_steps, part.wire_steps, part.needle_steps, part.refusal])
+    assert found.tolist() == np.array(wanted, float).tolist()
+    assert len(set(found[:, 1])) > 5
+    assert set(found[:, 3]) > {0.0}
+
+
+@pytest.mark.parametrize("target", MACHINES)
+def test_firmware_runs_on_the_emulated_processor(folder, target, tmp_path):
+    found = emulated("firmware.c", ["sheath", "servomotor"], folder, target, tmp_path)
     wanted = moved(400)
     assert found.shape == wanted.shape
     assert (np.abs(wanted).max(axis=0) > [1e-3, 1e-3, 0.1]).all()
