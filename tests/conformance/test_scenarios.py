@@ -16,7 +16,7 @@ ROOT = Path(__file__).parent.parent.parent
 SCENARIOS = sorted((ROOT / "scenarios").glob("*.yaml"))
 
 
-LONG = 1400  # simulated time that the fast tests give a scenario [s]: fewer seeds, or none; the slow ones run all
+LONG = 300  # simulated time that the fast tests give a scenario [s]: fewer seeds, or none; the slow ones run all
 
 
 def total(scenario):
@@ -115,6 +115,7 @@ def test_forms_agree_to_the_bit(build, tmp_path):
             assert np.asarray(recorded[form][name]).tobytes() == np.asarray(recorded[Form.fmu][name]).tobytes(), name
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("rotation")
 def test_the_rotation_compensators_play_is_that_which_the_scenario_identifies(outcomes):
     """For the catheter, at every speed."""
