@@ -16,12 +16,13 @@ ROOT = Path(__file__).parent.parent.parent
 SCENARIOS = sorted((ROOT / "scenarios").glob("*.yaml"))
 
 
-LONG = 300  # simulated time that the fast tests give a scenario [s]: fewer seeds, or none; the slow ones run all
+LONG = 600  # a scenario with more simulated time than this in all is a slow test [s]
 
 
-def total(scenario):
-    """Simulated time of all variants with one seed [s]."""
-    return sum(case.stop_ns - case.start_ns for case in scenario.variants) / 1e9
+def is_long(path):
+    """Whether all variants with all seeds take long."""
+    scenario = Scenario.load(path)
+    return len(scenario.seeds) * sum(case.stop_ns - case.start_ns for case in scenario.variants) / 1e9 > LONG
 
 
 @pytest.fixture(scope="module")
@@ -30,28 +31,20 @@ def outcomes(build, tmp_path_factory):
 
     @cache
     def outcome(path):
-        scenario = Scenario.load(path)
-        seeds = scenario.seeds[: max(1, int(LONG / total(scenario)))]
-        root = tmp_path_factory.mktemp("runs")
-        return run_scenario(scenario, root=root, build=build, report=False, seeds=seeds)
+        return run_scenario(Scenario.load(path), root=tmp_path_factory.mktemp("runs"), build=build, report=False)
 
     return outcome
 
 
-@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [path for path in SCENARIOS if not is_long(path)], ids=lambda path: path.stem)
 def test_scenario(path, outcomes):
-    if total(Scenario.load(path)) > LONG:
-        pytest.skip("a slow test runs it")
     assert_all_holds(outcomes(path))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
-def test_scenario_with_all_its_seeds(path, build, tmp_path):
-    scenario = Scenario.load(path)
-    if len(scenario.seeds) * total(scenario) <= LONG:
-        pytest.skip("the fast test runs all its seeds")
-    assert_all_holds(run_scenario(scenario, root=tmp_path, build=build, report=False))
+@pytest.mark.parametrize("path", [path for path in SCENARIOS if is_long(path)], ids=lambda path: path.stem)
+def test_long_scenario(path, outcomes):
+    assert_all_holds(outcomes(path))
 
 
 def assert_all_holds(outcome):
