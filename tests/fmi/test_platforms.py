@@ -25,6 +25,7 @@ from twin.export import group
 from twin.fmi import exporter
 from twin.run import prepare
 from twin.scenario import Scenario
+from twin.variable import Float64
 
 pytestmark = pytest.mark.slow
 
@@ -147,7 +148,7 @@ class Platforms:
         cls, words = component(case), exporter.VERSIONS[version]
         exposed = {e.variable.name: str(e.reference) for e in words.expose(cls)}
         inputs = [exposed[name] for name in case.inputs]
-        outputs = [exposed[v.name] for v in cls.variables if v.role == "output"]
+        outputs = [exposed[v.name] for v in cls.variables if v.role == "output" and v.type is Float64]
         states = sum(v.size for v in cls.variables if v.role == "state")
         token = exporter.plan(cls, version).token
         return [str(library), version[0], case.kind, token, repr(case.h), str(case.steps), str(states),
