@@ -107,6 +107,7 @@ class RotaryDrive(Component):
     measured_velocity = local(0.0, "rad/s", "filtered speed of the last sample", display_unit="deg/s")
     current_integral = local(0.0, "A", "integral part of the current demand")
     target_last = local(0.0, "rad", "target of the step before", display_unit="deg")
+    following = local(False, "", "the step before followed its target position")
 
     def initialize(self) -> None:
         # at rest at the target, in the middle of the backlash
@@ -119,6 +120,7 @@ class RotaryDrive(Component):
         self.measured_velocity = 0.0
         self.current_integral = 0.0
         self.target_last = self.target_position
+        self.following = True
         publish(self)
 
     def step(self, t: float, h: float) -> int:
@@ -127,8 +129,10 @@ class RotaryDrive(Component):
             return ERROR
         if not CYCLIC_SYNCHRONOUS_POSITION <= self.mode_of_operation <= CYCLIC_SYNCHRONOUS_TORQUE:
             return ERROR
-        speed = (self.target_position - self.target_last) / h
+        # a target that was there for nobody has no speed
+        speed = (self.target_position - self.target_last) / h if self.following else 0.0
         self.target_last = self.target_position
+        self.following = self.mode_of_operation == CYCLIC_SYNCHRONOUS_POSITION
         for _ in range(samples):
             move(self, sample(self, speed))
         publish(self)
@@ -182,7 +186,7 @@ def sample(self: RotaryDrive, target_speed: float) -> float:
 
 
 def driven(self: RotaryDrive, demand: float) -> float:
-    """What the supply can drive of a current [A] at the present speed: back-EMF helps to brake and hinders to push.
+    """What the supply lets through of a current [A] at the present speed: back-EMF hinders to push and helps to brake.
 
     Quasi-static: inductance is in `current_lag`. Above the no-load speed the diodes of the power stage brake.
     """
@@ -208,8 +212,7 @@ def move(self: RotaryDrive, demand: float) -> None:
     dt = self.drive_period / SUBSTEPS
     decay = exp(-dt / self.current_lag)
     for _ in range(SUBSTEPS):
-        current = driven(self, demand)
-        self.winding_current = current + (self.winding_current - current) * decay
+        self.winding_current = driven(self, demand + (self.winding_current - demand) * decay)
         mesh = mesh_torque(self)
         drive = self.torque_constant * self.winding_current - mesh / self.gear_ratio
         self.rotor_velocity = beyond(

@@ -171,7 +171,7 @@ def sample(self: Servomotor) -> float:
 
 
 def driven(self: Servomotor, demand: float) -> float:
-    """What the supply can drive of a current [A] at the present speed: back-EMF helps to brake and hinders to push.
+    """What the supply lets through of a current [A] at the present speed: back-EMF hinders to push and helps to brake.
 
     Quasi-static: inductance is in `current_lag`. Above the no-load speed the diodes of the power stage brake.
     """
@@ -201,8 +201,7 @@ def move(self: Servomotor, demand: float) -> None:
     braking = self.friction_coulomb * dt / self.mass
     end = 0.5 * self.stroke
     for _ in range(substeps):
-        current = driven(self, demand)
-        self.winding_current = current + (self.winding_current - current) * decay
+        self.winding_current = driven(self, demand + (self.winding_current - demand) * decay)
         force = self.force_constant * self.winding_current + self.load_force
         v = (self.rod_velocity + dt * force / self.mass) / (1.0 + dt * self.friction_viscous / self.mass)
         if v > braking:
