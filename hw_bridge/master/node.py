@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
 TARGET_PDO, CONTROL_PDO = 0x200, 0x300
 STATE_PDO, SPEED_PDO = 0x180, 0x280
-LM2070 = 11.64  # force constant [N/A]
 WINDOW = 0.1  # time over which the way that was driven is compared with the way that was asked for [s]
 
 RESETS = 3  # a fault that stays has a cause
@@ -77,8 +76,7 @@ class Node:
         units = self.profile.units(self.mirror)
         self.units = units
         self.ampere = current_unit(self.vendor, units)
-        constant = self.profile.motor.parameters.get("force_constant", LM2070)
-        self.force_constant = self.keys.force_constant or constant / self.keys.scale
+        self.force_constant = self.keys.force_constant or self.profile.motor.force_constant / self.keys.scale
         self.form = "<i" if self.vendor.current & 0xFF == 32 else "<h"
 
     @property

@@ -57,7 +57,7 @@ def test_every_fault_ends_in_the_safe_state(build, name, which):
     rig.session.bus.advance(rig.session.bus.now + 500 * MILLISECOND)
     assert rig.drive.state is not State.ENABLED
     assert not rig.drive.axis.motor.powered or rig.drive.state is State.QUICK_STOP
-    assert abs(float(rig.plant.motor._views["velocity"])) * abs(rig.plant.sign) < 1e-3
+    assert abs(rig.plant.motor.measured_velocity) * abs(rig.plant.sign) < 1e-3
     assert (
         abs(rig.plant.motor.position - before) * abs(rig.plant.sign) < 6e-3
     )  # 5 mm of following error, and the rest of the way
