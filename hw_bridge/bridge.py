@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hw_bridge import outputs
-from hw_bridge.hardware import ContactKeys
+from hw_bridge import outputs, targets
+from hw_bridge.cia402 import Mode
+from hw_bridge.hardware import ContactKeys, overloaded
 from hw_bridge.hardware import load as load_keys
-from hw_bridge.session import Session, beginning, unknown_mode
+from hw_bridge.profiles import profile
+from hw_bridge.session import Session, beginning
 from twin import catalog
 from twin.component import Component, PythonComponent
 from twin.errors import CouplingError, ScenarioError
@@ -43,6 +45,7 @@ class DriveAxis(PythonComponent):
 
     hardware: Hardware
     member: str
+    forced: bool  # whether it is told a force
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)
@@ -105,7 +108,7 @@ class Hardware:
             elif node.contact is None and node.watch_contact:
                 found += self._find_contact(name, case)
             told = case.members[name].parameters.get("mode_of_operation")
-            if isinstance(told, int) and (problem := unknown_mode(told)):
+            if isinstance(told, int) and (problem := targets.unknown_mode(told, profile(node.profile), known)):
                 where = case.members[name].places.get("mode_of_operation", case.members[name].where)
                 found.append(f"{where}: {name} is a drive: {problem}")
             if node.outputs:
@@ -115,7 +118,17 @@ class Hardware:
                 f"{self.path}: cycle: {self.keys.cycle / 1e6:g} ms is not a multiple of the scenario's step, "
                 f"{case.step_ns / 1e6:g} ms. Change one of them."
             )
+        if (forces := len(self._forced(case))) and (problem := overloaded(self.keys, forces)):
+            found.append(f"{self.path}: {problem}")
         return found
+
+    def _forced(self, case: Case) -> set[str]:
+        """Members that are told a force, on drives that follow one."""
+        return {
+            name
+            for name, node in self.keys.nodes.items()
+            if Mode.CST in profile(node.profile).modes and name in case.members and targets.told_force(name, case)
+        }
 
     def _find_contact(self, name: str, case: Case) -> list[str]:
         """Watch the contact force that the scenario measures, if it measures one."""
@@ -143,13 +156,13 @@ class Hardware:
         return spec.made or catalog.component(spec.component)
 
     def _applied(self, case: Case) -> Case:
-        members, connections = dict(case.members), list(case.connections)
+        members, connections, forced = dict(case.members), list(case.connections), self._forced(case)
         for name, node in self.keys.nodes.items():
             spec = members[name]
             members[name] = replace(
                 spec,
                 component=f"hw_bridge.bridge:{name}",
-                made=self._component(name, self._replaced(spec)),
+                made=self._component(name, self._replaced(spec), name in forced),
                 period_ns=None,
             )
             if name in self.contacts:
@@ -160,13 +173,13 @@ class Hardware:
                 connections.append(ConnectionSpec(signal, f"{name}.{outputs.connector(bit)}", where))
         return replace(case, members=members, connections=tuple(connections))
 
-    def _component(self, name: str, replaced: type[Component]) -> type[DriveAxis]:
+    def _component(self, name: str, replaced: type[Component], forced: bool = False) -> type[DriveAxis]:
         """A component class with the connectors of the one that it replaces."""
         fields: dict[str, Any] = {v.name: v for v in replaced.variables if v.role in KEPT}
         if name in self.contacts:
             fields[CONTACT] = input_variable("N", "force that is watched")
         fields |= outputs.inputs(self.keys.nodes[name].outputs)
-        fields |= {"hardware": self, "member": name, "replaced": replaced, "__module__": __name__}
+        fields |= {"hardware": self, "member": name, "replaced": replaced, "forced": forced, "__module__": __name__}
         fields["__doc__"] = f"A drive instead of {replaced.__name__}."
         return type(f"Drive_{name}", (DriveAxis,), fields)
 
@@ -176,6 +189,7 @@ class Hardware:
             self.present = Session(self.keys, self.contacts, self.build, self._trace())
             self.sessions.append(self.present)
         self.present.axes[axis.member] = axis
+        self.present.forced |= {axis.member} if axis.forced else set()
         return self.present
 
     def _trace(self) -> Path | None:

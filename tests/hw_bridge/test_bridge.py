@@ -115,11 +115,8 @@ def test_a_position_target_far_from_the_drive_is_refused(build):
 @pytest.mark.parametrize(
     ("mode", "text"),
     [
-        (
-            10,
-            r"servomotor: mode_of_operation 10: cst needs a member that is told a force, there is none\. Use 8 \(csp\)",
-        ),
-        (1, "servomotor: mode_of_operation 1: no cyclic mode"),
+        (10, r"servomotor: mode_of_operation 10: its process data have no force\. Begin in it, or set or connect a target"),
+        (1, r"servomotor: mode_of_operation 1: no cyclic mode\. Use 8 \(csp\), 9 \(csv\) or 10 \(cst\)"),
         (77, "servomotor: mode_of_operation 77: no cyclic mode"),
     ],
 )
@@ -133,11 +130,22 @@ def test_a_mode_that_the_bridge_has_not(build, mode, text):
         rig.go(10)
     assert rig.drive.state is not State.ENABLED
     assert not rig.plant.motor.powered
-    rig = Rig(build, {"servomotor": node()})
+
+
+@pytest.mark.parametrize(
+    ("profile", "mode", "text"),
+    [
+        ("faulhaber_v3", 77, "servomotor: mode_of_operation 77: no cyclic mode"),
+        ("mclm", 10, r"servomotor: mode_of_operation 10: FAULHABER MCLM 300x CO has no cst\. Use 8 \(csp\) or 9 \(csv\), or"),
+    ],
+)
+def test_a_mode_that_is_refused_from_the_first_step_on(build, profile, mode, text):
+    """Not even a bus comes of it."""
+    rig = Rig(build, {"servomotor": node(profile)})
     rig.set(mode_of_operation=mode)
     with pytest.raises(SimulationError, match=text):
         rig.go(1)
-    assert rig.session.plants == {}  # from the first step on: not even a bus
+    assert rig.session.plants == {}
 
 
 def test_it_begins_where_the_scenario_does(build):
