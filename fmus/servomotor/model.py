@@ -55,7 +55,7 @@ class Servomotor(Component):
                            source="LM 2070 datasheet, recalled")  # fmt: skip
     supply_voltage = parameter(
         24.0, "V", "supply of the power stage", minimum=0.0,
-        source="assumed: the paper names neither controller nor supply; 24 V suits every FAULHABER controller",
+        source="assumed: the paper names neither controllers nor supply; all of FAULHABER's take 24 V",
     )  # fmt: skip
     current_maximum = parameter(2.37, "A", "peak current", minimum=0.0, source="LM 2070 datasheet, recalled")
     current_continuous = parameter(0.79, "A", "continuous current", minimum=1e-3, source="LM 2070 datasheet, recalled")

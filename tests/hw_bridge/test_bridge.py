@@ -115,7 +115,10 @@ def test_a_position_target_far_from_the_drive_is_refused(build):
 @pytest.mark.parametrize(
     ("mode", "text"),
     [
-        (10, r"servomotor: mode_of_operation 10: its process data have no force\. Begin in it, or set or connect a target"),
+        (
+            10,
+            r"servomotor: mode_of_operation 10: its process data have no force\. Begin in it, or set or connect a target",
+        ),
         (1, r"servomotor: mode_of_operation 1: no cyclic mode\. Use 8 \(csp\), 9 \(csv\) or 10 \(cst\)"),
         (77, "servomotor: mode_of_operation 77: no cyclic mode"),
     ],
@@ -136,7 +139,11 @@ def test_a_mode_that_the_bridge_has_not(build, mode, text):
     ("profile", "mode", "text"),
     [
         ("faulhaber_v3", 77, "servomotor: mode_of_operation 77: no cyclic mode"),
-        ("mclm", 10, r"servomotor: mode_of_operation 10: FAULHABER MCLM 300x CO has no cst\. Use 8 \(csp\) or 9 \(csv\), or"),
+        (
+            "mclm",
+            10,
+            r"servomotor: mode_of_operation 10: FAULHABER MCLM 300x CO has no cst\. Use 8 \(csp\) or 9 \(csv\), or",
+        ),
     ],
 )
 def test_a_mode_that_is_refused_from_the_first_step_on(build, profile, mode, text):

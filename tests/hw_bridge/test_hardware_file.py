@@ -10,6 +10,8 @@ from click.testing import CliRunner
 
 from hw_bridge import hardware, hil
 from hw_bridge.bridge import load
+from hw_bridge.profiles import profile
+from hw_bridge.targets import unknown_mode
 from twin.errors import ScenarioError
 from twin.run import run_scenario
 from twin.scenario import Scenario
@@ -107,7 +109,9 @@ def test_what_does_not_fit_the_scenario(write, text, message):
 def test_a_force_for_a_drive_without_cst(write):
     scenario = Scenario.load(SCENARIO, ["servomotor.mode_of_operation=10"])
     load(write(GOOD)).apply(scenario)
-    with pytest.raises(ScenarioError, match=r"servomotor is a drive: mode_of_operation 10: FAULHABER MCLM 300x CO has no"):
+    with pytest.raises(
+        ScenarioError, match=r"servomotor is a drive: mode_of_operation 10: FAULHABER MCLM 300x CO has no"
+    ):
         load(write(GOOD.replace("faulhaber_v3", "mclm"))).apply(scenario)
 
 
