@@ -45,7 +45,7 @@ class DriveAxis(PythonComponent):
 
     hardware: Hardware
     member: str
-    forced: bool  # whether it is told a force
+    forced = False  # whether it is told a force
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)
@@ -159,12 +159,9 @@ class Hardware:
         members, connections, forced = dict(case.members), list(case.connections), self._forced(case)
         for name, node in self.keys.nodes.items():
             spec = members[name]
-            members[name] = replace(
-                spec,
-                component=f"hw_bridge.bridge:{name}",
-                made=self._component(name, self._replaced(spec), name in forced),
-                period_ns=None,
-            )
+            made = self._component(name, self._replaced(spec))
+            made.forced = name in forced
+            members[name] = replace(spec, component=f"hw_bridge.bridge:{name}", made=made, period_ns=None)
             if name in self.contacts:
                 source = self.contacts[name].signal
                 connections.append(ConnectionSpec(source, f"{name}.{CONTACT}", f"{self.path}: nodes.{name}"))
@@ -173,13 +170,13 @@ class Hardware:
                 connections.append(ConnectionSpec(signal, f"{name}.{outputs.connector(bit)}", where))
         return replace(case, members=members, connections=tuple(connections))
 
-    def _component(self, name: str, replaced: type[Component], forced: bool = False) -> type[DriveAxis]:
+    def _component(self, name: str, replaced: type[Component]) -> type[DriveAxis]:
         """A component class with the connectors of the one that it replaces."""
         fields: dict[str, Any] = {v.name: v for v in replaced.variables if v.role in KEPT}
         if name in self.contacts:
             fields[CONTACT] = input_variable("N", "force that is watched")
         fields |= outputs.inputs(self.keys.nodes[name].outputs)
-        fields |= {"hardware": self, "member": name, "replaced": replaced, "forced": forced, "__module__": __name__}
+        fields |= {"hardware": self, "member": name, "replaced": replaced, "__module__": __name__}
         fields["__doc__"] = f"A drive instead of {replaced.__name__}."
         return type(f"Drive_{name}", (DriveAxis,), fields)
 

@@ -89,12 +89,12 @@ def test_small_forces_are_right_in_the_mean(build):
 
 
 def test_a_screw_between_drive_and_member(build):
-    """An EPOS4 that turns a screw of 2 mm: a force of the member is a torque of the motor."""
+    """An EPOS4 that turns a screw of 20 mm: a force of the member is a torque of the motor."""
     rig = Rig(build, {"servomotor": node("epos4", **SCREW, limits={"force": 500, "velocity": 1.0})})
-    rig.set(mode_of_operation=CST, target_force=200.0)
+    rig.set(mode_of_operation=CST, target_force=40.0)
     rig.go(50)
-    assert rig.get("force") == pytest.approx(200.0, rel=0.02)
-    assert rig.plant.motor.current * 0.091 == pytest.approx(200.0 * 0.002 / (2.0 * np.pi), rel=0.02)
+    assert rig.get("force") == pytest.approx(40.0, rel=0.02)
+    assert rig.plant.motor.current * 0.091 == pytest.approx(40.0 * 0.02 / (2.0 * np.pi), rel=0.02)
 
 
 def test_torque_of_a_motor_before_its_gear(build):
@@ -229,5 +229,18 @@ def test_the_bus_has_to_have_time_for_it(tmp_path, build):
     scenario.write_text(motors + "stop_time: 1 s\nstep: 1 ms\n")
     assert load(bench, build=build).apply(Scenario.load(scenario)).variants
     scenario.write_text(motors + f"extends: {SPRING}\n")
-    with pytest.raises(ScenarioError, match=r"bench.yaml: cycle: process data fills 80 % of 2 ms at 800000 bit/s\. Make"):
+    with pytest.raises(
+        ScenarioError, match=r"bench.yaml: cycle: process data fills 80 % of 2 ms at 800000 bit/s\. Make"
+    ):
         load(bench, build=build).apply(Scenario.load(scenario))
+
+
+def test_a_supply_that_sags_is_noticed_by_the_drive(build):
+    """The voltage of the member's motor is what its drive watches."""
+    rig = Rig(build, {"servomotor": node()})
+    rig.set(target_velocity=0.02)
+    rig.go(100)
+    assert rig.drive.supply == 24.0
+    rig.set(supply_voltage=6.0)
+    with pytest.raises(SimulationError, match="EMCY 3220h, undervoltage"):
+        rig.go(50)

@@ -6,6 +6,7 @@ import pytest
 
 from hw_bridge.abort import Code
 from hw_bridge.cia402 import Mode, State
+from hw_bridge.drive.motor import CYCLE
 from tests.hw_bridge.bench import NODE, AbortedError
 
 ACKNOWLEDGE, REACHED = 0x1000, 0x0400
@@ -325,6 +326,22 @@ def test_supply_voltage(epos):
     epos.control(0x00, 0x80)
     epos.go(5)
     assert epos.state is State.DISABLED
+
+
+def test_the_supply_that_is_watched_drives_the_motor(make, name):
+    """Half of the voltage: half of the current that a motor has when it is held."""
+    bench = make(name)
+    motor, found = bench.drive.axis.motor, []
+    for voltage in (24.0, 12.0):
+        bench.drive.supply = voltage
+        assert motor.supply == voltage
+        motor.set("resistance", 100.0)  # the current's limits are far
+        motor.follow_velocity(1.0, 99.0)
+        for cycle in range(100):
+            motor.advance(cycle * CYCLE)
+            motor.set("rod_velocity" if name != "epos4" else "rotor_velocity", 0.0)
+        found.append(motor.current)
+    assert found[0] == pytest.approx(2.0 * found[1], rel=0.05)
 
 
 def test_i2t_takes_the_current_back(make):

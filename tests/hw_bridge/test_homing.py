@@ -1,5 +1,7 @@
 """Homing methods with switches, index and end stops."""
 
+from math import copysign
+
 import pytest
 
 from hw_bridge.cia402 import Mode
@@ -86,6 +88,46 @@ def test_the_index_is_found_after_a_long_push_at_the_stop(faulhaber, method, pla
     assert bench.word & 0x3400 == 0x1400
     assert bench.drive.axis.motor.measured_position == pytest.approx(place, abs=2e-3)
     assert abs(bench.drive.axis.position) < 2e-3
+
+
+@pytest.fixture
+def turning(make):
+    """An EPOS4 whose frame is between two blocks, 6 rad of the motor from where it begins."""
+    bench = make("epos4")
+    motor = bench.drive.axis.motor
+
+    def turned(method, threshold):
+        bench.write(0x6098, method)
+        bench.write(0x6099, 100, 1)
+        bench.write(0x6099, 20, 2)
+        bench.write(0x30B2, threshold)
+        bench.enable(Mode.HM)
+        bench.control(0x1F)
+        for _ in range(10_000):
+            place = motor.position
+            motor.load(-copysign(200.0 * max(abs(place) - 6.0, 0.0), place))  # [N*m] for one radian of the motor
+            bench.go(1)
+            if bench.word & 0x3400 in (0x1400, 0x2400):
+                return bench
+        raise AssertionError(f"{bench.word:04X}")
+
+    return turned
+
+
+@pytest.mark.parametrize(("method", "place"), [(-1, 0.0), (-2, 0.0), (-3, 6.0), (-4, -6.0)])
+def test_homing_of_the_rotary_drive(turning, method, place):
+    """On a block, and on the index at 0 behind it, with a current that overcomes the friction of the rig."""
+    bench = turning(method, 2000)
+    assert bench.word & 0x3400 == 0x1400
+    assert bench.drive.axis.origin == pytest.approx(place, abs=0.03)
+    assert bench.drive.axis.heat < 2.0**2
+
+
+def test_friction_is_taken_for_the_block(turning):
+    """The default threshold of 500 mA does not move the rig: what the drive then calls a block is none."""
+    bench = turning(-3, 500)
+    assert bench.word & 0x3400 == 0x1400
+    assert abs(bench.drive.axis.origin) < 0.1
 
 
 def test_homing_is_interrupted_by_its_bit(faulhaber):
