@@ -129,7 +129,7 @@ class RotaryDrive(Component):
             return ERROR
         if not CYCLIC_SYNCHRONOUS_POSITION <= self.mode_of_operation <= CYCLIC_SYNCHRONOUS_TORQUE:
             return ERROR
-        # a target that was there for nobody has no speed
+        # a target that nobody followed has no speed
         speed = (self.target_position - self.target_last) / h if self.following else 0.0
         self.target_last = self.target_position
         self.following = self.mode_of_operation == CYCLIC_SYNCHRONOUS_POSITION
@@ -165,8 +165,9 @@ def sample(self: RotaryDrive, target_speed: float) -> float:
     self.measured_angle = measured
 
     limit = self.current_maximum
+    top, back = self.supply_voltage / self.resistance, self.torque_constant / self.resistance * self.rotor_velocity
     if self.mode_of_operation == CYCLIC_SYNCHRONOUS_TORQUE:
-        demand = driven(self, min(max(self.target_torque / self.torque_constant, -limit), limit))
+        demand = driven(min(max(self.target_torque / self.torque_constant, -limit), limit), top, back)
         self.current_integral = demand  # another mode goes on with this current
         return demand
 
@@ -179,20 +180,18 @@ def sample(self: RotaryDrive, target_speed: float) -> float:
     demand = self.velocity_gain * error + self.current_integral
 
     # the integral waits while current or voltage are at their limits
-    possible = driven(self, min(max(demand, -limit), limit))
+    possible = driven(min(max(demand, -limit), limit), top, back)
     if possible == demand:
         self.current_integral += self.velocity_integral * period * error
     return possible
 
 
-def driven(self: RotaryDrive, demand: float) -> float:
-    """What the supply lets through of a current [A] at the present speed: back-EMF hinders to push and helps to brake.
+def driven(demand: float, top: float, back: float) -> float:
+    """What the supply lets through of a current [A]: `top` at standstill, and `back` less to push, or more to brake.
 
     Quasi-static: inductance is in `current_lag`. Above the no-load speed the diodes of the power stage brake.
     """
-    back_emf = self.torque_constant * self.rotor_velocity
-    low, high = -self.supply_voltage - back_emf, self.supply_voltage - back_emf
-    return min(max(demand, low / self.resistance), high / self.resistance)
+    return min(max(demand, -top - back), top - back)
 
 
 def mesh_torque(self: RotaryDrive) -> float:
@@ -211,8 +210,10 @@ def move(self: RotaryDrive, demand: float) -> None:
     """Current, motor and frame over one drive sample: semi-implicit substeps with an exact test for sticking."""
     dt = self.drive_period / SUBSTEPS
     decay = exp(-dt / self.current_lag)
+    top, back = self.supply_voltage / self.resistance, self.torque_constant / self.resistance
     for _ in range(SUBSTEPS):
-        self.winding_current = driven(self, demand + (self.winding_current - demand) * decay)
+        current = demand + (self.winding_current - demand) * decay
+        self.winding_current = driven(current, top, back * self.rotor_velocity)
         mesh = mesh_torque(self)
         drive = self.torque_constant * self.winding_current - mesh / self.gear_ratio
         self.rotor_velocity = beyond(

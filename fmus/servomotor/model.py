@@ -150,8 +150,9 @@ def sample(self: Servomotor) -> float:
     self.measured_position = measured
 
     limit = current_limit(self)
+    top, back = stall_current(self), back_current(self) * self.rod_velocity
     if self.mode_of_operation == CYCLIC_SYNCHRONOUS_TORQUE:
-        demand = driven(self, min(max(self.target_force / self.force_constant, -limit), limit))
+        demand = driven(min(max(self.target_force / self.force_constant, -limit), limit), top, back)
         self.current_integral = demand  # another mode goes on with this current
         return demand
 
@@ -164,20 +165,28 @@ def sample(self: Servomotor) -> float:
     demand = self.velocity_gain * error + self.current_integral
 
     # the integral waits while current or voltage are at their limits
-    possible = driven(self, min(max(demand, -limit), limit))
+    possible = driven(min(max(demand, -limit), limit), top, back)
     if possible == demand:
         self.current_integral += self.velocity_integral * period * error
     return possible
 
 
-def driven(self: Servomotor, demand: float) -> float:
-    """What the supply lets through of a current [A] at the present speed: back-EMF hinders to push and helps to brake.
+def driven(demand: float, top: float, back: float) -> float:
+    """What the supply lets through of a current [A]: `top` at standstill, and `back` less to push, or more to brake.
 
     Quasi-static: inductance is in `current_lag`. Above the no-load speed the diodes of the power stage brake.
     """
-    ohms = AMPLITUDE * self.resistance
-    back_emf = self.force_constant / AMPLITUDE * self.rod_velocity
-    return min(max(demand, (-self.supply_voltage - back_emf) / ohms), (self.supply_voltage - back_emf) / ohms)
+    return min(max(demand, -top - back), top - back)
+
+
+def stall_current(self: Servomotor) -> float:
+    """Current that the supply drives through two phases at standstill [A]."""
+    return self.supply_voltage / (AMPLITUDE * self.resistance)
+
+
+def back_current(self: Servomotor) -> float:
+    """Current that the back-EMF of one meter per second drives through two phases [A*s/m]."""
+    return self.force_constant / (AMPLITUDE * AMPLITUDE * self.resistance)
 
 
 def current_limit(self: Servomotor) -> float:
@@ -200,8 +209,10 @@ def move(self: Servomotor, demand: float) -> None:
     # largest speed that dry friction takes away in a substep [m/s]
     braking = self.friction_coulomb * dt / self.mass
     end = 0.5 * self.stroke
+    top, back = stall_current(self), back_current(self)
     for _ in range(substeps):
-        self.winding_current = driven(self, demand + (self.winding_current - demand) * decay)
+        current = demand + (self.winding_current - demand) * decay
+        self.winding_current = driven(current, top, back * self.rod_velocity)
         force = self.force_constant * self.winding_current + self.load_force
         v = (self.rod_velocity + dt * force / self.mass) / (1.0 + dt * self.friction_viscous / self.mass)
         if v > braking:

@@ -130,7 +130,9 @@ class Motor:
         """No current."""
         self.powered = False
         self._views["current_maximum"][...] = 0.0
-        self._views["current_integral"][...] = 0.0  # the loops begin anew when power comes back
+        # the loops begin anew when power comes back: nothing was gathered, and no position was followed meanwhile
+        self._views["current_integral"][...] = 0.0
+        self._views["mode_of_operation"][...] = CSV
 
     def follow_position(self, position: float, limit: float) -> None:
         """Go to a position [m or rad] with no more than `limit` [A]."""

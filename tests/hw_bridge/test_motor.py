@@ -69,3 +69,23 @@ def test_the_ec_i_40_counts_before_its_gear(build):
     assert motor.measured_position == pytest.approx(10.0, abs=2.0 * EC_I_40.resolution)
     assert motor.get("angle") == pytest.approx(2.0, abs=3e-3)  # half of the backlash
     assert (LM2070.force_constant, EC_I_40.force_constant) == (11.64, 0.091)
+
+
+@pytest.mark.parametrize("model", [LM2070, EC_I_40], ids=["LM 2070", "EC-i 40"])
+def test_where_it_was_pushed_to_without_power_is_no_jump(build, model):
+    """Power comes back with the place where the motor is as its target."""
+    motor = Motor(model, build=build)
+    motor.follow_position(0.0, 2.0)
+    run(motor, 5)
+    motor.off()
+    motor.load(20.0)
+    run(motor, 30)
+    motor.load(0.0)
+    run(motor, 2000)  # friction brakes the rig
+    place = motor.measured_position
+    assert abs(place) > 1e-3
+    for cycle in range(50):
+        motor.follow_position(place, 2.0)
+        motor.advance(cycle * CYCLE)
+        assert abs(motor.current) < 0.05
+    assert motor.measured_position == pytest.approx(place, abs=2.0 * model.resolution)
