@@ -195,6 +195,25 @@ def test_csv_and_cst(bench):
     assert bench.read(0x6077) == pytest.approx(300, abs=8)
 
 
+@pytest.mark.parametrize(("vendor", "current"), [("faulhaber_v3", 0.47), ("epos4", 2.5)])
+def test_a_quick_stop_out_of_cst(make, vendor, current):
+    """The ramp begins at the speed that there is, with the current that there is."""
+    bench = make(vendor)
+    unit = bench.drive.axis.units
+    bench.enable(Mode.CST)
+    bench.write(0x6071, round(current / unit.torque))
+    bench.go(60)
+    speed = bench.drive.axis.velocity
+    assert speed > 100 * unit.velocity
+    bench.control(0x02)
+    fastest = speed
+    for _ in range(150):
+        bench.go(1)
+        fastest = max(fastest, bench.drive.axis.velocity)
+    assert fastest < 1.3 * speed
+    assert abs(bench.drive.axis.velocity) < 0.02 * speed
+
+
 def test_csp_without_interpolation_steps(epos):
     """60C2h = 0: coarse targets go to the loops as steps; with a period the demand is a line."""
     demands = {}
