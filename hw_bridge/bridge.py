@@ -14,19 +14,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hw_bridge import outputs
+from hw_bridge.events import planned
 from hw_bridge.hardware import ContactKeys
 from hw_bridge.hardware import load as load_keys
 from hw_bridge.session import Session, beginning, unknown_mode
 from twin import catalog
 from twin.component import Component, PythonComponent
 from twin.errors import CouplingError, ScenarioError
+from twin.metrics import Ending
 from twin.scenario.scenario import ConnectionSpec, MemberSpec
 from twin.system import nearest
 from twin.variable import Float64, Role
 from twin.variable import input as input_variable
 
 if TYPE_CHECKING:
-    from hw_bridge.hardware import HardwareKeys
+    from hw_bridge.hardware import FaultKeys, HardwareKeys
     from twin.scenario import Scenario
     from twin.scenario.scenario import Case
 
@@ -43,6 +45,7 @@ class DriveAxis(PythonComponent):
 
     hardware: Hardware
     member: str
+    variant: str
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)
@@ -73,8 +76,14 @@ class Hardware:
     ) -> None:
         self.path, self.keys, self.arm, self.build, self.trace = path, keys, arm, build, trace
         self.contacts = {name: node.contact for name, node in keys.nodes.items() if node.contact is not None}
+        self.faults: dict[str, list[FaultKeys]] = {}  # of a scenario's variants
         self.sessions: list[Session] = []
         self.present: Session | None = None
+
+    @property
+    def takes_faults(self) -> bool:
+        """Real drives have their own."""
+        return self.keys.simulated
 
     def apply(self, scenario: Scenario) -> Scenario:
         """The scenario with drives instead of the members that the file names; ScenarioError lists what does not fit."""
@@ -84,6 +93,9 @@ class Hardware:
                 f"Add --arm if nobody is in their way, or `simulated: true`."
             )
         problems = [problem for case in scenario.variants for problem in self._problems(case)]
+        for case in scenario.variants:
+            self.faults[case.variant], found = planned(case.faults, self.keys)
+            problems += found
         if problems:
             raise ScenarioError(list(dict.fromkeys(problems)))
         return replace(scenario, variants=tuple(self._applied(case) for case in scenario.variants))
@@ -149,7 +161,7 @@ class Hardware:
             members[name] = replace(
                 spec,
                 component=f"hw_bridge.bridge:{name}",
-                made=self._component(name, self._replaced(spec)),
+                made=self._component(name, self._replaced(spec), case.variant),
                 period_ns=None,
             )
             if name in self.contacts:
@@ -160,20 +172,21 @@ class Hardware:
                 connections.append(ConnectionSpec(signal, f"{name}.{outputs.connector(bit)}", where))
         return replace(case, members=members, connections=tuple(connections))
 
-    def _component(self, name: str, replaced: type[Component]) -> type[DriveAxis]:
+    def _component(self, name: str, replaced: type[Component], variant: str = "") -> type[DriveAxis]:
         """A component class with the connectors of the one that it replaces."""
         fields: dict[str, Any] = {v.name: v for v in replaced.variables if v.role in KEPT}
         if name in self.contacts:
             fields[CONTACT] = input_variable("N", "force that is watched")
         fields |= outputs.inputs(self.keys.nodes[name].outputs)
-        fields |= {"hardware": self, "member": name, "replaced": replaced, "__module__": __name__}
+        fields |= {"hardware": self, "member": name, "replaced": replaced, "variant": variant, "__module__": __name__}
         fields["__doc__"] = f"A drive instead of {replaced.__name__}."
         return type(f"Drive_{name}", (DriveAxis,), fields)
 
     def join(self, axis: DriveAxis) -> Session:
         """The session that an axis belongs to: a new one where a case begins."""
         if self.present is None or self.present.begun or self.present.closed or axis.member in self.present.axes:
-            self.present = Session(self.keys, self.contacts, self.build, self._trace())
+            faults = [*self.keys.faults, *self.faults.get(axis.variant, [])]
+            self.present = Session(self.keys, self.contacts, self.build, self._trace(), faults)
             self.sessions.append(self.present)
         self.present.axes[axis.member] = axis
         return self.present
@@ -202,13 +215,15 @@ class Hardware:
         for session, one in zip([one for one in self.sessions if one.begun], reports, strict=True):
             if session.trace is not None:
                 told.append(f"{session.trace}: {one['frames']} frames")
-            if session.failed:
-                told += [f"on the bus at {line}" for line in one["seen"]]
         return {
             "file": str(self.path), "simulated": keys.simulated, "interface": keys.interface,
             "cycle": keys.cycle / 1e9, "shown": told, "cases": reports,
             "nodes": keys.model_dump()["nodes"],
         }  # fmt: skip
+
+    def ending(self) -> Ending:
+        """How the last case ended."""
+        return self.sessions[-1].ending() if self.sessions and self.sessions[-1].begun else Ending()
 
     def pictures(self) -> list[dict[str, str]]:
         """The histogram of the jitter, where time was the wall clock's."""

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, ValidationError
 
 from hw_bridge.agenda import NEVER
-from hw_bridge.fault import Cause, Fault
+from hw_bridge.fault import Cause, Fault, problem
 from hw_bridge.frame import Frame, bit_count
 from hw_bridge.outputs import OUTPUTS, output_bits
 from hw_bridge.profiles import MODULES, profile
@@ -274,21 +274,22 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
 
 def check_faults(keys: HardwareKeys, root: Node) -> list[str]:
     """Faults that cannot be done."""
-    from hw_bridge.fault import problem
-    from hw_bridge.profiles import profile
+    return [
+        f"{root.find(('faults', place)).place}: faults[{place + 1}]: {text}"
+        for place, one in enumerate(keys.faults)
+        if (text := fault_problem(one, keys))
+    ]
 
-    problems = []
-    for place, one in enumerate(keys.faults):
-        where = f"{root.find(('faults', place)).place}: faults[{place + 1}]"
-        if not keys.simulated:
-            problems.append(f"{where}: only a bench with `simulated: true` can have faults. Use twin drive inject.")
-        elif one.node not in (*keys.nodes, MASTER):
-            problems.append(f"{where}: no node {one.node!r}. {nearest(one.node, [*keys.nodes, MASTER])}")
-        else:
-            chosen = None if one.node == MASTER else profile(keys.nodes[one.node].profile)
-            if text := problem(one.made(), chosen):
-                problems.append(f"{where}: {text}.")
-    return problems
+
+def fault_problem(one: FaultKeys, keys: HardwareKeys) -> str:
+    """Why a fault cannot be done on a bench, or nothing."""
+    if not keys.simulated:
+        return "only a bench with `simulated: true` can have faults. Use twin drive inject."
+    if one.node not in (*keys.nodes, MASTER):
+        return f"no node {one.node!r}. {nearest(one.node, [*keys.nodes, MASTER])}"
+    chosen = None if one.node == MASTER else profile(keys.nodes[one.node].profile)
+    text = problem(one.made(), chosen)
+    return f"{text}." if text else ""
 
 
 def check_outputs(keys: HardwareKeys, root: Node) -> list[str]:
@@ -306,13 +307,13 @@ def check_outputs(keys: HardwareKeys, root: Node) -> list[str]:
     return problems
 
 
-def line(root: Node, error: Any) -> str:
-    """One problem that pydantic found, as one line."""
+def line(root: Node, error: Any, model: type[Keys] | None = None) -> str:
+    """One problem that pydantic found, as one line. `model`: what `root` holds; nothing: a hardware file."""
     path = tuple(error["loc"])
     place, what = root.find(path).place, dotted(path)
     kind, given = error["type"], error["input"]
     if kind == "extra_forbidden":
-        return f"{place}: {what}: unknown key.{_near(path)}"
+        return f"{place}: {what}: unknown key.{_near(path, model)}"
     if kind == "missing":
         return f"{place}: {what}: is missing. Add it."
     if kind == "literal_error" and path[-1] == "profile":
@@ -329,8 +330,8 @@ KEYS: dict[str, type[Keys]] = {
 }  # fmt: skip
 
 
-def _near(path: tuple[str | int, ...]) -> str:
+def _near(path: tuple[str | int, ...], model: type[Keys] | None) -> str:
     """The key that was probably meant."""
     parents = [str(one) for one in path[:-1] if isinstance(one, str)]
-    model = HardwareKeys if not parents else KEYS.get(parents[-1], NodeKeys)
+    model = KEYS.get(parents[-1], NodeKeys) if parents else model or HardwareKeys
     return " " + nearest(str(path[-1]), list(model.model_fields))

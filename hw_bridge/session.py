@@ -19,14 +19,18 @@ from hw_bridge.profiles import profile
 from hw_bridge.shadow import Shadow
 from hw_bridge.trace.watch import Watch
 from twin.errors import SimulationError
+from twin.metrics import Ending
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
-    from hw_bridge.hardware import ContactKeys, HardwareKeys
+    from hw_bridge.hardware import ContactKeys, FaultKeys, HardwareKeys
     from twin.component import Component
 
 CYCLIC = {8: Mode.CSP, 9: Mode.CSV}
+GLANCE = 10_000_000  # time in which a way is seen [ns]
+AFTERMATH = 500_000_000  # how long a simulated bench is watched after a stop on a failure [ns]
 SHARE = 0.8  # of the velocity limit that a target may ask for: the drive overshoots
 
 
@@ -65,9 +69,10 @@ class Session:
     """Drives and their master during one case."""
 
     def __init__(
-        self, keys: HardwareKeys, contacts: dict[str, ContactKeys], build: Path, trace: Path | None = None
-    ) -> None:
-        self.keys, self.contacts, self.build, self.trace = keys, contacts, build, trace
+        self, keys: HardwareKeys, contacts: dict[str, ContactKeys], build: Path, trace: Path | None = None,
+        faults: Sequence[FaultKeys] = (),
+    ) -> None:  # fmt: skip
+        self.keys, self.contacts, self.build, self.trace, self.faults = keys, contacts, build, trace, faults
         self.watch: Watch | None = None
         self.axes: dict[str, Component] = {}
         self.plants: dict[str, Plant] = {}
@@ -81,6 +86,10 @@ class Session:
         self.watches: dict[str, ContactWatch] = {}
         self.shadows: dict[str, Shadow] = {}
         self.notes: list[str] = []
+        self.running = False  # all drives were brought up
+        self.stopped: tuple[int, str] | None = None  # time of the scenario [ns] and reason of a stop before the end
+        self.seen: list[str] = []
+        self.unsafe: list[str] = []
 
     def network(self) -> Network:
         """The bus, with its simulated drives where they are part of the run."""
@@ -100,8 +109,10 @@ class Session:
             self.stepped.clear()
             try:
                 self.advance(round(t * 1e9), round(h * 1e9))
-            except BaseException:
+            except BaseException as error:
                 self.failed = True
+                if self.running and isinstance(error, SimulationError):
+                    self.stopped = round(t * 1e9), str(error)
                 self.close()
                 raise
 
@@ -153,13 +164,14 @@ class Session:
             plant.zero(master.nodes[name])
         for name, contact in self.contacts.items():
             self.watches[name] = ContactWatch(name, contact, master.nodes[name], t)
+        self.running = True
 
     def plan_faults(self) -> None:
-        """Faults of the hardware file, at their times."""
+        """Faults of the hardware file and of the scenario, at their times."""
         bus = self.bus
         if bus is None:
             return
-        for one in self.keys.faults:
+        for one in self.faults:
             plant = self.plants.get(one.node)
             node = plant.drive.node if plant is not None else self.keys.master
             drive = plant.drive if plant is not None else None
@@ -234,9 +246,32 @@ class Session:
         if self.master is not None:
             self.master.stop()
             self.notes += self.master.notes
+        self.look_after()
         if self.watch is not None:
             self.watch.close()
+            self.seen = self.watch.seen(self.origin)
         self.notes += [line for shadow in self.shadows.values() for line in shadow.warnings]
+
+    def look_after(self) -> None:
+        """What is not at rest after the stop: on a simulated bus in truth, else what the master could not confirm."""
+        if self.bus is None:
+            self.unsafe = list(self.master.notes) if self.master is not None else []
+            return
+        if self.failed:  # drives that did not hear the master stop by themselves
+            self.bus.advance(self.bus.now + AFTERMATH)
+        before = [plant.motor.position for plant in self.plants.values()]
+        if self.failed:
+            self.bus.advance(self.bus.now + GLANCE)
+        self.unsafe = [
+            text
+            for plant, position in zip(self.plants.values(), before, strict=True)
+            if (text := plant.restless(abs(plant.motor.position - position) * 1e9 / GLANCE))
+        ]
+
+    def ending(self) -> Ending:
+        """How the case ended."""
+        time, reason = self.stopped or (None, "")
+        return Ending(time, reason, " ".join(self.unsafe), tuple(self.seen))
 
     def report(self) -> dict[str, Any]:
         """Statistics of the case."""
@@ -245,7 +280,7 @@ class Session:
         if self.shadows:
             found["shadow"] = {name: shadow.report() for name, shadow in self.shadows.items()}
         if self.watch is not None:
-            found |= {"origin": self.origin / 1e9, "seen": self.watch.seen(self.origin)}
+            found |= {"origin": self.origin / 1e9, "seen": self.seen}
             found |= {"trace": str(self.trace), "frames": self.watch.count} if self.trace is not None else {}
         if self.bus is not None:
             found |= {"bus_load": self.bus.load, "longest_wait": self.bus.longest_wait / 1e9}

@@ -17,6 +17,7 @@ from hw_bridge.session import beginning
 from hw_bridge.trace.decoder import Decoder
 from hw_bridge.trace.files import read
 from twin.errors import SimulationError
+from twin.metrics import Ending
 from twin.variable import Int32
 from twin.variable import output as output_variable
 
@@ -141,14 +142,23 @@ class Replay(Hardware):
         self.trace_read = trace
         self.recording = Recording(trace, keys, start)
 
+    @property
+    def takes_faults(self) -> bool:
+        """What happened has happened."""
+        return False
+
+    def ending(self) -> Ending:
+        """A trace stops nobody."""
+        return Ending()
+
     def _find_contact(self, name: str, case: Case) -> list[str]:  # noqa: ARG002 - nobody retracts
         return []
 
-    def _component(self, name: str, replaced: type[Component]) -> type[DriveAxis]:
+    def _component(self, name: str, replaced: type[Component], variant: str = "") -> type[DriveAxis]:
         fields: dict[str, Any] = {v.name: v for v in replaced.variables if v.role in KEPT}
         fields |= inputs(self.keys.nodes[name].outputs)
         fields.setdefault(STATUSWORD, output_variable("", "6041h", type=Int32))
-        fields |= {"hardware": self, "member": name, "replaced": replaced, "__module__": __name__}
+        fields |= {"hardware": self, "member": name, "replaced": replaced, "variant": variant, "__module__": __name__}
         fields["__doc__"] = f"A recorded drive instead of {replaced.__name__}."
         return type(f"Recorded_{name}", (ReplayAxis,), fields)
 
