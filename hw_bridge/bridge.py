@@ -186,7 +186,7 @@ class Hardware:
         """The session that an axis belongs to: a new one where a case begins."""
         if self.present is None or self.present.begun or self.present.closed or axis.member in self.present.axes:
             faults = [*self.keys.faults, *self.faults.get(axis.variant, [])]
-            self.present = Session(self.keys, self.contacts, self.build, self._trace(), faults)
+            self.present = Session(self.keys, self.contacts, self.build, self._trace(), faults, axis.variant)
             self.sessions.append(self.present)
         self.present.axes[axis.member] = axis
         return self.present
@@ -237,7 +237,8 @@ class Hardware:
 
     def notes(self) -> list[str]:
         """What the person who runs this has to know."""
-        return [note for session in self.sessions for note in session.notes]
+        several = len(self.sessions) > 1
+        return [f"{s.variant}: {note}" if several and s.variant else note for s in self.sessions for note in s.notes]
 
     def jitter(self) -> np.ndarray[Any, Any]:
         """Periods between SYNCs minus the cycle, of all cases on the wall clock [s]."""

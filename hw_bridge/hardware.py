@@ -157,6 +157,11 @@ class FaultKeys(Keys):
     factor: Annotated[float, Field(ge=0)] = 2.0
     identifiers: Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
 
+    @property
+    def text(self) -> str:
+        """What happens to whom: `heartbeat of servomotor`."""
+        return f"{self.fault} of {self.node}"
+
     def made(self) -> Fault:
         """The fault as it is injected."""
         low_high = (self.identifiers[0], self.identifiers[1]) if self.identifiers is not None else None
@@ -318,6 +323,8 @@ def line(root: Node, error: Any, model: type[Keys] | None = None) -> str:
         return f"{place}: {what}: is missing. Add it."
     if kind == "literal_error" and path[-1] == "profile":
         return f"{place}: {what}: {quoted(given)} is no drive profile. {nearest(str(given), list(MODULES))}"
+    if kind == "literal_error" and path[-1] == "fault":
+        return f"{place}: {what}: {quoted(given)} is no fault. {nearest(str(given), [str(one) for one in Cause])}"
     text = error["msg"].removeprefix("Value error, ").rstrip(".")
     return f"{place}: {what}: {text[0].lower()}{text[1:]}" + (
         "." if kind == "value_error" else f", not {quoted(given)}. Correct it."

@@ -70,8 +70,9 @@ class Session:
 
     def __init__(
         self, keys: HardwareKeys, contacts: dict[str, ContactKeys], build: Path, trace: Path | None = None,
-        faults: Sequence[FaultKeys] = (),
+        faults: Sequence[FaultKeys] = (), variant: str = "",
     ) -> None:  # fmt: skip
+        self.variant = variant
         self.keys, self.contacts, self.build, self.trace, self.faults = keys, contacts, build, trace, faults
         self.watch: Watch | None = None
         self.axes: dict[str, Component] = {}
@@ -249,7 +250,7 @@ class Session:
         self.look_after()
         if self.watch is not None:
             self.watch.close()
-            self.seen = self.watch.seen(self.origin)
+            self.seen = self.story(self.watch)
         self.notes += [line for shadow in self.shadows.values() for line in shadow.warnings]
 
     def look_after(self) -> None:
@@ -268,6 +269,15 @@ class Session:
             if (text := plant.restless(abs(plant.motor.position - position) * 1e9 / GLANCE))
         ]
 
+    def story(self, watch: Watch) -> list[str]:
+        """What was seen on the bus, with the faults that were planned and the stop in their places."""
+        marks = [
+            (one.at, f"FAULT {one.text}") for one in self.faults if self.bus and one.at <= self.bus.now - self.origin
+        ]
+        marks += [(self.stopped[0], f"STOP {self.stopped[1]}")] if self.stopped is not None else []
+        lines = [*(f"{time / 1e9:.6f} s: {text}" for time, text in marks), *watch.seen(self.origin)]
+        return sorted(lines, key=lambda line: float(line.partition(" ")[0]))
+
     def ending(self) -> Ending:
         """How the case ended."""
         time, reason = self.stopped or (None, "")
@@ -280,7 +290,7 @@ class Session:
         if self.shadows:
             found["shadow"] = {name: shadow.report() for name, shadow in self.shadows.items()}
         if self.watch is not None:
-            found |= {"origin": self.origin / 1e9, "seen": self.seen}
+            found |= {"origin": self.origin / 1e9, "seen": self.seen if self.closed else self.story(self.watch)}
             found |= {"trace": str(self.trace), "frames": self.watch.count} if self.trace is not None else {}
         if self.bus is not None:
             found |= {"bus_load": self.bus.load, "longest_wait": self.bus.longest_wait / 1e9}

@@ -79,7 +79,7 @@ class Ending:
     @property
     def text(self) -> str:
         """`stopped at 3.06 s: ...`."""
-        end = "ran to its end" if self.time_ns is None else f"stopped at {clock.text(self.time_ns)}: {self.reason}"
+        end = "ran to its end." if self.time_ns is None else f"stopped at {clock.text(self.time_ns)}: {self.reason}"
         return f"{end} Not at rest: {self.unsafe}" if self.unsafe else end
 
 
@@ -279,7 +279,7 @@ def ended(
     low, high = one.window.start_ns, one.window.stop_ns
     expected = "a run to its end" if one.ends == "completed" else "a stop"
     expected += "" if low is None else f" from {clock.text(low)}"
-    expected += "" if high is None else f" to {clock.text(high)}"
+    expected += "" if high is None else f" {'until' if low is None else 'to'} {clock.text(high)}"
     name = one.name or f"ends with {expected}"
     found = {
         f"{variant}, seed {seed}": endings.get((variant, seed), Ending())
@@ -294,9 +294,10 @@ def ended(
         if ending.unsafe or (when is not None if one.ends == "completed" else not stopped):
             return Outcome(name, "fail", f"{case} {ending.text} Expected {expected}, everything at rest.")
     times = [ending.time_ns for ending in found.values() if ending.time_ns is not None]
-    span = f" from {clock.text(min(times))} to {clock.text(max(times))}" if times else ""
-    how = "stopped" if times else "completed"
-    return Outcome(name, "pass", f"{len(found)} runs {how}{span}, everything at rest; expected {expected}.")
+    span = " to ".join(dict.fromkeys(clock.text(one) for one in (min(times), max(times)))) if times else ""
+    how = f"stopped at {span}" if times else "completed"
+    runs = f"{len(found)} run{'s' if len(found) > 1 else ''}"
+    return Outcome(name, "pass", f"{runs} {how}, everything at rest; expected {expected}.")
 
 
 def order(one: Expectation, own: Mapping[str, Figure]) -> Outcome:

@@ -95,7 +95,9 @@ class FaultSpec:
     def text(self) -> str:
         """`heartbeat, node servomotor, duration 500 ms`."""
         keys = self.tree.plain()
-        return ", ".join([str(keys["fault"]), *(f"{key} {one}" for key, one in keys.items() if key not in ("at", "fault"))])
+        return ", ".join(
+            [str(keys["fault"]), *(f"{key} {one}" for key, one in keys.items() if key not in ("at", "fault"))]
+        )
 
 
 @dataclass(frozen=True)
