@@ -68,6 +68,26 @@ class DriveAxis(PythonComponent):
         self._session.close()
 
 
+class OutputModule(PythonComponent):
+    """An I/O module on a bus: its inputs are the signals that its outputs follow."""
+
+    hardware: Hardware
+    member: str
+    variant: str
+
+    def __init__(self, **values: Any) -> None:
+        super().__init__(**values)
+        self._session = self.hardware.join(self)
+
+    def step(self, t: float, h: float) -> None:
+        """Hand the levels over; the last member of a session lets the bus go on."""
+        self._session.step(self.member, t, h)
+
+    def close(self) -> None:
+        """Stop everything."""
+        self._session.close()
+
+
 class Hardware:
     """A checked hardware file, and what its drives did in the cases of a run."""
 
@@ -122,6 +142,11 @@ class Hardware:
                 found.append(f"{where}: {name} is a drive: {problem}")
             if node.outputs:
                 found += outputs.problems(f"{self.path}: nodes.{name}.outputs", node.outputs, case.members)
+        for name, module in self.keys.modules.items():
+            where = f"{self.path}: modules.{name}"
+            if name in case.members:
+                found.append(f"{where}: the scenario has a member of this name. Use another one.")
+            found += outputs.problems(f"{where}.outputs", module.outputs, case.members)
         if self.keys.cycle % case.step_ns:
             found.append(
                 f"{self.path}: cycle: {self.keys.cycle / 1e6:g} ms is not a multiple of the scenario's step, "
@@ -170,7 +195,21 @@ class Hardware:
             for bit, signal in node.outputs.items():
                 where = f"{self.path}: nodes.{name}.outputs.{bit}"
                 connections.append(ConnectionSpec(signal, f"{name}.{outputs.connector(bit)}", where))
+        for name, module in self.keys.modules.items():
+            where = f"{self.path}: modules.{name}"
+            members[name] = MemberSpec(f"hw_bridge.bridge:{name}", where=where, made=self._module(name, case.variant))
+            connections += [
+                ConnectionSpec(signal, f"{name}.{outputs.connector(bit)}", f"{where}.outputs.{bit}")
+                for bit, signal in module.outputs.items()
+            ]
         return replace(case, members=members, connections=tuple(connections))
+
+    def _module(self, name: str, variant: str) -> type[Component]:
+        """A component class with an input for each output that follows a signal."""
+        fields: dict[str, Any] = {**outputs.inputs(self.keys.modules[name].outputs)}
+        fields |= {"hardware": self, "member": name, "variant": variant, "__module__": __name__}
+        fields["__doc__"] = "An I/O module of CiA 401."
+        return type(f"Module_{name}", (OutputModule,), fields)
 
     def _component(self, name: str, replaced: type[Component], variant: str = "") -> type[DriveAxis]:
         """A component class with the connectors of the one that it replaces."""
@@ -182,14 +221,15 @@ class Hardware:
         fields["__doc__"] = f"A drive instead of {replaced.__name__}."
         return type(f"Drive_{name}", (DriveAxis,), fields)
 
-    def join(self, axis: DriveAxis) -> Session:
-        """The session that an axis belongs to: a new one where a case begins."""
-        if self.present is None or self.present.begun or self.present.closed or axis.member in self.present.axes:
-            faults = [*self.keys.faults, *self.faults.get(axis.variant, [])]
-            self.present = Session(self.keys, self.contacts, self.build, self._trace(), faults, axis.variant)
-            self.sessions.append(self.present)
-        self.present.axes[axis.member] = axis
-        return self.present
+    def join(self, part: DriveAxis | OutputModule) -> Session:
+        """The session that a drive or module belongs to: a new one where a case begins."""
+        now = self.present
+        if now is None or now.begun or now.closed or part.member in (*now.axes, *now.switches):
+            faults = [*self.keys.faults, *self.faults.get(part.variant, [])]
+            now = self.present = Session(self.keys, self.contacts, self.build, self._trace(), faults, part.variant)
+            self.sessions.append(now)
+        (now.axes if isinstance(part, DriveAxis) else now.switches)[part.member] = part
+        return now
 
     def _trace(self) -> Path | None:
         """The trace of the next case: x.blf, then x-2.blf, x-3.blf, ..."""
@@ -218,7 +258,7 @@ class Hardware:
         return {
             "file": str(self.path), "simulated": keys.simulated, "interface": keys.interface,
             "cycle": keys.cycle / 1e9, "shown": told, "cases": reports,
-            "nodes": keys.model_dump()["nodes"],
+            "nodes": keys.model_dump()["nodes"], "modules": keys.model_dump()["modules"],
         }  # fmt: skip
 
     def ending(self) -> Ending:

@@ -13,9 +13,10 @@ from hw_bridge.drive.motor import Motor
 from hw_bridge.fault import inject
 from hw_bridge.master.master import Master
 from hw_bridge.master.network import Network, SimulatedNetwork
+from hw_bridge.module import Module
 from hw_bridge.outputs import levels
 from hw_bridge.plant import Plant
-from hw_bridge.profiles import profile
+from hw_bridge.profiles import device, profile
 from hw_bridge.shadow import Shadow
 from hw_bridge.trace.watch import Watch
 from twin.errors import SimulationError
@@ -42,6 +43,8 @@ def bench_network(keys: HardwareKeys, build: Path) -> Network:
     for node in keys.nodes.values():
         vendor = profile(node.profile)
         bus.attach(Drive(vendor, node.node, Motor(vendor.motor, build=build)))
+    for module in keys.modules.values():
+        bus.attach(Module(device(module.profile), module.node))
     return SimulatedNetwork(bus)
 
 
@@ -76,6 +79,8 @@ class Session:
         self.keys, self.contacts, self.build, self.trace, self.faults = keys, contacts, build, trace, faults
         self.watch: Watch | None = None
         self.axes: dict[str, Component] = {}
+        self.switches: dict[str, Component] = {}  # members that stand for modules
+        self.modules: dict[str, Module] = {}  # those that are simulated
         self.plants: dict[str, Plant] = {}
         self.master: Master | None = None
         self.bus: Bus | None = None
@@ -101,12 +106,15 @@ class Session:
         for name, axis in self.axes.items():
             self.plants[name] = Plant(axis, keys.nodes[name], beginning(axis), self.build)
             self.bus.attach(self.plants[name].drive)
+        for name, module in keys.modules.items():
+            self.modules[name] = Module(device(module.profile), module.node)
+            self.bus.attach(self.modules[name])
         return SimulatedNetwork(self.bus)
 
     def step(self, member: str, t: float, h: float) -> None:
         """The targets of a member are there; with the last one everything goes on from t to t + h [s]."""
         self.stepped.add(member)
-        if self.stepped == set(self.axes):
+        if self.stepped == {*self.axes, *self.switches}:
             self.stepped.clear()
             try:
                 self.advance(round(t * 1e9), round(h * 1e9))
@@ -173,10 +181,9 @@ class Session:
         if bus is None:
             return
         for one in self.faults:
-            plant = self.plants.get(one.node)
-            node = plant.drive.node if plant is not None else self.keys.master
-            drive = plant.drive if plant is not None else None
-            bus.agenda.at(self.origin + one.at, partial(inject, one.made(), bus, node, drive))
+            slave = self.plants[one.node].drive if one.node in self.plants else self.modules.get(one.node)
+            node = slave.node if slave is not None else self.keys.master
+            bus.agenda.at(self.origin + one.at, partial(inject, one.made(), bus, node, slave))
 
     def keep_pace(self, t: int) -> None:
         """A loop that came too late goes on from here instead of hurrying after."""
@@ -211,6 +218,9 @@ class Session:
                     )
                 node.target_position = target
             node.mode = mode
+        for name, module in self.master.modules.items():
+            if not retracting:
+                module.outputs = levels(module.keys.outputs, module.safe_outputs, self.switches[name])
         if retracting and all(watch.done() for watch in retracting):
             raise SimulationError(f"{retracting[0].reason} All drives stop.")
 
@@ -268,6 +278,9 @@ class Session:
             for plant, position in zip(self.plants.values(), before, strict=True)
             if (text := plant.restless(abs(plant.motor.position - position) * 1e9 / GLANCE))
         ]
+        for name, module in self.modules.items():
+            if module.outputs != (safe := self.keys.modules[name].safe_outputs):
+                self.unsafe.append(f"{name}: outputs {module.outputs}, not {safe}.")
 
     def story(self, watch: Watch) -> list[str]:
         """What was seen on the bus, with the faults that were planned and the stop in their places."""

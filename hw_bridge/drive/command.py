@@ -14,7 +14,7 @@ import click
 
 from hw_bridge.agenda import NEVER
 from hw_bridge.fault import MEANINGS, Cause, Fault
-from hw_bridge.profiles import MODULES
+from hw_bridge.profiles import DEVICES, MODULES, device, profile
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -22,14 +22,16 @@ if TYPE_CHECKING:
 
     import can
 
-    from hw_bridge.profile import Profile
+    from hw_bridge.profile import Device, Profile
+    from hw_bridge.slave.slave import Slave
 
 LISTENING = 0.5  # [s] how long another node may take to be heard
 IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2))  # what it is asked, and asked for in vain
 
 
 @click.group("drive", invoke_without_command=True, short_help="a simulated CANopen drive on any CAN interface")
-@click.option("--profile", "-p", "name", type=click.Choice(list(MODULES)), help="The vendor's drive.")
+@click.option("--profile", "-p", "name", type=click.Choice([*MODULES, *DEVICES]),
+              help="The vendor's drive, or cia401: an I/O module.")  # fmt: skip
 @click.option("--node", "-n", type=click.IntRange(1, 127), default=1, show_default=True, help="Its node-ID.")
 @click.option("--interface", "-i", help="python-can's interface: socketcan, slcan, udp_multicast, ...")
 @click.option("--channel", "-c", help="The interface's channel: can0, /dev/ttyACM0, 239.74.163.2, ...")
@@ -49,23 +51,23 @@ def command(
     context: click.Context, name: str | None, node: int, interface: str | None, channel: str | None, bitrate: int, eds: Path | None,
     write_eds: Path | None, control: int | None, build: Path,
 ) -> None:  # fmt: skip
-    """Run a simulated CANopen drive with its motor, paced by the wall clock, until Ctrl-C.
+    """Run a simulated CANopen drive with its motor, or an I/O module, paced by the wall clock, until Ctrl-C.
 
     It refuses to start where another node answers on its ID: a simulated drive does not belong on a real machine's bus.
 
     \b
     twin drive --profile epos4 --node 3 --interface socketcan --channel vcan0
     twin drive -p faulhaber_v3 -n 1 -i udp_multicast -c 239.74.163.2
+    twin drive -p cia401 -n 9 -i udp_multicast -c 239.74.163.2
     twin drive -p mclm --write-eds mclm.eds
     """
     if context.invoked_subcommand is not None:
         return
     from hw_bridge import eds as files
-    from hw_bridge.profiles import profile
 
     if name is None:
-        raise click.UsageError(f"Name --profile: {', '.join(MODULES)}.")
-    chosen = profile(name)
+        raise click.UsageError(f"Name --profile: {', '.join([*MODULES, *DEVICES])}.")
+    chosen = profile(name) if name in MODULES else device(name)
     if write_eds is not None:
         write_eds.write_text(files.export(chosen))
         return
@@ -115,35 +117,52 @@ def inject_fault(
     click.echo(f"{fault}: {MEANINGS[Cause(fault)]}")
 
 
+def made(chosen: Profile | Device, node: int, build: Path) -> Slave:
+    """The simulated device of a profile."""
+    from hw_bridge.drive.drive import Drive
+    from hw_bridge.drive.motor import Motor
+    from hw_bridge.module import Module
+    from hw_bridge.profile import Profile
+
+    if isinstance(chosen, Profile):
+        return Drive(chosen, node, Motor(chosen.motor, build=build))
+    return Module(chosen, node)
+
+
 def serve(
-    chosen: Profile, node: int, interface: str, channel: str, bitrate: int, build: Path, port: int | None = None
+    chosen: Profile | Device,
+    node: int,
+    interface: str,
+    channel: str,
+    bitrate: int,
+    build: Path,
+    port: int | None = None,
 ) -> None:
     """Run the drive on an interface until a signal ends it."""
     import can
 
     from hw_bridge.drive.control import Control
-    from hw_bridge.drive.drive import Drive
-    from hw_bridge.drive.motor import Motor
+    from hw_bridge.profile import Profile
     from hw_bridge.wire import Wire
 
     control: Control | None = None
-    drive = Drive(chosen, node, Motor(chosen.motor, build=build))
+    slave = made(chosen, node, build)
     try:
         bus = can.Bus(channel=channel, interface=interface, bitrate=bitrate)
     except (can.CanError, OSError, ValueError, ImportError) as error:
         raise SimulationError(f"{interface} {channel}: cannot be opened: {error}. Check the adapter.") from error
     try:
         refuse_if_taken(bus, node)
-        wire = Wire(drive, bus)
+        wire = Wire(slave, bus)
         if port is not None:
-            control = Control(port, drive, wire)
+            control = Control(port, slave, chosen if isinstance(chosen, Profile) else None, wire)
             wire.look = control.look
         _stop_on_signals(wire.stop)
         takes = f" Faults: --control {control.port}." if control is not None else ""
         click.echo(f"{chosen.title}: node {node} on {interface} {channel}.{takes} Ctrl-C ends it.")
         wire.run()
         click.echo(
-            f"stopped after {drive.port.agenda.now / 1e9:.1f} s, {wire.overruns} overruns, {wire.lost} frames lost"
+            f"stopped after {slave.port.agenda.now / 1e9:.1f} s, {wire.overruns} overruns, {wire.lost} frames lost"
         )
     finally:
         if control is not None:

@@ -16,6 +16,7 @@ from hw_bridge.outputs import inputs
 from hw_bridge.session import beginning
 from hw_bridge.trace.decoder import Decoder
 from hw_bridge.trace.files import read
+from twin.component import PythonComponent
 from twin.errors import SimulationError
 from twin.metrics import Ending
 from twin.variable import Int32
@@ -133,6 +134,13 @@ class ReplayAxis(DriveAxis):
         """Nothing is held."""
 
 
+class Idle(PythonComponent):
+    """A module in a replay: what switches is in the trace."""
+
+    def step(self, t: float, h: float) -> None:
+        """Nothing is done."""
+
+
 class Replay(Hardware):
     """A hardware file whose drives are in a trace."""
 
@@ -161,6 +169,10 @@ class Replay(Hardware):
         fields |= {"hardware": self, "member": name, "replaced": replaced, "variant": variant, "__module__": __name__}
         fields["__doc__"] = f"A recorded drive instead of {replaced.__name__}."
         return type(f"Recorded_{name}", (ReplayAxis,), fields)
+
+    def _module(self, name: str, variant: str) -> type[Component]:  # noqa: ARG002 - its levels go nowhere
+        fields: dict[str, Any] = {**inputs(self.keys.modules[name].outputs)}
+        return type(f"Recorded_{name}", (Idle,), fields | {"__module__": __name__, "__doc__": "A recorded module."})
 
     def report(self) -> dict[str, Any]:
         """Which trace it was."""
