@@ -82,6 +82,7 @@ class Module(Slave):
         """The bus has disconnected this node."""
         self.port.online = False
         self.failed = True
+        self.nmt.react()
 
     def bus_on(self) -> None:
         """The node is back on the bus and tells what happened."""

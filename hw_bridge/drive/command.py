@@ -15,13 +15,16 @@ import click
 from hw_bridge.agenda import NEVER
 from hw_bridge.fault import MEANINGS, Cause, Fault
 from hw_bridge.profiles import DEVICES, MODULES, device, profile
+from hw_bridge.profiles.cia401 import BYTES
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from types import FrameType
 
     import can
 
+    from hw_bridge.module import Module
     from hw_bridge.profile import Device, Profile
     from hw_bridge.slave.slave import Slave
 
@@ -142,7 +145,7 @@ def serve(
     import can
 
     from hw_bridge.drive.control import Control
-    from hw_bridge.profile import Profile
+    from hw_bridge.module import Module
     from hw_bridge.wire import Wire
 
     control: Control | None = None
@@ -155,8 +158,10 @@ def serve(
         refuse_if_taken(bus, node)
         wire = Wire(slave, bus)
         if port is not None:
-            control = Control(port, slave, chosen if isinstance(chosen, Profile) else None, wire)
-            wire.look = control.look
+            control = Control(port, slave, wire)
+            wire.looks.append(control.look)
+        if isinstance(slave, Module):
+            wire.looks.append(switching(slave))
         _stop_on_signals(wire.stop)
         takes = f" Faults: --control {control.port}." if control is not None else ""
         click.echo(f"{chosen.title}: node {node} on {interface} {channel}.{takes} Ctrl-C ends it.")
@@ -168,6 +173,19 @@ def serve(
         if control is not None:
             control.close()
         bus.shutdown()
+
+
+def switching(module: Module) -> Callable[[], None]:
+    """Tells each change of a module's outputs."""
+    before = -1
+
+    def look() -> None:
+        nonlocal before
+        if (now := module.outputs) != before:
+            click.echo(f"{module.port.agenda.now / 1e9:.3f} s: outputs {now:0{2 * BYTES}X}h")
+            before = now
+
+    return look
 
 
 def _stop_on_signals(stop: threading.Event) -> None:

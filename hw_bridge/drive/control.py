@@ -12,7 +12,6 @@ from twin.errors import SimulationError, TwinError
 
 if TYPE_CHECKING:
     from hw_bridge.fault import Place
-    from hw_bridge.profile import Profile
     from hw_bridge.slave.slave import Slave
 
 HOST = "127.0.0.1"  # nobody from outside
@@ -21,10 +20,13 @@ PATIENCE = 2.0  # longest time to an answer [s]
 
 
 class Control:
-    """Takes faults for one drive or module; looked at between frames. `profile`: of a drive."""
+    """Takes faults for one drive or module; looked at between frames."""
 
-    def __init__(self, port: int, slave: Slave, profile: Profile | None, place: Place) -> None:
-        self.slave, self.profile, self.place = slave, profile, place
+    def __init__(self, port: int, slave: Slave, place: Place) -> None:
+        from hw_bridge.drive.drive import Drive
+
+        self.slave, self.place = slave, place
+        self.profile = slave.profile if isinstance(slave, Drive) else None
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.setblocking(False)
         try:
