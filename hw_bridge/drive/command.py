@@ -45,6 +45,8 @@ IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2))  # what it is asked, and aske
 @click.option(
     "--write-eds", type=click.Path(dir_okay=False, path_type=Path), help="Write the profile's EDS file and end."
 )
+@click.option("--store", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Keep there what 1010h "
+              "stores, also after the process.")  # fmt: skip
 @click.option("--control", type=click.IntRange(0, 65535), metavar="PORT", help="Take faults of twin drive inject there; "
               "0: any free port.")  # fmt: skip
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
@@ -52,7 +54,7 @@ IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2))  # what it is asked, and aske
 @click.pass_context
 def command(
     context: click.Context, name: str | None, node: int, interface: str | None, channel: str | None, bitrate: int, eds: Path | None,
-    write_eds: Path | None, control: int | None, build: Path,
+    write_eds: Path | None, store: Path | None, control: int | None, build: Path,
 ) -> None:  # fmt: skip
     """Run a simulated CANopen drive with its motor, or an I/O module, paced by the wall clock, until Ctrl-C.
 
@@ -78,7 +80,7 @@ def command(
         raise click.UsageError("Name --interface and --channel, such as -i socketcan -c vcan0, or use --write-eds.")
     if eds is not None:
         chosen = replace(chosen, objects=files.load(eds))
-    serve(chosen, node, interface, channel, bitrate, build, control)
+    serve(chosen, node, interface, channel, bitrate, build, control, store)
 
 
 @command.command("inject", short_help="let a fault happen in a running twin drive")
@@ -140,16 +142,20 @@ def serve(
     bitrate: int,
     build: Path,
     port: int | None = None,
+    store: Path | None = None,
 ) -> None:
     """Run the drive on an interface until a signal ends it."""
     import can
 
     from hw_bridge.drive.control import Control
     from hw_bridge.module import Module
+    from hw_bridge.slave.store import Store
     from hw_bridge.wire import Wire
 
     control: Control | None = None
     slave = made(chosen, node, build)
+    if store is not None:
+        slave.remember(Store(store, chosen.name, node))
     try:
         bus = can.Bus(channel=channel, interface=interface, bitrate=bitrate)
     except (can.CanError, OSError, ValueError, ImportError) as error:
