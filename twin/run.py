@@ -95,7 +95,7 @@ def refuse_faults(cases: Sequence[Case], hardware: Hardware | None) -> None:
         return
     if problems := [
         f"{fault.where}: fault `{fault.text}` in variant `{case.variant}` happens to simulated drives only. Name their "
-        f"hardware file, one with `simulated: true`, with --hardware, or run other variants with --variant."
+        f"hardware file, one with `simulated: true`, with --hardware and no --replay, or run other variants with --variant."
         for case in cases
         for fault in case.faults
     ]:
