@@ -5,6 +5,9 @@ import signal
 import struct
 import subprocess
 import sys
+import threading
+import time
+import uuid
 from pathlib import Path
 
 import can
@@ -12,10 +15,12 @@ import numpy as np
 import pytest
 
 from benchmarks import hil
-from hw_bridge import hardware
+from hw_bridge import eds, hardware
 from hw_bridge.agenda import MILLISECOND
 from hw_bridge.bridge import load
 from hw_bridge.bus import Bus, Disturbance, Kind
+from hw_bridge.drive.control import Control, request
+from hw_bridge.fault import Cause, Fault
 from hw_bridge.frame import Frame
 from hw_bridge.hil import differences
 from hw_bridge.master.network import never
@@ -25,6 +30,9 @@ from hw_bridge.profiles import device
 from hw_bridge.recorder import Recorder
 from hw_bridge.session import Session
 from hw_bridge.slave.port import NmtState
+from hw_bridge.trace.decoder import Decoder
+from hw_bridge.trace.files import read
+from hw_bridge.wire import Wire
 from twin.errors import ScenarioError, SimulationError
 from twin.members import Form
 from twin.run import run_scenario
@@ -264,6 +272,59 @@ metrics: {force_error_std: null, force_error_max: null, force_error_mean: null}
 expect: []
 plots: []
 """
+
+
+def test_a_trace_names_its_outputs_and_can_be_replayed(tmp_path, build):
+    path, trace = tmp_path / "bench.yaml", tmp_path / "run.log"
+    path.write_text(FORCE)
+    for more in ({"trace": trace}, {"replay": str(trace)}):
+        outcome = run_scenario(
+            Scenario.loads(FORCE_SHORT, ROOT / "scenarios/short.yaml"), Form.compiled, root=tmp_path, build=build,
+            report=False, hardware=load(path, build=build, **more),
+        )  # fmt: skip
+        assert outcome.run.status == "completed", outcome.run.reason
+    decoder = Decoder.of_bench(hardware.load(path))
+    said = [decoder.decode(time, frame) for time, frame, _ in read(trace) if frame is not None]
+    text = {line.text for line in said if line.frame.id == 0x209}
+    # neither output of the two is limited: of the safe 5 bit 2 is left
+    assert "valves RPDO1: Write output 8-bit: Outputs 1 to 8 4; Write output 8-bit: Outputs 9 to 16 0" in text
+
+
+def test_its_dictionary_is_an_eds_file(tmp_path):
+    path = tmp_path / "cia401.eds"
+    path.write_text(eds.export(device("cia401")))
+    assert {(one.index, one.sub) for one in eds.load(path)} == {
+        (one.index, one.sub) for one in device("cia401").objects
+    }
+
+
+def test_it_takes_faults_of_frames_while_it_runs():
+    """Those of a motor are refused."""
+    with can.Bus(uuid.uuid4().hex, interface="virtual") as bus:
+        module = Module(device("cia401"), NODE)
+        wire = Wire(module, bus)
+        control = Control(0, module, wire)
+        try:
+            for fault, answer in (
+                (Fault(Cause.ENCODER), "encoder is a fault of a drive"),
+                (Fault(Cause.HEARTBEAT), None),
+            ):
+                asked = threading.Thread(target=control_asks, args=(control.port, fault, told := []))
+                asked.start()
+                while asked.is_alive():
+                    control.look()
+                    time.sleep(0.01)
+                assert (answer in told[0]) if answer else told == [None]
+        finally:
+            control.close()
+        assert [one.only for one in wire.disturbances] == [frozenset({0x700 + NODE})]
+
+
+def control_asks(port, fault, told):
+    try:
+        told.append(request(port, fault))
+    except SimulationError as error:
+        told.append(str(error))
 
 
 # ------------------------------------------------------------------------------------------------------ hardware file
