@@ -9,7 +9,7 @@ from __future__ import annotations
 import signal
 import struct
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import copysign
 from typing import TYPE_CHECKING, Any
 
@@ -335,6 +335,15 @@ class Master:
         end = self.network.now + STANDSTILL
         while self.network.now < end and not all(done(node) or self._lost(node) for node in self.nodes.values()):
             self.run_cycle()
+            for node in self.nodes.values():
+                if node.silent >= SILENT_CYCLES and not self._lost(node):
+                    self._ask(node)
+
+    def _ask(self, node: Node) -> None:
+        """State and speed by SDO, of a drive whose process data stays away."""
+        with suppress(SimulationError):
+            node.word = setup.read(node, 0x6041)
+            node.raw_velocity = setup.read(node, 0x606C)
 
     def report(self) -> dict[str, Any]:
         """Statistics of the run."""

@@ -79,6 +79,15 @@ def test_a_fault_acts_in_its_variant_only(run):
     assert [len(one.time) < 81 for one in outcome.tables.values()] == [False, True, True, False]
 
 
+@pytest.mark.parametrize("fault", [{"fault": "sync"}, {"fault": "heartbeat", "node": "master"}])
+def test_a_stop_does_not_wait_for_process_data_that_cannot_come(run, fault):
+    """Without SYNC, or in Pre-operational, a drive is asked for its state by SDO."""
+    outcome, _ = run({"a": event(**fault)}, "[{ends: stopped}]")
+    log = outcome.endings["a", 1].log
+    stop, end = (next(float(line.split()[0]) for line in log if word in line) for word in ("STOP", "enter pre-op"))
+    assert end - stop < 0.4
+
+
 def test_a_stop_that_nobody_expects_ends_the_run(run):
     outcome, _ = run({"a": event(fault="sync"), "b": "{}"}, "[{ends: completed, variants: [b]}]")
     assert outcome.run.status == "failed"
