@@ -227,6 +227,23 @@ def test_both_valves_are_safe_after_every_stop(tmp_path, build, event):
     assert session.unsafe == []
 
 
+@pytest.mark.parametrize("bench", ["simulated_racs.yaml", "simulated_racs_module.yaml"])
+def test_only_a_module_is_safe_without_a_master(tmp_path, build, bench):
+    """Outputs of drives stay as they were, which the run tells; the module closes the gripper that was open."""
+    text = (
+        SHORT
+        + "events: [{at: 2.5 s, fault: bus_off, node: master}]\nexpect: [{ends: stopped, from: 2.5 s, to: 2.6 s}]\n"
+    )
+    scenario = Scenario.loads(text, ROOT / "scenarios/short_racs.yaml")
+    outcome = run_scenario(
+        scenario, Form.compiled, root=tmp_path, build=build, report=False, hardware=load(BENCHES / bench, build=build)
+    )
+    (one,) = [one for one in outcome.evaluation.outcomes if one.name.startswith("ends with")]
+    print(one.detail)
+    assert one.verdict == ("pass" if "module" in bench else "fail")
+    assert ("outputs 0, not 1" in one.detail) == ("module" not in bench)
+
+
 def test_grippers_hold_until_the_drives_stand(tmp_path, build):
     """The module's outputs become safe after the quick stop."""
     switched = []
