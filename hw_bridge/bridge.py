@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hw_bridge import outputs
+from hw_bridge import outputs, targets
+from hw_bridge.cia402 import Mode
 from hw_bridge.events import planned
-from hw_bridge.hardware import ContactKeys
+from hw_bridge.hardware import ContactKeys, overloaded
 from hw_bridge.hardware import load as load_keys
-from hw_bridge.session import Session, beginning, unknown_mode
+from hw_bridge.profiles import profile
+from hw_bridge.session import Session, beginning
 from twin import catalog
 from twin.component import Component, PythonComponent
 from twin.errors import CouplingError, ScenarioError
@@ -46,6 +48,7 @@ class DriveAxis(PythonComponent):
     hardware: Hardware
     member: str
     variant: str
+    forced = False  # whether it is told a force
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)
@@ -137,7 +140,7 @@ class Hardware:
             elif node.contact is None and node.watch_contact:
                 found += self._find_contact(name, case)
             told = case.members[name].parameters.get("mode_of_operation")
-            if isinstance(told, int) and (problem := unknown_mode(told)):
+            if isinstance(told, int) and (problem := targets.unknown_mode(told, profile(node.profile), known)):
                 where = case.members[name].places.get("mode_of_operation", case.members[name].where)
                 found.append(f"{where}: {name} is a drive: {problem}")
             if node.outputs:
@@ -152,7 +155,17 @@ class Hardware:
                 f"{self.path}: cycle: {self.keys.cycle / 1e6:g} ms is not a multiple of the scenario's step, "
                 f"{case.step_ns / 1e6:g} ms. Change one of them."
             )
+        if (forces := len(self._forced(case))) and (problem := overloaded(self.keys, forces)):
+            found.append(f"{self.path}: {problem}")
         return found
+
+    def _forced(self, case: Case) -> set[str]:
+        """Members that are told a force, on drives that follow one."""
+        return {
+            name
+            for name, node in self.keys.nodes.items()
+            if Mode.CST in profile(node.profile).modes and name in case.members and targets.told_force(name, case)
+        }
 
     def _find_contact(self, name: str, case: Case) -> list[str]:
         """Watch the contact force that the scenario measures, if it measures one."""
@@ -180,15 +193,12 @@ class Hardware:
         return spec.made or catalog.component(spec.component)
 
     def _applied(self, case: Case) -> Case:
-        members, connections = dict(case.members), list(case.connections)
+        members, connections, forced = dict(case.members), list(case.connections), self._forced(case)
         for name, node in self.keys.nodes.items():
             spec = members[name]
-            members[name] = replace(
-                spec,
-                component=f"hw_bridge.bridge:{name}",
-                made=self._component(name, self._replaced(spec), case.variant),
-                period_ns=None,
-            )
+            made = self._component(name, self._replaced(spec), case.variant)
+            made.forced = name in forced
+            members[name] = replace(spec, component=f"hw_bridge.bridge:{name}", made=made, period_ns=None)
             if name in self.contacts:
                 source = self.contacts[name].signal
                 connections.append(ConnectionSpec(source, f"{name}.{CONTACT}", f"{self.path}: nodes.{name}"))
@@ -229,6 +239,7 @@ class Hardware:
             now = self.present = Session(self.keys, self.contacts, self.build, self._trace(), faults, part.variant)
             self.sessions.append(now)
         (now.axes if isinstance(part, DriveAxis) else now.switches)[part.member] = part
+        now.forced |= {part.member} if isinstance(part, DriveAxis) and part.forced else set()
         return now
 
     def _trace(self) -> Path | None:

@@ -25,6 +25,7 @@ MASTER = "master"  # this program, where a fault names a node
 PROCESS_DATA = (4, 7, 7, 8, 1)  # bytes of a drive's frames in a cycle: two RPDOs, two TPDOs, a heartbeat
 SWITCHING = (8, *PROCESS_DATA[1:])  # the same with digital outputs in the first RPDO
 IN_AND_OUT = (4, 1, 1)  # of a module: outputs, inputs, a heartbeat
+FORCE_DATA = 2  # bytes of one more RPDO, for a drive that is told a force
 FULL = 0.8  # more leaves no room for what is repeated
 
 
@@ -246,12 +247,23 @@ class HardwareKeys(Keys):
         return self.simulated or self.interface in SOFTWARE or channel.startswith("vcan") or pty
 
 
-def bus_load(keys: HardwareKeys) -> float:
-    """Share of a cycle that its process data, SYNC and heartbeats take on the wire at most."""
+def bus_load(keys: HardwareKeys, forces: int = 0) -> float:
+    """Share of a cycle that its process data, SYNC and heartbeats take on the wire at most. `forces`: drives told one."""
     sizes = [size for node in keys.nodes.values() for size in (SWITCHING if node.outputs else PROCESS_DATA)]
     sizes += [size for _ in keys.modules for size in IN_AND_OUT]
+    sizes += forces * [FORCE_DATA]
     frames = [*(Frame(0, bytes(size)) for size in sizes), Frame(0), Frame(0, b"0")]
     return sum(map(bit_count, frames)) / keys.bit_rate * 1e9 / keys.cycle
+
+
+def overloaded(keys: HardwareKeys, forces: int = 0) -> str:
+    """That the bus has too little time in a cycle, or nothing."""
+    if (share := bus_load(keys, forces)) <= FULL:
+        return ""
+    return (
+        f"cycle: process data fills {100 * share:.0f} % of {keys.cycle / 1e6:g} ms at {keys.bit_rate} bit/s. "
+        f"Make the cycle longer or the bit rate higher."
+    )
 
 
 def load(path: Path) -> HardwareKeys:
@@ -276,11 +288,8 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
     if keys.bit_rate not in BIT_RATES:
         place = root.find(("bit_rate",)).place
         problems.append(f"{place}: bit_rate: {keys.bit_rate} is none of CANopen's. Use 1000000, 500000, ...")
-    elif (share := bus_load(keys)) > FULL:
-        problems.append(
-            f"{root.find(('cycle',)).place}: cycle: process data fills {100 * share:.0f} % of {keys.cycle / 1e6:g} ms "
-            f"at {keys.bit_rate} bit/s. Make the cycle longer or the bit rate higher."
-        )
+    elif problem := overloaded(keys):
+        problems.append(f"{root.find(('cycle',)).place}: {problem}")
     taken = {keys.master: "this program"}
     for group, name, one in keys.stations():
         where = root.find((group, name, "node")).place

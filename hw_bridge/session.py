@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from hw_bridge import targets
 from hw_bridge.bus import Bus
 from hw_bridge.cia402 import INTERNAL_LIMIT, Mode
 from hw_bridge.contact import ContactWatch
@@ -29,10 +30,8 @@ if TYPE_CHECKING:
     from hw_bridge.hardware import ContactKeys, FaultKeys, HardwareKeys
     from twin.component import Component
 
-CYCLIC = {8: Mode.CSP, 9: Mode.CSV}
 GLANCE = 10_000_000  # time in which a way is seen [ns]
 AFTERMATH = 500_000_000  # how long a simulated bench is watched after a stop on a failure [ns]
-SHARE = 0.8  # of the velocity limit that a target may ask for: the drive overshoots
 
 
 def bench_network(keys: HardwareKeys, build: Path) -> Network:
@@ -60,14 +59,6 @@ def beginning(axis: Component) -> float:
     return float(axis.views["target_position"]) if "target_position" in axis.views else 0.0
 
 
-def unknown_mode(wanted: int) -> str:
-    """Why a mode of operation cannot be followed, or nothing. cst is none: no member is told a force."""
-    if wanted in CYCLIC:
-        return ""
-    what = "cst needs a member that is told a force, there is none" if wanted == Mode.CST else "no cyclic mode"
-    return f"mode_of_operation {wanted}: {what}. Use 8 (csp) or 9 (csv)."
-
-
 class Session:
     """Drives and their master during one case."""
 
@@ -81,6 +72,7 @@ class Session:
         self.axes: dict[str, Component] = {}
         self.switches: dict[str, Component] = {}  # members that stand for modules
         self.modules: dict[str, Module] = {}  # those that are simulated
+        self.forced: set[str] = set()  # members that are told a force
         self.plants: dict[str, Plant] = {}
         self.master: Master | None = None
         self.bus: Bus | None = None
@@ -152,11 +144,11 @@ class Session:
 
     def begin(self, t: int) -> None:
         """Bring the drives up, if they are told what they can do."""
-        for name in self.axes:
-            self.mode(name)
+        modes = {name: self.mode(name) for name in self.axes}
+        self.forced |= {name for name, mode in modes.items() if mode is Mode.CST}
         network = self.network()
         self.watch = Watch(self.keys, network, self.trace)
-        master = self.master = Master(self.keys, network)
+        master = self.master = Master(self.keys, network, self.forced)
         self.begun, self.start, self.real_time = True, t, master.network.real_time
         for name, one in self.keys.nodes.items():
             if one.shadow is not None:
@@ -207,8 +199,9 @@ class Session:
             node.outputs = levels(node.keys.outputs, node.safe_outputs, self.axes[name])
             mode = self.mode(name)
             limit = node.keys.limits
-            fastest = SHARE * limit.velocity
-            node.target_velocity = min(max(float(views["target_velocity"]), -fastest), fastest)
+            node.target_velocity = targets.velocity(self.axes[name], limit)
+            if mode is Mode.CST:
+                node.target_force = targets.force(self.axes[name], limit, node.keys.scale)
             if mode is Mode.CSP:
                 target = float(views["target_position"])
                 if (jump := abs(target - node.position)) > limit.following_error:
@@ -228,9 +221,15 @@ class Session:
         """What a member is told in each cycle."""
         views = self.axes[name].views
         wanted = int(views["mode_of_operation"]) if "mode_of_operation" in views else Mode.CSV
-        if problem := unknown_mode(wanted):
+        if problem := targets.unknown_mode(wanted, profile(self.keys.nodes[name].profile), views):
             raise SimulationError(f"{name}: {problem} All drives stop.")
-        return CYCLIC[wanted]
+        mode = targets.CYCLIC[wanted]
+        if mode is Mode.CST and self.begun and name not in self.forced:
+            raise SimulationError(
+                f"{name}: mode_of_operation 10: its process data have no force. Begin in it, or set or connect a target "
+                f"force in the scenario. All drives stop."
+            )
+        return mode
 
     def show(self) -> None:
         """Outputs of all members."""

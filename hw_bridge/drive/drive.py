@@ -54,7 +54,6 @@ class Drive(Slave):
         if missing := [f"{index:04X}" for index in REQUIRED if index not in {one.index for one in profile.objects}]:
             raise DeclarationError(f"{profile.title}: lacks {', '.join(missing)}. A CiA 402 drive has these objects.")
         self.profile = profile
-        self.supply = 24.0  # voltage [V]
         self.lasting: set[int] = set()  # errors whose cause stays until it is removed
         super().__init__(profile.objects, node, profile.rules, profile.boot_time, profile.sdo_time)
         self.axis = Axis(profile, self.dictionary, self.port.agenda, motor)
@@ -79,6 +78,15 @@ class Drive(Slave):
         self.mode = MODES[Mode.NONE](self.axis, self.error)
         self._choose_mode()
         self._show()
+
+    @property
+    def supply(self) -> float:
+        """Voltage of the power stage [V]: what the drive watches is what the motor has."""
+        return self.axis.motor.supply
+
+    @supply.setter
+    def supply(self, voltage: float) -> None:
+        self.axis.motor.set("supply_voltage", voltage)
 
     @property
     def outputs(self) -> int:

@@ -28,6 +28,7 @@ from twin.errors import SimulationError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Set as AbstractSet
 
     from hw_bridge.hardware import HardwareKeys
     from hw_bridge.master.network import Condition, Network
@@ -44,14 +45,16 @@ SILENT_CYCLES = 5  # so many cycles without process data are the end of a drive
 
 
 class Master:
-    """All drives of one bus."""
+    """All drives of one bus. `forced`: names of those that are told a force."""
 
-    def __init__(self, keys: HardwareKeys, network: Network) -> None:
+    def __init__(self, keys: HardwareKeys, network: Network, forced: AbstractSet[str] = frozenset()) -> None:
         self.keys, self.network = keys, network
         self.cycle = keys.cycle
         self.nodes = {
             name: Node(name, one, profile(one.profile), network, self.wait) for name, one in keys.nodes.items()
         }
+        for name in forced:
+            self.nodes[name].told_force = True
         self.modules = {
             name: ModuleNode(name, one, device(one.profile), network, self.wait) for name, one in keys.modules.items()
         }

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from hw_bridge.master.station import Waiting
     from hw_bridge.profile import Profile
 
-TARGET_PDO, CONTROL_PDO = 0x200, 0x300
+TARGET_PDO, CONTROL_PDO, FORCE_PDO = 0x200, 0x300, 0x400
 STATE_PDO, SPEED_PDO = 0x180, 0x280
-LM2070 = 11.64  # force constant [N/A]
+TORQUES = (-32768, 32767)  # of an INTEGER16
 WINDOW = 0.1  # time over which the way that was driven is compared with the way that was asked for [s]
 
 RESETS = 3  # a fault that stays has a cause
@@ -55,11 +55,12 @@ class Node(Station):
         self.goal = State.DISABLED
         self.homing = False
         self.mode = Mode.CSV
-        self.target_position = self.target_velocity = 0.0
+        self.target_position = self.target_velocity = self.target_force = 0.0
+        self.told_force = False  # whether process data have room for a force
         self.outputs = self.safe_outputs = keys.safe_outputs or 0  # 60FEh.1, and what it is at rest
         self.word = 0
         self.raw_position = self.raw_velocity = self.raw_current = 0
-        self.carried = 0.0  # part of the target velocity that rounding left over [device units]
+        self.carried = 0.0  # part of the last target that rounding left over [device units]
         self.ways: deque[tuple[float, float]] = deque()  # asked for and driven, one for each cycle [m]
         self.resets = 0  # attempts to leave Fault
         self._pulse = False
@@ -72,8 +73,7 @@ class Node(Station):
         units = self.profile.units(self.mirror)
         self.units = units
         self.ampere = current_unit(self.vendor, units)
-        constant = self.profile.motor.parameters.get("force_constant", LM2070)
-        self.force_constant = self.keys.force_constant or constant / self.keys.scale
+        self.force_constant = self.keys.force_constant or self.profile.motor.force_constant / self.keys.scale
         self.form = "<i" if self.vendor.current & 0xFF == 32 else "<h"
 
     @property
@@ -113,6 +113,19 @@ class Node(Station):
         """A position as the drive counts."""
         return round((position + self.origin) / (self.sign * self.units.position))
 
+    def device_force(self, force: float) -> float:
+        """A force [N] as 6071h counts, within what it takes."""
+        current = (-1.0 if self.keys.inverted else 1.0) * force / self.force_constant
+        entry = self.mirror.entry(0x6071)
+        low, high = (TORQUES[0] if entry.low is None else entry.low), (TORQUES[1] if entry.high is None else entry.high)
+        return min(max(current / self.units.torque, low), high)
+
+    def rounded(self, value: float) -> int:
+        """The whole number of a target; the rest is carried on to the next cycle, so that the mean is right."""
+        whole = round(value + self.carried)
+        self.carried += value - whole
+        return whole
+
     # ----------------------------------------------------------------------------------------------------- set-up
 
     def identify(self) -> list[str]:
@@ -139,11 +152,11 @@ class Node(Station):
         follows = state is State.ENABLED and self.goal is State.ENABLED and not self.homing
         places = mode in (Mode.CSP, Mode.PP)
         position = self.device_position(self.target_position) if follows and places else self.raw_position
-        velocity = 0
-        if follows and not places:
-            wanted = self.target_velocity / (self.sign * self.units.velocity) + self.carried
-            velocity = round(wanted)
-            self.carried = wanted - velocity
+        velocity = torque = 0
+        if follows and mode is Mode.CST:
+            torque = self.rounded(self.device_force(self.target_force))
+        elif follows and not places:
+            velocity = self.rounded(self.target_velocity / (self.sign * self.units.velocity))
         word = self.controlword(state)
         control = [word]
         if mode is Mode.PP and follows:  # each target is a new set-point, on a rising edge of bit 4
@@ -153,7 +166,8 @@ class Node(Station):
             data += struct.pack("<I", self.safe_outputs if self.goal is State.DISABLED else self.outputs)
         target = Frame(TARGET_PDO + self.number, data)
         pdo = CONTROL_PDO + self.number
-        return [target, *(Frame(pdo, struct.pack("<Hbi", one, mode, velocity)) for one in control)]
+        force = [Frame(FORCE_PDO + self.number, struct.pack("<h", torque))] if self.told_force else []
+        return [target, *(Frame(pdo, struct.pack("<Hbi", one, mode, velocity)) for one in control), *force]
 
     def controlword(self, state: State) -> int:
         """The next step towards the goal."""
@@ -182,6 +196,9 @@ class Node(Station):
 
     def follow(self, cycle: int) -> None:
         """Before a SYNC: which way was asked for and driven since the last one."""
+        if self.mode is Mode.CST:  # no way is asked for
+            self.ways.clear()
+            return
         asked = self.target_velocity * cycle / 1e9
         self.ways.append((asked, self.position))
         while len(self.ways) * cycle > WINDOW * 1e9:
@@ -194,7 +211,7 @@ class Node(Station):
 
     @property
     def following_error(self) -> float:
-        """Way that was asked for minus the one that was driven [m]: now in csp, over a window of time in csv."""
+        """Way that was asked for minus the one that was driven [m]: now in csp, over a time in csv, none in cst."""
         if self.mode is Mode.CSP:
             return self.target_position - self.position
         if not self.ways:

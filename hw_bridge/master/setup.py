@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.abort import Abort
 from hw_bridge.agenda import MILLISECOND
-from hw_bridge.cia402 import State, state_of
+from hw_bridge.cia402 import Mode, State, state_of
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.vendor import SPEED, TRANSMIT, receive
 from hw_bridge.outputs import LEVELS, MASK, OUTPUTS
@@ -81,7 +81,11 @@ def identify(node: Node) -> list[str]:
 def configure(node: Node, cycle: int, master: int) -> None:
     """All parameters of a run. The node is in Pre-operational; its power stage goes off first."""
     node.sdo.write(0x6040, 0, b"\0\0")
-    read(node, 0x6502)
+    offered = read(node, 0x6502)
+    if node.told_force and not offered >> (Mode.CST - 1) & 1:
+        raise SimulationError(
+            f"{node.name}: is told a force, but has no cst: 6502h is {offered:X}h. Use another drive."
+        )
     entries = node.mirror.objects
     for index, sub, value in node.vendor.setup:
         write(node, index, sub, value)
@@ -149,7 +153,7 @@ def mapping(node: Node) -> None:
     """The remap procedure for four PDOs each way: one controlword in all, everything at SYNC, the others off."""
     # a drive without interpolation gets several set-points in a cycle: they act when they come
     kind = 1 if 0x60C2 in node.mirror else 255
-    received = (*receive(bool(node.keys.outputs)), (), ())
+    received = receive(bool(node.keys.outputs), node.told_force)
     transmit: tuple[tuple[int, ...], ...] = (TRANSMIT, (SPEED, node.vendor.current), (), ())
     for number in range(4):
         map_pdo(node, 0x1400 + number, 0x200 + 0x100 * number + node.number, received[number], kind)

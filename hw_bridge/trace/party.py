@@ -6,6 +6,7 @@ from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.abort import Abort
+from hw_bridge.cia402 import Mode
 from hw_bridge.dictionary import Dictionary, Entry, Value
 from hw_bridge.master.vendor import SPEED, TRANSMIT, VENDORS, receive
 from hw_bridge.profiles import DEVICES, MODULES, device, profile
@@ -88,11 +89,12 @@ class Party:
         assert self.profile is not None
         assert self.keys is not None
         values, vendor = self.dictionary.values, VENDORS[self.profile.name]
+        received = receive(bool(self.keys.outputs), Mode.CST in self.profile.modes)  # a force, if there is one
         for index, sub, value in vendor.setup:
             values[index, sub] = value
         values.update(self.keys.objects)
         for base, start, maps in (
-            (0x200, 0x1400, receive(bool(self.keys.outputs))), (0x180, 0x1800, (TRANSMIT, (SPEED, vendor.current))),
+            (0x200, 0x1400, received), (0x180, 0x1800, (TRANSMIT, (SPEED, vendor.current))),
         ):  # fmt: skip
             for number in range(PDOS):
                 words = maps[number] if number < len(maps) else ()

@@ -10,6 +10,8 @@ from click.testing import CliRunner
 
 from hw_bridge import hardware, hil
 from hw_bridge.bridge import load
+from hw_bridge.profiles import profile
+from hw_bridge.targets import unknown_mode
 from twin.errors import ScenarioError
 from twin.run import run_scenario
 from twin.scenario import Scenario
@@ -104,10 +106,19 @@ def test_what_does_not_fit_the_scenario(write, text, message):
     assert message in str(caught.value)
 
 
-def test_a_mode_that_drives_are_not_told(write):
+def test_a_force_for_a_drive_without_cst(write):
     scenario = Scenario.load(SCENARIO, ["servomotor.mode_of_operation=10"])
-    with pytest.raises(ScenarioError, match=r"servomotor is a drive: mode_of_operation 10: cst needs a member that is"):
-        load(write(GOOD)).apply(scenario)
+    load(write(GOOD)).apply(scenario)
+    with pytest.raises(
+        ScenarioError, match=r"servomotor is a drive: mode_of_operation 10: FAULHABER MCLM 300x CO has no"
+    ):
+        load(write(GOOD.replace("faulhaber_v3", "mclm"))).apply(scenario)
+
+
+def test_a_force_for_a_member_that_has_none():
+    with_force, without = ("target_velocity", "target_torque"), ("target_velocity", "target_position")
+    assert unknown_mode(10, profile("epos4"), with_force) == ""
+    assert "cst needs a member with target_force or target_torque" in unknown_mode(10, profile("epos4"), without)
 
 
 @pytest.mark.parametrize(
