@@ -40,6 +40,10 @@ def to_message(frame: Frame) -> can.Message:
     )
 
 
+def nothing() -> None:
+    """Nobody looks."""
+
+
 class Wire:
     """Carries one slave on a python-can bus until `stop` is set; then it is silent and the bus still open.
 
@@ -53,7 +57,7 @@ class Wire:
         self.overruns = 0
         self.lost = 0  # frames that the interface did not take
         self.disturbances: list[Disturbance] = []
-        self.looks: list[Callable[[], None]] = []  # called between frames
+        self.look: Callable[[], None] = nothing  # called between frames
         self._errors = 0  # transmit error counter
         self._chance = random.Random(1)  # noqa: S311 - which frames are hit
         slave.connect(self._wanted)
@@ -115,8 +119,7 @@ class Wire:
             due = slave.next_time()
             self.overruns += now - due > LATE
             slave.advance(now)
-            for look in self.looks:
-                look()
+            self.look()
             wait = (slave.next_time() - (time.monotonic_ns() - begin)) / 1e9
             message = self.bus.recv(min(max(wait, 0.0), PATIENCE))
             if message is not None and (frame := from_message(message)) is not None:

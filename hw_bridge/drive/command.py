@@ -165,9 +165,9 @@ def serve(
         wire = Wire(slave, bus)
         if port is not None:
             control = Control(port, slave, wire)
-            wire.looks.append(control.look)
+            wire.look = control.look
         if isinstance(slave, Module):
-            wire.looks.append(switching(slave))
+            wire.look = switching(slave, wire.look)
         _stop_on_signals(wire.stop)
         takes = f" Faults: --control {control.port}." if control is not None else ""
         click.echo(f"{chosen.title}: node {node} on {interface} {channel}.{takes} Ctrl-C ends it.")
@@ -181,12 +181,13 @@ def serve(
         bus.shutdown()
 
 
-def switching(module: Module) -> Callable[[], None]:
-    """Tells each change of a module's outputs."""
+def switching(module: Module, other: Callable[[], None]) -> Callable[[], None]:
+    """Tells each change of a module's outputs, beside another look."""
     before = -1
 
     def look() -> None:
         nonlocal before
+        other()
         if (now := module.outputs) != before:
             click.echo(f"{module.port.agenda.now / 1e9:.3f} s: outputs {now:0{2 * BYTES}X}h")
             before = now
