@@ -256,7 +256,10 @@ class Session:
         if self.master is not None:
             self.master.stop()
             self.notes += self.master.notes
-        self.look_after()
+        try:
+            self.look_after()
+        except SimulationError as error:  # of a motor that cannot go on; the failure that ended the case is told first
+            self.unsafe.append(str(error))
         if self.watch is not None:
             self.watch.close()
             self.seen = self.story(self.watch)

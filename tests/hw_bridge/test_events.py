@@ -6,7 +6,7 @@ import pytest
 
 from hw_bridge.bridge import load
 from hw_bridge.fault import Cause
-from twin.errors import ScenarioError
+from twin.errors import ScenarioError, SimulationError
 from twin.members import Form
 from twin.run import run_scenario
 from twin.scenario import Scenario
@@ -117,6 +117,24 @@ def test_what_does_not_come_to_rest_fails(run, monkeypatch):
     (one,) = outcome.evaluation.outcomes
     assert one.verdict == "fail"
     assert "Not at rest: node 1: Operation enabled" in one.detail
+
+
+def test_a_motor_that_fails_is_told_once(run, monkeypatch):
+    """What ended the run stays the reason, although the bench cannot be watched afterwards."""
+    from hw_bridge.drive.motor import Motor
+
+    advance = Motor.advance
+
+    def failing(self, time):
+        if time > 600_000_000:
+            raise SimulationError("motor: its step failed.")
+        advance(self, time)
+
+    monkeypatch.setattr(Motor, "advance", failing)
+    outcome, _ = run({"a": "{}"})
+    assert outcome.run.status == "failed"
+    assert "motor: its step failed." in outcome.run.reason
+    assert outcome.endings["a", 1].unsafe == "motor: its step failed."
 
 
 @pytest.mark.parametrize("hardware", [None, WIRE], ids=["no hardware", "no simulated hardware"])
