@@ -119,21 +119,15 @@ def test_what_does_not_come_to_rest_fails(run, monkeypatch):
     assert "Not at rest: node 1: Operation enabled" in one.detail
 
 
-def test_a_motor_that_fails_is_told_once(run, monkeypatch):
-    """What ended the run stays the reason, although the bench cannot be watched afterwards."""
-    from hw_bridge.drive.motor import Motor
+def test_a_bench_that_cannot_be_watched_afterwards_is_not_at_rest(run, monkeypatch):
+    """And what ended the run stays the reason."""
 
-    advance = Motor.advance
+    def failing(self, speed):
+        raise SimulationError("motor: its step failed.")
 
-    def failing(self, time):
-        if time > 600_000_000:
-            raise SimulationError("motor: its step failed.")
-        advance(self, time)
-
-    monkeypatch.setattr(Motor, "advance", failing)
-    outcome, _ = run({"a": "{}"})
-    assert outcome.run.status == "failed"
-    assert "motor: its step failed." in outcome.run.reason
+    monkeypatch.setattr("hw_bridge.plant.Plant.restless", failing)
+    outcome, _ = run({"a": event(fault="sync")})
+    assert "no process data" in outcome.run.reason
     assert outcome.endings["a", 1].unsafe == "motor: its step failed."
 
 
