@@ -14,18 +14,24 @@ from hw_bridge.drive.motor import Motor
 from hw_bridge.fault import inject
 from hw_bridge.master.master import Master
 from hw_bridge.master.network import Network, SimulatedNetwork
+from hw_bridge.module import Module
 from hw_bridge.outputs import levels
 from hw_bridge.plant import Plant
-from hw_bridge.profiles import profile
+from hw_bridge.profiles import device, profile
 from hw_bridge.shadow import Shadow
 from hw_bridge.trace.watch import Watch
 from twin.errors import SimulationError
+from twin.metrics import Ending
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
-    from hw_bridge.hardware import ContactKeys, HardwareKeys
+    from hw_bridge.hardware import ContactKeys, FaultKeys, HardwareKeys
     from twin.component import Component
+
+GLANCE = 10_000_000  # time in which a way is seen [ns]
+AFTERMATH = 500_000_000  # how long a simulated bench is watched after a stop on a failure [ns]
 
 
 def bench_network(keys: HardwareKeys, build: Path) -> Network:
@@ -36,6 +42,8 @@ def bench_network(keys: HardwareKeys, build: Path) -> Network:
     for node in keys.nodes.values():
         vendor = profile(node.profile)
         bus.attach(Drive(vendor, node.node, Motor(vendor.motor, build=build)))
+    for module in keys.modules.values():
+        bus.attach(Module(device(module.profile), module.node))
     return SimulatedNetwork(bus)
 
 
@@ -55,11 +63,15 @@ class Session:
     """Drives and their master during one case."""
 
     def __init__(
-        self, keys: HardwareKeys, contacts: dict[str, ContactKeys], build: Path, trace: Path | None = None
-    ) -> None:
-        self.keys, self.contacts, self.build, self.trace = keys, contacts, build, trace
+        self, keys: HardwareKeys, contacts: dict[str, ContactKeys], build: Path, trace: Path | None = None,
+        faults: Sequence[FaultKeys] = (), variant: str = "",
+    ) -> None:  # fmt: skip
+        self.variant = variant
+        self.keys, self.contacts, self.build, self.trace, self.faults = keys, contacts, build, trace, faults
         self.watch: Watch | None = None
         self.axes: dict[str, Component] = {}
+        self.switches: dict[str, Component] = {}  # members that stand for modules
+        self.modules: dict[str, Module] = {}  # those that are simulated
         self.forced: set[str] = set()  # members that are told a force
         self.plants: dict[str, Plant] = {}
         self.master: Master | None = None
@@ -72,6 +84,10 @@ class Session:
         self.watches: dict[str, ContactWatch] = {}
         self.shadows: dict[str, Shadow] = {}
         self.notes: list[str] = []
+        self.running = False  # all drives were brought up
+        self.stopped: tuple[int, str] | None = None  # time of the scenario [ns] and reason of a stop before the end
+        self.seen: list[str] = []
+        self.unsafe: list[str] = []
 
     def network(self) -> Network:
         """The bus, with its simulated drives where they are part of the run."""
@@ -82,17 +98,22 @@ class Session:
         for name, axis in self.axes.items():
             self.plants[name] = Plant(axis, keys.nodes[name], beginning(axis), self.build)
             self.bus.attach(self.plants[name].drive)
+        for name, module in keys.modules.items():
+            self.modules[name] = Module(device(module.profile), module.node)
+            self.bus.attach(self.modules[name])
         return SimulatedNetwork(self.bus)
 
     def step(self, member: str, t: float, h: float) -> None:
         """The targets of a member are there; with the last one everything goes on from t to t + h [s]."""
         self.stepped.add(member)
-        if self.stepped == set(self.axes):
+        if self.stepped == {*self.axes, *self.switches}:
             self.stepped.clear()
             try:
                 self.advance(round(t * 1e9), round(h * 1e9))
-            except BaseException:
+            except BaseException as error:
                 self.failed = True
+                if self.running and isinstance(error, SimulationError):
+                    self.stopped = round(t * 1e9), str(error)
                 self.close()
                 raise
 
@@ -144,17 +165,17 @@ class Session:
             plant.zero(master.nodes[name])
         for name, contact in self.contacts.items():
             self.watches[name] = ContactWatch(name, contact, master.nodes[name], t)
+        self.running = True
 
     def plan_faults(self) -> None:
-        """Faults of the hardware file, at their times."""
+        """Faults of the hardware file and of the scenario, at their times."""
         bus = self.bus
         if bus is None:
             return
-        for one in self.keys.faults:
-            plant = self.plants.get(one.node)
-            node = plant.drive.node if plant is not None else self.keys.master
-            drive = plant.drive if plant is not None else None
-            bus.agenda.at(self.origin + one.at, partial(inject, one.made(), bus, node, drive))
+        for one in self.faults:
+            slave = self.plants[one.node].drive if one.node in self.plants else self.modules.get(one.node)
+            node = slave.node if slave is not None else self.keys.master
+            bus.agenda.at(self.origin + one.at, partial(inject, one.made(), bus, node, slave))
 
     def keep_pace(self, t: int) -> None:
         """A loop that came too late goes on from here instead of hurrying after."""
@@ -190,6 +211,9 @@ class Session:
                     )
                 node.target_position = target
             node.mode = mode
+        for name, module in self.master.modules.items():
+            if not retracting:
+                module.outputs = levels(module.keys.outputs, module.safe_outputs, self.switches[name])
         if retracting and all(watch.done() for watch in retracting):
             raise SimulationError(f"{retracting[0].reason} All drives stop.")
 
@@ -232,9 +256,47 @@ class Session:
         if self.master is not None:
             self.master.stop()
             self.notes += self.master.notes
+        try:
+            self.look_after()
+        except SimulationError as error:  # of a motor that cannot go on; the failure that ended the case is told first
+            self.unsafe.append(str(error))
         if self.watch is not None:
             self.watch.close()
+            self.seen = self.story(self.watch)
         self.notes += [line for shadow in self.shadows.values() for line in shadow.warnings]
+
+    def look_after(self) -> None:
+        """What is not at rest after the stop: on a simulated bus in truth, else what the master could not confirm."""
+        if self.bus is None:
+            self.unsafe = list(self.master.notes) if self.master is not None else []
+            return
+        if self.failed:  # drives that did not hear the master stop by themselves
+            self.bus.advance(self.bus.now + AFTERMATH)
+        before = [plant.motor.position for plant in self.plants.values()]
+        if self.failed:
+            self.bus.advance(self.bus.now + GLANCE)
+        self.unsafe = [
+            text
+            for plant, position in zip(self.plants.values(), before, strict=True)
+            if (text := plant.restless(abs(plant.motor.position - position) * 1e9 / GLANCE))
+        ]
+        for name, module in self.modules.items():
+            if module.outputs != (safe := self.keys.modules[name].safe_outputs):
+                self.unsafe.append(f"{name}: outputs {module.outputs}, not {safe}.")
+
+    def story(self, watch: Watch) -> list[str]:
+        """What was seen on the bus, with the faults that were planned and the stop in their places."""
+        marks = [
+            (one.at, f"FAULT {one.text}") for one in self.faults if self.bus and one.at <= self.bus.now - self.origin
+        ]
+        marks += [(self.stopped[0], f"STOP {self.stopped[1]}")] if self.stopped is not None else []
+        lines = [*(f"{time / 1e9:.6f} s: {text}" for time, text in marks), *watch.seen(self.origin)]
+        return sorted(lines, key=lambda line: float(line.partition(" ")[0]))
+
+    def ending(self) -> Ending:
+        """How the case ended."""
+        time, reason = self.stopped or (None, "")
+        return Ending(time, reason, " ".join(self.unsafe), tuple(self.seen))
 
     def report(self) -> dict[str, Any]:
         """Statistics of the case."""
@@ -243,7 +305,7 @@ class Session:
         if self.shadows:
             found["shadow"] = {name: shadow.report() for name, shadow in self.shadows.items()}
         if self.watch is not None:
-            found |= {"origin": self.origin / 1e9, "seen": self.watch.seen(self.origin)}
+            found |= {"origin": self.origin / 1e9, "seen": self.seen if self.closed else self.story(self.watch)}
             found |= {"trace": str(self.trace), "frames": self.watch.count} if self.trace is not None else {}
         if self.bus is not None:
             found |= {"bus_load": self.bus.load, "longest_wait": self.bus.longest_wait / 1e9}

@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING
 
 from hw_bridge import cia402
 from hw_bridge.cia402 import Mode, State, state_of
-from hw_bridge.dictionary import Dictionary
 from hw_bridge.frame import Frame
 from hw_bridge.master import setup
-from hw_bridge.master.sdo import SdoClient
+from hw_bridge.master.station import Station
 from hw_bridge.master.vendor import SUBSTITUTES, VENDORS, current_unit
 
 if TYPE_CHECKING:
     from hw_bridge.hardware import NodeKeys
-    from hw_bridge.master.network import Condition, Network
+    from hw_bridge.master.network import Network
+    from hw_bridge.master.station import Waiting
     from hw_bridge.profile import Profile
 
 TARGET_PDO, CONTROL_PDO, FORCE_PDO = 0x200, 0x300, 0x400
@@ -40,15 +40,15 @@ DOWN = {  # on the way to a standstill
 AT_REST = (State.DISABLED, State.READY, State.NOT_READY, State.FAULT)
 
 
-class Node:
+class Node(Station):
     """A drive. Positions [m] count from where `zero` was called; all else is in SI too, by the table of units."""
 
+    keys: NodeKeys
+    profile: Profile
+
     def __init__(self, name: str, keys: NodeKeys, profile: Profile, network: Network, wait: Waiting) -> None:
-        self.name, self.keys, self.profile = name, keys, profile
+        super().__init__(name, keys, profile, network, wait)
         self.vendor = VENDORS[profile.name]
-        self.number = keys.node
-        self.mirror = Dictionary(profile.objects, keys.node)  # what the drive is known to hold
-        self.sdo = SdoClient(keys.node, network.send, wait)
         self.sign = -keys.scale if keys.inverted else keys.scale
         self.rotary = False  # whether positions are angles
         self.origin = 0.0  # what the drive counts where the position is 0 [m]
@@ -61,12 +61,7 @@ class Node:
         self.word = 0
         self.raw_position = self.raw_velocity = self.raw_current = 0
         self.carried = 0.0  # part of the last target that rounding left over [device units]
-        self.heard_at = 0  # last heartbeat [ns]
-        self.emergencies: list[tuple[int, int]] = []  # time [ns], code
         self.ways: deque[tuple[float, float]] = deque()  # asked for and driven, one for each cycle [m]
-        self.boots = 0  # boot-up messages heard
-        self.answered = 0  # process data since the last SYNC
-        self.missing = self.late = self.silent = 0  # of process data: cycles without, too late, the same in a row
         self.resets = 0  # attempts to leave Fault
         self._pulse = False
         self.use_units()
@@ -196,20 +191,11 @@ class Node:
         elif base == SPEED_PDO and len(frame.data) >= 6:
             self.raw_velocity = struct.unpack_from("<i", frame.data)[0]
             self.raw_current = struct.unpack_from(self.form, frame.data, 4)[0]
-        elif base == 0x580:
-            self.sdo.heard(frame.data)
-        elif base == 0x80 and len(frame.data) >= 2:
-            self.emergencies.append((now, struct.unpack_from("<H", frame.data)[0]))
-        elif base == 0x700 and frame.data:
-            self.heard_at = now
-            self.boots += frame.data[0] == 0
+        else:
+            super().heard(frame, now)
 
-    def account(self, cycle: int) -> None:
-        """Before a SYNC: whether the last one was answered, and which way was driven since."""
-        self.missing += self.answered == 0
-        self.late += max(self.answered - 1, 0)
-        self.silent = self.silent + 1 if self.answered == 0 else 0
-        self.answered = 0
+    def follow(self, cycle: int) -> None:
+        """Before a SYNC: which way was asked for and driven since the last one."""
         if self.mode is Mode.CST:  # no way is asked for
             self.ways.clear()
             return
@@ -220,14 +206,8 @@ class Node:
 
     def forget(self) -> None:
         """A run begins: what happened before does not count."""
-        self.missing = self.late = self.silent = self.boots = 0
+        super().forget()
         self.ways.clear()
-        self.emergencies.clear()
-
-    @property
-    def lost(self) -> int:
-        """Process data that never came."""
-        return max(self.missing - self.late, 0)
 
     @property
     def following_error(self) -> float:
@@ -237,13 +217,3 @@ class Node:
         if not self.ways:
             return 0.0
         return sum(asked for asked, _ in self.ways) - (self.position - self.ways[0][1])
-
-
-if TYPE_CHECKING:
-    from typing import Protocol
-
-    class Waiting(Protocol):
-        """Lets time pass, and frames come, until a condition holds."""
-
-        def __call__(self, duration: int, done: Condition = ...) -> None:
-            """Wait at most `duration` [ns]."""

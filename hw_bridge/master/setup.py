@@ -18,13 +18,14 @@ from twin.errors import SimulationError
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Entry
     from hw_bridge.master.node import Node
+    from hw_bridge.master.station import Station
 
 DRIVE = 402  # device profile: the lower half of 1000h
 IDENTITY = {1: "vendor", 2: "product code", 3: "revision", 4: "serial number"}
 SCALING = (0x2350, 0x3001, 0x3010, 0x608F, 0x6075, 0x6091, 0x6092, 0x60A9)  # what units follow from
 
 
-def read(node: Node, index: int, sub: int = 0) -> int:
+def read(node: Station, index: int, sub: int = 0) -> int:
     """Read a number by its type in the vendor's dictionary, and remember it."""
     entry = node.mirror.entry(index, sub)
     data = node.sdo.read(index, sub)
@@ -40,7 +41,7 @@ def read(node: Node, index: int, sub: int = 0) -> int:
     return value
 
 
-def write(node: Node, index: int, sub: int, value: int) -> None:
+def write(node: Station, index: int, sub: int, value: int) -> None:
     """Write a number and read it back."""
     if sub not in node.mirror.objects.get(index, {}):
         raise SimulationError(
@@ -140,7 +141,7 @@ def limited(entry: Entry, value: int) -> int:
     return min(max(value, low), high)
 
 
-def heartbeat(node: Node, master: int) -> None:
+def heartbeat(node: Station, master: int) -> None:
     """Both directions: the drive tells that it lives, and stops when this program does not."""
     times = node.keys.heartbeat
     write(node, 0x1016, 1, 0)
@@ -159,7 +160,7 @@ def mapping(node: Node) -> None:
         map_pdo(node, 0x1800 + number, 0x180 + 0x100 * number + node.number, transmit[number], 1)
 
 
-def map_pdo(node: Node, index: int, identifier: int, words: tuple[int, ...], kind: int) -> None:
+def map_pdo(node: Station, index: int, identifier: int, words: tuple[int, ...], kind: int) -> None:
     """Take a PDO out of use, map it anew, and use it again if it has anything to carry."""
     flags = read(node, index, 1) & 0x40000000
     write(node, index, 1, INVALID | flags | identifier)

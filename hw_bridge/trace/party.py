@@ -9,7 +9,7 @@ from hw_bridge.abort import Abort
 from hw_bridge.cia402 import Mode
 from hw_bridge.dictionary import Dictionary, Entry, Value
 from hw_bridge.master.vendor import SPEED, TRANSMIT, VENDORS, receive
-from hw_bridge.profiles import MODULES, profile
+from hw_bridge.profiles import DEVICES, MODULES, device, profile
 from hw_bridge.slave.pdo import INVALID
 from hw_bridge.trace import names
 
@@ -50,10 +50,11 @@ class Said(NamedTuple):
 
 @cache
 def common() -> tuple[Entry, ...]:
-    """Objects that a node of an unknown vendor may be taken to have: CiA 301 and CiA 402, but no PDO map."""
+    """Objects that a node of an unknown vendor may be taken to have: CiA 301, 401 and 402, but no PDO map."""
     found: dict[tuple[int, int], Entry] = {}
-    for name in MODULES:
-        for entry in profile(name).objects:
+    tables = [profile(name).objects for name in MODULES] + [device(name).objects for name in DEVICES]
+    for table in tables:
+        for entry in table:
             standard = entry.index < 0x1400 or 0x6000 <= entry.index < 0x6800
             if standard:
                 found.setdefault((entry.index, entry.sub), entry)

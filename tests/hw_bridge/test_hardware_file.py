@@ -49,7 +49,7 @@ FOR = {
 
 @pytest.mark.parametrize("path", BENCHES, ids=lambda path: path.stem)
 def test_every_bench_is_well_formed_and_fits_its_scenario(path):
-    name = FOR[path.stem.rpartition("_")[2]]
+    name = FOR[path.stem.split("_")[1]]
     scenario = load(path, arm=True).apply(Scenario.load(ROOT / f"scenarios/{name}.yaml"))
     for case in scenario.variants:
         for name in hardware.load(path).nodes:
