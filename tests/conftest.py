@@ -1,8 +1,25 @@
-"""Shared by all tests: one build folder, so that nothing is compiled twice."""
+"""Shared by all tests: one build folder, so that nothing is compiled twice; what runs on one core, and in which order.
 
+xdist's own way to group tests writes into node IDs, which newer versions of pytest do not let it.
+"""
+
+import re
 from pathlib import Path
+from typing import Any
 
 import pytest
+
+try:
+    from xdist.scheduler import LoadScopeScheduling
+except ImportError:  # without xdist all runs on one core
+    LoadScopeScheduling = object
+
+# begun in this order: what compiles the components that others need, then what takes long; the others fill the end
+ORDER = ("conformance/test_components.py", "conformance/test_symbols.py", "conformance/test_scenarios.py", "test_docs.py",
+         "hw_bridge/test_command.py", "hw_bridge/test_bridge_force.py", "fmus/test_regripping.py", "fmi/test_export.py",
+         "fmi/test_calls.py")  # fmt: skip
+BY_CASE = ("conformance/", "test_docs.py")
+MULTICAST = ("hw_bridge/test_command.py", "hw_bridge/test_control.py", "hw_bridge/test_bridge_processes.py")
 
 
 @pytest.fixture(scope="session")
@@ -11,15 +28,35 @@ def build() -> Path:
     return Path(__file__).parent.parent / "build"
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What runs on one core: the tests of a file, since its fixtures are made once; of scenarios, those of each one.
+def group(nodeid: str) -> str:
+    """What runs on one core: a component, a scenario, a page of the documentation, else a file with its fixtures.
 
     And all with CAN over multicast: a socket hears every group that anybody on the machine has joined.
     """
-    for item in items:
-        if "multicast" in item.fixturenames:  # type: ignore[attr-defined]
-            item.add_marker(pytest.mark.xdist_group("multicast"))
-        if not list(item.iter_markers("xdist_group")):
-            path = item.callspec.params.get("path") if hasattr(item, "callspec") else None
-            own = path.stem if item.path.name == "test_scenarios.py" and path else item.path.as_posix()
-            item.add_marker(pytest.mark.xdist_group(own))
+    file, _, case = nodeid.partition("::")
+    file = file.removeprefix("tests/")
+    if file.startswith(BY_CASE):
+        name = re.search(r"\[(\w+)[-\]]", case)
+        return name[1] if name else case
+    return "multicast" if file in MULTICAST else file
+
+
+class Groups(LoadScopeScheduling):
+    """Groups of tests, one after the other to the next free core."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        return group(nodeid)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Groups:
+    config.option.loadscopereorder = False
+    return Groups(config, log)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    def place(item: pytest.Item) -> int:
+        file = item.nodeid.partition("::")[0].removeprefix("tests/")
+        return ORDER.index(file) if file in ORDER else len(ORDER)
+
+    items.sort(key=place)

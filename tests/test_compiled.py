@@ -122,3 +122,17 @@ def test_what_only_the_compiler_finds_is_named_too(tmp_path):
         compiled.component_object(Untyped, "x86_64-linux", tmp_path)
     with pytest.raises(BuildError, match="is Python-side"):
         compiled.component_object(type("P", (PythonComponent,), {}), "x86_64-linux", tmp_path)
+
+
+def test_a_block_that_only_a_library_could_move_is_refused():
+    text = """
+        declare void @llvm.memmove.p0.p0.i64(ptr, ptr, i64, i1)
+        define i32 @component_advance(ptr %record) {
+            %next = getelementptr i8, ptr %record, i64 8
+            call void @llvm.memmove.p0.p0.i64(ptr %next, ptr %record, i64 800, i1 false)
+            ret i32 0
+        }
+    """
+    with pytest.raises(BuildError, match=r"^Line: moving a block became a call of memmove"):
+        compiled._object(text, "x86_64-linux", "Line", ())
+    assert compiled._object(text.replace("memmove", "memcpy"), "x86_64-linux", "Line", ())[:4] == b"\x7fELF"

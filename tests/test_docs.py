@@ -81,7 +81,7 @@ def built(build, tmp_path_factory):
     """What was built before; what pages build is shared among them and then forgotten."""
     place = tmp_path_factory.mktemp("docs") / "build"
     if build.exists():
-        shutil.copytree(build, place)
+        shutil.copytree(build, place, copy_function=os.link)  # files there are replaced, never changed
     place.mkdir(exist_ok=True)
     return place
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import sysconfig
 from dataclasses import dataclass
 from functools import lru_cache
@@ -27,7 +28,7 @@ from twin.errors import BuildError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-FORMAT = 5  # raise when generated code changes although no function did
+FORMAT = 6  # raise when generated code changes although no function did
 
 TARGETS = {
     "x86_64-linux":    "x86_64-unknown-linux-gnu",
@@ -50,6 +51,10 @@ ATTRIBUTES = {
     '"target-features"="': '"was-features"="',
     "{ noinline }":        "{ nounwind }",
 }  # fmt: skip
+
+# loops that fill or copy stay loops: LLVM would make calls of memset, memcpy and memmove, which an FMU does not have
+OPTIONS = ("-disable-loop-idiom-memset", "-disable-loop-idiom-memcpy")
+BLOCKS = re.compile(r"@llvm\.(memset|memcpy)\.(?!inline)")  # left by unrolled loops: in line, a few stores
 
 LIBM = frozenset(
     [
@@ -174,6 +179,8 @@ def _numba() -> Any:
     """Numba with our machine words, imported on first use; its SVML calls would tie the code to one runtime."""
     os.environ["NUMBA_DISABLE_INTEL_SVML"] = "1"
     os.environ["NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING"] = "1"  # escape codes, wherever colorama is installed
+    for option in OPTIONS:
+        llvm.set_option("twin", option)
     from twin import intrinsics
 
     return intrinsics
@@ -218,7 +225,7 @@ def _module(entry: Entry, dtype: np.dtype[Any], where: str, memo: dict[int, Any]
     return module
 
 
-def _optimize(module: llvm.ModuleRef, target: str) -> tuple[llvm.ModuleRef, llvm.TargetMachine]:
+def _optimize(text: str, target: str) -> tuple[llvm.ModuleRef, llvm.TargetMachine]:
     """Set the target, then optimize; no target features, so that every machine of a platform computes the same."""
     llvm.initialize_all_targets()
     llvm.initialize_all_asmprinters()
@@ -226,7 +233,7 @@ def _optimize(module: llvm.ModuleRef, target: str) -> tuple[llvm.ModuleRef, llvm
     target_machine = llvm.Target.from_triple(triple).create_target_machine(
         cpu=processor, features=features, opt=3, reloc="static" if processor else "pic", codemodel="small"
     )
-    text = "\n".join(line for line in str(module).splitlines() if not line.startswith("target "))
+    text = "\n".join(line for line in text.splitlines() if not line.startswith("target "))
     for attribute, instead in ATTRIBUTES.items():
         text = text.replace(attribute, instead)
     module = llvm.parse_assembly(text)
@@ -234,10 +241,15 @@ def _optimize(module: llvm.ModuleRef, target: str) -> tuple[llvm.ModuleRef, llvm
     module.data_layout = str(target_machine.target_data)
     builder = llvm.create_pass_builder(target_machine, llvm.create_pipeline_tuning_options(speed_level=3))
     builder.getModulePassManager().run(module, builder)
-    return module, target_machine
+    return llvm.parse_assembly(BLOCKS.sub(r"@llvm.\1.inline.", str(module))), target_machine
 
 
-def _object(entries: tuple[Entry, ...], dtype: np.dtype[Any], target: str, where: str) -> bytes:
+TEXTS = 4
+_texts: dict[str, str] = {}  # LLVM text of the last entries, by content: a component is built for several platforms
+
+
+def _text(entries: tuple[Entry, ...], dtype: np.dtype[Any], where: str) -> str:
+    """All entries in one module, before anything of a platform."""
     memo: dict[int, Any] = {}
     whole: llvm.ModuleRef | None = None
     for entry in entries:
@@ -246,26 +258,33 @@ def _object(entries: tuple[Entry, ...], dtype: np.dtype[Any], target: str, where
             whole = module
         else:
             whole.link_in(module)
-    assert whole is not None
-    module, target_machine = _optimize(whole, target)
-    foreign = sorted(
-        function.name
-        for function in module.functions
-        if function.is_declaration and function.name not in LIBM and not function.name.startswith("llvm.")
-    )
+    return str(whole)
+
+
+def _object(text: str, target: str, where: str, entries: tuple[Entry, ...]) -> bytes:
+    module, target_machine = _optimize(text, target)
+    declared = [function.name for function in module.functions if function.is_declaration]
+    foreign = sorted(name for name in declared if name not in LIBM and not name.startswith("llvm."))
     if foreign:
         raise BuildError(source.explain_symbols(where, foreign, [entry.function for entry in entries]))
+    if any(name.startswith("llvm.memmove.") for name in declared):
+        raise BuildError(f"{where}: moving a block became a call of memmove, which FMUs lack. Move element by element.")
     return bytes(target_machine.emit_object(module))
 
 
 def compile_entries(entries: tuple[Entry, ...], dtype: np.dtype[Any], target: str, where: str, build: Path) -> bytes:
     """Object file with the entries as hidden symbols, from the cache in `build` where it holds them."""
-    shape = f"{BARE.get(target, target)} {dtype.descr if dtype.names is None else dtype.fields} {[(e.symbol, e.arguments) for e in entries]}"
-    key = content_hash(tuple(entry.function for entry in entries), shape)
+    layout = f"{dtype.descr if dtype.names is None else dtype.fields} {[(e.symbol, e.arguments) for e in entries]}"
+    content = content_hash(tuple(entry.function for entry in entries), layout)
+    key = content_hash((), content, str(BARE.get(target, target)))
     place = build / "objects" / f"{key}.o"
     if place.exists():
         return place.read_bytes()
-    code = _object(entries, dtype, target, where)
+    if content not in _texts:
+        for old in list(_texts)[: 1 - TEXTS]:
+            del _texts[old]
+        _texts[content] = _text(entries, dtype, where)
+    code = _object(_texts[content], target, where, entries)
     place.parent.mkdir(parents=True, exist_ok=True)
     partial = place.with_suffix(f".{os.getpid()}")
     partial.write_bytes(code)

@@ -19,7 +19,8 @@ class StepperAxis(Component):
     by a torque with a period of 4 full steps, so an overload loses steps in whole multiples of 4 full steps.
     """
 
-    target_steps = input("", "position to go to, in pulses", start=0, type=Int64, minimum=-40)
+    # a pull wire is paid out as far as the opposite one is pulled: 9 mm
+    target_steps = input("", "position to go to, in pulses", start=0, type=Int64, minimum=-2000)
     step_rate = input("Hz", "programmed speed, pulses per second", start=1000.0, minimum=1.0, nominal=500.0)
     load_force = input("N", "force on the slide, positive in its positive direction", nominal=5.0)
 

@@ -57,12 +57,12 @@ def assert_all_holds(outcome):
     assert outcome.passed
 
 
-@pytest.mark.xdist_group("hysteresis_identification")
-def test_the_compensators_constants_are_those_that_the_scenario_identifies(outcomes):
+@pytest.mark.parametrize("name", ["hysteresis_identification"])
+def test_the_compensators_constants_are_those_that_the_scenario_identifies(name, outcomes):
     """The valley is flat, so the constants may differ; what they say about the tip may not."""
-    outcome = outcomes(ROOT / "scenarios/hysteresis_identification.yaml")
-    for name in ("bouc_wen_compensator", "pi_bouc_wen_control"):
-        cls = catalog.component(name)
+    outcome = outcomes(ROOT / f"scenarios/{name}.yaml")
+    for compensator in ("bouc_wen_compensator", "pi_bouc_wen_control"):
+        cls = catalog.component(compensator)
         constants = [getattr(cls, constant).start for constant in Constants._fields]
         for signals in (table.values for (variant, _), table in outcome.tables.items() if variant == "chirp"):
             x_in, x_out = signals["tracker.sampled_reference"][1:], signals["tracker.measured_position"][1:]
@@ -110,10 +110,10 @@ def test_forms_agree_to_the_bit(build, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("rotation")
-def test_the_rotation_compensators_play_is_that_which_the_scenario_identifies(outcomes):
+@pytest.mark.parametrize("name", ["rotation"])
+def test_the_rotation_compensators_play_is_that_which_the_scenario_identifies(name, outcomes):
     """For the catheter, at every speed."""
-    outcome = outcomes(ROOT / "scenarios/rotation.yaml")
+    outcome = outcomes(ROOT / f"scenarios/{name}.yaml")
     default = catalog.component("rotation_compensator").play.start
     plays = [
         table.values["identified.play"][-1]

@@ -1,21 +1,28 @@
-"""FMUs of the small components, made once for all tests of this folder."""
+"""FMUs of the small components, made when a test asks for them, once for all tests of this folder."""
 
 import pytest
 from fmpy import extract
 
-from tests.fmi.loaded import VERSIONS
-from tests.fmi.parts import PARTS
 from twin.fmi import exporter
+
+
+class Built(dict):
+    """(component, version) -> (archive, folder it is unpacked in)."""
+
+    def __init__(self, build, folders):
+        super().__init__()
+        self.build, self.folders = build, folders
+
+    def __missing__(self, key):
+        part, version = key
+        path = exporter.build(part, version, self.build / "tests")
+        folder = self.folders.mktemp(part.__name__)
+        extract(str(path), str(folder))
+        self[key] = path, folder
+        return self[key]
 
 
 @pytest.fixture(scope="session")
 def fmus(build, tmp_path_factory):
-    """All parts as FMUs of both versions: (archive, folder it is unpacked in)."""
-    result = {}
-    for part in PARTS:
-        for version in VERSIONS:
-            path = exporter.build(part, version, build / "tests")
-            folder = tmp_path_factory.mktemp(part.__name__)
-            extract(str(path), str(folder))
-            result[part, version] = path, folder
-    return result
+    """All parts as FMUs of both versions."""
+    return Built(build, tmp_path_factory)

@@ -1,6 +1,7 @@
 """An FMU loaded with FMPy, spoken to in the component's own names."""
 
 import ctypes
+from functools import cache
 
 import numpy as np
 from elftools.elf.elffile import ELFFile
@@ -14,13 +15,19 @@ SLAVES = {
 TYPES_2 = {"Float64": "Real", "Int32": "Integer", "Int64": "Integer", "Boolean": "Boolean"}
 
 
+@cache
+def described(path):
+    """FMPy's description of an FMU, checked against the schema once: tests make instances by the hundred."""
+    return read_model_description(str(path))
+
+
 class Fmu:
     """A loaded FMU whose variables are read and written by the component's names, arrays whole."""
 
     def __init__(self, fmus, part, version, token=None, logging=False, kind="CS", **options):
         path, self.folder = fmus[part, version]
         self.version, self.part, self.kind, self.log = version, part, kind, []
-        description = read_model_description(str(path))
+        description = described(path)
         identifier = description.coSimulation.modelIdentifier
         self.slave = SLAVES[version, kind](
             guid=token or description.guid,

@@ -1,0 +1,66 @@
+"""Files of parameters that serve all members of a component."""
+
+import pytest
+
+from twin.errors import ScenarioError
+from twin.run import prepare
+from twin.scenario import Scenario
+
+SETS = """
+stop_time: 10 ms
+members:
+  left:  {component: servomotor}
+  right: {component: servomotor, parameters: {mass: 0.9 kg}}
+  wall:  {component: wall}
+parameter_sets: small.yaml
+variants:
+  small: {}
+  large: {parameter_sets: [small.yaml, large.yaml]}
+  plain: {parameter_sets: []}
+"""
+
+
+def mass(scenario, variant, member):
+    case = scenario.cases([variant])[0]
+    return case.members[member].parameters.get("mass")
+
+
+def test_parameter_sets_serve_all_members_of_a_component_and_give_way_to_their_own(tmp_path):
+    (tmp_path / "small.yaml").write_text("servomotor: {mass: 0.1 kg, friction_coulomb: 2 N}\nsheath: {drag: 7}\n")
+    (tmp_path / "large.yaml").write_text("servomotor: {mass: 5 kg}\n")
+    scenario = Scenario.loads(SETS, tmp_path / "s.yaml")
+    assert [mass(scenario, "small", member) for member in ("left", "right")] == ["0.1 kg", "0.9 kg"]
+    assert [mass(scenario, "large", member) for member in ("left", "right")] == ["5 kg", "0.9 kg"]
+    assert mass(scenario, "plain", "left") is None
+    assert scenario.cases(["large"])[0].members["left"].parameters["friction_coulomb"] == "2 N"
+    assert mass(Scenario.loads(SETS, tmp_path / "s.yaml", ["left.mass=3 kg"]), "large", "left") == "3 kg"
+
+
+def test_a_frozen_scenario_needs_no_parameter_file(tmp_path):
+    (tmp_path / "small.yaml").write_text("servomotor: {mass: 0.1 kg}\n")
+    (tmp_path / "large.yaml").write_text("servomotor: {mass: 5 kg}\n")
+    frozen = Scenario.loads(SETS, tmp_path / "s.yaml").frozen()
+    (tmp_path / "small.yaml").unlink()
+    again = Scenario.loads(frozen, tmp_path / "elsewhere" / "s.yaml")
+    assert mass(again, "large", "left") == "5 kg"
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, r"s\.yaml:7: parameter_sets: there is no file small\.yaml\."),
+        ("servomotor: {mas: 1 kg}\n", r"small\.yaml:1: left has no variable `mas`\. Did you mean `mass`\?"),
+        ("servomotor: 3\n", r"small\.yaml:1"),
+        ("- 3\n", r"small\.yaml:1"),
+        (
+            "servomoto: {mass: 1 kg}\n",
+            r"small\.yaml:1: parameter_sets: there is no component `servomoto`\. Did you mean",
+        ),
+    ],
+)
+def test_a_wrong_parameter_set_is_told_with_its_line(tmp_path, content, message):
+    if content is not None:
+        (tmp_path / "small.yaml").write_text(content)
+    text = SETS.replace(", large.yaml", "")
+    with pytest.raises(ScenarioError, match=message):
+        prepare(Scenario.loads(text, tmp_path / "s.yaml"))
