@@ -24,7 +24,7 @@ from twin import catalog
 from twin.component import Component, PythonComponent
 from twin.errors import CouplingError, ScenarioError
 from twin.metrics import Ending
-from twin.scenario.scenario import ConnectionSpec, MemberSpec
+from twin.scenario.spec import ConnectionSpec, MemberSpec
 from twin.system import nearest
 from twin.variable import Float64, Role
 from twin.variable import input as input_variable
@@ -32,7 +32,7 @@ from twin.variable import input as input_variable
 if TYPE_CHECKING:
     from hw_bridge.hardware import FaultKeys, HardwareKeys
     from twin.scenario import Scenario
-    from twin.scenario.scenario import Case
+    from twin.scenario.spec import Case
 
 KEPT = (Role.input, Role.output, Role.parameter)
 NEEDED = ("target_velocity", "position_actual_value")

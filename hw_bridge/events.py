@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hw_bridge.hardware import HardwareKeys
-    from twin.scenario.scenario import FaultSpec
+    from twin.scenario.spec import FaultSpec
 
 
 def planned(faults: Sequence[FaultSpec], keys: HardwareKeys) -> tuple[list[FaultKeys], list[str]]:

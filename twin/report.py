@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from rich.console import Group
 
     from twin.scenario import Case
-    from twin.scenario.scenario import Catalog
+    from twin.scenario.names import Catalog
     from twin.signals import Signals
 
 VERDICTS = {  # word in the table, color in the terminal

@@ -23,7 +23,8 @@ from twin.system import Connection, System, find
 
 if TYPE_CHECKING:
     from twin.member import Member
-    from twin.scenario.scenario import Case, Catalog
+    from twin.scenario.names import Catalog
+    from twin.scenario.spec import Case
 
 Progress = Callable[[str, float], object]  # name of the case, part of it that is done (0 to 1)
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from hw_bridge.hardware import HardwareKeys, NodeKeys
     from hw_bridge.trace.decoder import Line
     from twin.component import Component
-    from twin.scenario.scenario import Case
+    from twin.scenario.spec import Case
 
 POSITION, VELOCITY, STATUSWORD = "position_actual_value", "velocity_actual_value", "statusword"
 CURRENTS = ("torque_actual_value", "current_actual_values_actual", "current_actual_value")

@@ -16,7 +16,7 @@ from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.test_bridge import SCREW
 from twin.errors import ScenarioError, SimulationError
 from twin.run import run_scenario
-from twin.scenario import Scenario
+from twin.scenario import load_scenario
 
 SPRING = Path(__file__).with_name("spring.yaml")
 BENCH = "simulated: true\ncycle: {cycle} ms\nnodes:\n  servomotor: {{node: 1, profile: {profile}}}\n"
@@ -33,7 +33,7 @@ def deflected(tmp_path, build):
         if profile:
             (tmp_path / "bench.yaml").write_text(BENCH.format(cycle=cycle, profile=profile))
             hardware = load(tmp_path / "bench.yaml", build=build)
-        outcome = run_scenario(Scenario.load(SPRING), root=tmp_path, build=build, report=False, hardware=hardware)
+        outcome = run_scenario(load_scenario(SPRING), root=tmp_path, build=build, report=False, hardware=hardware)
         assert outcome.run.status == "completed", outcome.run.reason
         if hardware is not None:
             # SYNC makes targets act, the next cycle of the drive takes them over, and shows where the motor was then
@@ -192,7 +192,7 @@ def test_a_connected_force_has_a_pdo_from_the_start(tmp_path, build):
         "events: [{at: 0.5 s, set: {servomotor.mode_of_operation: 10}}]\n"
     )
     hardware = load(tmp_path / "bench.yaml", build=build)
-    scenario = Scenario.load(tmp_path / "later.yaml")
+    scenario = load_scenario(tmp_path / "later.yaml")
     outcome = run_scenario(scenario, root=tmp_path, build=build, report=False, hardware=hardware)
     assert outcome.run.status == "completed", outcome.run.reason
     (table,) = outcome.tables.values()
@@ -227,12 +227,12 @@ def test_the_bus_has_to_have_time_for_it(tmp_path, build):
     )
     motors = "title: two\nmembers: {servomotor: {component: servomotor}, second: {component: servomotor}}\n"
     scenario.write_text(motors + "stop_time: 1 s\nstep: 1 ms\n")
-    assert load(bench, build=build).apply(Scenario.load(scenario)).variants
+    assert load(bench, build=build).apply(load_scenario(scenario)).variants
     scenario.write_text(motors + f"extends: {SPRING}\n")
     with pytest.raises(
         ScenarioError, match=r"bench.yaml: cycle: process data fills 80 % of 2 ms at 800000 bit/s\. Make"
     ):
-        load(bench, build=build).apply(Scenario.load(scenario))
+        load(bench, build=build).apply(load_scenario(scenario))
 
 
 def test_a_supply_that_sags_is_noticed_by_the_drive(build):

@@ -9,7 +9,7 @@ from hw_bridge.fault import Cause
 from twin.errors import ScenarioError, SimulationError
 from twin.members import Form
 from twin.run import run_scenario
-from twin.scenario import Scenario
+from twin.scenario import load_scenario, parse_scenario
 
 ROOT = Path(__file__).parents[2]
 SCENARIO = ROOT / "scenarios/drive_faults.yaml"
@@ -29,10 +29,10 @@ def run(tmp_path, build):
     """Run variants of the force experiment on the simulated bench."""
 
     def run(variants, expect="[]", hardware=BENCH, only=()):
-        names = [case.variant for case in Scenario.load(SCENARIO).variants]
+        names = [case.variant for case in load_scenario(SCENARIO).variants]
         gone = dict.fromkeys(names, "null")
         text = ", ".join(f'"{name}": {one}' for name, one in (gone | variants).items())
-        scenario = Scenario.loads(SHORT.format(variants=f"{{{text}}}", expect=expect), SCENARIO.with_name("short.yaml"))
+        scenario = parse_scenario(SHORT.format(variants=f"{{{text}}}", expect=expect), SCENARIO.with_name("short.yaml"))
         found = load(hardware, build=build) if hardware is not None else None
         outcome = run_scenario(
             scenario, Form.compiled, root=tmp_path, build=build, report=False, hardware=found, variants=only
@@ -49,7 +49,7 @@ def event(**keys):
 
 def test_every_cause_ends_at_rest(tmp_path, build):
     """The scenario that shows them all: what is noticed stops the run, everything at rest, and is told."""
-    scenario = Scenario.load(SCENARIO)
+    scenario = load_scenario(SCENARIO)
     shown = {fault.text.partition(",")[0] for case in scenario.variants for fault in case.faults}
     assert shown == set(Cause)
     hardware = load(BENCH, build=build)
@@ -167,7 +167,7 @@ def test_a_fault_leaves_with_its_member():
 events: [{at: 1 s, fault: sync, node: servomotor}, {at: 1 s, fault: drop, node: master}]
 variants: {no servo: {members: {servomotor: null}}}
 """
-    scenario = Scenario.loads(text, SCENARIO.with_name("short.yaml"))
+    scenario = parse_scenario(text, SCENARIO.with_name("short.yaml"))
     faults = {case.variant: [fault.text for fault in case.faults] for case in scenario.variants}
     assert faults["PI"] == ["sync, node servomotor", "drop, node master"]
     assert faults["no servo"] == ["drop, node master"]
@@ -193,6 +193,6 @@ events: [{at: 1 s, fault: sync, node: master}]
 expect: [{ends: stopped}]
 """
     with pytest.raises(ScenarioError) as caught:
-        Scenario.loads(good.replace(old, new), SCENARIO.with_name("short.yaml"))
+        parse_scenario(good.replace(old, new), SCENARIO.with_name("short.yaml"))
     (line,) = caught.value.problems
     assert text in line

@@ -36,7 +36,7 @@ from hw_bridge.wire import Wire
 from twin.errors import ScenarioError, SimulationError
 from twin.members import Form
 from twin.run import run_scenario
-from twin.scenario import Scenario
+from twin.scenario import load_scenario, parse_scenario
 
 ROOT = Path(__file__).parents[2]
 BENCHES = ROOT / "hw_bridge/benches"
@@ -168,7 +168,7 @@ def rig_run(tmp_path, build, bench, at=0, event=None):
         seen.append([word & 1, word >> 1])
 
     found = load(BENCHES / bench, build=build)
-    scenario = Scenario.loads(SHORT, ROOT / "scenarios/short_racs.yaml")
+    scenario = parse_scenario(SHORT, ROOT / "scenarios/short_racs.yaml")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Session, "advance", watched)
         outcome = run_scenario(scenario, Form.compiled, root=tmp_path, build=build, report=False, hardware=found)
@@ -234,7 +234,7 @@ def test_only_a_module_is_safe_without_a_master(tmp_path, build, bench):
         SHORT
         + "events: [{at: 2.5 s, fault: bus_off, node: master}]\nexpect: [{ends: stopped, from: 2.5 s, to: 2.6 s}]\n"
     )
-    scenario = Scenario.loads(text, ROOT / "scenarios/short_racs.yaml")
+    scenario = parse_scenario(text, ROOT / "scenarios/short_racs.yaml")
     outcome = run_scenario(
         scenario, Form.compiled, root=tmp_path, build=build, report=False, hardware=load(BENCHES / bench, build=build)
     )
@@ -272,7 +272,7 @@ def test_grippers_hold_until_the_drives_stand(tmp_path, build):
 def test_faults_of_a_module_stop_everything(tmp_path, build, fault, text):
     path = tmp_path / "bench.yaml"
     path.write_text(FORCE + f"faults: [{{at: 0.2 s, fault: {fault}, node: valves}}]\n")
-    scenario = Scenario.loads(FORCE_SHORT, ROOT / "scenarios/short.yaml")
+    scenario = parse_scenario(FORCE_SHORT, ROOT / "scenarios/short.yaml")
     outcome = run_scenario(
         scenario, Form.compiled, root=tmp_path, build=build, report=False, hardware=load(path, build=build)
     )
@@ -296,7 +296,7 @@ def test_a_trace_names_its_outputs_and_can_be_replayed(tmp_path, build):
     path.write_text(FORCE)
     for more in ({"trace": trace}, {"replay": str(trace)}):
         outcome = run_scenario(
-            Scenario.loads(FORCE_SHORT, ROOT / "scenarios/short.yaml"), Form.compiled, root=tmp_path, build=build,
+            parse_scenario(FORCE_SHORT, ROOT / "scenarios/short.yaml"), Form.compiled, root=tmp_path, build=build,
             report=False, hardware=load(path, build=build, **more),
         )  # fmt: skip
         assert outcome.run.status == "completed", outcome.run.reason
@@ -388,7 +388,7 @@ def test_the_scenario_has_to_fit(tmp_path):
     path = tmp_path / "bench.yaml"
     path.write_text(FORCE.replace("valves:", "sheath:").replace("0: servomotor.limited", "0: sensor.measured_force"))
     with pytest.raises(ScenarioError) as caught:
-        load(path).apply(Scenario.load(ROOT / "scenarios/heart_wall_force.yaml"))
+        load(path).apply(load_scenario(ROOT / "scenarios/heart_wall_force.yaml"))
     assert "modules.sheath: the scenario has a member of this name." in str(caught.value)
     assert "modules.sheath.outputs.0: sensor.measured_force is Float64, an output needs one Boolean." in str(
         caught.value

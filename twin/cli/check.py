@@ -48,11 +48,11 @@ def command(files: tuple[str, ...], overrides: tuple[str, ...], hardware_file: P
 
 def examine(file: str, overrides: tuple[str, ...] = (), hardware: Hardware | None = None) -> tuple[list[str], str]:
     """(problems of a file, or what it has)."""
-    from twin.scenario import Scenario
+    from twin.scenario import load_scenario
     from twin.scenario.lookup import look_up
 
     try:
-        scenario = Scenario.load(file, overrides)
+        scenario = load_scenario(file, overrides)
         _, problems = look_up(scenario if hardware is None else hardware.apply(scenario))
     except ScenarioError as error:
         return error.problems, ""

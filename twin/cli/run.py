@@ -88,9 +88,9 @@ def command(
     """
     from twin.members import Form
     from twin.run import run_scenario
-    from twin.scenario import Scenario
+    from twin.scenario import load_scenario
 
-    scenario = Scenario.load(file, overrides)
+    scenario = load_scenario(file, overrides)
     if (trace is not None or replay is not None) and hardware_file is None:
         raise click.UsageError("--trace and --replay are of a bus: name it with --hardware.")
     if trace is not None and replay is not None:

@@ -1,7 +1,8 @@
 """Scenario files: what is run, what is expected, in YAML with units; every error gives file and line."""
 
 from twin.scenario.check import check_against
-from twin.scenario.scenario import (
+from twin.scenario.load import load_scenario, parse_scenario
+from twin.scenario.spec import (
     Case,
     ConnectionSpec,
     EventSpec,
@@ -14,5 +15,5 @@ from twin.scenario.scenario import (
 
 __all__ = [
     "Case", "ConnectionSpec", "EventSpec", "FaultSpec", "MemberSpec", "RecordSpec", "Scenario", "check_against",
-    "member_seed",
+    "load_scenario", "member_seed", "parse_scenario",
 ]  # fmt: skip
