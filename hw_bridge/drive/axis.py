@@ -71,6 +71,7 @@ class Axis:
             self._version = dictionary.version
             self.units = self.profile.units(dictionary)
             self.currents = self.profile.currents(dictionary)
+            self._tune()
         self.position = motor.measured_position - self.origin
         self.velocity = motor.measured_velocity
         self._derate(motor.current)
@@ -82,6 +83,18 @@ class Axis:
             values[place] = whole if low <= whole <= high else low if whole < low else high
         closed = self.switches.closed(motor.measured_position)
         dictionary.put(0x60FD, sum(bit << number for number, bit in enumerate(closed)))
+
+    def _tune(self) -> None:
+        """Gains of the dictionary: with its defaults the motor's loops are as its component has them."""
+        factors: dict[str, float] = {}
+        for place, powers in self.profile.gains.items():
+            default = self.dictionary.entry(*place).default
+            assert isinstance(default, int)
+            factor = max(self.dictionary.get(*place), 1) / default
+            for name, power in powers.items():
+                factors[name] = factors.get(name, 1.0) * factor**power
+        for name, factor in factors.items():
+            self.motor.tune(name, factor)
 
     @property
     def following_error(self) -> float:

@@ -73,6 +73,7 @@ class Motor:
         self.strongest = float(self._views["current_maximum"])  # the motor's own limit [A]
         if "current_continuous" in self._views:
             self._views["current_continuous"][...] = 10.0 * self.strongest  # I2t is the drive's, by its own objects
+        self._tuned: dict[str, float] = {}  # gains, as multiples of the component's
         self.powered = True
         self.grip = 1.0  # share of the load that reaches it
         self.offset = 0.0  # error of the sensor [m or rad]
@@ -116,11 +117,17 @@ class Motor:
 
     def set(self, parameter: str, value: float) -> None:
         """Change a parameter of the component."""
-        self._views[parameter][...] = value
+        self._views[parameter][...] = value * self._tuned.get(parameter, 1.0)
+
+    def tune(self, parameter: str, factor: float) -> None:
+        """Make a gain so many times what the component has; above 0."""
+        if (before := self._tuned.get(parameter, 1.0)) != factor:
+            self._tuned[parameter] = factor
+            self._views[parameter][...] *= factor / before
 
     def scale(self, parameter: str, factor: float) -> None:
         """Multiply a parameter of the component."""
-        self.set(parameter, factor * self.get(parameter))
+        self._views[parameter][...] *= factor
 
     def get(self, name: str) -> float:
         """A variable of the component."""

@@ -208,6 +208,10 @@ def supply(dictionary: Dictionary) -> tuple[float, float]:
     return dictionary.get(0x2201, 1) / 1000.0, dictionary.get(0x2201, 2) / 1000.0
 
 
+GAINS = {
+    (0x30A1, 1): {"position_gain": 1}, (0x30A2, 1): {"velocity_gain": 1}, (0x30A2, 2): {"velocity_integral": 1},
+}  # fmt: skip
+
 PROFILE = Profile(
     name="epos4",
     title="maxon EPOS4",
@@ -224,5 +228,6 @@ PROFILE = Profile(
     limits_off_when_zero=True,
     power_stage_bit=True,
     rpdo_timeout=True,
+    gains=GAINS,
     supply=supply,
 )

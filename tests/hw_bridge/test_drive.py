@@ -167,6 +167,47 @@ def test_csp_follows_with_the_lag_of_the_position_loop(faulhaber):
     assert abs(bench.read(0x6078)) < 500
 
 
+@pytest.mark.parametrize(
+    ("vendor", "gain", "half", "parameters"),
+    [("faulhaber_v3", (0x2344, 1), 500, {"velocity_gain": 0.5, "velocity_integral": 0.5}),
+     ("faulhaber_v3", (0x2344, 2), 160, {"velocity_integral": 0.5}),
+     ("epos4", (0x30A1, 1), 750000, {"position_gain": 0.5}),
+     ("epos4", (0x30A2, 1), 10000, {"velocity_gain": 0.5}),
+     ("epos4", (0x30A2, 2), 250000, {"velocity_integral": 0.5})],
+)  # fmt: skip
+def test_gains_are_those_of_the_motors_loops(make, vendor, gain, half, parameters):
+    """As multiples of what the component has, until a reset; a fault of the loop stays beside them."""
+    bench = make(vendor)
+    motor = bench.drive.axis.motor
+    names = ("velocity_gain", "velocity_integral", "position_gain")
+    own = {name: motor.get(name) for name in names}
+    bench.write(gain[0], half, gain[1])
+    bench.go(2)
+    assert {name: motor.get(name) for name in names} == pytest.approx(
+        {name: value * parameters.get(name, 1.0) for name, value in own.items()}
+    )
+    motor.scale("velocity_gain", 3.0)
+    bench.nmt(129)
+    bench.go(110)
+    own["velocity_gain"] *= 3.0
+    assert {name: motor.get(name) for name in names} == pytest.approx(own)
+
+
+def test_a_weaker_velocity_loop_takes_longer(make):
+    """Half the gain, and a speed is reached later."""
+    times = []
+    for gain in (1000, 250):
+        bench = make("faulhaber_v3")
+        bench.write(0x2344, gain, 1)
+        bench.enable(Mode.CSV)
+        bench.write(0x60FF, 50)
+        start = bench.bus.now
+        while bench.drive.axis.velocity < 0.045:
+            bench.go(1)
+        times.append(bench.bus.now - start)
+    assert times[1] > 2 * times[0]
+
+
 def test_a_csp_target_that_was_not_preloaded_jumps(epos):
     """The trap: at enable csp goes to 607Ah; EPOS4's following error trips at once."""
     bench = epos
