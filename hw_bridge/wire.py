@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import random
 import threading
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 import can
 
 from hw_bridge.bus import BUS_OFF, Kind
 from hw_bridge.frame import Frame
+from twin.errors import SimulationError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -21,11 +24,26 @@ if TYPE_CHECKING:
 PATIENCE = 0.05  # longest wait [s] before a look at the request to stop
 RECOVERY = 2_000_000  # from bus-off to the return [ns]: 128 x 11 bits at 1 Mbit/s and a little more
 LATE = 10_000_000  # the wall clock this far ahead counts as an overrun [ns]
+OLDEST = 1.0  # a frame cannot have waited longer for this process: its time stamp is of another clock [s]
+HIGHEST, LONGEST = 0x7FF, 8  # identifier of CAN 2.0A, bytes of a frame
+UNREADABLE = 20  # so many failed reads in a row are the end of an interface; fewer are garbage on the line
+PRIORITY = 10  # of SCHED_FIFO: above everything ordinary, below what the kernel's own threads have
+
+
+def hasten() -> bool:
+    """Go before ordinary processes, where the system has that and allows it; a loop that always waits may."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    except (AttributeError, OSError):
+        return False
+    return True
 
 
 def from_message(message: can.Message) -> Frame | None:
-    """The frame of a python-can message; nothing for what CANopen does not use."""
+    """The frame of a python-can message; nothing for what CANopen does not use, or what no CAN frame can be."""
     if message.is_error_frame or message.is_extended_id or message.is_fd:
+        return None
+    if message.arbitration_id > HIGHEST or len(message.data) > LONGEST:  # of a serial line that garbles
         return None
     if message.is_remote_frame:
         return Frame(message.arbitration_id, remote=True, length=message.dlc)
@@ -40,6 +58,29 @@ def to_message(frame: Frame) -> can.Message:
     )
 
 
+class Ear:
+    """Hears a python-can bus. What cannot be read is passed over; SimulationError where nothing can any more."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self.bus = bus
+        self.failed = 0  # reads in a row
+
+    def message(self, timeout: float) -> can.Message | None:
+        """What comes next, or nothing within `timeout` [s]."""
+        try:
+            message = self.bus.recv(timeout)
+        except (can.CanError, OSError, ValueError, IndexError) as error:
+            self.failed += 1
+            if self.failed > UNREADABLE:
+                raise SimulationError(f"bus: cannot be read: {error}. Check the adapter.") from error
+            if (flush := getattr(self.bus, "flush", None)) is not None:  # slcan would read the same bytes for ever
+                with suppress(can.CanError, OSError):
+                    flush()
+            return None
+        self.failed = 0
+        return message
+
+
 def nothing() -> None:
     """Nobody looks."""
 
@@ -52,7 +93,7 @@ class Wire:
     """
 
     def __init__(self, slave: Slave, bus: can.BusABC) -> None:
-        self.slave, self.bus = slave, bus
+        self.slave, self.bus, self.ear = slave, bus, Ear(bus)
         self.stop = threading.Event()
         self.overruns = 0
         self.lost = 0  # frames that the interface did not take
@@ -99,7 +140,7 @@ class Wire:
     def _send(self, frame: Frame) -> None:
         try:
             self.bus.send(to_message(frame))
-        except can.CanError:
+        except (can.CanError, OSError):
             self.lost += 1
 
     def _heard(self, frame: Frame) -> None:
@@ -111,17 +152,29 @@ class Wire:
             self._later(hit, lambda: self.slave.receive(frame))
 
     def run(self) -> None:
-        """Let simulated time follow the monotonic clock."""
-        slave = self.slave
+        """Let simulated time follow the monotonic clock.
+
+        A frame acts at the time when it reached this machine. A process that the system lets wait would else find its
+        timeouts expired before it has read what came in the meantime, which no drive does.
+        """
+        slave, late = self.slave, False
         begin = time.monotonic_ns() - slave.port.agenda.now
         while not self.stop.is_set():
-            now = time.monotonic_ns() - begin
-            due = slave.next_time()
-            self.overruns += now - due > LATE
-            slave.advance(now)
             self.look()
             wait = (slave.next_time() - (time.monotonic_ns() - begin)) / 1e9
-            message = self.bus.recv(min(max(wait, 0.0), PATIENCE))
-            if message is not None and (frame := from_message(message)) is not None:
-                slave.advance(max(time.monotonic_ns() - begin, slave.port.agenda.now))
+            message = self.ear.message(min(max(wait, 0.0), PATIENCE))
+            now, before = time.monotonic_ns() - begin, late
+            late = now - slave.next_time() > LATE
+            self.overruns += late and not before
+            frame = from_message(message) if message is not None else None
+            if message is None or frame is None:
+                slave.advance(now)
+            else:
+                slave.advance(max(now - waited(message), slave.port.agenda.now))
                 self._heard(frame)
+
+
+def waited(message: can.Message) -> int:
+    """How long a frame has been on this machine [ns]; 0 where its interface tells the time of another clock."""
+    age = time.time() - message.timestamp
+    return round(age * 1e9) if 0.0 < age < OLDEST else 0

@@ -124,7 +124,7 @@ def serve(
     from hw_bridge.drive.control import Control
     from hw_bridge.drive.drive import Drive
     from hw_bridge.drive.motor import Motor
-    from hw_bridge.wire import Wire
+    from hw_bridge.wire import Wire, hasten
 
     control: Control | None = None
     drive = Drive(chosen, node, Motor(chosen.motor, build=build))
@@ -139,6 +139,7 @@ def serve(
             control = Control(port, drive, wire)
             wire.look = control.look
         _stop_on_signals(wire.stop)
+        hasten()
         takes = f" Faults: --control {control.port}." if control is not None else ""
         click.echo(f"{chosen.title}: node {node} on {interface} {channel}.{takes} Ctrl-C ends it.")
         wire.run()

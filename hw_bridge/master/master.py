@@ -209,6 +209,7 @@ class Master:
         node.homing, node.goal = False, State.DISABLED
         self._until(lambda: node.state in AT_REST, RAMP_UP, lambda: node.name)
         node.origin = -keys.at
+        node.entered_from = keys.at
 
     def _approach(self, node: Node, position: float) -> None:
         """Go to where the scenario begins, at the speed of homing."""
@@ -222,6 +223,7 @@ class Master:
                 raise SimulationError(problem)
         for _ in range(SETTLE // self.cycle):
             self.run_cycle()
+        node.entered_from = None
 
     # ------------------------------------------------------------------------------------------------------ watch
 
@@ -243,7 +245,7 @@ class Master:
             return f"{node.name}: left Operation enabled: {node.state}."
         if node.boots:
             return f"{node.name}: started anew by itself. Check its supply."
-        low, high = limits.position
+        low, high = node.position_limits
         if not low <= node.position <= high:
             return f"{node.name}: position {node.way(node.position)} is outside {node.way(low)} to {node.way(high)}."
         if abs(node.velocity) > limits.velocity:

@@ -23,8 +23,9 @@ if TYPE_CHECKING:
 TARGET_PDO, CONTROL_PDO = 0x200, 0x300
 STATE_PDO, SPEED_PDO = 0x180, 0x280
 LM2070 = 11.64  # force constant [N/A]
-WINDOW = 0.1  # time over which the way that was driven is compared with the way that was asked for [s]
-
+WINDOW = 1.0  # time over which the way that was driven is compared with the way that was asked for [s]: what stands
+# against an end stop is noticed at a speed of the limit over this time
+MARGIN = 1e-3  # by which a drive may swing back while it leaves an end stop [m or rad]
 RESETS = 3  # a fault that stays has a cause
 
 UP = {  # controlword on the way to Operation enabled
@@ -52,6 +53,7 @@ class Node:
         self.sign = -keys.scale if keys.inverted else keys.scale
         self.rotary = False  # whether positions are angles
         self.origin = 0.0  # what the drive counts where the position is 0 [m]
+        self.entered_from: float | None = None  # where homing ended, on the way to where the scenario begins [m]
         self.goal = State.DISABLED
         self.homing = False
         self.mode = Mode.CSV
@@ -105,6 +107,13 @@ class Node:
     def state(self) -> State:
         """State of the power drive system."""
         return state_of(self.word)
+
+    @property
+    def position_limits(self) -> tuple[float, float]:
+        """Where it may be [m]. An end stop is beyond the limits: who was sent there may come back."""
+        low, high = self.keys.limits.position
+        here = self.entered_from
+        return (low, high) if here is None else (min(low, here - MARGIN), max(high, here + MARGIN))
 
     def zero(self, position: float) -> None:
         """Here is this position."""
@@ -196,6 +205,9 @@ class Node:
         self.late += max(self.answered - 1, 0)
         self.silent = self.silent + 1 if self.answered == 0 else 0
         self.answered = 0
+        if self.mode is Mode.CSP:
+            self.ways.clear()
+            return
         asked = self.target_velocity * cycle / 1e9
         self.ways.append((asked, self.position))
         while len(self.ways) * cycle > WINDOW * 1e9:

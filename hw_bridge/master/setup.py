@@ -114,9 +114,13 @@ def ramps(node: Node) -> None:
 
 
 def limit_positions(node: Node) -> None:
-    """Software limits 607Dh, once it is known from where positions count. A tenth beyond those of the master."""
+    """Software limits 607Dh, once it is known from where positions count. A tenth beyond those of the master.
+
+    Not on this side of where the drive stands after homing: it would jump there as soon as it is enabled.
+    """
     low, high = node.keys.limits.position
     margin = 0.1 * (high - low)
+    low, high = min(low, node.position), max(high, node.position)
     ends = sorted(node.device_position(one) for one in (low - margin, high + margin))
     for sub, end in enumerate(ends, 1):
         put(node, 0x607D, sub, end)
