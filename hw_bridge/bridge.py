@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hw_bridge import outputs
+from hw_bridge import outputs, plausible
 from hw_bridge.hardware import ContactKeys
 from hw_bridge.hardware import load as load_keys
 from hw_bridge.session import Session, beginning, unknown_mode
@@ -21,6 +21,7 @@ from twin import catalog
 from twin.component import Component, PythonComponent
 from twin.errors import CouplingError, ScenarioError
 from twin.scenario.scenario import ConnectionSpec, MemberSpec
+from twin.scenario.tree import read
 from twin.system import nearest
 from twin.variable import Float64, Role
 from twin.variable import input as input_variable
@@ -73,6 +74,7 @@ class Hardware:
     ) -> None:
         self.path, self.keys, self.arm, self.build, self.trace = path, keys, arm, build, trace
         self.contacts = {name: node.contact for name, node in keys.nodes.items() if node.contact is not None}
+        self.root = read(path, str(path))  # for the places of mistakes
         self.sessions: list[Session] = []
         self.present: Session | None = None
 
@@ -100,6 +102,7 @@ class Hardware:
                 found.append(
                     f"{self.path}: nodes.{name}: {cls.__name__} has no {', '.join(missing)}. A drive needs them."
                 )
+            found += plausible.units(self.root, name, "angle" in known)
             if node.contact is not None and node.contact.signal.partition(".")[0] not in case.members:
                 found.append(f"{self.path}: nodes.{name}.contact: no member for {node.contact.signal}. Correct it.")
             elif node.contact is None and node.watch_contact:

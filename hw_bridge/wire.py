@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import random
 import threading
 import time
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import can
 
@@ -25,6 +26,8 @@ PATIENCE = 0.05  # longest wait [s] before a look at the request to stop
 RECOVERY = 2_000_000  # from bus-off to the return [ns]: 128 x 11 bits at 1 Mbit/s and a little more
 LATE = 10_000_000  # the wall clock this far ahead counts as an overrun [ns]
 OLDEST = 1.0  # a frame cannot have waited longer for this process: its time stamp is of another clock [s]
+# python-can's slcan looks at the time only after each wait for a byte, which is 1 ms long by default
+OPTIONS: dict[str, dict[str, Any]] = {"slcan": {"timeout": 0.0002}}
 HIGHEST, LONGEST = 0x7FF, 8  # identifier of CAN 2.0A, bytes of a frame
 UNREADABLE = 20  # so many failed reads in a row are the end of an interface; fewer are garbage on the line
 PRIORITY = 10  # of SCHED_FIFO: above everything ordinary, below what the kernel's own threads have
@@ -37,6 +40,19 @@ def hasten() -> bool:
     except (AttributeError, OSError):
         return False
     return True
+
+
+def opened(interface: str, channel: str, bit_rate: int, options: dict[str, Any]) -> can.BusABC:
+    """A python-can bus; SimulationError in one line if it cannot be opened."""
+    logging.getLogger("can").setLevel(logging.ERROR)  # what a half-opened bus says besides its error
+    try:
+        return can.Bus(**{**OPTIONS.get(interface, {}), **options, "channel": channel, "interface": interface,
+                          "bitrate": bit_rate})  # fmt: skip
+    except Exception as error:  # drivers of adapters raise whatever they meet
+        what = " ".join(str(error).split()).rstrip(".!") or type(error).__name__
+        raise SimulationError(
+            f"{interface} {channel}: cannot be opened: {what}. Check the interface's name, its driver and the adapter."
+        ) from error
 
 
 def from_message(message: can.Message) -> Frame | None:

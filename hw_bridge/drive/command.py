@@ -8,7 +8,7 @@ import threading
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -34,6 +34,8 @@ IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2))  # what it is asked, and aske
 @click.option("--interface", "-i", help="python-can's interface: socketcan, slcan, udp_multicast, ...")
 @click.option("--channel", "-c", help="The interface's channel: can0, /dev/ttyACM0, 239.74.163.2, ...")
 @click.option("--bitrate", type=int, default=1_000_000, show_default=True, help="For interfaces that have one.")
+@click.option("--option", "options", multiple=True, metavar="NAME=VALUE", help="More arguments of the interface, such as "
+              "port=43114; repeat.")  # fmt: skip
 @click.option(
     "--eds", type=click.Path(dir_okay=False, path_type=Path), help="Object dictionary instead of the profile's."
 )
@@ -46,8 +48,8 @@ IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2))  # what it is asked, and aske
               help="Folder for compiled objects.")  # fmt: skip
 @click.pass_context
 def command(
-    context: click.Context, name: str | None, node: int, interface: str | None, channel: str | None, bitrate: int, eds: Path | None,
-    write_eds: Path | None, control: int | None, build: Path,
+    context: click.Context, name: str | None, node: int, interface: str | None, channel: str | None, bitrate: int,
+    options: tuple[str, ...], eds: Path | None, write_eds: Path | None, control: int | None, build: Path,
 ) -> None:  # fmt: skip
     """Run a simulated CANopen drive with its motor, paced by the wall clock, until Ctrl-C.
 
@@ -73,7 +75,7 @@ def command(
         raise click.UsageError("Name --interface and --channel, such as -i socketcan -c vcan0, or use --write-eds.")
     if eds is not None:
         chosen = replace(chosen, objects=files.load(eds))
-    serve(chosen, node, interface, channel, bitrate, build, control)
+    serve(chosen, node, interface, channel, bitrate, build, control, named(options))
 
 
 @command.command("inject", short_help="let a fault happen in a running twin drive")
@@ -115,23 +117,30 @@ def inject_fault(
     click.echo(f"{fault}: {MEANINGS[Cause(fault)]}")
 
 
-def serve(
-    chosen: Profile, node: int, interface: str, channel: str, bitrate: int, build: Path, port: int | None = None
-) -> None:
-    """Run the drive on an interface until a signal ends it."""
-    import can
+def named(options: tuple[str, ...]) -> dict[str, Any]:
+    """Arguments by name, numbers as numbers."""
+    found: dict[str, Any] = {}
+    for one in options:
+        name, mark, value = one.partition("=")
+        if not (name and mark):
+            raise click.UsageError(f"--option {one}: expected NAME=VALUE, such as port=43114.")
+        found[name] = int(value) if value.lstrip("-").isdecimal() else value
+    return found
 
+
+def serve(
+    chosen: Profile, node: int, interface: str, channel: str, bitrate: int, build: Path, port: int | None = None,
+    options: dict[str, Any] | None = None,
+) -> None:  # fmt: skip
+    """Run the drive on an interface until a signal ends it."""
     from hw_bridge.drive.control import Control
     from hw_bridge.drive.drive import Drive
     from hw_bridge.drive.motor import Motor
-    from hw_bridge.wire import Wire, hasten
+    from hw_bridge.wire import Wire, hasten, opened
 
     control: Control | None = None
     drive = Drive(chosen, node, Motor(chosen.motor, build=build))
-    try:
-        bus = can.Bus(channel=channel, interface=interface, bitrate=bitrate)
-    except (can.CanError, OSError, ValueError, ImportError) as error:
-        raise SimulationError(f"{interface} {channel}: cannot be opened: {error}. Check the adapter.") from error
+    bus = opened(interface, channel, bitrate, options or {})
     try:
         refuse_if_taken(bus, node)
         wire = Wire(drive, bus)

@@ -10,14 +10,12 @@ from typing import TYPE_CHECKING, Any
 import can
 
 from hw_bridge.master.network import Condition, Network, never
-from hw_bridge.wire import Ear, from_message, hasten, to_message
+from hw_bridge.wire import Ear, from_message, hasten, opened, to_message
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
     from hw_bridge.frame import Frame
 
-# python-can's slcan looks at the time only after each wait for a byte, which is 1 ms long by default
-OPTIONS: dict[str, dict[str, Any]] = {"slcan": {"timeout": 0.0002}}
 PATIENCE = 20_000_000  # longest time that frames which came late are heard [ns]
 BUS_OFF = 0x40  # CAN_ERR_BUSOFF of linux/can/error.h
 
@@ -29,11 +27,7 @@ class WireNetwork(Network):
 
     def __init__(self, interface: str, channel: str, bit_rate: int, options: dict[str, Any]) -> None:
         super().__init__()
-        try:
-            more = OPTIONS.get(interface, {}) | options
-            self.bus = can.Bus(channel=channel, interface=interface, bitrate=bit_rate, **more)
-        except (can.CanError, OSError, ValueError, ImportError, TypeError) as error:
-            raise SimulationError(f"{interface} {channel}: cannot be opened: {error}. Check the adapter.") from error
+        self.bus = opened(interface, channel, bit_rate, options)
         self.ear = Ear(self.bus)
         self._echoes = interface == "udp_multicast"  # what is sent comes back
         self._error_classes = interface == "socketcan"
