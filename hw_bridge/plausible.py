@@ -41,7 +41,9 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
     problems = []
     if keys.cycle > SLOWEST:
         place = root.find(("cycle",)).place
-        problems.append(f"{place}: cycle: {keys.cycle / 1e6:g} ms is more than 255 ms, which drives can count. Shorten it.")
+        problems.append(
+            f"{place}: cycle: {keys.cycle / 1e6:g} ms is more than 255 ms, which drives can count. Shorten it."
+        )
     for name, node in keys.nodes.items():
         problems += [f"{root.find(('nodes', name, *path)).place}: nodes.{name}.{'.'.join(path)}: {text}"
                      for path, text in _node(node)]  # fmt: skip
@@ -58,7 +60,8 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
 
 def _node(node: NodeKeys) -> list[tuple[tuple[str, ...], str]]:
     """Problems of one node, each with the key that it is about."""
-    chosen, found = profile(node.profile), []
+    chosen = profile(node.profile)
+    found: list[tuple[tuple[str, ...], str]] = []
     if node.homing is not None and node.homing.method not in chosen.homing:
         known = ", ".join(map(str, sorted(chosen.homing)))
         text = f"{chosen.title} has no method {node.homing.method}. There are: {known}."
@@ -89,7 +92,9 @@ def _object(chosen: Profile, index: int, sub: int, value: int) -> str:
         return f"{value} is no {entry.type.name}. Correct it."
     low, high = entry.low, entry.high
     if (low is not None and value < low) or (high is not None and value > high):
-        return f"{value} is outside {low if low is not None else '-'} to {high if high is not None else '-'}. Correct it."
+        return (
+            f"{value} is outside {low if low is not None else '-'} to {high if high is not None else '-'}. Correct it."
+        )
     return ""
 
 

@@ -7,6 +7,7 @@ import os
 import random
 import threading
 import time
+from collections import deque
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
@@ -46,8 +47,11 @@ def opened(interface: str, channel: str, bit_rate: int, options: dict[str, Any])
     """A python-can bus; SimulationError in one line if it cannot be opened."""
     logging.getLogger("can").setLevel(logging.ERROR)  # what a half-opened bus says besides its error
     try:
-        return can.Bus(**{**OPTIONS.get(interface, {}), **options, "channel": channel, "interface": interface,
-                          "bitrate": bit_rate})  # fmt: skip
+        bus = can.Bus(**{**OPTIONS.get(interface, {}), **options, "channel": channel, "interface": interface,
+                         "bitrate": bit_rate})  # fmt: skip
+        if interface == "slcan":
+            bus.serialPortOrig = Gulps(bus.serialPortOrig)  # type: ignore[attr-defined]
+        return bus
     except Exception as error:  # drivers of adapters raise whatever they meet
         what = " ".join(str(error).split()).rstrip(".!") or type(error).__name__
         raise SimulationError(
@@ -72,6 +76,42 @@ def to_message(frame: Frame) -> can.Message:
     return can.Message(
         arbitration_id=frame.id, data=frame.data, dlc=dlc, is_extended_id=False, is_remote_frame=frame.remote
     )
+
+
+class Gulps:
+    """A serial port that is asked for single bytes and reads all that there are.
+
+    python-can's slcan wants each byte by itself: with a system call for each, three drives fill a cycle of 5 ms.
+    """
+
+    def __init__(self, port: Any) -> None:
+        self.port = port
+        self.bytes: deque[int] = deque()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.port, name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in ("port", "bytes"):
+            super().__setattr__(name, value)
+        else:
+            setattr(self.port, name, value)
+
+    @property
+    def in_waiting(self) -> int:
+        """Bytes that can be read at once."""
+        return len(self.bytes) or self.port.in_waiting
+
+    def read(self, _size: int = 1) -> bytes:
+        """The next byte, or none within the port's timeout."""
+        if not self.bytes:
+            self.bytes.extend(self.port.read(max(self.port.in_waiting, 1)))
+        return bytes((self.bytes.popleft(),)) if self.bytes else b""
+
+    def reset_input_buffer(self) -> None:
+        """Forget what was not read."""
+        self.bytes.clear()
+        self.port.reset_input_buffer()
 
 
 class Ear:

@@ -125,7 +125,16 @@ def test_garbage_on_a_serial_line_is_passed_over(monkeypatch):
     try:
         heard = []
         network.hear = heard.append
-        for line in (b"\xff\xfe\r", b"t1\r", b"tzzz8\r", b"tFFF0\r", b"t1239" + b"00" * 9 + b"\r", b"t1232\r", b"", b"\r"):
+        for line in (
+            b"\xff\xfe\r",
+            b"t1\r",
+            b"tzzz8\r",
+            b"tFFF0\r",
+            b"t1239" + b"00" * 9 + b"\r",
+            b"t1232\r",
+            b"",
+            b"\r",
+        ):
             os.write(ours, line)
             network.advance(network.now + 20_000_000)
         os.write(ours, b"t18121122\r")
