@@ -57,6 +57,7 @@ stop_time: {seconds} s
 members:
   command: {{parameters: {{distance: {distance} m, speed: 20 mm/s, begin: 0.5 s}}}}
   turning: {{component: rotation_command}}
+  sequencer: {{parameters: {{stroke: {stroke} mm, alpha: 3}}}}
 connections: [turning.target_position -> rotation.target_position]
 plots: []
 """
@@ -98,11 +99,11 @@ def run_line(hardware: Path, seconds: float, runs: Path, build: Path) -> list[st
     return line(hardware, text, runs, build, "--variant", "PI+FF+BW", "--seed", "1")
 
 
-def rig_line(hardware: Path, seconds: float, runs: Path, build: Path) -> list[str]:
+def rig_line(hardware: Path, seconds: float, runs: Path, build: Path, stroke: int = 50) -> list[str]:
     """The command that runs the whole rig on it: out for half of the time, then back."""
     distance = round(0.02 * (seconds - 2.0) / 2.0, 3)
-    return line(hardware, LONG_RIG.format(scenario=os.path.relpath(RIG, hardware.parent), seconds=seconds, distance=distance),
-                runs, build)  # fmt: skip
+    return line(hardware, LONG_RIG.format(scenario=os.path.relpath(RIG, hardware.parent), seconds=seconds, distance=distance,
+                stroke=stroke), runs, build)  # fmt: skip
 
 
 def line(hardware: Path, text: str, runs: Path, build: Path, *more: str) -> list[str]:
@@ -212,11 +213,13 @@ def measure(interface: str, channel: str, seconds: float, folder: Path, build: P
 
 def measure_rig(
     interface: str, channel: str, seconds: float, folder: Path, build: Path, profiles: tuple[str, ...] = RIG_DRIVES,
-    cycle: str = "5 ms",
+    cycle: str = "5 ms", stroke: int = 50,
 ) -> dict[str, Any]:  # fmt: skip
     """Summary of a run of the whole rig of so many seconds."""
     with bus(interface, channel, 4) as (ours, *theirs), drives(profiles, interface, theirs, build):
-        return summary(rig_line(rig_bench(folder, interface, ours, profiles, cycle), seconds, folder / "runs", build))
+        return summary(
+            rig_line(rig_bench(folder, interface, ours, profiles, cycle), seconds, folder / "runs", build, stroke)
+        )
 
 
 def summary(command: list[str]) -> dict[str, Any]:

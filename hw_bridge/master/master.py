@@ -173,9 +173,10 @@ class Master:
                 raise SimulationError(f"not enabled after {limit / 1e9:g} s: {what()}.{self._told()}")
             self.run_cycle()
             for node in self.nodes.values():
-                if self._lost(node):
+                if self._lost(node) or node.silent > 4 * SILENT_CYCLES:
+                    what = "heartbeat" if self._lost(node) else "process data"
                     raise SimulationError(
-                        f"{node.name}: no heartbeat while it was brought up. Check its power and the bus."
+                        f"{node.name}: no {what} while it was brought up.{self._told()} Check its power and the bus."
                     )
 
     def _told(self) -> str:
