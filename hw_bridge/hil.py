@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hw_bridge.hardware import load
-from hw_bridge.profiles import MODULES, profile
+from hw_bridge.profiles import MODULES, identity, profile
 from hw_bridge.session import bench_network
 from twin.errors import SimulationError
 
@@ -101,7 +101,7 @@ def known(vendor: int, product: int) -> str:
     titles = []
     for name in MODULES:
         chosen = profile(name)
-        own = {entry.sub: entry.default for entry in chosen.objects if entry.index == 0x1018}
+        own = identity(name)
         if own[1] == vendor:
             titles.append(chosen.title)
             if own[2] == product:

@@ -49,14 +49,14 @@ def opened(interface: str, channel: str, bit_rate: int, options: dict[str, Any])
     try:
         bus = can.Bus(**{**OPTIONS.get(interface, {}), **options, "channel": channel, "interface": interface,
                          "bitrate": bit_rate})  # fmt: skip
-        if interface == "slcan":
-            bus.serialPortOrig = Gulps(bus.serialPortOrig)  # type: ignore[attr-defined]
-        return bus
     except Exception as error:  # drivers of adapters raise whatever they meet
         what = " ".join(str(error).split()).rstrip(".!") or type(error).__name__
         raise SimulationError(
             f"{interface} {channel}: cannot be opened: {what}. Check the interface's name, its driver and the adapter."
         ) from error
+    if interface == "slcan":
+        bus.serialPortOrig = Gulps(bus.serialPortOrig)  # type: ignore[attr-defined]
+    return bus
 
 
 def from_message(message: can.Message) -> Frame | None:

@@ -6,7 +6,6 @@ import signal
 import struct
 import threading
 import time
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -74,7 +73,7 @@ def command(
     if interface is None or channel is None:
         raise click.UsageError("Name --interface and --channel, such as -i socketcan -c vcan0, or use --write-eds.")
     if eds is not None:
-        chosen = replace(chosen, objects=files.load(eds))
+        chosen = files.adopt(chosen, eds)
     serve(chosen, node, interface, channel, bitrate, build, control, named(options))
 
 

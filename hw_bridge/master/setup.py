@@ -12,6 +12,7 @@ from hw_bridge.cia402 import State, state_of
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.vendor import SPEED, TRANSMIT, receive
 from hw_bridge.outputs import LEVELS, MASK, OUTPUTS
+from hw_bridge.profiles import MODULES, identity
 from hw_bridge.slave.pdo import INVALID
 from twin.errors import SimulationError
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 DRIVE = 402  # device profile: the lower half of 1000h
 IDENTITY = {1: "vendor", 2: "product code", 3: "revision", 4: "serial number"}
+KNOWN = {(one[1], one[2]) for one in map(identity, MODULES)}  # vendor and product code of each profile
 SCALING = (0x2350, 0x3001, 0x3010, 0x608F, 0x6075, 0x6091, 0x6092, 0x60A9)  # what units follow from
 
 
@@ -67,7 +69,10 @@ def identify(node: Node) -> list[str]:
         return [f"{name}: node {node.number} is no drive: 1000h is {device:08X}h. Check the node-ID."]
     found = {sub: struct.unpack("<I", node.sdo.read(0x1018, sub))[0] for sub in IDENTITY}
     expected = {1: node.mirror.get(0x1018, 1)}
-    expected |= {2: keys.product} if keys.product is not None else {}
+    if keys.product is not None:
+        expected[2] = keys.product
+    elif (found[1], found[2]) in KNOWN - {(expected[1], node.mirror.get(0x1018, 2))}:
+        expected[2] = node.mirror.get(0x1018, 2)  # any product, but not that of another profile
     expected |= {4: keys.serial} if keys.serial is not None else {}
     return [
         f"{name}: node {node.number}: {IDENTITY[sub]} is {found[sub]:X}h, expected {value:X}h "
