@@ -47,8 +47,8 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
     for name, node in keys.nodes.items():
         problems += [f"{root.find(('nodes', name, *path)).place}: nodes.{name}.{'.'.join(path)}: {text}"
                      for path, text in _node(node)]  # fmt: skip
-    for place, one in enumerate(keys.faults):
-        where = f"{root.find(('faults', place)).place}: faults[{place + 1}]"
+    for k, one in enumerate(keys.faults):
+        where = f"{root.find(('faults', k)).place}: faults[{k + 1}]"
         if one.at < 0 or one.jitter < 0:
             problems.append(f"{where}: a time is below zero. Count from the beginning of the scenario.")
         if one.identifiers is not None:

@@ -30,7 +30,7 @@ OLDEST = 1.0  # a frame cannot have waited longer for this process: its time sta
 # python-can's slcan looks at the time only after each wait for a byte, which is 1 ms long by default
 OPTIONS: dict[str, dict[str, Any]] = {"slcan": {"timeout": 0.0002}}
 HIGHEST, LONGEST = 0x7FF, 8  # identifier of CAN 2.0A, bytes of a frame
-UNREADABLE = 20  # so many failed reads in a row are the end of an interface; fewer are garbage on the line
+UNREADABLE = 20, 0.05  # so many failed reads within this time [s] are the end of an interface; fewer are garbage
 PRIORITY = 10  # of SCHED_FIFO: above everything ordinary, below what the kernel's own threads have
 
 
@@ -119,15 +119,19 @@ class Ear:
 
     def __init__(self, bus: can.BusABC) -> None:
         self.bus = bus
-        self.failed = 0  # reads in a row
+        self.failed, self.since = 0, 0.0  # reads in a row, since when [s]
 
     def message(self, timeout: float) -> can.Message | None:
         """What comes next, or nothing within `timeout` [s]."""
         try:
             message = self.bus.recv(timeout)
         except (can.CanError, OSError, ValueError, IndexError) as error:
+            number, time_span = UNREADABLE
+            now = time.monotonic()
+            if now - self.since > time_span:
+                self.failed, self.since = 0, now
             self.failed += 1
-            if self.failed > UNREADABLE:
+            if self.failed > number:
                 raise SimulationError(f"bus: cannot be read: {error}. Check the adapter.") from error
             if (flush := getattr(self.bus, "flush", None)) is not None:  # slcan would read the same bytes for ever
                 with suppress(can.CanError, OSError):

@@ -174,9 +174,9 @@ class Master:
             self.run_cycle()
             for node in self.nodes.values():
                 if self._lost(node) or node.silent > 4 * SILENT_CYCLES:
-                    what = "heartbeat" if self._lost(node) else "process data"
+                    missing = "heartbeat" if self._lost(node) else "process data"
                     raise SimulationError(
-                        f"{node.name}: no {what} while it was brought up.{self._told()} Check its power and the bus."
+                        f"{node.name}: no {missing} while it was brought up.{self._told()} Check its power and the bus."
                     )
 
     def _told(self) -> str:
@@ -280,6 +280,8 @@ class Master:
     def _bring_down(self) -> None:
         for node in self.nodes.values():
             node.homing = False
+            if node.silent >= SILENT_CYCLES:  # perhaps it is Stopped, where it takes no SDO either
+                self.nmt(PRE_OPERATIONAL, node.number)
         self._order(State.QUICK_STOP)
         self._cycles_until(lambda node: node.state in (*AT_REST, State.QUICK_STOP) and self._stands(node))
         self._order(State.DISABLED)

