@@ -74,7 +74,7 @@ class Hardware:
     ) -> None:
         self.path, self.keys, self.arm, self.build, self.trace = path, keys, arm, build, trace
         self.contacts = {name: node.contact for name, node in keys.nodes.items() if node.contact is not None}
-        self.root = read(path, str(path))  # for the places of mistakes
+        self.root = read(path, str(path)) if path.is_file() else None  # for the places of mistakes
         self.sessions: list[Session] = []
         self.present: Session | None = None
 
@@ -102,7 +102,8 @@ class Hardware:
                 found.append(
                     f"{self.path}: nodes.{name}: {cls.__name__} has no {', '.join(missing)}. A drive needs them."
                 )
-            found += plausible.units(self.root, name, "angle" in known)
+            if self.root is not None:
+                found += plausible.units(self.root, name, "angle" in known)
             if node.contact is not None and node.contact.signal.partition(".")[0] not in case.members:
                 found.append(f"{self.path}: nodes.{name}.contact: no member for {node.contact.signal}. Correct it.")
             elif node.contact is None and node.watch_contact:

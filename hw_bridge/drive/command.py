@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hw_bridge.agenda import NEVER
-from hw_bridge.fault import MEANINGS, Cause, Fault
+from hw_bridge.fault import LARGEST, MEANINGS, Cause, Fault
 from hw_bridge.profiles import MODULES
 from twin.errors import SimulationError
 
@@ -82,7 +82,13 @@ def command(
 @click.option("--control", type=click.IntRange(1, 65535), required=True, metavar="PORT", help="Its --control.")
 @click.option("--code", metavar="HEX", default="0", help="EMCY code, such as 7300h, with emcy.")
 @click.option("--lasting", is_flag=True, help="The error cannot be reset.")
-@click.option("--for", "duration", type=float, metavar="S", help="How long frames are disturbed [s]; else to the end.")
+@click.option(
+    "--for",
+    "duration",
+    type=click.FloatRange(0),
+    metavar="S",
+    help="How long frames are disturbed [s]; else to the end.",
+)
 @click.option(
     "--share", type=click.FloatRange(0, 1, min_open=True), default=1.0, help="Share of the frames that is hit."
 )
@@ -105,6 +111,10 @@ def inject_fault(
     """
     from hw_bridge.drive.control import request
 
+    for name, value in (("for", duration), ("share", share), ("delay", delay), ("jitter", jitter), ("factor", factor),
+                        ("offset", offset)):  # fmt: skip
+        if value is not None and not abs(value) <= LARGEST:  # not a number, too
+            raise click.UsageError(f"--{name} {value}: expected a number of at most {LARGEST:g}.")
     try:
         number = int(code.removesuffix("h"), 16)
     except ValueError:

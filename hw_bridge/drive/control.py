@@ -46,13 +46,13 @@ class Control:
         """Carry out a request; what is wrong with it, or nothing."""
         try:
             keys = json.loads(request)
-            if keys["identifiers"] is not None:
+            if keys.get("identifiers") is not None:
                 keys["identifiers"] = tuple(keys["identifiers"])
             fault = Fault(**{**keys, "cause": Cause(keys["cause"])})
             if text := problem(fault, self.drive.profile):
                 return f"{text}."
             inject(fault, self.place, self.drive.node, self.drive)
-        except (ValueError, KeyError, TypeError, TwinError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError, TwinError) as error:
             return f"request not understood: {error}"
         return ""
 
