@@ -58,7 +58,13 @@ members:
   command: {{parameters: {{distance: {distance} m, speed: 20 mm/s, begin: 0.5 s}}}}
   turning: {{component: rotation_command}}
   sequencer: {{parameters: {{stroke: {stroke} mm, alpha: 3}}}}
+  servomotor_1: {{parameters: {{target_position: -24.8 mm}}}}  # an increment behind its home would be a broken rule
+  servomotor_2: {{parameters: {{target_position: 24.8 mm}}}}
 connections: [turning.target_position -> rotation.target_position]
+expect:
+  - {{name: no rule is broken, signal: sequencer.violation, at_most: 0}}
+  - {{name: one gripper at least holds, signal: "max(sleeve_1.limit_proximal, sleeve_2.limit_proximal)", at_least: 4.5 N, from: 0.7 s}}
+  - {{name: the tip arrives, signal: instrument.tip_position, at_least: -2 mm}}
 plots: []
 """
 

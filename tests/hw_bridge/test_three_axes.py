@@ -198,7 +198,4 @@ def test_the_rig_in_real_time(port, profiles, stroke, tmp_path, build):
     (case,) = summary["hardware"]["cases"]
     assert case["cycles"] == 800
     assert all(node["lost_pdos"] == 0 for node in case["nodes"].values())
-    verdicts = {one["name"]: one["verdict"] for one in summary["expectations"]}
-    assert verdicts["the tip arrives"] == "pass"
-    if "mclm" not in profiles:  # in pv, and without homing, it grips later, and begins an increment off its home
-        assert set(verdicts.values()) == {"pass"}
+    assert {one["verdict"] for one in summary["expectations"]} == {"pass"}
