@@ -3,6 +3,7 @@
 import socket
 import subprocess
 import sys
+import time
 
 import can
 import pytest
@@ -173,3 +174,26 @@ def test_odd_numbers_on_the_command_line(words):
     done = CliRunner().invoke(command, ["inject", *words, "--control", "1"])
     assert done.exit_code == 2
     assert "expected a number of at most 1e+06" in done.output
+
+
+def test_frames_act_when_they_came(wire):
+    """A process that had to wait finds heartbeats from the meantime, and no timeout."""
+    slave, messages, timeout = wire.slave, [], 60
+    slave.dictionary.download(0x1016, 1, (0x7F << 16 | timeout).to_bytes(4, "little"))
+    wire._heard(Frame(0x77F, b"\x05"))
+    assert slave.active == {}
+
+    def stall(_timeout):
+        begin = time.time()
+        time.sleep(0.2)
+        messages.extend(can.Message(arbitration_id=0x77F, data=[5], is_extended_id=False, timestamp=begin + 0.02 * k)
+                        for k in range(10))  # fmt: skip
+        wire.bus.recv = lambda _timeout: messages.pop(0) if messages else wire.stop.set()
+        return messages.pop(0)
+
+    wire.bus.recv = stall
+    wire.run()
+    assert not messages
+    assert slave.active == {}
+    wire.slave.advance(wire.now + (timeout + 20) * MILLISECOND)
+    assert 0x8130 in slave.active

@@ -218,3 +218,13 @@ def test_check_finds_strangers_and_missing_nodes(write, build, monkeypatch):
         "servomotor: node 1 does not answer. Check its power and node-ID.",
         "node 5 is not in the hardware file. Add it, or take it off the bus.",
     ]
+
+
+def test_check_notices_a_drive_of_another_profile(write, build, monkeypatch):
+    """Same vendor, no product given: the other profile's product code is not just any."""
+    keys = hardware.load(write(GOOD))
+    other = hil.bench_network(keys, build)
+    monkeypatch.setattr(hil, "bench_network", lambda *_: other)
+    found = hil.differences(hardware.load(write(GOOD.replace("faulhaber_v3", "mclm"))), build)
+    assert len(found) == 1
+    assert "product code is 2D51h" in found[0]
