@@ -64,10 +64,10 @@ def write(node: Node, index: int, sub: int, value: int) -> None:
 def identify(node: Node) -> list[str]:
     """Every difference between the drive that answers and the one that the hardware file expects."""
     keys, name = node.keys, node.name
-    device = struct.unpack("<I", node.sdo.read(0x1000))[0]
+    device = node.sdo.number(0x1000)
     if device & 0xFFFF != DRIVE:
         return [f"{name}: node {node.number} is no drive: 1000h is {device:08X}h. Check the node-ID."]
-    found = {sub: struct.unpack("<I", node.sdo.read(0x1018, sub))[0] for sub in IDENTITY}
+    found = {sub: node.sdo.number(0x1018, sub) for sub in IDENTITY}
     expected = {1: node.mirror.get(0x1018, 1)}
     if keys.product is not None:
         expected[2] = keys.product
@@ -195,4 +195,4 @@ def release(node: Node) -> State:
     node.sdo.write(0x6040, 0, b"\0\0")
     node.sdo.write(0x1016, 1, b"\0\0\0\0")
     node.sdo.write(0x1017, 0, b"\0\0")
-    return state_of(struct.unpack("<H", node.sdo.read(0x6041))[0])
+    return state_of(node.sdo.number(0x6041) & 0xFFFF)

@@ -10,6 +10,9 @@ from click.testing import CliRunner
 
 from hw_bridge import hardware, hil
 from hw_bridge.bridge import load
+from hw_bridge.drive.drive import Drive
+from hw_bridge.drive.motor import Motor
+from hw_bridge.profiles import profile
 from twin.errors import ScenarioError
 from twin.run import run_scenario
 from twin.scenario import Scenario
@@ -228,3 +231,15 @@ def test_check_notices_a_drive_of_another_profile(write, build, monkeypatch):
     found = hil.differences(hardware.load(write(GOOD.replace("faulhaber_v3", "mclm"))), build)
     assert len(found) == 1
     assert "product code is 2D51h" in found[0]
+
+
+def test_check_notices_two_nodes_with_one_id(write, build, monkeypatch):
+    keys = hardware.load(write(GOOD))
+    network = hil.bench_network(keys, build)
+    chosen = profile("faulhaber_v3")
+    network.bus.attach(Drive(chosen, 1, Motor(chosen.motor, build=build)))
+    monkeypatch.setattr(hil, "bench_network", lambda *_: network)
+    found = hil.differences(keys, build)
+    assert found == [
+        "servomotor: node 1: 2 answers to one question: several nodes have this ID. Give one of them another."
+    ]
