@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-    from hw_bridge.profile import Profile
+    from hw_bridge.profile import Device, Profile
 
 ACCESS = ("ro", "wo", "rw", "const")
 LONGEST = 160  # characters of what a parser says
@@ -54,7 +54,7 @@ def _variable(entry: Entry) -> ODVariable:
     return variable
 
 
-def export(profile: Profile) -> str:
+def export(profile: Profile | Device) -> str:
     """The profile's object dictionary as the text of an EDS file."""
     whole = canopen_dictionary(profile.objects)
     whole.device_information.product_name = profile.title

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 MILLISECOND = 1_000_000
 SLOWEST = 255 * MILLISECOND  # 60C2h.1 has a byte
 LONGEST = 65_535 * MILLISECOND  # 1016h and 1017h have two
-IDENTIFIERS = range(0x800)
 UNITS = {  # of a linear axis and of one that turns
     ("limits", "position"):        ("m", "rad"),
     ("limits", "velocity"):        ("m/s", "rad/s"),
@@ -49,12 +48,8 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
                      for path, text in _node(node)]  # fmt: skip
     for k, one in enumerate(keys.faults):
         where = f"{root.find(('faults', k)).place}: faults[{k + 1}]"
-        if one.at < 0 or one.jitter < 0:
+        if one.at < 0:
             problems.append(f"{where}: a time is below zero. Count from the beginning of the scenario.")
-        if one.identifiers is not None:
-            low, high = one.identifiers
-            if low not in IDENTIFIERS or high not in IDENTIFIERS or low > high:
-                problems.append(f"{where}.identifiers: expected two of 0 to 0x7FF, the lower one first. Correct them.")
     return problems
 
 
@@ -68,7 +63,7 @@ def _node(node: NodeKeys) -> list[tuple[tuple[str, ...], str]]:
         found.append((("homing", "method"), text))
     if max(node.heartbeat.every, node.heartbeat.lost_after) > LONGEST:
         found.append((("heartbeat",), "more than 65535 ms, which 1016h and 1017h can count. Shorten it."))
-    if node.safe_outputs is not None and not any(one.index == OUTPUTS for one in chosen.objects):
+    if node.safe_outputs is not None and not node.outputs and not any(one.index == OUTPUTS for one in chosen.objects):
         text = f"{chosen.title} has no digital outputs 60FEh. Leave it out, or use those of another drive."
         found.append((("safe_outputs",), text))
     for (index, sub), value in node.objects.items():

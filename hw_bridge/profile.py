@@ -58,6 +58,19 @@ FIXED = {0x605A: 2, 0x605B: 0, 0x605C: 1, 0x605D: 1, 0x605E: 2, 0x6007: 0}
 
 
 @dataclass(frozen=True)
+class Device:
+    """A CANopen device that is no drive."""
+
+    name: str
+    title: str
+    objects: tuple[Entry, ...]
+    faults: dict[int, Fault]
+    rules: Rules
+    boot_time: int = 100 * MILLISECOND
+    sdo_time: int = MILLISECOND
+
+
+@dataclass(frozen=True)
 class Profile:
     """One vendor's drive."""
 

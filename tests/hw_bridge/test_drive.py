@@ -6,6 +6,7 @@ import pytest
 
 from hw_bridge.abort import Code
 from hw_bridge.cia402 import Mode, State
+from hw_bridge.drive.motor import CYCLE
 from tests.hw_bridge.bench import NODE, AbortedError
 
 ACKNOWLEDGE, REACHED = 0x1000, 0x0400
@@ -194,6 +195,25 @@ def test_csv_and_cst(bench):
     assert bench.read(0x6077) == pytest.approx(300, abs=8)
 
 
+@pytest.mark.parametrize(("vendor", "current"), [("faulhaber_v3", 0.47), ("epos4", 2.5)])
+def test_a_quick_stop_out_of_cst(make, vendor, current):
+    """The ramp begins at the speed that there is, with the current that there is."""
+    bench = make(vendor)
+    unit = bench.drive.axis.units
+    bench.enable(Mode.CST)
+    bench.write(0x6071, round(current / unit.torque))
+    bench.go(60)
+    speed = bench.drive.axis.velocity
+    assert speed > 100 * unit.velocity
+    bench.control(0x02)
+    fastest = speed
+    for _ in range(150):
+        bench.go(1)
+        fastest = max(fastest, bench.drive.axis.velocity)
+    assert fastest < 1.3 * speed
+    assert abs(bench.drive.axis.velocity) < 0.02 * speed
+
+
 def test_csp_without_interpolation_steps(epos):
     """60C2h = 0: coarse targets go to the loops as steps; with a period the demand is a line."""
     demands = {}
@@ -325,6 +345,22 @@ def test_supply_voltage(epos):
     epos.control(0x00, 0x80)
     epos.go(5)
     assert epos.state is State.DISABLED
+
+
+def test_the_supply_that_is_watched_drives_the_motor(make, name):
+    """Half of the voltage: half of the current that a motor has when it is held."""
+    bench = make(name)
+    motor, found = bench.drive.axis.motor, []
+    for voltage in (24.0, 12.0):
+        bench.drive.supply = voltage
+        assert motor.supply == voltage
+        motor.set("resistance", 100.0)  # the current's limits are far
+        motor.follow_velocity(1.0, 99.0)
+        for cycle in range(100):
+            motor.advance(cycle * CYCLE)
+            motor.set("rod_velocity" if name != "epos4" else "rotor_velocity", 0.0)
+        found.append(motor.current)
+    assert found[0] == pytest.approx(2.0 * found[1], rel=0.05)
 
 
 def test_i2t_takes_the_current_back(make):

@@ -13,6 +13,7 @@ from hw_bridge.bridge import load
 from hw_bridge.drive.drive import Drive
 from hw_bridge.drive.motor import Motor
 from hw_bridge.profiles import profile
+from hw_bridge.targets import unknown_mode
 from twin.errors import ScenarioError
 from twin.run import run_scenario
 from twin.scenario import Scenario
@@ -50,7 +51,7 @@ FOR = {
 
 @pytest.mark.parametrize("path", BENCHES, ids=lambda path: path.stem)
 def test_every_bench_is_well_formed_and_fits_its_scenario(path):
-    name = FOR[path.stem.rpartition("_")[2]]
+    name = FOR[path.stem.split("_")[1]]
     scenario = load(path, arm=True).apply(Scenario.load(ROOT / f"scenarios/{name}.yaml"))
     for case in scenario.variants:
         for name in hardware.load(path).nodes:
@@ -89,7 +90,7 @@ def test_every_bench_is_well_formed_and_fits_its_scenario(path):
         ("true", "true\ncycle: 1 s", "cycle: 1000 ms is more than 255 ms, which drives can count."),
         ("true", "true\nfaults: [{at: 1 s, fault: fire}]", "faults[1].fault: `fire` is no fault. Known: "),
         ("true", "true\nfaults: [{at: -1 s, fault: sync, node: master}]", "faults[1]: a time is below zero."),
-        ("true", "true\nfaults: [{at: 1 s, fault: drop, node: master, identifiers: [-5, 100000000000]}]", "faults[1].identifiers: expected two of"),
+        ("true", "true\nfaults: [{at: 1 s, fault: drop, node: master, identifiers: [-5, 100000000000]}]", "faults[1]: identifiers are (-5, 100000000000): expected two of"),
         (GOOD, "- 1\n", "bench.yaml:1: expected keys with values, such as `node: 1`, not a list."),
         ("node: 1", "node: 1, inverted: maybe", "nodes.servomotor.inverted: input should be a valid boolean"),
     ],
@@ -127,10 +128,19 @@ def test_what_does_not_fit_the_scenario(write, text, message):
     assert message in str(caught.value)
 
 
-def test_a_mode_that_drives_are_not_told(write):
+def test_a_force_for_a_drive_without_cst(write):
     scenario = Scenario.load(SCENARIO, ["servomotor.mode_of_operation=10"])
-    with pytest.raises(ScenarioError, match=r"servomotor is a drive: mode_of_operation 10: cst needs a member that is"):
-        load(write(GOOD)).apply(scenario)
+    load(write(GOOD)).apply(scenario)
+    with pytest.raises(
+        ScenarioError, match=r"servomotor is a drive: mode_of_operation 10: FAULHABER MCLM 300x CO has no"
+    ):
+        load(write(GOOD.replace("faulhaber_v3", "mclm"))).apply(scenario)
+
+
+def test_a_force_for_a_member_that_has_none():
+    with_force, without = ("target_velocity", "target_torque"), ("target_velocity", "target_position")
+    assert unknown_mode(10, profile("epos4"), with_force) == ""
+    assert "cst needs a member with target_force or target_torque" in unknown_mode(10, profile("epos4"), without)
 
 
 @pytest.mark.parametrize(

@@ -167,6 +167,12 @@ def show(outcome: Outcome, report: bool) -> None:
         console.print(f"note: {note}", highlight=False, markup=False)
     for line in outcome.run.extra.get("hardware", {}).get("shown", []):
         console.print(line, highlight=False, markup=False)
+    for (variant, seed), ending in outcome.endings.items():
+        if ending.time_ns is not None or ending.unsafe:
+            console.print(f"{variant}, seed {seed}: {ending.text}", highlight=False, markup=False)
+    if outcome.run.status == "failed" and outcome.endings:
+        for line in list(outcome.endings.values())[-1].log:
+            console.print(f"on the bus at {line}", highlight=False, markup=False)
     factor = outcome.run.real_time_factor
     if factor:
         console.print(f"{outcome.run.simulated_time:g} s simulated in {outcome.run.wall_time:.2f} s, "

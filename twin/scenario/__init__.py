@@ -1,8 +1,18 @@
 """Scenario files: what is run, what is expected, in YAML with units; every error gives file and line."""
 
 from twin.scenario.check import check_against
-from twin.scenario.scenario import Case, ConnectionSpec, EventSpec, MemberSpec, RecordSpec, Scenario, member_seed
+from twin.scenario.scenario import (
+    Case,
+    ConnectionSpec,
+    EventSpec,
+    FaultSpec,
+    MemberSpec,
+    RecordSpec,
+    Scenario,
+    member_seed,
+)
 
 __all__ = [
-    "Case", "ConnectionSpec", "EventSpec", "MemberSpec", "RecordSpec", "Scenario", "check_against", "member_seed",
+    "Case", "ConnectionSpec", "EventSpec", "FaultSpec", "MemberSpec", "RecordSpec", "Scenario", "check_against",
+    "member_seed",
 ]  # fmt: skip

@@ -147,9 +147,8 @@ def check_events(case: Case) -> list[str]:
         owner, when = event.variable.partition(".")[0], clock.text(event.time_ns)
         if owner not in case.members:
             problems.append(f"{event.where}: there is no member `{owner}`.{nearest(owner, case.members)}")
-        if not case.start_ns <= event.time_ns < case.stop_ns:
-            span = f"{clock.text(case.start_ns)} to {clock.text(case.stop_ns)}"
-            problems.append(f"{event.where}: event at {when} is outside the run, {span}. Move it or the run's end.")
+        if outside := outside_run(event.time_ns, case):
+            problems.append(f"{event.where}: event {outside}")
         elif (event.time_ns - case.start_ns) % case.step_ns:
             step = clock.text(case.step_ns)
             problems.append(f"{event.where}: event at {when} is no multiple of step {step}. Move it.")
@@ -157,7 +156,18 @@ def check_events(case: Case) -> list[str]:
             held.add(event.variable)
         elif event.kind == "release" and event.variable not in held:
             problems.append(f"{event.where}: {event.variable} is released but was not overridden before {when}.")
+    for fault in case.faults:
+        if outside := outside_run(fault.time_ns, case):
+            problems.append(f"{fault.where}: fault {outside}")
     return problems
+
+
+def outside_run(time_ns: int, case: Case) -> str:
+    """What is wrong with a time that the run does not have."""
+    if case.start_ns <= time_ns < case.stop_ns:
+        return ""
+    span = f"{clock.text(case.start_ns)} to {clock.text(case.stop_ns)}"
+    return f"at {clock.text(time_ns)} is outside the run, {span}. Move it or the run's end."
 
 
 def check_against(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str]:

@@ -80,6 +80,27 @@ class EventSpec:
 
 
 @dataclass(frozen=True)
+class FaultSpec:
+    """A fault of the hardware at a time. `tree`: all its keys as written, for the hardware to read."""
+
+    time_ns: int
+    tree: Node = field(repr=False)
+
+    @property
+    def where(self) -> str:
+        """file:line."""
+        return str(self.tree.place)
+
+    @property
+    def text(self) -> str:
+        """`heartbeat, node servomotor, duration 500 ms`."""
+        keys = self.tree.plain()
+        return ", ".join(
+            [str(keys["fault"]), *(f"{key} {one}" for key, one in keys.items() if key not in ("at", "fault"))]
+        )
+
+
+@dataclass(frozen=True)
 class RecordSpec:
     """What is recorded: patterns (none: all outputs), and whatever metrics and plots read; `every_ns` or each step."""
 
@@ -110,6 +131,7 @@ class Case:
     connections: tuple[ConnectionSpec, ...]
     events: tuple[EventSpec, ...]
     record: RecordSpec
+    faults: tuple[FaultSpec, ...] = ()
 
     @property
     def name(self) -> str:
@@ -321,10 +343,16 @@ def case_of(name: str, keys: ScenarioKeys, tree: Node, base: ScenarioKeys, made:
         for kind, group in (("set", event.set), ("override", event.override), ("release", dict.fromkeys(event.release)))
         for variable, raw in group.items()
     ]
+    items = tree.entries["events"].items if "events" in tree.entries else []
+    faults = [
+        FaultSpec(event.at, Node({k: v for k, v in item.entries.items() if k != "description"}, item.place))
+        for event, item in zip(keys.events or [], items, strict=False)
+        if event.fault is not None
+    ]
     return Case(
         name, base.seeds[0], title or name, keys.start_time, keys.stop_time or 0, keys.step or MILLISECOND,
         keys.algorithm or "jacobi", members, connections, tuple(sorted(events, key=lambda event: event.time_ns)),
-        RecordSpec(),
+        RecordSpec(), tuple(sorted(faults, key=lambda fault: fault.time_ns)),
     )  # fmt: skip
 
 
