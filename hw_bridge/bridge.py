@@ -1,6 +1,6 @@
 """The bridge: drives on a bus instead of members of a scenario, in simulated time or on the wall clock.
 
-`load` reads a hardware file. `Hardware.apply` puts a Python-side component with the same variables in the place of
+`Hardware.apply` puts a Python-side component with the same variables in the place of
 each member that the file names. All of them share one `Session` per case, which runs when the last of them is stepped.
 """
 
@@ -16,8 +16,8 @@ import numpy as np
 from hw_bridge import outputs, plausible, targets
 from hw_bridge.cia402 import Mode
 from hw_bridge.events import planned
-from hw_bridge.hardware import ContactKeys, overloaded
-from hw_bridge.hardware import load as load_keys
+from hw_bridge.hardware import overloaded
+from hw_bridge.keys import ContactKeys
 from hw_bridge.profiles import profile
 from hw_bridge.session import Session, beginning
 from twin import catalog
@@ -31,7 +31,7 @@ from twin.variable import Float64, Role
 from twin.variable import input as input_variable
 
 if TYPE_CHECKING:
-    from hw_bridge.hardware import FaultKeys, HardwareKeys
+    from hw_bridge.keys import FaultKeys, HardwareKeys
     from twin.scenario import Scenario
     from twin.scenario.spec import Case
 
@@ -299,14 +299,3 @@ class Hardware:
         """Periods between SYNCs minus the cycle, of all cases on the wall clock [s]."""
         found = [session.master.timing.jitter for session in self.sessions if session.master and session.wall_clock]
         return np.concatenate(found) if found else np.zeros(0)
-
-
-def load(
-    path: Path, arm: bool = False, build: Path = Path("build"), trace: Path | None = None, replay: str | None = None
-) -> Hardware:
-    """Read a hardware file. `arm`: real drives may move. `trace`: where to record. `replay`: a trace instead of drives."""
-    if replay is not None:
-        from hw_bridge.trace.replay import replay as recorded
-
-        return recorded(path, load_keys(path), replay)
-    return Hardware(path, load_keys(path), arm, build, trace)

@@ -6,7 +6,7 @@ from math import isfinite
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from hw_bridge.hardware import ContactKeys
+    from hw_bridge.keys import ContactKeys
     from hw_bridge.master.node import Node
 
 NEVER = 2**62

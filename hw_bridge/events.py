@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 from pydantic import ValidationError
 
-from hw_bridge.hardware import FaultKeys, fault_problem, line
+from hw_bridge.hardware import fault_problem, line
+from hw_bridge.keys import FaultKeys
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from hw_bridge.hardware import HardwareKeys
+    from hw_bridge.keys import HardwareKeys
     from twin.scenario.spec import FaultSpec
 
 

@@ -14,7 +14,7 @@ from hw_bridge.session import bench_network
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
-    from hw_bridge.hardware import HardwareKeys
+    from hw_bridge.keys import HardwareKeys
     from hw_bridge.master.master import Master
 
 TWICE = "answers to one question: several nodes have this ID"
@@ -63,7 +63,7 @@ def differences(keys: HardwareKeys, build: Path) -> list[str]:
             elif found[number].endswith(TWICE):
                 problems.append(f"{node.name}: node {number}: {found[number]}. Give one of them another.")
             else:
-                problems += node.identify()
+                problems += master.compare(node)
         strangers = [number for number in found if number not in expected]
         problems += [
             f"node {number} is not in the hardware file. Add it, or take it off the bus." for number in strangers

@@ -14,7 +14,7 @@ from twin.variable import Float64, Role
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from hw_bridge.hardware import NodeKeys
+    from hw_bridge.keys import NodeKeys
     from hw_bridge.master.node import Node
     from twin.component import Component
 

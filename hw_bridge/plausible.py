@@ -12,7 +12,7 @@ from twin.scenario.value import number
 
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Entry
-    from hw_bridge.hardware import HardwareKeys, NodeKeys
+    from hw_bridge.keys import HardwareKeys, NodeKeys
     from hw_bridge.profile import Profile
     from twin.scenario.tree import Node
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from hw_bridge.hardware import ContactKeys, FaultKeys, HardwareKeys
+    from hw_bridge.keys import ContactKeys, FaultKeys, HardwareKeys
     from twin.component import Component
 
 GLANCE = 10_000_000  # time in which a way is seen [ns]

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from hw_bridge.drive.drive import Drive
     from hw_bridge.frame import Frame
-    from hw_bridge.hardware import NodeKeys, ShadowKeys
+    from hw_bridge.keys import NodeKeys, ShadowKeys
     from hw_bridge.master.network import Network
     from hw_bridge.master.node import Node
     from twin.component import Component

@@ -9,7 +9,7 @@ from hw_bridge.cia402 import Mode
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from hw_bridge.hardware import LimitKeys
+    from hw_bridge.keys import LimitKeys
     from hw_bridge.profile import Profile
     from twin.component import Component
     from twin.scenario.spec import Case

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
     from collections.abc import Set as AbstractSet
 
-    from hw_bridge.hardware import HardwareKeys
+    from hw_bridge.keys import HardwareKeys
     from hw_bridge.master.network import Condition, Network
     from hw_bridge.master.sdo import SdoClient
 
@@ -133,7 +133,12 @@ class Master:
     def identify(self) -> list[str]:
         """Every difference between the bus and the hardware file."""
         self.wait(BOOT, self._all_booted)
-        return [problem for station in self.stations.values() for problem in station.identify()]
+        return [problem for station in self.stations.values() for problem in self.compare(station)]
+
+    @staticmethod
+    def compare(station: Node | ModuleNode) -> list[str]:
+        """Every difference between a node that answers and the one that the hardware file expects."""
+        return setup.identify(station) if isinstance(station, Node) else station.identify()
 
     def _all_booted(self) -> bool:
         return all(station.boots for station in self.stations.values())
@@ -149,7 +154,7 @@ class Master:
         self.running = True
         for node in self.nodes.values():
             self.nmt(PRE_OPERATIONAL, node.number)
-            node.configure(self.cycle, self.keys.master)
+            setup.configure(node, self.cycle, self.keys.master)
         for module in self.modules.values():
             self.nmt(PRE_OPERATIONAL, module.number)
             module.configure(self.keys.master)

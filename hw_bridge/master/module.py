@@ -12,7 +12,7 @@ from hw_bridge.profiles.cia401 import DIGITAL_OUTPUTS, ERROR_MODE, ERROR_VALUE, 
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
-    from hw_bridge.hardware import ModuleKeys
+    from hw_bridge.keys import ModuleKeys
     from hw_bridge.master.network import Network
     from hw_bridge.master.station import Waiting
     from hw_bridge.profile import Device

@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING
 from hw_bridge import cia402
 from hw_bridge.cia402 import Mode, State, state_of
 from hw_bridge.frame import Frame
-from hw_bridge.master import setup
 from hw_bridge.master.station import Station
 from hw_bridge.master.vendor import SUBSTITUTES, VENDORS, current_unit
 
 if TYPE_CHECKING:
-    from hw_bridge.hardware import NodeKeys
+    from hw_bridge.keys import NodeKeys
     from hw_bridge.master.network import Network
     from hw_bridge.master.station import Waiting
     from hw_bridge.profile import Profile
@@ -134,16 +133,6 @@ class Node(Station):
         whole = round(value + self.carried)
         self.carried += value - whole
         return whole
-
-    # ----------------------------------------------------------------------------------------------------- set-up
-
-    def identify(self) -> list[str]:
-        """Every difference between the drive that answers and the one that is expected."""
-        return setup.identify(self)
-
-    def configure(self, cycle: int, master: int) -> None:
-        """Write what a run needs, each value read back."""
-        setup.configure(self, cycle, master)
 
     # -------------------------------------------------------------------------------------------------- each cycle
 

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from typing import Protocol
 
     from hw_bridge.frame import Frame
-    from hw_bridge.hardware import ModuleKeys, NodeKeys
+    from hw_bridge.keys import ModuleKeys, NodeKeys
     from hw_bridge.master.network import Condition, Network
     from hw_bridge.profile import Device, Profile
 

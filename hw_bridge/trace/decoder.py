@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from hw_bridge.frame import Frame
-    from hw_bridge.hardware import HardwareKeys
+    from hw_bridge.keys import HardwareKeys
 
 SYNC, TIME, EMCY, RESPONSE, REQUEST, ERROR_CONTROL = 0x080, 0x100, 0x080, 0x580, 0x600, 0x700
 STATUSWORD = "statusword"

@@ -14,7 +14,7 @@ from hw_bridge.slave.pdo import INVALID
 from hw_bridge.trace import names
 
 if TYPE_CHECKING:
-    from hw_bridge.hardware import NodeKeys
+    from hw_bridge.keys import NodeKeys
     from hw_bridge.profile import Profile, Units
 
 POSITIONS = (0x6062, 0x6064, 0x6065, 0x6067, 0x607A, 0x607C, 0x607D, 0x60B0, 0x60F4)

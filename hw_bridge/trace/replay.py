@@ -25,7 +25,7 @@ from twin.variable import output as output_variable
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from hw_bridge.hardware import HardwareKeys, NodeKeys
+    from hw_bridge.keys import HardwareKeys, NodeKeys
     from hw_bridge.trace.decoder import Line
     from twin.component import Component
     from twin.scenario.spec import Case

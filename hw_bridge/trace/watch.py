@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from hw_bridge.frame import Frame
-    from hw_bridge.hardware import HardwareKeys
+    from hw_bridge.keys import HardwareKeys
     from hw_bridge.master.network import Network
     from hw_bridge.trace.files import TraceWriter
 

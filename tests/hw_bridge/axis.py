@@ -4,7 +4,7 @@ from pathlib import Path
 
 from fmus.servomotor.model import Servomotor
 from hw_bridge.bridge import Hardware
-from hw_bridge.hardware import HardwareKeys
+from hw_bridge.keys import HardwareKeys
 
 MILLISECOND = 1_000_000
 H = 1e-3

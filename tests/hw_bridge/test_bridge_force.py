@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hw_bridge.bridge import load
+from hw_bridge.load import load
 from tests.hw_bridge.axis import Rig, node
 from twin import catalog
 from twin.run import run_scenario

@@ -8,8 +8,8 @@ import pytest
 
 from fmus.rotary_drive.model import RotaryDrive
 from hw_bridge.agenda import MILLISECOND
-from hw_bridge.bridge import load
 from hw_bridge.cia402 import Mode, State
+from hw_bridge.load import load
 from hw_bridge.master.network import SimulatedNetwork
 from hw_bridge.session import Session
 from tests.hw_bridge.axis import Rig, node

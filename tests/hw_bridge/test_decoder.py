@@ -130,7 +130,7 @@ def test_a_trace_from_the_middle():
 
 def test_units_follow_the_scaling():
     """60A9h in mrpm, which the bridge writes. The screw of the bench and its direction are not the drive's."""
-    from hw_bridge.hardware import NodeKeys
+    from hw_bridge.keys import NodeKeys
 
     keys = NodeKeys.model_validate({"node": 3, "profile": "epos4", "scale": 0.002, "inverted": True})
     decoder = Decoder([Party(3, profile("epos4"), keys, "screw")])

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from hw_bridge.bridge import load
 from hw_bridge.fault import Cause
+from hw_bridge.load import load
 from twin.errors import ScenarioError, SimulationError
 from twin.members import Form
 from twin.run import run_scenario

@@ -9,9 +9,9 @@ import pytest
 from click.testing import CliRunner
 
 from hw_bridge import hardware, hil
-from hw_bridge.bridge import load
 from hw_bridge.drive.drive import Drive
 from hw_bridge.drive.motor import Motor
+from hw_bridge.load import load
 from hw_bridge.profiles import profile
 from hw_bridge.targets import unknown_mode
 from twin.errors import ScenarioError

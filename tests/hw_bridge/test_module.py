@@ -17,12 +17,12 @@ import pytest
 from benchmarks import hil
 from hw_bridge import eds, hardware
 from hw_bridge.agenda import MILLISECOND
-from hw_bridge.bridge import load
 from hw_bridge.bus import Bus, Disturbance, Kind
 from hw_bridge.drive.control import Control, request
 from hw_bridge.fault import Cause, Fault
 from hw_bridge.frame import Frame
 from hw_bridge.hil import differences
+from hw_bridge.load import load
 from hw_bridge.master.network import never
 from hw_bridge.master.wire import WireNetwork
 from hw_bridge.module import Module

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from hw_bridge import hardware
-from hw_bridge.bridge import load
 from hw_bridge.bus import Disturbance, Kind
 from hw_bridge.frame import Frame
+from hw_bridge.load import load
 from hw_bridge.profiles import profile
 from hw_bridge.session import Session
 from hw_bridge.trace.decoder import Decoder

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from fmus.servomotor.model import Servomotor
-from hw_bridge.bridge import load
+from hw_bridge.load import load
 from hw_bridge.trace.files import read
 from hw_bridge.trace.replay import Replay, replay
 from tests.hw_bridge.axis import Rig
