@@ -3,8 +3,8 @@
     python -m benchmarks.hil [SECONDS]     prints `name: value` lines; 60 s for each interface if nothing is said
 
 The force scenario's variant PI+FF+BW with one drive, and the whole rig with three, at a cycle of 5 ms, over udp_multicast
-and over slcan on pseudo-terminals with a process between them that carries the lines. Jitter: periods between SYNCs
-minus the cycle.
+and over slcan on pseudo-terminals with a process between them that carries the lines; the rig on slcan at 10 ms. Jitter:
+periods between SYNCs minus the cycle.
 """
 
 from __future__ import annotations
@@ -240,10 +240,12 @@ def summary(command: list[str]) -> dict[str, Any]:
 def show(seconds: float) -> None:
     """Print the figures of both interfaces, with one drive and with three."""
     build = Path("build")
-    for name, run in (("hil", measure), ("hil_rig", measure_rig)):
-        for interface in ("udp_multicast", "slcan"):
-            with tempfile.TemporaryDirectory() as folder:
-                tell(f"{name}_{interface}", run(interface, GROUP, seconds, Path(folder), build))
+    for interface in ("udp_multicast", "slcan"):
+        with tempfile.TemporaryDirectory() as folder:
+            tell(f"hil_{interface}", measure(interface, GROUP, seconds, Path(folder), build))
+    for interface, cycle in (("udp_multicast", "5 ms"), ("slcan", "10 ms")):
+        with tempfile.TemporaryDirectory() as folder:
+            tell(f"hil_rig_{interface}", measure_rig(interface, GROUP, seconds, Path(folder), build, cycle=cycle))
 
 
 def tell(name: str, found: dict[str, Any]) -> None:

@@ -27,8 +27,8 @@ def channel():
     pid = os.getpid()
     channel = f"239.75.{pid >> 8 & 0xFF}.{pid & 0xFF}"
     try:
-        with can.Bus(channel=channel, interface="udp_multicast") as one, \
-             can.Bus(channel=channel, interface="udp_multicast") as other:  # fmt: skip
+        with can.Bus(channel=channel, interface="udp_multicast", port=hil.PORT) as one, \
+             can.Bus(channel=channel, interface="udp_multicast", port=hil.PORT) as other:  # fmt: skip
             one.send(can.Message(arbitration_id=1, is_extended_id=False))
             if other.recv(1.0) is None:
                 pytest.skip("multicast does not reach this machine itself")
@@ -44,7 +44,7 @@ def test_the_drive_stops_when_the_program_is_killed(channel, profile, tmp_path, 
     with hil.drive(profile, "udp_multicast", channel, build):
         line = hil.run_line(hil.bench(tmp_path, profile, "udp_multicast", channel), 20.0, tmp_path / "runs", build)
         process = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        network = WireNetwork("udp_multicast", channel, 1_000_000, {})
+        network = WireNetwork("udp_multicast", channel, 1_000_000, hil.options("udp_multicast"))
         try:
             network.hear = lambda frame: heard.append((time.monotonic(), frame))
             network.advance(network.now + 60_000_000_000, lambda: len(syncs(heard)) > 400)
@@ -74,7 +74,7 @@ def test_ctrl_c_leaves_the_drive_disabled(channel, tmp_path, build):
             hil.bench(tmp_path, "faulhaber_v3", "udp_multicast", channel), 20.0, tmp_path / "runs", build
         )
         process = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-        network = WireNetwork("udp_multicast", channel, 1_000_000, {})
+        network = WireNetwork("udp_multicast", channel, 1_000_000, hil.options("udp_multicast"))
         try:
             network.hear = lambda frame: heard.append((time.monotonic(), frame))
             network.advance(network.now + 60_000_000_000, lambda: len(syncs(heard)) > 300)

@@ -421,10 +421,10 @@ def test_valves_are_safe_when_the_program_is_killed(tmp_path, build):
     """SIGKILL: the module's own outputs, told by its process, are the safe ones soon after."""
     channel = f"239.76.{os.getpid() >> 8 & 0xFF}.{os.getpid() & 0xFF}"
     try:
-        network = WireNetwork("udp_multicast", channel, 1_000_000, {})
+        network = WireNetwork("udp_multicast", channel, 1_000_000, hil.options("udp_multicast"))
     except (can.CanError, OSError, SimulationError) as error:
         pytest.skip(f"no multicast: {error}")
-    words = ["-p", "cia401", "-n", "9", "-i", "udp_multicast", "-c", channel]
+    words = ["-p", "cia401", "-n", "9", "-i", "udp_multicast", "-c", channel, "--option", f"port={hil.PORT}"]
     line = [sys.executable, "-u", "-c", "from hw_bridge.drive.command import main; main()", *words]
     valves = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
     try:
