@@ -24,6 +24,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.command_line import CommandLine
 from twin.cli.check import examine
 
 ROOT = Path(__file__).parent.parent
@@ -43,17 +44,21 @@ def named(path):
     return str(path.relative_to(ROOT))
 
 
-def execute(words, folder):
+def execute(words, folder, command_line):
     """A command as a person has it: `twin` does not see the current folder by itself, `python` does."""
+    assert words[0] in ("twin", "python"), (
+        f"{words[0]}: only twin and python run in bash blocks; use ```text for the rest"
+    )
+    if words[0] == "twin" and command_line:
+        return command_line.run(words[1:], folder)
     start = {"python": [sys.executable], "twin": [sys.executable, "-P", "-c", "from twin.cli import main; main()"]}
-    assert words[0] in start, f"{words[0]}: only twin and python run in bash blocks; use ```text for the rest"
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     return subprocess.run(
         [*start[words[0]], *words[1:]], cwd=folder, env=environment, capture_output=True, text=True, check=False
     )
 
 
-def run_line(line, folder):
+def run_line(line, folder, command_line):
     """One line of a bash block."""
     wanted = int(found[1]) if (found := EXIT.search(line)) else 0
     if line.startswith("python3 -m venv"):
@@ -62,7 +67,7 @@ def run_line(line, folder):
     words = shlex.split(line, comments=True)
     while words:
         end = words.index("&&") if "&&" in words else len(words)
-        done = execute(words[:end], folder)
+        done = execute(words[:end], folder, command_line)
         assert done.returncode == wanted, f"{line}\n{done.stdout}\n{done.stderr}"
         words = words[end + 1 :]
 
@@ -86,6 +91,16 @@ def built(build, tmp_path_factory):
     return place
 
 
+@pytest.fixture(scope="module")
+def command_line(tmp_path_factory):
+    if not hasattr(os, "fork"):
+        yield None
+        return
+    line = CommandLine(ROOT, tmp_path_factory.mktemp("command_line"))
+    yield line
+    line.close()
+
+
 @pytest.fixture
 def folder(tmp_path, built):
     """What a page finds in its current folder."""
@@ -96,8 +111,9 @@ def folder(tmp_path, built):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
-def test_blocks_run(page, folder):
+def test_blocks_run(page, folder, command_line):
     text = page.read_text()
+    command_line = None if page.name == "README.md" else command_line  # one page as it is, from the start
     for block in BLOCK.finditer(text):
         language, content = block.groups()
         saved = SAVED.search(text[: block.start()])
@@ -106,10 +122,10 @@ def test_blocks_run(page, folder):
             (folder / saved[1]).write_text(content)
         elif language == "bash":
             for line in content.splitlines():
-                run_line(line, folder)
+                run_line(line, folder, command_line)
         elif language == "python":
             (folder / "block.py").write_text(content)
-            done = execute(["python", "block.py"], folder)
+            done = execute(["python", "block.py"], folder, command_line)
             assert done.returncode == 0, f"{content}\n{done.stderr}"
         elif language == "yaml":
             run_yaml(content, folder)

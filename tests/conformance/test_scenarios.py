@@ -19,6 +19,7 @@ SCENARIOS = [path for path in ALL if not any(case.faults for case in load_scenar
 
 
 LONG = 600  # a scenario with more simulated time than this in all is a slow test [s]
+FAST = {"hysteresis_identification": ("seeds=[1]",)}  # it fits for seconds per seed: one here, all as a slow test
 
 
 def is_long(path):
@@ -32,19 +33,20 @@ def outcomes(build, tmp_path_factory):
     """The outcome of a scenario, run once."""
 
     @cache
-    def outcome(path):
-        return run_scenario(load_scenario(path), root=tmp_path_factory.mktemp("runs"), build=build, report=False)
+    def outcome(path, *options):
+        scenario = load_scenario(path, options)
+        return run_scenario(scenario, root=tmp_path_factory.mktemp("runs"), build=build, report=False)
 
     return outcome
 
 
 @pytest.mark.parametrize("path", [path for path in SCENARIOS if not is_long(path)], ids=lambda path: path.stem)
 def test_scenario(path, outcomes):
-    assert_all_holds(outcomes(path))
+    assert_all_holds(outcomes(path, *FAST.get(path.stem, ())))
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("path", [path for path in SCENARIOS if is_long(path)], ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", [p for p in SCENARIOS if is_long(p) or p.stem in FAST], ids=lambda path: path.stem)
 def test_long_scenario(path, outcomes):
     assert_all_holds(outcomes(path))
 
@@ -57,10 +59,10 @@ def assert_all_holds(outcome):
     assert outcome.passed
 
 
-@pytest.mark.parametrize("name", ["hysteresis_identification"])
+@pytest.mark.parametrize("name", ["hysteresis_identification", pytest.param("all seeds", marks=pytest.mark.slow)])
 def test_the_compensators_constants_are_those_that_the_scenario_identifies(name, outcomes):
     """The valley is flat, so the constants may differ; what they say about the tip may not."""
-    outcome = outcomes(ROOT / f"scenarios/{name}.yaml")
+    outcome = outcomes(ROOT / "scenarios/hysteresis_identification.yaml", *FAST.get(name, ()))
     for compensator in ("bouc_wen_compensator", "pi_bouc_wen_control"):
         cls = catalog.component(compensator)
         constants = [getattr(cls, constant).start for constant in Constants._fields]
