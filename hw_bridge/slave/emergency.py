@@ -34,10 +34,11 @@ class Emergency:
         self._remember(code)
         self._send(code, register, vendor)
 
-    def clear(self) -> None:
-        """Tell that no error is left."""
+    def clear(self, told: bool = True) -> None:
+        """No error is left; nobody hears that of errors that were not told."""
         self.port.dictionary.put(0x1001, 0)
-        self._send(0, 0, b"")
+        if told:
+            self._send(0, 0, b"")
 
     def _send(self, code: int, register: int, vendor: bytes) -> None:
         identifier = self.port.dictionary.get(0x1014, missing=0x80 + self.port.node)
