@@ -191,7 +191,6 @@ class Session:
         assert self.master is not None
         retracting = [watch for watch in self.watches.values() if watch.reason]
         for name, node in self.master.nodes.items():
-            views = self.axes[name].views
             if retracting:  # outputs stay: who holds the instrument takes it along
                 watch = self.watches.get(name)
                 node.mode, node.target_velocity = Mode.CSV, watch.velocity() if watch and watch.reason else 0.0
@@ -199,11 +198,12 @@ class Session:
             node.outputs = levels(node.keys.outputs, node.safe_outputs, self.axes[name])
             mode = self.mode(name)
             limit = node.keys.limits
-            node.target_velocity = targets.velocity(self.axes[name], limit)
+            if mode is Mode.CSV:
+                node.target_velocity = targets.velocity(name, self.axes[name], limit)
             if mode is Mode.CST:
-                node.target_force = targets.force(self.axes[name], limit, node.keys.scale)
+                node.target_force = targets.force(name, self.axes[name], limit, node.keys.scale)
             if mode is Mode.CSP:
-                target = float(views["target_position"])
+                target = targets.finite(name, self.axes[name], "target_position")
                 if (jump := abs(target - node.position)) > limit.following_error:
                     raise SimulationError(
                         f"{name}: target_position {node.way(target)} is {node.way(jump)} from where the drive is, a jump. "
