@@ -145,6 +145,9 @@ class Session:
     def begin(self, t: int) -> None:
         """Bring the drives up, if they are told what they can do."""
         modes = {name: self.mode(name) for name in self.axes}
+        for name, axis in self.axes.items():
+            if "target_position" in axis.views:  # where a drive goes after homing
+                targets.finite(name, axis, "target_position")
         self.forced |= {name for name, mode in modes.items() if mode is Mode.CST}
         network = self.network()
         self.watch = Watch(self.keys, network, self.trace)
