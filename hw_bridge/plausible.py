@@ -93,6 +93,19 @@ def _object(chosen: Profile, index: int, sub: int, value: int) -> str:
     return ""
 
 
+def gearing(node: NodeKeys, rotary: bool) -> str:
+    """That nobody said what turns a rotary motor into a linear axis, or the other way round; or nothing."""
+    chosen = profile(node.profile)
+    turns = chosen.motor.unit == "rad"
+    if turns is rotary or "scale" in node.model_fields_set:
+        return ""
+    kinds = ("moves along a line", "turns")
+    return (
+        f"the motor of {chosen.title} {kinds[turns]}, the member {kinds[rotary]}. "
+        f"Add `scale`, the member's way for 1 {chosen.motor.unit} of the motor."
+    )
+
+
 def units(root: Node, name: str, rotary: bool) -> list[str]:
     """Limits and the like of a member in units of the other kind of axis: degrees of a carriage."""
     found = []

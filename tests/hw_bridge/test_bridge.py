@@ -4,6 +4,7 @@ import struct
 
 import pytest
 
+from fmus.rotary_drive.model import RotaryDrive
 from hw_bridge.agenda import MILLISECOND
 from hw_bridge.cia402 import Mode, State
 from hw_bridge.master import setup
@@ -347,3 +348,17 @@ def test_scaling_of_a_read_value(build):
     found.use_units()
     assert found.ampere == pytest.approx(1e-3)
     assert struct.calcsize(found.form) == 2
+
+
+@pytest.mark.parametrize("profile", ["faulhaber_v3", "mclm"])
+def test_a_rod_that_turns_a_frame_through_a_pinion(build, profile):
+    """20 mm of radius: its own motor moves, not the member's, and a load of 0.1 N m is 5 N on the rod."""
+    limits = {"position": ["-400 deg", "400 deg"], "velocity": "1000 deg/s", "force": "3 N*m", "following_error": "40 deg",
+              "acceleration": "500 rad/s^2"}  # fmt: skip
+    rig = Rig(build, {"frame": node(profile, scale=50.0, limits=limits)}, RotaryDrive)
+    rig.set(mode_of_operation=CSV, target_velocity=0.5, load_torque=-0.1)
+    rig.go(2000)
+    assert rig.get("angle") == pytest.approx(1.0, abs=0.05)
+    assert rig.plant.motor.position == pytest.approx(rig.get("angle") / 50.0, abs=1e-6)
+    force = rig.master.nodes["frame"].force
+    assert force == pytest.approx(0.13, abs=0.02)  # the load, and the rod's friction of 1.5 N
