@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -178,7 +179,10 @@ class Session:
         for one in self.faults:
             slave = self.plants[one.node].drive if one.node in self.plants else self.modules.get(one.node)
             node = slave.node if slave is not None else self.keys.master
-            bus.agenda.at(self.origin + one.at, partial(inject, one.made(), bus, node, slave))
+            fault = one.made()
+            if one.node in self.plants:  # told at the member, done at the motor
+                fault = replace(fault, offset=fault.offset / self.plants[one.node].sign)
+            bus.agenda.at(self.origin + one.at, partial(inject, fault, bus, node, slave))
 
     def keep_pace(self, t: int) -> None:
         """A loop that came too late goes on from here instead of hurrying after."""
