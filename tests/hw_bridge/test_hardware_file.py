@@ -142,6 +142,13 @@ def test_a_gear_between_kinds_has_to_be_told(tmp_path, write, name, member, prof
     assert load(write(text.replace("node: 1", "node: 1, scale: 2.5"))).apply(load_scenario(scenario)).variants
 
 
+def test_a_real_drive_may_have_objects_that_the_profile_has_not(write):
+    text = (
+        "interface: socketcan\nchannel: can0\nnodes: {servomotor: {node: 1, profile: mclm, objects: {2FFFh.1: 15}}}\n"
+    )
+    assert hardware.load(write(text)).nodes["servomotor"].objects == {(0x2FFF, 1): 15}
+
+
 def test_a_force_for_a_drive_without_cst(write):
     scenario = load_scenario(SCENARIO, ["servomotor.mode_of_operation=10"])
     load(write(GOOD)).apply(scenario)
