@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-# modes of operation, CiA 402 object 6060h
+# modes of operation, CiA 402 object 6060h; between them is 9, cyclic synchronous velocity
 CYCLIC_SYNCHRONOUS_POSITION = 8
-CYCLIC_SYNCHRONOUS_VELOCITY = 9
 CYCLIC_SYNCHRONOUS_TORQUE = 10
 
 
