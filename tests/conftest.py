@@ -8,11 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-try:
-    from xdist.scheduler import LoadScopeScheduling
-except ImportError:  # without xdist all runs on one core
-    LoadScopeScheduling = object
+from xdist.scheduler import LoadScopeScheduling
 
 # begun in this order: what compiles the components that others need, then what takes long; the others fill the end
 ORDER = ("conformance/test_components.py", "conformance/test_symbols.py", "conformance/test_scenarios.py", "test_docs.py",

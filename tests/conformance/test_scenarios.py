@@ -20,6 +20,7 @@ LONG = 600  # a scenario with more simulated time than this in all is a slow tes
 FAST = {"hysteresis_identification": ("seeds=[1]",)}  # it fits for seconds per seed: one here, all as a slow test
 
 
+@cache
 def is_long(path):
     """Whether all variants with all seeds take long."""
     scenario = Scenario.load(path)
