@@ -51,6 +51,11 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Groups:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Order them; whoever takes the fixture `multicast` must be in the group of that name."""
+    for item in items:
+        if "multicast" in item.fixturenames and group(item.nodeid) != "multicast":  # type: ignore[attr-defined]
+            raise pytest.UsageError(f"{item.nodeid}: uses multicast. Add its file to MULTICAST in tests/conftest.py.")
+
     def place(item: pytest.Item) -> int:
         file = item.nodeid.partition("::")[0].removeprefix("tests/")
         return ORDER.index(file) if file in ORDER else len(ORDER)
