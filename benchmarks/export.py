@@ -13,14 +13,14 @@ from twin import catalog
 from twin.export import group
 from twin.fmi import exporter
 from twin.run import prepare
-from twin.scenario import Scenario
+from twin.scenario import load_scenario
 
 SCENARIO = Path("scenarios/heart_wall_force.yaml")
 
 
 def main() -> None:
     """The controller of the force experiment alone, and with the heart's estimate."""
-    scenario = Scenario.load(SCENARIO)
+    scenario = load_scenario(SCENARIO)
     case = scenario.cases(["PI+FF+BW"])[0]
     control = group("control", case, prepare(scenario)[case.variant], list(scenario.groups["control"]))
     for name, cls in (("controller", catalog.component("pi_bouc_wen_control")), ("control_group", control)):

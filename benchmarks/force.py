@@ -22,10 +22,11 @@ from typing import TYPE_CHECKING
 from twin.algorithm.cosimulation import CoSimulation
 from twin.members import Form
 from twin.run import prepare, simulation
-from twin.scenario import Scenario
+from twin.scenario import load_scenario
 
 if TYPE_CHECKING:
-    from twin.scenario.scenario import Case, Catalog
+    from twin.scenario.names import Catalog
+    from twin.scenario.spec import Case
 
 BUILD = Path("build")
 SCENARIO = Path("scenarios/heart_wall_force.yaml")
@@ -92,7 +93,7 @@ def figures(head: str, case: Case, catalog: Catalog, repeats: int, interpreted_n
 
 def measure(overrides: tuple[str, ...] = (), repeats: int = REPEATS) -> None:
     """Print the figures of every variant, with the first seed."""
-    scenario = Scenario.load(SCENARIO, overrides)
+    scenario = load_scenario(SCENARIO, overrides)
     catalogs = prepare(scenario)
     for case in scenario.variants:
         figures(f"force_{case.variant}", case, catalogs[case.variant], repeats, INTERPRETED_NS)

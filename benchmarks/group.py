@@ -16,7 +16,7 @@ from twin.export import group
 from twin.fmi import exporter
 from twin.members import Form, make
 from twin.run import prepare, simulation
-from twin.scenario import Scenario
+from twin.scenario import load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -40,7 +40,7 @@ def timed(made: CoSimulation) -> float:
 
 def main() -> None:
     """The whole force experiment as one group, and as seven members."""
-    scenario = Scenario.load(SCENARIO)
+    scenario = load_scenario(SCENARIO)
     catalogs = prepare(scenario)
     case = scenario.cases(["PI+FF+BW"])[0]
     catalog = catalogs[case.variant]

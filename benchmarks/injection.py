@@ -18,7 +18,7 @@ import numpy as np
 
 from twin.members import Form
 from twin.run import analyzed, prepare, run_case, signals, silent, simulation
-from twin.scenario import Scenario
+from twin.scenario import Scenario, load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -56,7 +56,7 @@ def figures(scenario: Scenario, seeds: Iterable[int]) -> dict[tuple[str, str], l
 def measure(seeds: int = SEEDS, groups: Iterable[str] = tuple(GROUPS)) -> None:
     """Print the distributions."""
     for group in groups:
-        scenario = Scenario.load(SCENARIO, GROUPS[group])
+        scenario = load_scenario(SCENARIO, GROUPS[group])
         for (variant, name), values in figures(scenario, range(1, seeds + 1)).items():
             label = f"injection_{group}_{variant}_{name}"
             metric = scenario.metrics[name]

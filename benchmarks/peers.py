@@ -124,13 +124,13 @@ def group(_: Path, members: int, steps: int, *, recording: bool = False) -> Resu
     """Our compiled group: the ring's members made into one FMU, called as the container is."""
     from twin.export import group as grouped
     from twin.run import prepare
-    from twin.scenario import Scenario
+    from twin.scenario import parse_scenario
 
     lines = ["stop_time: 1 s", "step: 1 ms", "members:"]
     lines += [f"  m{i}: {{component: 'benchmarks.parts:Relay'}}" for i in range(members)]
     lines[3] = f"  m0: {{component: 'benchmarks.parts:Relay', parameters: {{offset: {OFFSET}}}}}"
     lines += ["connections:", *(f"  - m{source(i, members)}.y -> m{i}.u" for i in range(members))]
-    scenario = Scenario.loads("\n".join(lines))
+    scenario = parse_scenario("\n".join(lines))
     names = [f"m{i}" for i in range(members)]
     cls = grouped("ring", scenario.cases()[0], prepare(scenario)["base"], names)
     with tempfile.TemporaryDirectory() as folder:

@@ -14,7 +14,7 @@ from pathlib import Path
 from benchmarks.force import figures, one_core, stepping
 from twin.members import Form
 from twin.run import prepare
-from twin.scenario import Scenario
+from twin.scenario import load_scenario
 
 RIG = Path("scenarios/racs.yaml")
 LONG = Path("scenarios/dynamic_regripping.yaml")
@@ -25,14 +25,14 @@ INTERPRETED_NS = 20_000_000  # simulated time of the interpreted form
 
 def measure(overrides: tuple[str, ...] = (), repeats: int = REPEATS) -> None:
     """Print the figures of the rig, with the first seed."""
-    scenario = Scenario.load(RIG, overrides)
+    scenario = load_scenario(RIG, overrides)
     case = scenario.variants[0]
     figures("rig", case, prepare(scenario)[case.variant], repeats, INTERPRETED_NS)
 
 
 def long(overrides: tuple[str, ...] = (), repeats: int = REPEATS) -> None:
     """Print wall time and real-time factor of the longest experiment."""
-    scenario = Scenario.load(LONG, overrides)
+    scenario = load_scenario(LONG, overrides)
     catalogs = prepare(scenario)
     for case in scenario.variants:
         if case.variant not in SLOWEST:

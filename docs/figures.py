@@ -20,7 +20,7 @@ from twin import plotting
 from twin.component import Component
 from twin.members import Form
 from twin.run import Outcome, run_scenario
-from twin.scenario import Scenario
+from twin.scenario import load_scenario, parse_scenario
 from twin.variable import input, output  # noqa: A004 - FMI's own word
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ PIVOTS = {"dynamic_regripping": ("error_out", "error_back", "error_max", "speed_
 
 def run(name: str, folder: Path) -> Outcome:
     """Run a scenario of scenarios/ and keep its results out of the way."""
-    scenario = Scenario.load(ROOT / "scenarios" / f"{name}.yaml")
+    scenario = load_scenario(ROOT / "scenarios" / f"{name}.yaml")
     return run_scenario(scenario, root=folder / "runs", build=ROOT / "build", report=False)
 
 
@@ -216,7 +216,7 @@ connections: [ramp.y -> slow.u, slow.y -> fast.u]
 
 def draw_publication(folder: Path) -> None:
     """What a slow member and a fast one behind it publish of a ramp."""
-    outcome = run_scenario(Scenario.loads(CHAIN), Form.interpreted, root=folder / "runs", build=ROOT / "build")
+    outcome = run_scenario(parse_scenario(CHAIN), Form.interpreted, root=folder / "runs", build=ROOT / "build")
     signals = outcome.tables["base", 0]
     time = 1e3 * signals.time
     with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": "publication"}):

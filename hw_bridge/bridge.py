@@ -13,22 +13,26 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hw_bridge import outputs
-from hw_bridge.hardware import ContactKeys
+from hw_bridge import outputs, targets
+from hw_bridge.cia402 import Mode
+from hw_bridge.events import planned
+from hw_bridge.hardware import ContactKeys, overloaded
 from hw_bridge.hardware import load as load_keys
-from hw_bridge.session import Session, beginning, unknown_mode
+from hw_bridge.profiles import profile
+from hw_bridge.session import Session, beginning
 from twin import catalog
 from twin.component import Component, PythonComponent
 from twin.errors import CouplingError, ScenarioError
-from twin.scenario.scenario import ConnectionSpec, MemberSpec
+from twin.metrics import Ending
+from twin.scenario.spec import ConnectionSpec, MemberSpec
 from twin.system import nearest
 from twin.variable import Float64, Role
 from twin.variable import input as input_variable
 
 if TYPE_CHECKING:
-    from hw_bridge.hardware import HardwareKeys
+    from hw_bridge.hardware import FaultKeys, HardwareKeys
     from twin.scenario import Scenario
-    from twin.scenario.scenario import Case
+    from twin.scenario.spec import Case
 
 KEPT = (Role.input, Role.output, Role.parameter)
 NEEDED = ("target_velocity", "position_actual_value")
@@ -43,6 +47,8 @@ class DriveAxis(PythonComponent):
 
     hardware: Hardware
     member: str
+    variant: str
+    forced = False  # whether it is told a force
 
     def __init__(self, **values: Any) -> None:
         super().__init__(**values)
@@ -65,6 +71,26 @@ class DriveAxis(PythonComponent):
         self._session.close()
 
 
+class OutputModule(PythonComponent):
+    """An I/O module on a bus: its inputs are the signals that its outputs follow."""
+
+    hardware: Hardware
+    member: str
+    variant: str
+
+    def __init__(self, **values: Any) -> None:
+        super().__init__(**values)
+        self._session = self.hardware.join(self)
+
+    def step(self, t: float, h: float) -> None:
+        """Hand the levels over; the last member of a session lets the bus go on."""
+        self._session.step(self.member, t, h)
+
+    def close(self) -> None:
+        """Stop everything."""
+        self._session.close()
+
+
 class Hardware:
     """A checked hardware file, and what its drives did in the cases of a run."""
 
@@ -73,8 +99,14 @@ class Hardware:
     ) -> None:
         self.path, self.keys, self.arm, self.build, self.trace = path, keys, arm, build, trace
         self.contacts = {name: node.contact for name, node in keys.nodes.items() if node.contact is not None}
+        self.faults: dict[str, list[FaultKeys]] = {}  # of a scenario's variants
         self.sessions: list[Session] = []
         self.present: Session | None = None
+
+    @property
+    def takes_faults(self) -> bool:
+        """Real drives have their own."""
+        return self.keys.simulated
 
     def apply(self, scenario: Scenario) -> Scenario:
         """The scenario with drives instead of the members that the file names; ScenarioError lists what does not fit."""
@@ -84,6 +116,9 @@ class Hardware:
                 f"Add --arm if nobody is in their way, or `simulated: true`."
             )
         problems = [problem for case in scenario.variants for problem in self._problems(case)]
+        for case in scenario.variants:
+            self.faults[case.variant], found = planned(case.faults, self.keys)
+            problems += found
         if problems:
             raise ScenarioError(list(dict.fromkeys(problems)))
         return replace(scenario, variants=tuple(self._applied(case) for case in scenario.variants))
@@ -105,17 +140,32 @@ class Hardware:
             elif node.contact is None and node.watch_contact:
                 found += self._find_contact(name, case)
             told = case.members[name].parameters.get("mode_of_operation")
-            if isinstance(told, int) and (problem := unknown_mode(told)):
+            if isinstance(told, int) and (problem := targets.unknown_mode(told, profile(node.profile), known)):
                 where = case.members[name].places.get("mode_of_operation", case.members[name].where)
                 found.append(f"{where}: {name} is a drive: {problem}")
             if node.outputs:
                 found += outputs.problems(f"{self.path}: nodes.{name}.outputs", node.outputs, case.members)
+        for name, module in self.keys.modules.items():
+            where = f"{self.path}: modules.{name}"
+            if name in case.members:
+                found.append(f"{where}: the scenario has a member of this name. Use another one.")
+            found += outputs.problems(f"{where}.outputs", module.outputs, case.members)
         if self.keys.cycle % case.step_ns:
             found.append(
                 f"{self.path}: cycle: {self.keys.cycle / 1e6:g} ms is not a multiple of the scenario's step, "
                 f"{case.step_ns / 1e6:g} ms. Change one of them."
             )
+        if (forces := len(self._forced(case))) and (problem := overloaded(self.keys, forces)):
+            found.append(f"{self.path}: {problem}")
         return found
+
+    def _forced(self, case: Case) -> set[str]:
+        """Members that are told a force, on drives that follow one."""
+        return {
+            name
+            for name, node in self.keys.nodes.items()
+            if Mode.CST in profile(node.profile).modes and name in case.members and targets.told_force(name, case)
+        }
 
     def _find_contact(self, name: str, case: Case) -> list[str]:
         """Watch the contact force that the scenario measures, if it measures one."""
@@ -143,40 +193,54 @@ class Hardware:
         return spec.made or catalog.component(spec.component)
 
     def _applied(self, case: Case) -> Case:
-        members, connections = dict(case.members), list(case.connections)
+        members, connections, forced = dict(case.members), list(case.connections), self._forced(case)
         for name, node in self.keys.nodes.items():
             spec = members[name]
-            members[name] = replace(
-                spec,
-                component=f"hw_bridge.bridge:{name}",
-                made=self._component(name, self._replaced(spec)),
-                period_ns=None,
-            )
+            made = self._component(name, self._replaced(spec), case.variant)
+            made.forced = name in forced
+            members[name] = replace(spec, component=f"hw_bridge.bridge:{name}", made=made, period_ns=None)
             if name in self.contacts:
                 source = self.contacts[name].signal
                 connections.append(ConnectionSpec(source, f"{name}.{CONTACT}", f"{self.path}: nodes.{name}"))
             for bit, signal in node.outputs.items():
                 where = f"{self.path}: nodes.{name}.outputs.{bit}"
                 connections.append(ConnectionSpec(signal, f"{name}.{outputs.connector(bit)}", where))
+        for name, module in self.keys.modules.items():
+            where = f"{self.path}: modules.{name}"
+            members[name] = MemberSpec(f"hw_bridge.bridge:{name}", where=where, made=self._module(name, case.variant))
+            connections += [
+                ConnectionSpec(signal, f"{name}.{outputs.connector(bit)}", f"{where}.outputs.{bit}")
+                for bit, signal in module.outputs.items()
+            ]
         return replace(case, members=members, connections=tuple(connections))
 
-    def _component(self, name: str, replaced: type[Component]) -> type[DriveAxis]:
+    def _module(self, name: str, variant: str) -> type[Component]:
+        """A component class with an input for each output that follows a signal."""
+        fields: dict[str, Any] = {**outputs.inputs(self.keys.modules[name].outputs)}
+        fields |= {"hardware": self, "member": name, "variant": variant, "__module__": __name__}
+        fields["__doc__"] = "An I/O module of CiA 401."
+        return type(f"Module_{name}", (OutputModule,), fields)
+
+    def _component(self, name: str, replaced: type[Component], variant: str = "") -> type[DriveAxis]:
         """A component class with the connectors of the one that it replaces."""
         fields: dict[str, Any] = {v.name: v for v in replaced.variables if v.role in KEPT}
         if name in self.contacts:
             fields[CONTACT] = input_variable("N", "force that is watched")
         fields |= outputs.inputs(self.keys.nodes[name].outputs)
-        fields |= {"hardware": self, "member": name, "replaced": replaced, "__module__": __name__}
+        fields |= {"hardware": self, "member": name, "replaced": replaced, "variant": variant, "__module__": __name__}
         fields["__doc__"] = f"A drive instead of {replaced.__name__}."
         return type(f"Drive_{name}", (DriveAxis,), fields)
 
-    def join(self, axis: DriveAxis) -> Session:
-        """The session that an axis belongs to: a new one where a case begins."""
-        if self.present is None or self.present.begun or self.present.closed or axis.member in self.present.axes:
-            self.present = Session(self.keys, self.contacts, self.build, self._trace())
-            self.sessions.append(self.present)
-        self.present.axes[axis.member] = axis
-        return self.present
+    def join(self, part: DriveAxis | OutputModule) -> Session:
+        """The session that a drive or module belongs to: a new one where a case begins."""
+        now = self.present
+        if now is None or now.begun or now.closed or part.member in (*now.axes, *now.switches):
+            faults = [*self.keys.faults, *self.faults.get(part.variant, [])]
+            now = self.present = Session(self.keys, self.contacts, self.build, self._trace(), faults, part.variant)
+            self.sessions.append(now)
+        (now.axes if isinstance(part, DriveAxis) else now.switches)[part.member] = part
+        now.forced |= {part.member} if isinstance(part, DriveAxis) and part.forced else set()
+        return now
 
     def _trace(self) -> Path | None:
         """The trace of the next case: x.blf, then x-2.blf, x-3.blf, ..."""
@@ -202,13 +266,15 @@ class Hardware:
         for session, one in zip([one for one in self.sessions if one.begun], reports, strict=True):
             if session.trace is not None:
                 told.append(f"{session.trace}: {one['frames']} frames")
-            if session.failed:
-                told += [f"on the bus at {line}" for line in one["seen"]]
         return {
             "file": str(self.path), "simulated": keys.simulated, "interface": keys.interface,
             "cycle": keys.cycle / 1e9, "shown": told, "cases": reports,
-            "nodes": keys.model_dump()["nodes"],
+            "nodes": keys.model_dump()["nodes"], "modules": keys.model_dump()["modules"],
         }  # fmt: skip
+
+    def ending(self) -> Ending:
+        """How the last case ended."""
+        return self.sessions[-1].ending() if self.sessions and self.sessions[-1].begun else Ending()
 
     def pictures(self) -> list[dict[str, str]]:
         """The histogram of the jitter, where time was the wall clock's."""
@@ -222,7 +288,8 @@ class Hardware:
 
     def notes(self) -> list[str]:
         """What the person who runs this has to know."""
-        return [note for session in self.sessions for note in session.notes]
+        several = len(self.sessions) > 1
+        return [f"{s.variant}: {note}" if several and s.variant else note for s in self.sessions for note in s.notes]
 
     def jitter(self) -> np.ndarray[Any, Any]:
         """Periods between SYNCs minus the cycle, of all cases on the wall clock [s]."""

@@ -27,6 +27,18 @@ class Type:
         """Length in bytes; 0 for text of any length."""
         return struct.calcsize(self.form) if self.form else 0
 
+    def saturated(self, value: float) -> int:
+        """The nearest number that fits."""
+        low, high = self.span
+        return min(max(round(value), low), high)
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """Smallest and largest number."""
+        signed = self.name.startswith("INTEGER")
+        high = (1 << (8 * self.size - signed)) - 1
+        return -high - 1 if signed else 0, high
+
 
 BOOL = Type("BOOLEAN", 0x01, "<B")
 I8, I16, I32 = Type("INTEGER8", 0x02, "<b"), Type("INTEGER16", 0x03, "<h"), Type("INTEGER32", 0x04, "<i")

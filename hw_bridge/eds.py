@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-    from hw_bridge.profile import Profile
+    from hw_bridge.profile import Device, Profile
 
 DATED = {"CreationDate": "01-01-2026", "CreationTime": "12:00AM", "EdsVersion": "4.0"}
 DATED |= {"ModificationDate": DATED["CreationDate"], "ModificationTime": DATED["CreationTime"]}  # same in, same out
@@ -49,7 +49,7 @@ def _variable(entry: Entry) -> ODVariable:
     return variable
 
 
-def export(profile: Profile) -> str:
+def export(profile: Profile | Device) -> str:
     """The profile's object dictionary as the text of an EDS file."""
     whole = canopen_dictionary(profile.objects)
     whole.device_information.product_name = profile.title

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, cast
 
 from hw_bridge.agenda import MILLISECOND, NEVER
 from hw_bridge.bus import Disturbance, Kind
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from hw_bridge.drive.drive import Drive
     from hw_bridge.profile import Profile
+    from hw_bridge.slave.slave import Slave
 
 SENDS = (0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700)  # identifiers of a slave, without its node-ID
 TO_BUS_OFF = 32  # destroyed frames in a row: 8 each to 256
@@ -94,15 +95,18 @@ class Place(Protocol):
         """Time [ns]."""
 
 
-def inject(fault: Fault, place: Place, node: int, drive: Drive | None) -> None:
-    """Let a fault happen now. `node` sends the frames that are hit; without a drive it is the master."""
-    if (act := ACTIONS.get(fault.cause)) is not None:
-        if drive is None:
-            raise SimulationError(f"{fault.cause}: is a fault of a drive. Name a drive instead of the master.")
-        drive.advance(max(place.now, drive.port.agenda.now))
-        act(fault, drive)
+def inject(fault: Fault, place: Place, node: int, slave: Slave | None) -> None:
+    """Let a fault happen now. `node` sends the frames that are hit; without a drive or module it is the master."""
+    if fault.cause is not Cause.RESET and fault.cause not in ACTIONS:
+        place.disturbances.append(disturbance(fault, place.now, node, slave is None))
+        return
+    if slave is None:
+        raise SimulationError(f"{fault.cause}: is a fault of a drive. Name a drive instead of the master.")
+    slave.advance(max(place.now, slave.port.agenda.now))
+    if fault.cause is Cause.RESET:
+        slave.nmt.command(bytes([RESET_NODE, slave.node]))
     else:
-        place.disturbances.append(disturbance(fault, place.now, node, drive is None))
+        ACTIONS[fault.cause](fault, cast("Drive", slave))  # `problem` keeps it from modules
 
 
 def disturbance(fault: Fault, now: int, node: int, master: bool) -> Disturbance:
@@ -168,21 +172,17 @@ def _slow(fault: Fault, drive: Drive) -> None:
         drive.axis.motor.scale(name, fault.factor)
 
 
-def _reset(_: Fault, drive: Drive) -> None:
-    drive.nmt.command(bytes([RESET_NODE, drive.node]))
-
-
 ACTIONS: dict[Cause, Callable[[Fault, Drive], None]] = {
     Cause.EMCY: _emcy, Cause.OVERCURRENT: _overcurrent, Cause.ENCODER: _encoder,
     Cause.ENCODER_OFFSET: _encoder_offset, Cause.FRICTION: _friction, Cause.GRIP: _grip, Cause.SLOW: _slow,
-    Cause.RESET: _reset,
 }  # fmt: skip
 
 
-def problem(fault: Fault, profile: Profile | None) -> str:
-    """What is wrong with a fault for a drive of this profile, or for the master; nothing if it can be done."""
+def problem(fault: Fault, profile: Profile | None, master: bool = True) -> str:
+    """What is wrong with a fault for a drive of this profile, or without one for the master or a module; or nothing."""
     if profile is None:
-        return f"{fault.cause} is a fault of a drive. Name a drive" if fault.cause in ACTIONS else ""
+        own = fault.cause in ACTIONS or (master and fault.cause is Cause.RESET)
+        return f"{fault.cause} is a fault of a drive. Name a drive" if own else ""
     if fault.cause is Cause.EMCY and fault.code not in profile.faults:
         known = ", ".join(f"{one:04X}h" for one in sorted(profile.faults))
         return f"{profile.title} has no error {fault.code:04X}h. There are: {known}"

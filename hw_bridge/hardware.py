@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, ValidationError
 
 from hw_bridge.agenda import NEVER
-from hw_bridge.fault import Cause, Fault
+from hw_bridge.fault import Cause, Fault, problem
 from hw_bridge.frame import Frame, bit_count
 from hw_bridge.outputs import OUTPUTS, output_bits
 from hw_bridge.profiles import MODULES, profile
@@ -24,6 +24,8 @@ MILLISECOND = 1_000_000
 MASTER = "master"  # this program, where a fault names a node
 PROCESS_DATA = (4, 7, 7, 8, 1)  # bytes of a drive's frames in a cycle: two RPDOs, two TPDOs, a heartbeat
 SWITCHING = (8, *PROCESS_DATA[1:])  # the same with digital outputs in the first RPDO
+IN_AND_OUT = (4, 1, 1)  # of a module: outputs, inputs, a heartbeat
+FORCE_DATA = 2  # bytes of one more RPDO, for a drive that is told a force
 FULL = 0.8  # more leaves no room for what is repeated
 
 
@@ -157,6 +159,11 @@ class FaultKeys(Keys):
     factor: Annotated[float, Field(ge=0)] = 2.0
     identifiers: Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
 
+    @property
+    def text(self) -> str:
+        """What happens to whom: `heartbeat of servomotor`."""
+        return f"{self.fault} of {self.node}"
+
     def made(self) -> Fault:
         """The fault as it is injected."""
         low_high = (self.identifiers[0], self.identifiers[1]) if self.identifiers is not None else None
@@ -192,6 +199,24 @@ class NodeKeys(Keys):
     description: Text = ""
 
 
+class ModuleKeys(Keys):
+    """An I/O module: bits of its outputs (6200h, from 0) and the Boolean signals that they follow, for valves.
+
+    `safe_outputs`: all of them before the start, after every stop, and when the module misses this program.
+    """
+
+    node: Annotated[int, Field(strict=True, ge=1, le=126)]
+    profile: Literal["cia401"] = "cia401"
+    vendor: Annotated[int, Field(strict=True, ge=0)] | None = None
+    product: Annotated[int, Field(strict=True, ge=0)] | None = None
+    serial: Annotated[int, Field(strict=True, ge=0)] | None = None
+    heartbeat: HeartbeatKeys = HeartbeatKeys()
+    outputs: Annotated[dict[int, str], BeforeValidator(output_bits), Field(min_length=1)]
+    safe_outputs: Annotated[int, Field(strict=True, ge=0, lt=2**32)]
+    objects: Annotated[dict[tuple[int, int], int], BeforeValidator(object_name)] = Field(default={})
+    description: Text = ""
+
+
 class HardwareKeys(Keys):
     """A hardware file. `simulated`: drives and bus are part of the run, in simulated time."""
 
@@ -205,7 +230,13 @@ class HardwareKeys(Keys):
     cycle: Milliseconds = 5 * MILLISECOND
     master: Annotated[int, Field(strict=True, ge=1, le=127)] = 127
     nodes: Annotated[dict[str, NodeKeys], Field(min_length=1)]
+    modules: dict[str, ModuleKeys] = Field(default={})
     faults: list[FaultKeys] = Field(default=[])
+
+    def stations(self) -> list[tuple[str, str, NodeKeys | ModuleKeys]]:
+        """Group, name and keys of all drives and modules."""
+        drives = [("nodes", name, one) for name, one in self.nodes.items()]
+        return [*drives, *(("modules", name, one) for name, one in self.modules.items())]
 
     def is_software(self) -> bool:
         """Whether no current can flow: the bus is simulated, or its interface exists in software only."""
@@ -216,11 +247,23 @@ class HardwareKeys(Keys):
         return self.simulated or self.interface in SOFTWARE or channel.startswith("vcan") or pty
 
 
-def bus_load(keys: HardwareKeys) -> float:
-    """Share of a cycle that its process data, SYNC and heartbeats take on the wire at most."""
+def bus_load(keys: HardwareKeys, forces: int = 0) -> float:
+    """Share of a cycle that its process data, SYNC and heartbeats take on the wire at most. `forces`: drives told one."""
     sizes = [size for node in keys.nodes.values() for size in (SWITCHING if node.outputs else PROCESS_DATA)]
+    sizes += [size for _ in keys.modules for size in IN_AND_OUT]
+    sizes += forces * [FORCE_DATA]
     frames = [*(Frame(0, bytes(size)) for size in sizes), Frame(0), Frame(0, b"0")]
     return sum(map(bit_count, frames)) / keys.bit_rate * 1e9 / keys.cycle
+
+
+def overloaded(keys: HardwareKeys, forces: int = 0) -> str:
+    """That the bus has too little time in a cycle, or nothing."""
+    if (share := bus_load(keys, forces)) <= FULL:
+        return ""
+    return (
+        f"cycle: process data fills {100 * share:.0f} % of {keys.cycle / 1e6:g} ms at {keys.bit_rate} bit/s. "
+        f"Make the cycle longer or the bit rate higher."
+    )
 
 
 def load(path: Path) -> HardwareKeys:
@@ -245,50 +288,52 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
     if keys.bit_rate not in BIT_RATES:
         place = root.find(("bit_rate",)).place
         problems.append(f"{place}: bit_rate: {keys.bit_rate} is none of CANopen's. Use 1000000, 500000, ...")
-    elif (share := bus_load(keys)) > FULL:
-        problems.append(
-            f"{root.find(('cycle',)).place}: cycle: process data fills {100 * share:.0f} % of {keys.cycle / 1e6:g} ms "
-            f"at {keys.bit_rate} bit/s. Make the cycle longer or the bit rate higher."
-        )
+    elif problem := overloaded(keys):
+        problems.append(f"{root.find(('cycle',)).place}: {problem}")
     taken = {keys.master: "this program"}
-    for name, node in keys.nodes.items():
-        where = root.find(("nodes", name, "node")).place
-        if node.node in taken:
+    for group, name, one in keys.stations():
+        where = root.find((group, name, "node")).place
+        if one.node in taken:
             problems.append(
-                f"{where}: nodes.{name}: node {node.node} is {taken[node.node]} already. Use another node-ID."
+                f"{where}: {group}.{name}: node {one.node} is {taken[one.node]} already. Use another node-ID."
             )
-        taken[node.node] = f"`{name}`"
+        taken[one.node] = f"`{name}`"
+        if one.heartbeat.lost_after <= one.heartbeat.every:
+            place = root.find((group, name, "heartbeat")).place
+            problems.append(
+                f"{place}: {group}.{name}.heartbeat: lost_after is not longer than every. Use three times as long."
+            )
+        if group == "modules" and name in (*keys.nodes, MASTER):
+            problems.append(f"{where}: modules.{name}: something else has this name. Use another one.")
+    for name, node in keys.nodes.items():
         low, high = node.limits.position
         if low >= high:
             place = root.find(("nodes", name, "limits", "position")).place
             problems.append(
                 f"{place}: nodes.{name}.limits.position: the first limit is not below the second. Swap them."
             )
-        if node.heartbeat.lost_after <= node.heartbeat.every:
-            place = root.find(("nodes", name, "heartbeat")).place
-            problems.append(
-                f"{place}: nodes.{name}.heartbeat: lost_after is not longer than every. Use three times as long."
-            )
     return problems + check_faults(keys, root)
 
 
 def check_faults(keys: HardwareKeys, root: Node) -> list[str]:
     """Faults that cannot be done."""
-    from hw_bridge.fault import problem
-    from hw_bridge.profiles import profile
+    return [
+        f"{root.find(('faults', place)).place}: faults[{place + 1}]: {text}"
+        for place, one in enumerate(keys.faults)
+        if (text := fault_problem(one, keys))
+    ]
 
-    problems = []
-    for place, one in enumerate(keys.faults):
-        where = f"{root.find(('faults', place)).place}: faults[{place + 1}]"
-        if not keys.simulated:
-            problems.append(f"{where}: only a bench with `simulated: true` can have faults. Use twin drive inject.")
-        elif one.node not in (*keys.nodes, MASTER):
-            problems.append(f"{where}: no node {one.node!r}. {nearest(one.node, [*keys.nodes, MASTER])}")
-        else:
-            chosen = None if one.node == MASTER else profile(keys.nodes[one.node].profile)
-            if text := problem(one.made(), chosen):
-                problems.append(f"{where}: {text}.")
-    return problems
+
+def fault_problem(one: FaultKeys, keys: HardwareKeys) -> str:
+    """Why a fault cannot be done on a bench, or nothing."""
+    if not keys.simulated:
+        return "only a bench with `simulated: true` can have faults. Use twin drive inject."
+    known = [*keys.nodes, *keys.modules, MASTER]
+    if one.node not in known:
+        return f"no node {one.node!r}. {nearest(one.node, known)}"
+    chosen = profile(keys.nodes[one.node].profile) if one.node in keys.nodes else None
+    text = problem(one.made(), chosen, master=one.node == MASTER)
+    return f"{text}." if text else ""
 
 
 def check_outputs(keys: HardwareKeys, root: Node) -> list[str]:
@@ -306,17 +351,19 @@ def check_outputs(keys: HardwareKeys, root: Node) -> list[str]:
     return problems
 
 
-def line(root: Node, error: Any) -> str:
-    """One problem that pydantic found, as one line."""
+def line(root: Node, error: Any, model: type[Keys] | None = None) -> str:
+    """One problem that pydantic found, as one line. `model`: what `root` holds; nothing: a hardware file."""
     path = tuple(error["loc"])
     place, what = root.find(path).place, dotted(path)
     kind, given = error["type"], error["input"]
     if kind == "extra_forbidden":
-        return f"{place}: {what}: unknown key.{_near(path)}"
+        return f"{place}: {what}: unknown key.{_near(path, model)}"
     if kind == "missing":
         return f"{place}: {what}: is missing. Add it."
     if kind == "literal_error" and path[-1] == "profile":
         return f"{place}: {what}: {quoted(given)} is no drive profile. {nearest(str(given), list(MODULES))}"
+    if kind == "literal_error" and path[-1] == "fault":
+        return f"{place}: {what}: {quoted(given)} is no fault. {nearest(str(given), [str(one) for one in Cause])}"
     text = error["msg"].removeprefix("Value error, ").rstrip(".")
     return f"{place}: {what}: {text[0].lower()}{text[1:]}" + (
         "." if kind == "value_error" else f", not {quoted(given)}. Correct it."
@@ -325,12 +372,13 @@ def line(root: Node, error: Any) -> str:
 
 KEYS: dict[str, type[Keys]] = {
     "limits": LimitKeys, "heartbeat": HeartbeatKeys, "homing": HomingKeys, "contact": ContactKeys, "faults": FaultKeys,
-    "shadow": ShadowKeys,
+    "shadow": ShadowKeys, "modules": ModuleKeys,
 }  # fmt: skip
 
 
-def _near(path: tuple[str | int, ...]) -> str:
+def _near(path: tuple[str | int, ...], model: type[Keys] | None) -> str:
     """The key that was probably meant."""
     parents = [str(one) for one in path[:-1] if isinstance(one, str)]
-    model = HardwareKeys if not parents else KEYS.get(parents[-1], NodeKeys)
+    group = ModuleKeys if parents[:1] == ["modules"] else NodeKeys
+    model = KEYS.get(parents[-1], group) if parents else model or HardwareKeys
     return " " + nearest(str(path[-1]), list(model.model_fields))

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from hw_bridge.hardware import HardwareKeys
     from hw_bridge.master.master import Master
 
+KINDS = {401: "I/O module (CiA 401)", 402: "drive of an unknown vendor"}  # lower half of 1000h
 QUESTION = 30_000_000  # how long a node has to answer during a scan [ns]
 
 
@@ -54,7 +55,7 @@ def differences(keys: HardwareKeys, build: Path) -> list[str]:
         found = scan(master)
         for number, text in found.items():
             click.echo(f"node {number}: {text}")
-        expected = {node.number: node for node in master.nodes.values()}
+        expected = {station.number: station for station in master.stations.values()}
         problems = []
         for number, node in expected.items():
             if number not in found:
@@ -91,7 +92,7 @@ def scan(master: Master) -> dict[int, str]:
             except SimulationError as error:
                 found[number] = f"answers, but not as a CANopen device should: {error}"
                 continue
-        name = known(vendor, product) or f"device type {device:08X}h"
+        name = known(vendor, product) or KINDS.get(device & 0xFFFF, f"device type {device:08X}h")
         found[number] = f"{name}, vendor {vendor:X}h, product {product:X}h, revision {revision:X}h, serial {serial:X}h"
     return found
 

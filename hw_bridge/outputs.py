@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from twin.component import Component
-    from twin.scenario.scenario import MemberSpec
+    from twin.scenario.spec import MemberSpec
 
 OUTPUTS, LEVELS, MASK = 0x60FE, 1, 2
 WORD = 0x60FE0120  # of the mapping

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from hw_bridge.cia402 import State
 from hw_bridge.drive.drive import Drive
 from hw_bridge.drive.motor import Motor, MotorModel
 from hw_bridge.profiles import profile
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from hw_bridge.master.node import Node
     from twin.component import Component
 
+STANDSTILL = 1e-3  # slower than this is at rest [m/s or rad/s]
 OWN = ("current_maximum", "current_continuous")  # parameters of a motor that its drive uses for itself
 
 TRUE = {"velocity", "angular_velocity", "motor_angle", "current", "force", "torque"}
@@ -27,7 +29,7 @@ class Plant:
 
     def __init__(self, axis: Component, keys: NodeKeys, position: float, build: Path) -> None:
         vendor = profile(keys.profile)
-        self.axis = axis
+        self.axis, self.keys = axis, keys
         self.sign = -keys.scale if keys.inverted else keys.scale
         self.parameters: dict[str, float] = {}
         model = self.model(vendor.motor)
@@ -68,6 +70,16 @@ class Plant:
             if (value := float(views[key])) != before:
                 self.parameters[key] = value
                 self.motor.set(key, value)
+
+    def restless(self, speed: float) -> str:
+        """What is not as it should be at rest: power, motion of the motor [m/s or rad/s], outputs."""
+        drive, keys = self.drive, self.keys
+        speed *= keys.scale
+        found = [f"{drive.state}"] if drive.state is State.ENABLED else []
+        found += [f"moves at {speed:.3g} {self.motor.model.unit}/s"] if speed > STANDSTILL else []
+        if keys.safe_outputs is not None and drive.outputs != keys.safe_outputs:
+            found.append(f"outputs {drive.outputs}, not {keys.safe_outputs}")
+        return f"node {keys.node}: {', '.join(found)}." if found else ""
 
     def show(self, values: dict[str, float]) -> None:
         """What only a simulated motor can tell."""

@@ -58,6 +58,19 @@ FIXED = {0x605A: 2, 0x605B: 0, 0x605C: 1, 0x605D: 1, 0x605E: 2, 0x6007: 0}
 
 
 @dataclass(frozen=True)
+class Device:
+    """A CANopen device that is no drive."""
+
+    name: str
+    title: str
+    objects: tuple[Entry, ...]
+    faults: dict[int, Fault]
+    rules: Rules
+    boot_time: int = 100 * MILLISECOND
+    sdo_time: int = MILLISECOND
+
+
+@dataclass(frozen=True)
 class Profile:
     """One vendor's drive."""
 
@@ -78,6 +91,7 @@ class Profile:
     power_stage_bit: bool = False  # statusword bit 4 shows the power stage instead of the supply
     rpdo_timeout: bool = False  # 8250h when cyclic targets stay away
     deviation: Callable[[Dictionary], tuple[float, int]] | None = None  # of speed: window [device units], time [ms]
+    gains: dict[tuple[int, int], dict[str, int]] = field(default_factory=dict)  # what a gain does to the motor's: power
     twins: dict[int, int] = field(default_factory=dict)  # targets in increments: object, the one in user units
     masks: bool = False  # 2321h says which errors are told and which trip
     supply: Callable[[Dictionary], tuple[float, float]] = lambda _: (9.0, 56.0)  # under- and overvoltage [V]

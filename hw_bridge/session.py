@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from hw_bridge import targets
 from hw_bridge.bus import Bus
 from hw_bridge.cia402 import INTERNAL_LIMIT, Mode
 from hw_bridge.contact import ContactWatch
@@ -13,21 +14,24 @@ from hw_bridge.drive.motor import Motor
 from hw_bridge.fault import inject
 from hw_bridge.master.master import Master
 from hw_bridge.master.network import Network, SimulatedNetwork
+from hw_bridge.module import Module
 from hw_bridge.outputs import levels
 from hw_bridge.plant import Plant
-from hw_bridge.profiles import profile
+from hw_bridge.profiles import device, profile
 from hw_bridge.shadow import Shadow
 from hw_bridge.trace.watch import Watch
 from twin.errors import SimulationError
+from twin.metrics import Ending
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
-    from hw_bridge.hardware import ContactKeys, HardwareKeys
+    from hw_bridge.hardware import ContactKeys, FaultKeys, HardwareKeys
     from twin.component import Component
 
-CYCLIC = {8: Mode.CSP, 9: Mode.CSV}
-SHARE = 0.8  # of the velocity limit that a target may ask for: the drive overshoots
+GLANCE = 10_000_000  # time in which a way is seen [ns]
+AFTERMATH = 500_000_000  # how long a simulated bench is watched after a stop on a failure [ns]
 
 
 def bench_network(keys: HardwareKeys, build: Path) -> Network:
@@ -38,6 +42,8 @@ def bench_network(keys: HardwareKeys, build: Path) -> Network:
     for node in keys.nodes.values():
         vendor = profile(node.profile)
         bus.attach(Drive(vendor, node.node, Motor(vendor.motor, build=build)))
+    for module in keys.modules.values():
+        bus.attach(Module(device(module.profile), module.node))
     return SimulatedNetwork(bus)
 
 
@@ -53,23 +59,20 @@ def beginning(axis: Component) -> float:
     return float(axis.views["target_position"]) if "target_position" in axis.views else 0.0
 
 
-def unknown_mode(wanted: int) -> str:
-    """Why a mode of operation cannot be followed, or nothing. cst is none: no member is told a force."""
-    if wanted in CYCLIC:
-        return ""
-    what = "cst needs a member that is told a force, there is none" if wanted == Mode.CST else "no cyclic mode"
-    return f"mode_of_operation {wanted}: {what}. Use 8 (csp) or 9 (csv)."
-
-
 class Session:
     """Drives and their master during one case."""
 
     def __init__(
-        self, keys: HardwareKeys, contacts: dict[str, ContactKeys], build: Path, trace: Path | None = None
-    ) -> None:
-        self.keys, self.contacts, self.build, self.trace = keys, contacts, build, trace
+        self, keys: HardwareKeys, contacts: dict[str, ContactKeys], build: Path, trace: Path | None = None,
+        faults: Sequence[FaultKeys] = (), variant: str = "",
+    ) -> None:  # fmt: skip
+        self.variant = variant
+        self.keys, self.contacts, self.build, self.trace, self.faults = keys, contacts, build, trace, faults
         self.watch: Watch | None = None
         self.axes: dict[str, Component] = {}
+        self.switches: dict[str, Component] = {}  # members that stand for modules
+        self.modules: dict[str, Module] = {}  # those that are simulated
+        self.forced: set[str] = set()  # members that are told a force
         self.plants: dict[str, Plant] = {}
         self.master: Master | None = None
         self.bus: Bus | None = None
@@ -81,6 +84,10 @@ class Session:
         self.watches: dict[str, ContactWatch] = {}
         self.shadows: dict[str, Shadow] = {}
         self.notes: list[str] = []
+        self.running = False  # all drives were brought up
+        self.stopped: tuple[int, str] | None = None  # time of the scenario [ns] and reason of a stop before the end
+        self.seen: list[str] = []
+        self.unsafe: list[str] = []
 
     def network(self) -> Network:
         """The bus, with its simulated drives where they are part of the run."""
@@ -91,17 +98,22 @@ class Session:
         for name, axis in self.axes.items():
             self.plants[name] = Plant(axis, keys.nodes[name], beginning(axis), self.build)
             self.bus.attach(self.plants[name].drive)
+        for name, module in keys.modules.items():
+            self.modules[name] = Module(device(module.profile), module.node)
+            self.bus.attach(self.modules[name])
         return SimulatedNetwork(self.bus)
 
     def step(self, member: str, t: float, h: float) -> None:
         """The targets of a member are there; with the last one everything goes on from t to t + h [s]."""
         self.stepped.add(member)
-        if self.stepped == set(self.axes):
+        if self.stepped == {*self.axes, *self.switches}:
             self.stepped.clear()
             try:
                 self.advance(round(t * 1e9), round(h * 1e9))
-            except BaseException:
+            except BaseException as error:
                 self.failed = True
+                if self.running and isinstance(error, SimulationError):
+                    self.stopped = round(t * 1e9), str(error)
                 self.close()
                 raise
 
@@ -132,11 +144,11 @@ class Session:
 
     def begin(self, t: int) -> None:
         """Bring the drives up, if they are told what they can do."""
-        for name in self.axes:
-            self.mode(name)
+        modes = {name: self.mode(name) for name in self.axes}
+        self.forced |= {name for name, mode in modes.items() if mode is Mode.CST}
         network = self.network()
         self.watch = Watch(self.keys, network, self.trace)
-        master = self.master = Master(self.keys, network)
+        master = self.master = Master(self.keys, network, self.forced)
         self.begun, self.start, self.real_time = True, t, master.network.real_time
         for name, one in self.keys.nodes.items():
             if one.shadow is not None:
@@ -153,17 +165,17 @@ class Session:
             plant.zero(master.nodes[name])
         for name, contact in self.contacts.items():
             self.watches[name] = ContactWatch(name, contact, master.nodes[name], t)
+        self.running = True
 
     def plan_faults(self) -> None:
-        """Faults of the hardware file, at their times."""
+        """Faults of the hardware file and of the scenario, at their times."""
         bus = self.bus
         if bus is None:
             return
-        for one in self.keys.faults:
-            plant = self.plants.get(one.node)
-            node = plant.drive.node if plant is not None else self.keys.master
-            drive = plant.drive if plant is not None else None
-            bus.agenda.at(self.origin + one.at, partial(inject, one.made(), bus, node, drive))
+        for one in self.faults:
+            slave = self.plants[one.node].drive if one.node in self.plants else self.modules.get(one.node)
+            node = slave.node if slave is not None else self.keys.master
+            bus.agenda.at(self.origin + one.at, partial(inject, one.made(), bus, node, slave))
 
     def keep_pace(self, t: int) -> None:
         """A loop that came too late goes on from here instead of hurrying after."""
@@ -187,8 +199,9 @@ class Session:
             node.outputs = levels(node.keys.outputs, node.safe_outputs, self.axes[name])
             mode = self.mode(name)
             limit = node.keys.limits
-            fastest = SHARE * limit.velocity
-            node.target_velocity = min(max(float(views["target_velocity"]), -fastest), fastest)
+            node.target_velocity = targets.velocity(self.axes[name], limit)
+            if mode is Mode.CST:
+                node.target_force = targets.force(self.axes[name], limit, node.keys.scale)
             if mode is Mode.CSP:
                 target = float(views["target_position"])
                 if (jump := abs(target - node.position)) > limit.following_error:
@@ -198,6 +211,9 @@ class Session:
                     )
                 node.target_position = target
             node.mode = mode
+        for name, module in self.master.modules.items():
+            if not retracting:
+                module.outputs = levels(module.keys.outputs, module.safe_outputs, self.switches[name])
         if retracting and all(watch.done() for watch in retracting):
             raise SimulationError(f"{retracting[0].reason} All drives stop.")
 
@@ -205,9 +221,15 @@ class Session:
         """What a member is told in each cycle."""
         views = self.axes[name].views
         wanted = int(views["mode_of_operation"]) if "mode_of_operation" in views else Mode.CSV
-        if problem := unknown_mode(wanted):
+        if problem := targets.unknown_mode(wanted, profile(self.keys.nodes[name].profile), views):
             raise SimulationError(f"{name}: {problem} All drives stop.")
-        return CYCLIC[wanted]
+        mode = targets.CYCLIC[wanted]
+        if mode is Mode.CST and self.begun and name not in self.forced:
+            raise SimulationError(
+                f"{name}: mode_of_operation 10: its process data have no force. Begin in it, or set or connect a target "
+                f"force in the scenario. All drives stop."
+            )
+        return mode
 
     def show(self) -> None:
         """Outputs of all members."""
@@ -234,9 +256,47 @@ class Session:
         if self.master is not None:
             self.master.stop()
             self.notes += self.master.notes
+        try:
+            self.look_after()
+        except SimulationError as error:  # of a motor that cannot go on; the failure that ended the case is told first
+            self.unsafe.append(str(error))
         if self.watch is not None:
             self.watch.close()
+            self.seen = self.story(self.watch)
         self.notes += [line for shadow in self.shadows.values() for line in shadow.warnings]
+
+    def look_after(self) -> None:
+        """What is not at rest after the stop: on a simulated bus in truth, else what the master could not confirm."""
+        if self.bus is None:
+            self.unsafe = list(self.master.notes) if self.master is not None else []
+            return
+        if self.failed:  # drives that did not hear the master stop by themselves
+            self.bus.advance(self.bus.now + AFTERMATH)
+        before = [plant.motor.position for plant in self.plants.values()]
+        if self.failed:
+            self.bus.advance(self.bus.now + GLANCE)
+        self.unsafe = [
+            text
+            for plant, position in zip(self.plants.values(), before, strict=True)
+            if (text := plant.restless(abs(plant.motor.position - position) * 1e9 / GLANCE))
+        ]
+        for name, module in self.modules.items():
+            if module.outputs != (safe := self.keys.modules[name].safe_outputs):
+                self.unsafe.append(f"{name}: outputs {module.outputs}, not {safe}.")
+
+    def story(self, watch: Watch) -> list[str]:
+        """What was seen on the bus, with the faults that were planned and the stop in their places."""
+        marks = [
+            (one.at, f"FAULT {one.text}") for one in self.faults if self.bus and one.at <= self.bus.now - self.origin
+        ]
+        marks += [(self.stopped[0], f"STOP {self.stopped[1]}")] if self.stopped is not None else []
+        lines = [*(f"{time / 1e9:.6f} s: {text}" for time, text in marks), *watch.seen(self.origin)]
+        return sorted(lines, key=lambda line: float(line.partition(" ")[0]))
+
+    def ending(self) -> Ending:
+        """How the case ended."""
+        time, reason = self.stopped or (None, "")
+        return Ending(time, reason, " ".join(self.unsafe), tuple(self.seen))
 
     def report(self) -> dict[str, Any]:
         """Statistics of the case."""
@@ -245,7 +305,7 @@ class Session:
         if self.shadows:
             found["shadow"] = {name: shadow.report() for name, shadow in self.shadows.items()}
         if self.watch is not None:
-            found |= {"origin": self.origin / 1e9, "seen": self.watch.seen(self.origin)}
+            found |= {"origin": self.origin / 1e9, "seen": self.seen if self.closed else self.story(self.watch)}
             found |= {"trace": str(self.trace), "frames": self.watch.count} if self.trace is not None else {}
         if self.bus is not None:
             found |= {"bus_load": self.bus.load, "longest_wait": self.bus.longest_wait / 1e9}

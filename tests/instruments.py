@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from twin.run import prepare
-from twin.scenario import Scenario
+from twin.scenario import parse_scenario
 
 SCENARIOS = Path(__file__).parent.parent / "scenarios"
 
@@ -11,7 +11,7 @@ SCENARIOS = Path(__file__).parent.parent / "scenarios"
 def guidewire(component):
     """What the guidewire's parameter set says of a component, in SI."""
     text = f"stop_time: 1 s\nmembers: {{part: {{component: {component}}}}}\nparameter_sets: instruments/guidewire.yaml"
-    scenario = Scenario.loads(text, SCENARIOS / "guidewire.yaml")
+    scenario = parse_scenario(text, SCENARIOS / "guidewire.yaml")
     case = scenario.cases()[0]
     found = case.values("part", prepare(scenario)[case.variant]["part"])
     return {name: value.tolist() for name, value in found.items() if name != "seed"}

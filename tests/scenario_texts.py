@@ -7,7 +7,7 @@ import pytest
 
 from twin.errors import ScenarioError
 from twin.member import MemberVariable
-from twin.scenario import Scenario, check_against
+from twin.scenario import check_against, parse_scenario
 
 BASE = """\
 title: Contact force
@@ -41,7 +41,7 @@ plots:
 
 def problems(text: str, *overrides: str) -> list[str]:
     with pytest.raises(ScenarioError) as caught:
-        Scenario.loads(text, "s.yaml", overrides)
+        parse_scenario(text, "s.yaml", overrides)
     assert all("\n" not in line and len(line) < 400 for line in caught.value.problems)
     return caught.value.problems
 
@@ -75,5 +75,5 @@ def changed(old: str, new: str) -> str:
 
 
 def against(text: str) -> list[str]:
-    scenario = Scenario.loads(text, "s.yaml")
+    scenario = parse_scenario(text, "s.yaml")
     return check_against(scenario, {case.variant: catalog() for case in scenario.variants})

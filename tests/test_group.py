@@ -14,7 +14,7 @@ from twin.export import group
 from twin.fmi import exporter
 from twin.members import Form
 from twin.run import prepare, run_scenario
-from twin.scenario import Scenario
+from twin.scenario import load_scenario, parse_scenario
 
 SCENARIO = """
 stop_time: 0.5 s
@@ -50,7 +50,7 @@ PARTS = {
 
 
 def run(text, tmp_path, build):
-    outcome = run_scenario(Scenario.loads(text, tmp_path / "s.yaml"), root=tmp_path / "runs", build=build, report=False)
+    outcome = run_scenario(parse_scenario(text, tmp_path / "s.yaml"), root=tmp_path / "runs", build=build, report=False)
     assert outcome.run.status == "completed", outcome.run.reason
     return next(iter(outcome.tables.values())).values
 
@@ -61,7 +61,7 @@ def regrouped(text, chosen, path):
     data["members"] = {name: one for name, one in data["members"].items() if name not in chosen}
     data["members"]["group"] = {"component": str(path)}
     data["connections"] = []
-    for connection in Scenario.loads(text).variants[0].connections:
+    for connection in parse_scenario(text).variants[0].connections:
         inside = [end.split(".")[0] in chosen for end in (connection.source, connection.target)]
         if not all(inside):
             ends = zip((connection.source, connection.target), inside, strict=True)
@@ -73,7 +73,7 @@ def regrouped(text, chosen, path):
 @pytest.mark.parametrize("name", PARTS)
 def test_a_group_gives_the_same_run_to_the_bit(name, version, tmp_path, build):
     text = SCENARIO.replace("ALGORITHM", "jacobi")
-    scenario = Scenario.loads(text)
+    scenario = parse_scenario(text)
     case = scenario.cases()[0]
     chosen = PARTS[name]
     path = tmp_path / "group.fmu"
@@ -92,7 +92,7 @@ def test_a_group_gives_the_same_run_to_the_bit(name, version, tmp_path, build):
 @pytest.mark.parametrize("name", [name for name in PARTS if name != "plant"])
 def test_gauss_seidel_groups_are_equal_to_the_bit(name, tmp_path, build):
     text = SCENARIO.replace("ALGORITHM", "gauss_seidel")
-    scenario = Scenario.loads(text)
+    scenario = parse_scenario(text)
     case, chosen = scenario.cases()[0], PARTS[name]
     path = tmp_path / "group.fmu"
     cls = group("group", case, prepare(scenario)[case.variant], chosen)
@@ -127,16 +127,16 @@ REFUSED = {
 @pytest.mark.parametrize("case", REFUSED)
 def test_what_cannot_be_grouped_says_what_to_change(case):
     text, chosen, message = REFUSED[case]
-    scenario = Scenario.loads(text.replace("ALGORITHM", "jacobi"))
+    scenario = parse_scenario(text.replace("ALGORITHM", "jacobi"))
     with pytest.raises(CouplingError, match=message):
         group("g", scenario.cases()[0], prepare(scenario)["base"], chosen)
 
 
 def test_a_whole_loop_may_be_grouped_and_its_parts_know_what_they_hang_on():
-    scenario = Scenario.loads(LOOP)
+    scenario = parse_scenario(LOOP)
     cls = group("g", scenario.cases()[0], prepare(scenario)["base"], ["a", "b", "c"])
     assert dependencies(cls) == {"c.y": ()}
-    scenario = Scenario.loads(SCENARIO.replace("ALGORITHM", "jacobi"))
+    scenario = parse_scenario(SCENARIO.replace("ALGORITHM", "jacobi"))
     cls = group("g", scenario.cases()[0], prepare(scenario)["base"], ["sheath", "wall"])
     assert dependencies(cls) == {
         "sheath.reaction_force": ("sheath.gripper_position", "wall.heart_position"),
@@ -145,7 +145,7 @@ def test_a_whole_loop_may_be_grouped_and_its_parts_know_what_they_hang_on():
 
 
 def test_fmpy_simulates_a_group_like_the_project_does(tmp_path, build):
-    scenario = Scenario.load("scenarios/heart_wall_force.yaml")
+    scenario = load_scenario("scenarios/heart_wall_force.yaml")
     case = scenario.cases(["PI+FF+BW"])[0]
     cls = group("control", case, prepare(scenario)[case.variant], list(scenario.groups["control"]))
     results = []
@@ -170,7 +170,7 @@ def test_fmpy_simulates_a_group_like_the_project_does(tmp_path, build):
 
 
 def test_a_group_also_runs_interpreted():
-    scenario = Scenario.loads(SCENARIO.replace("ALGORITHM", "jacobi"))
+    scenario = parse_scenario(SCENARIO.replace("ALGORITHM", "jacobi"))
     case = scenario.cases()[0]
     cls = group("g", case, prepare(scenario)["base"], ["estimate", "controller"])
     part = cls()
@@ -183,7 +183,7 @@ def test_a_group_also_runs_interpreted():
 
 
 def test_a_group_has_event_mode_and_its_members_terminals(tmp_path, build):
-    scenario = Scenario.loads(SCENARIO.replace("ALGORITHM", "jacobi"))
+    scenario = parse_scenario(SCENARIO.replace("ALGORITHM", "jacobi"))
     case = scenario.cases()[0]
     cls = group("g", case, prepare(scenario)["base"], ["estimate", "controller"])
     assert list(cls.terminals) == ["controller.drive"]
@@ -199,7 +199,7 @@ def test_a_group_has_event_mode_and_its_members_terminals(tmp_path, build):
 
 
 def test_terminals_that_are_connected_inside_are_not_carried_over():
-    scenario = Scenario.loads(SCENARIO.replace("ALGORITHM", "jacobi"))
+    scenario = parse_scenario(SCENARIO.replace("ALGORITHM", "jacobi"))
     case = scenario.cases()[0]
     cls = group("g", case, prepare(scenario)["base"], ["heart", "servomotor", "sheath", "wall", "sensor"])
     assert list(cls.terminals) == ["heart.wall"]  # the estimate outside reads it too
@@ -240,7 +240,7 @@ record: ["*.*"]
 
 def test_a_group_of_another_scenario_is_a_member(tmp_path, build):
     (tmp_path / "rig.yaml").write_text(RIG)
-    scenario = Scenario.loads(TWO, tmp_path / "two.yaml")
+    scenario = parse_scenario(TWO, tmp_path / "two.yaml")
     runs = [
         run_scenario(scenario, root=tmp_path / "runs", build=build, report=True, form=form)
         for form in (Form.fmu, Form.compiled, Form.interpreted)
@@ -274,4 +274,4 @@ def test_a_group_that_cannot_be_a_member_says_why(component, message, tmp_path):
     text += "groups: {self: [first]}"
     (tmp_path / "two.yaml").write_text(text)
     with pytest.raises(ScenarioError, match=message):
-        prepare(Scenario.load(tmp_path / "two.yaml"))
+        prepare(load_scenario(tmp_path / "two.yaml"))

@@ -15,7 +15,7 @@ from twin.component import Component
 from twin.errors import BuildError, TwinError
 from twin.export import group
 from twin.run import prepare
-from twin.scenario import Scenario
+from twin.scenario import load_scenario
 from twin.variable import input, output, parameter
 
 BARE = Path(__file__).with_name("bare")
@@ -123,7 +123,7 @@ int main(void)
 
 
 def test_a_group_of_a_scenario_is_one_library(build, tmp_path):
-    scenario = Scenario.load(Path(__file__).parents[1] / "scenarios/heart_wall_force.yaml")
+    scenario = load_scenario(Path(__file__).parents[1] / "scenarios/heart_wall_force.yaml")
     case = scenario.cases(["PI+FF+BW"])[0]
     cls = group("control", case, prepare(scenario)[case.variant], list(scenario.groups["control"]))
     target = compiled.host()

@@ -4,7 +4,7 @@ import pytest
 
 from twin.errors import ScenarioError
 from twin.run import prepare
-from twin.scenario import Scenario
+from twin.scenario import parse_scenario
 
 SETS = """
 stop_time: 10 ms
@@ -28,20 +28,20 @@ def mass(scenario, variant, member):
 def test_parameter_sets_serve_all_members_of_a_component_and_give_way_to_their_own(tmp_path):
     (tmp_path / "small.yaml").write_text("servomotor: {mass: 0.1 kg, friction_coulomb: 2 N}\nsheath: {drag: 7}\n")
     (tmp_path / "large.yaml").write_text("servomotor: {mass: 5 kg}\n")
-    scenario = Scenario.loads(SETS, tmp_path / "s.yaml")
+    scenario = parse_scenario(SETS, tmp_path / "s.yaml")
     assert [mass(scenario, "small", member) for member in ("left", "right")] == ["0.1 kg", "0.9 kg"]
     assert [mass(scenario, "large", member) for member in ("left", "right")] == ["5 kg", "0.9 kg"]
     assert mass(scenario, "plain", "left") is None
     assert scenario.cases(["large"])[0].members["left"].parameters["friction_coulomb"] == "2 N"
-    assert mass(Scenario.loads(SETS, tmp_path / "s.yaml", ["left.mass=3 kg"]), "large", "left") == "3 kg"
+    assert mass(parse_scenario(SETS, tmp_path / "s.yaml", ["left.mass=3 kg"]), "large", "left") == "3 kg"
 
 
 def test_a_frozen_scenario_needs_no_parameter_file(tmp_path):
     (tmp_path / "small.yaml").write_text("servomotor: {mass: 0.1 kg}\n")
     (tmp_path / "large.yaml").write_text("servomotor: {mass: 5 kg}\n")
-    frozen = Scenario.loads(SETS, tmp_path / "s.yaml").frozen()
+    frozen = parse_scenario(SETS, tmp_path / "s.yaml").frozen()
     (tmp_path / "small.yaml").unlink()
-    again = Scenario.loads(frozen, tmp_path / "elsewhere" / "s.yaml")
+    again = parse_scenario(frozen, tmp_path / "elsewhere" / "s.yaml")
     assert mass(again, "large", "left") == "5 kg"
 
 
@@ -63,4 +63,4 @@ def test_a_wrong_parameter_set_is_told_with_its_line(tmp_path, content, message)
         (tmp_path / "small.yaml").write_text(content)
     text = SETS.replace(", large.yaml", "")
     with pytest.raises(ScenarioError, match=message):
-        prepare(Scenario.loads(text, tmp_path / "s.yaml"))
+        prepare(parse_scenario(text, tmp_path / "s.yaml"))

@@ -19,7 +19,7 @@ from twin.errors import ScenarioError
 from twin.members import Form
 from twin.results import read_signals
 from twin.run import Outcome, run_scenario
-from twin.scenario import Scenario
+from twin.scenario import parse_scenario
 from twin.signals import Signals
 
 PARTS = "tests.pymunk_parts"
@@ -30,7 +30,7 @@ def run(
     text: str, tmp_path: Path, build: Path, form: Form = Form.compiled, **options: object
 ) -> tuple[Outcome, Signals]:
     """What the only case of a scenario gave, as its file has it."""
-    scenario = Scenario.loads(text, tmp_path / "s.yaml")
+    scenario = parse_scenario(text, tmp_path / "s.yaml")
     outcome = run_scenario(scenario, form, root=tmp_path / "runs", build=build, report=False, **options)  # type: ignore[arg-type]
     return outcome, next(iter(read_signals(outcome.folder / "signals.parquet")[0].values()))
 
@@ -76,7 +76,7 @@ def test_a_component_that_forgets_its_base_class(tmp_path: Path, build: Path) ->
 
 def run_without_signals(text: str, tmp_path: Path, build: Path) -> tuple[Outcome, None]:
     """The same for a run that records nothing."""
-    scenario = Scenario.loads(text, tmp_path / "s.yaml")
+    scenario = parse_scenario(text, tmp_path / "s.yaml")
     return run_scenario(scenario, Form.compiled, root=tmp_path / "runs", build=build, report=False), None
 
 
@@ -168,7 +168,7 @@ def test_single_elements_are_overridden(tmp_path: Path, build: Path, every: int,
 
 
 def test_seeds_from_the_command_line(tmp_path: Path) -> None:
-    scenario = Scenario.loads("{stop_time: 20 ms, members: {wall: {component: wall}}}", tmp_path / "s.yaml")
+    scenario = parse_scenario("{stop_time: 20 ms, members: {wall: {component: wall}}}", tmp_path / "s.yaml")
     assert [case.seed for case in scenario.cases(seeds=[3, 1, 3])] == [3, 1]
     with pytest.raises(ScenarioError, match="seed -1 is out of range"):
         scenario.cases(seeds=[-1])

@@ -8,7 +8,7 @@ import pytest
 
 from tests.scenario_texts import BASE, catalog, changed, problems
 from twin.errors import ScenarioError
-from twin.scenario import EventSpec, Scenario, member_seed, tree, value
+from twin.scenario import EventSpec, load_scenario, member_seed, parse_scenario, tree, value
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def test_cases_are_variants_and_in_each_its_seeds() -> None:
-    scenario = Scenario.loads(BASE)
+    scenario = parse_scenario(BASE)
     assert [(case.variant, case.seed) for case in scenario.cases()] == [
         ("PI", 1),
         ("PI", 2),
@@ -31,14 +31,14 @@ def test_cases_are_variants_and_in_each_its_seeds() -> None:
 
 
 def test_another_component_replaces_the_parameters() -> None:
-    pi, ff = Scenario.loads(BASE).variants
+    pi, ff = parse_scenario(BASE).variants
     assert pi.members["controller"].parameters == {"setpoint": "0.2 N"}
     assert ff.members["controller"].parameters == {"setpoint": "200 mN", "gain": 3}
     assert list(pi.members) == ["servo", "sensor", "controller"]
 
 
 def test_connections_and_events_of_variants() -> None:
-    pi, ff = Scenario.loads(BASE).variants
+    pi, ff = parse_scenario(BASE).variants
     assert [(c.source, c.target) for c in pi.connections] == [
         ("controller.command", "servo.command"), ("sensor.force", "controller.force"), ("sensor.force", "servo.load"),
     ]  # fmt: skip
@@ -49,7 +49,7 @@ def test_connections_and_events_of_variants() -> None:
 
 
 def test_without_variants_there_is_one_called_base() -> None:
-    (case,) = Scenario.loads("stop_time: 1\nmembers: {a: {component: b}}\n").cases()
+    (case,) = parse_scenario("stop_time: 1\nmembers: {a: {component: b}}\n").cases()
     assert (case.variant, case.seed, case.stop_ns, case.algorithm) == ("base", 0, 10**9, "jacobi")
 
 
@@ -64,7 +64,7 @@ def test_extends(tmp_path: Path) -> None:
         "  pump: {component: a.fmu, period: 5 ms}\nmetrics: null\nexpect: null\nplots: null\nrecord: [pump.*]\n"
         "variants: {PI: null}\nconnections: [pump.flow -> servo.load]\n"
     )
-    scenario = Scenario.load(child)
+    scenario = load_scenario(child)
     (case,) = scenario.cases()
     assert (case.variant, case.seed, scenario.name) == ("PI+FF", 7, "child")
     assert case.members["servo"].parameters == {"limit": "5 N"}
@@ -76,14 +76,14 @@ def test_extends(tmp_path: Path) -> None:
 
 def test_frozen_is_the_same_scenario() -> None:
     for overrides in ([], ["controller.setpoint=0.25 N", "seeds=4, 5", "step=2 ms"]):
-        scenario = Scenario.loads(BASE, overrides=overrides)
-        again = Scenario.loads(scenario.frozen())
+        scenario = parse_scenario(BASE, overrides=overrides)
+        again = parse_scenario(scenario.frozen())
         for part in ("title", "source", "seeds", "variants", "record", "metrics", "expectations", "plots", "step_ns"):
             assert getattr(again, part) == getattr(scenario, part), part
 
 
 def test_metrics_are_in_si() -> None:
-    scenario = Scenario.loads(BASE)
+    scenario = parse_scenario(BASE)
     assert scenario.metrics["error"].paper == {"PI": 0.0362, "PI+FF": 0.0238}
     assert scenario.metrics["error"].tolerance == 0.2
     assert scenario.expectations[1].at_least == 0.1
@@ -98,11 +98,11 @@ def test_a_file_that_changes_the_plant_is_not_compared_with_the_paper(tmp_path):
         "stop_time: 1 s\nmembers: {a: {component: heart}}\n"
         "metrics: {m: {signal: a.position, reduce: std, paper: 1, tolerance: 20 %}}\n"
     )
-    assert Scenario.load(base).paper_applies
+    assert load_scenario(base).paper_applies
     for text, applies in (("title: same", True), ("members: {a: {parameters: {rate: 2 Hz}}}", False)):
         other = tmp_path / "other.yaml"
         other.write_text(f"extends: base.yaml\n{text}\n")
-        assert Scenario.load(other).paper_applies is applies
+        assert load_scenario(other).paper_applies is applies
 
 
 # --- values of members
@@ -110,7 +110,7 @@ def test_a_file_that_changes_the_plant_is_not_compared_with_the_paper(tmp_path):
 
 def test_values_in_the_variables_units() -> None:
     text = changed("mass: 0.65 kg", "mass: 650 g, 'r[2]': 5 mm, on: true, count: 3, command: 1 um")
-    case = Scenario.loads(text).variants[1]
+    case = parse_scenario(text).variants[1]
     values = case.values("servo", catalog()["servo"])
     assert values["mass"] == 0.65
     assert values["r"].tolist() == [1.0, 0.005, 1.0]
@@ -127,7 +127,7 @@ def test_lists_of_quantities() -> None:
 
 
 def test_seed_of_members() -> None:
-    pi, _ = Scenario.loads(BASE).variants
+    pi, _ = parse_scenario(BASE).variants
     assert pi.values("sensor", catalog()["sensor"])["seed"] == member_seed(1, "sensor")
     seeds = {member_seed(seed, name) for seed in range(50) for name in ("sensor", "heart", "servo")}
     assert len(seeds) == 150
@@ -135,7 +135,7 @@ def test_seed_of_members() -> None:
 
 
 def test_record_selection() -> None:
-    scenario = Scenario.loads(BASE)
+    scenario = parse_scenario(BASE)
     assert scenario.record.select(catalog()) == [
         "servo.load",
         "servo.command",
@@ -143,7 +143,7 @@ def test_record_selection() -> None:
         "servo.x",
         "sensor.force",
     ]
-    outputs = Scenario.loads(changed("record: [sensor.force, servo.*]\n", "")).record.select(catalog())
+    outputs = parse_scenario(changed("record: [sensor.force, servo.*]\n", "")).record.select(catalog())
     assert outputs == ["servo.position", "sensor.force", "controller.command"]
 
 
@@ -163,7 +163,7 @@ def test_scalars_of_yaml_1_2(text: str, expected: Any) -> None:
 
 
 def test_override_holds_in_every_variant() -> None:
-    scenario = Scenario.loads(
+    scenario = parse_scenario(
         BASE, overrides=["controller.setpoint=0.25 N", "stop_time=12 s", "sensor.component=other"]
     )
     assert {case.members["controller"].parameters["setpoint"] for case in scenario.variants} == {"0.25 N"}
@@ -173,7 +173,7 @@ def test_override_holds_in_every_variant() -> None:
 
 
 def test_override_of_one_variant() -> None:
-    pi, ff = Scenario.loads(BASE, overrides=["variants.PI+FF.controller.gain=9"]).variants
+    pi, ff = parse_scenario(BASE, overrides=["variants.PI+FF.controller.gain=9"]).variants
     assert ff.members["controller"].parameters["gain"] == 9
     assert "gain" not in pi.members["controller"].parameters
 
@@ -181,7 +181,7 @@ def test_override_of_one_variant() -> None:
 @pytest.mark.parametrize(("option", "applies"), [("seed=9", True), ("seeds=1,2,3", True), ("servo.mass=0.65 kg", True),
                                                  ("servo.mass=0.7 kg", False), ("step=0.5 ms", False)])  # fmt: skip
 def test_papers_figures_hold_at_the_papers_settings(option: str, applies: bool) -> None:
-    assert Scenario.loads(BASE, overrides=[option]).paper_applies is applies
+    assert parse_scenario(BASE, overrides=[option]).paper_applies is applies
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 
 from tests.scenario_texts import BASE, against, changed, problems
 from twin.errors import ScenarioError
-from twin.scenario import Scenario
+from twin.scenario import load_scenario
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -67,7 +67,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     (tmp_path / "round.yaml").write_text("extends: round.yaml\n")
     for name, expected in cases.items():
         with pytest.raises(ScenarioError) as caught:
-            Scenario.load(tmp_path / name)
+            load_scenario(tmp_path / name)
         assert str(caught.value).startswith(f"{tmp_path / name}")
         assert expected in str(caught.value)
 

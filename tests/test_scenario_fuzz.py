@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 
 from tests.scenario_texts import BASE, catalog
 from twin.errors import ScenarioError, TwinError
-from twin.scenario import Scenario, check_against, value
+from twin.scenario import check_against, parse_scenario, value
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.text(max_size=200))
 def test_any_text_loads_or_says_why(text: str) -> None:
     with contextlib.suppress(ScenarioError):
-        Scenario.loads(text)
+        parse_scenario(text)
 
 
 PIECES = [
@@ -48,8 +48,8 @@ PIECES = [
 @given(st.integers(0, len(BASE)), st.integers(0, 30), st.sampled_from(PIECES))
 def test_any_change_loads_or_says_why(start: int, length: int, piece: str) -> None:
     with contextlib.suppress(ScenarioError, KeyError):  # KeyError: a member that this catalog does not have
-        scenario = Scenario.loads(BASE[:start] + piece + BASE[start + length :])
-        Scenario.loads(scenario.frozen())
+        scenario = parse_scenario(BASE[:start] + piece + BASE[start + length :])
+        parse_scenario(scenario.frozen())
         check_against(scenario, {case.variant: catalog() for case in scenario.variants})
 
 
@@ -80,7 +80,7 @@ def test_any_structure_loads_or_says_why(data: dict[str, Any]) -> None:
 
     text = yaml.safe_dump(yaml.safe_load(BASE) | data, allow_unicode=True)
     with contextlib.suppress(ScenarioError):
-        Scenario.loads(text)
+        parse_scenario(text)
 
 
 @given(st.text(max_size=30))

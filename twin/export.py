@@ -13,7 +13,8 @@ from twin.system import Connection, Link, System, direct_followers, nearest, ste
 
 if TYPE_CHECKING:
     from twin.component import Component
-    from twin.scenario.scenario import Case, Catalog
+    from twin.scenario.names import Catalog
+    from twin.scenario.spec import Case
 
 
 def group(name: str, case: Case, variables: Catalog, chosen: list[str]) -> type[Component]:

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin import clock
 from twin.signals import WHOLE, Signals, Window, shown
 
 if TYPE_CHECKING:
@@ -62,6 +64,23 @@ class Expectation:
     unit: str = ""
     mean: bool = False  # of a metric: the mean over all variants and seeds is judged, not each run
     where: str = field(default="", compare=False)
+    ends: str = ""  # stopped or completed: how the hardware ends a run, everything at rest
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How hardware ended a run. `time_ns`: of a stop before the end; `unsafe`: what is not known to be at rest."""
+
+    time_ns: int | None = None
+    reason: str = ""
+    unsafe: str = ""
+    log: tuple[str, ...] = ()
+
+    @property
+    def text(self) -> str:
+        """`stopped at 3.06 s: ...`."""
+        end = "ran to its end." if self.time_ns is None else f"stopped at {clock.text(self.time_ns)}: {self.reason}"
+        return f"{end} Not at rest: {self.unsafe}" if self.unsafe else end
 
 
 @dataclass(frozen=True)
@@ -157,6 +176,7 @@ def evaluate(
     expectations: Iterable[Expectation],
     tables: Mapping[tuple[str, int], Signals],
     paper_applies: bool = True,
+    endings: Mapping[tuple[str, int], Ending] = MappingProxyType({}),
 ) -> Evaluation:
     """Judge what was recorded; `tables`: (variant, seed) -> signals. Cases that are not complete are left out."""
     complete = {case: signals for case, signals in tables.items() if signals.complete}
@@ -167,7 +187,7 @@ def evaluate(
         if not metric.variants or variant in metric.variants
     ]
     present = [one for one in figures if one.values]
-    outcomes = [outcome(one, present, complete) for one in expectations]
+    outcomes = [ended(one, complete, endings) if one.ends else outcome(one, present, complete) for one in expectations]
     return Evaluation(tuple(present), tuple(outcomes), paper_applies)
 
 
@@ -250,6 +270,34 @@ def limits(one: Expectation, found: list[tuple[str, float, float, str]]) -> Outc
 def grouped(broken: list[tuple[str, str, str]]) -> str:
     """The variants of the broken cases, each once."""
     return ", ".join(dict.fromkeys(case.rpartition(", seed ")[0] for case, _, _ in broken))
+
+
+def ended(
+    one: Expectation, tables: Mapping[tuple[str, int], Signals], endings: Mapping[tuple[str, int], Ending]
+) -> Outcome:
+    """Whether the hardware stopped every case when it was expected to, or let it run to its end, and came to rest."""
+    low, high = one.window.start_ns, one.window.stop_ns
+    expected = "a run to its end" if one.ends == "completed" else "a stop"
+    expected += "" if low is None else f" from {clock.text(low)}"
+    expected += "" if high is None else f" {'until' if low is None else 'to'} {clock.text(high)}"
+    name = one.name or f"ends with {expected}"
+    found = {
+        f"{variant}, seed {seed}": endings.get((variant, seed), Ending())
+        for variant, seed in tables
+        if not one.variants or variant in one.variants
+    }
+    if not found:
+        return Outcome(name, "skipped", "None of its variants was run.")
+    for case, ending in found.items():
+        when = ending.time_ns
+        stopped = when is not None and (low is None or low <= when) and (high is None or when <= high)
+        if ending.unsafe or (when is not None if one.ends == "completed" else not stopped):
+            return Outcome(name, "fail", f"{case} {ending.text} Expected {expected}, everything at rest.")
+    times = [ending.time_ns for ending in found.values() if ending.time_ns is not None]
+    span = " to ".join(dict.fromkeys(clock.text(one) for one in (min(times), max(times)))) if times else ""
+    how = f"stopped at {span}" if times else "completed"
+    runs = f"{len(found)} run{'s' if len(found) > 1 else ''}"
+    return Outcome(name, "pass", f"{runs} {how}, everything at rest; expected {expected}.")
 
 
 def order(one: Expectation, own: Mapping[str, Figure]) -> Outcome:

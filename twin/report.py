@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin import clock
-from twin.metrics import Evaluation, Figure, Outcome, Plot
+from twin.metrics import Ending, Evaluation, Figure, Outcome, Plot
 from twin.signals import coherent, shown
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from rich.console import Group
 
     from twin.scenario import Case
-    from twin.scenario.scenario import Catalog
+    from twin.scenario.names import Catalog
     from twin.signals import Signals
 
 VERDICTS = {  # word in the table, color in the terminal
@@ -169,9 +170,12 @@ def events(cases: Sequence[Case]) -> list[EventRow]:
     """What happens when, those of all variants once."""
     found: dict[tuple[int, str], list[str]] = {}
     for case in cases:
-        for event in case.events:
-            what = f"{event.kind} {event.variable}" + ("" if event.kind == "release" else f" = {event.value}")
-            names = found.setdefault((event.time_ns, what), [])
+        happens = [
+            (event.time_ns, f"{event.kind} {event.variable}" + ("" if event.kind == "release" else f" = {event.value}"))
+            for event in case.events
+        ]
+        for key in (*happens, *((fault.time_ns, f"fault {fault.text}") for fault in case.faults)):
+            names = found.setdefault(key, [])
             if case.variant not in names:
                 names.append(case.variant)
     count = len({case.variant for case in cases})
@@ -188,6 +192,7 @@ def html(
     parameters: Sequence[ParameterRow] = (),
     events: Sequence[EventRow] = (),
     pictures: Sequence[dict[str, str]] = (),
+    endings: Mapping[tuple[str, int], Ending] = MappingProxyType({}),
 ) -> str:
     """report.html as text. `summary` is that of `results.summary`; without `plots` every recorded signal is drawn.
 
@@ -222,6 +227,7 @@ def html(
     return environment.get_template("report.html").render(
         summary=summary, groups=groups, outcomes=evaluation.outcomes, plots=drawn, members=members, events=events,
         words={key: word for key, (word, _) in VERDICTS.items()}, named=named,
+        endings={f"{variant}, seed {seed}": one for (variant, seed), one in endings.items() if one != Ending()},
         compared=any(one.paper is not None for one in evaluation.figures),
         variants=list(dict.fromkeys(variant for variant, _ in tables)),
         seeds=list(dict.fromkeys(seed for _, seed in tables)),

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime
 from importlib import metadata
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -23,7 +24,7 @@ import numpy as np
 import twin
 from twin import clock, unit
 from twin.errors import TwinError
-from twin.metrics import Evaluation, Figure
+from twin.metrics import Ending, Evaluation, Figure
 from twin.signals import coherent
 
 if TYPE_CHECKING:
@@ -212,7 +213,12 @@ def plain(value: Any) -> Any:
     return str(value)
 
 
-def summary(run: Run, evaluation: Evaluation, tables: Mapping[tuple[str, int], Signals]) -> dict[str, Any]:
+def summary(
+    run: Run,
+    evaluation: Evaluation,
+    tables: Mapping[tuple[str, int], Signals],
+    endings: Mapping[tuple[str, int], Ending] = MappingProxyType({}),
+) -> dict[str, Any]:
     """All figures of a run. Metrics are in their own `unit` (SI if it is empty), times in seconds."""
     metrics: dict[str, Any] = {}
     for one in evaluation.figures:
@@ -233,7 +239,10 @@ def summary(run: Run, evaluation: Evaluation, tables: Mapping[tuple[str, int], S
         "wall_time": run.wall_time, "simulated_time": run.simulated_time, "real_time_factor": run.real_time_factor,
         "step": clock.seconds(run.step_ns), "algorithm": run.algorithm,
         "cases": [
-            {"variant": variant, "seed": seed, "complete": signals.complete, "samples": len(signals.time)}
+            {
+                "variant": variant, "seed": seed, "complete": signals.complete, "samples": len(signals.time),
+                **stop(endings.get((variant, seed), Ending())),
+            }
             for (variant, seed), signals in tables.items()
         ],
         "metrics": metrics,
@@ -241,6 +250,14 @@ def summary(run: Run, evaluation: Evaluation, tables: Mapping[tuple[str, int], S
         "members": {name: dict(identity) for name, identity in run.members.items()},
         "versions": versions(),
         **run.extra,
+    }  # fmt: skip
+
+
+def stop(ending: Ending) -> dict[str, Any]:
+    """When and why hardware stopped a case, if it did, and what is not at rest."""
+    found = {"unsafe": ending.unsafe} if ending.unsafe else {}
+    return found if ending.time_ns is None else found | {
+        "stopped": clock.seconds(ending.time_ns), "reason": ending.reason,
     }  # fmt: skip
 
 

@@ -15,7 +15,7 @@ from twin.algorithm.cosimulation import Algorithm, CoSimulation
 from twin.catalog import component
 from twin.errors import CouplingError, ScenarioError, SimulationError, TwinError
 from twin.members import Form
-from twin.metrics import Evaluation, evaluate
+from twin.metrics import Ending, Evaluation, evaluate
 from twin.scenario import Scenario
 from twin.scenario.lookup import look_up
 from twin.signals import Signals
@@ -23,13 +23,21 @@ from twin.system import Connection, System, find
 
 if TYPE_CHECKING:
     from twin.member import Member
-    from twin.scenario.scenario import Case, Catalog
+    from twin.scenario.names import Catalog
+    from twin.scenario.spec import Case
 
 Progress = Callable[[str, float], object]  # name of the case, part of it that is done (0 to 1)
 
 
 class Hardware(Protocol):
     """What stands for some members of a scenario, such as drives on a bus: given by a package above the engine."""
+
+    @property
+    def takes_faults(self) -> bool:
+        """Whether it does what the faults among a scenario's events say."""
+
+    def ending(self) -> Ending:
+        """How the case that was run last ended."""
 
     def apply(self, scenario: Scenario) -> Scenario:
         """The scenario with other members; ScenarioError lists what does not fit."""
@@ -57,6 +65,7 @@ class Outcome:
     run: results.Run
     tables: dict[tuple[str, int], Signals] = field(default_factory=dict)
     evaluation: Evaluation = field(default_factory=Evaluation)
+    endings: dict[tuple[str, int], Ending] = field(default_factory=dict)  # of hardware
     folder: Path = Path()
     summary: dict[str, Any] = field(default_factory=dict)
 
@@ -65,6 +74,13 @@ class Outcome:
         """Whether the run is complete and everything that was expected holds."""
         return self.run.status == "completed" and self.evaluation.passed
 
+    def may_stop(self, case: Case) -> bool:
+        """Whether the scenario expects that hardware stops a case: then its end is judged, and the others follow."""
+        return any(
+            one.ends == "stopped" and (not one.variants or case.variant in one.variants)
+            for one in self.scenario.expectations
+        )
+
 
 def prepare(scenario: Scenario) -> dict[str, Catalog]:
     """Variables of all members; ScenarioError with every problem that can be found without running."""
@@ -72,6 +88,19 @@ def prepare(scenario: Scenario) -> dict[str, Catalog]:
     if problems:
         raise ScenarioError(problems)
     return catalogs
+
+
+def refuse_faults(cases: Sequence[Case], hardware: Hardware | None) -> None:
+    """Faults happen to simulated drives only; ScenarioError where there are none."""
+    if hardware is not None and hardware.takes_faults:
+        return
+    if problems := [
+        f"{fault.where}: fault `{fault.text}` in variant `{case.variant}` happens to simulated drives only. Name their "
+        f"hardware file, one with `simulated: true`, with --hardware and no --replay, or run other variants with --variant."
+        for case in cases
+        for fault in case.faults
+    ]:
+        raise ScenarioError(list(dict.fromkeys(problems))[:1])
 
 
 def simulation(case: Case, catalog: Catalog, form: Form, build: Path) -> CoSimulation:
@@ -153,6 +182,7 @@ def run_scenario(
     hardware: Hardware | None = None,
 ) -> Outcome:  # fmt: skip
     """Run a scenario and write its folder; a failing member or Ctrl-C ends it early, with what there is written."""
+    refuse_faults(scenario.cases(variants, seeds), hardware)
     if hardware is not None:
         scenario = hardware.apply(scenario)
     catalogs = prepare(scenario)
@@ -168,10 +198,12 @@ def run_scenario(
         outcome.folder / "signals.parquet", columns(scenario, catalogs), {"scenario": scenario.name}
     ) as file:
         for case in cases:
-            if not _run_one(case, outcome, form, build, progress, file, identities):
+            if not _run_one(case, outcome, form, build, progress, file, identities, hardware):
                 break
     about.members = identities
-    outcome.evaluation = evaluate(scenario.metrics, scenario.expectations, outcome.tables, scenario.paper_applies)
+    outcome.evaluation = evaluate(
+        scenario.metrics, scenario.expectations, outcome.tables, scenario.paper_applies, outcome.endings
+    )
     if hardware is not None:
         about.extra = {**about.extra, "hardware": hardware.report()}
         note(about, hardware.notes())
@@ -181,12 +213,12 @@ def run_scenario(
 
 def _run_one(
     case: Case, outcome: Outcome, form: Form, build: Path, progress: Progress, file: results.SignalFile,
-    identities: dict[str, dict[str, str]],
+    identities: dict[str, dict[str, str]], hardware: Hardware | None,
 ) -> bool:  # fmt: skip
     """Run one case and write what it recorded; False if the run ends here."""
     about = outcome.run
     simulated: CoSimulation | None = None
-    complete = False
+    complete, failure = False, ""
     try:
         simulated = simulation(case, outcome.catalogs[case.variant], form, build)
         for name, member in simulated.members.items():
@@ -202,17 +234,22 @@ def _run_one(
     except KeyboardInterrupt:
         about.status, about.reason = "interrupted", f"interrupted in {case.name}"
     except (SimulationError, CouplingError, TwinError) as error:
-        about.status, about.reason = "failed", f"{case.name}: {error}"
+        failure = f"{case.name}: {error}"
     finally:
         if simulated is not None:
             lines = {name: len(member.log) for name, member in simulated.members.items()}
             simulated.terminate()
+            ending = outcome.endings[case.variant, case.seed] = hardware.ending() if hardware is not None else Ending()
+            if failure and ending.time_ns is not None and outcome.may_stop(case):
+                complete, failure = True, ""
             for name, member in simulated.members.items():
                 note(about, [f"{case.name}: {name}: {line}" for line in member.log[lines[name] :]])
             recorded = analyzed(outcome.scenario, case.variant, signals(simulated, complete), progress)
             outcome.tables[case.variant, case.seed] = recorded
             file.write(case.variant, case.seed, recorded)
             about.simulated_time += float(recorded.time[-1] - recorded.time[0]) if len(recorded.time) else 0.0
+    if failure:
+        about.status, about.reason = "failed", failure
     return complete
 
 
@@ -249,7 +286,7 @@ def sources(cases: Iterable[Case]) -> dict[str, str]:
 
 def write(outcome: Outcome, cases: Sequence[Case], report: bool, pictures: Sequence[dict[str, str]] = ()) -> None:
     """Write summary.json and report.html."""
-    outcome.summary = results.summary(outcome.run, outcome.evaluation, outcome.tables)
+    outcome.summary = results.summary(outcome.run, outcome.evaluation, outcome.tables, outcome.endings)
     results.write_summary(outcome.folder / "summary.json", outcome.summary)
     if report:
         from twin import report as page
@@ -258,6 +295,6 @@ def write(outcome: Outcome, cases: Sequence[Case], report: bool, pictures: Seque
         text = page.html(
             outcome.summary, outcome.evaluation, outcome.tables, plots=outcome.scenario.plots,
             parameters=page.parameters(distinct, outcome.catalogs, sources(distinct)), events=page.events(distinct),
-            pictures=pictures,
+            pictures=pictures, endings=outcome.endings,
         )  # fmt: skip
         results.write_text(outcome.folder / "report.html", text)

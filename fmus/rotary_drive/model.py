@@ -1,6 +1,6 @@
 """Rotary drive of the frame."""
 
-from math import copysign, exp, floor, pi
+from math import exp, floor, pi
 
 from fmus.dead_zone import beyond
 from twin.component import Component
@@ -10,6 +10,7 @@ from twin.variable import Int32, input, local, output, parameter
 # modes of operation, CiA 402 object 6060h
 CYCLIC_SYNCHRONOUS_POSITION = 8
 CYCLIC_SYNCHRONOUS_VELOCITY = 9
+CYCLIC_SYNCHRONOUS_TORQUE = 10
 
 # substeps of the mechanics per sample of the drive
 SUBSTEPS = 10
@@ -19,14 +20,16 @@ class RotaryDrive(Component):
     """Brushless motor EC-i 40 that turns the whole rig through a spur gear, with cascaded loops like an EPOS4's.
 
     Motor and frame are two bodies with the gear's backlash between them; the encoder sits on the motor, so what the drive
-    calls its position is the frame's only to within the backlash. Angles of the drive are in units of the frame.
+    calls its position is the frame's only to within the backlash. Angles of the drive are in units of the frame, torques
+    of the drive those of the motor.
     A step that is not a multiple of `drive_period` ends with ERROR.
     """
 
     target_position = input("rad", "607Ah, followed in csp", display_unit="deg", nominal=0.5)
     target_velocity = input("rad/s", "60FFh, followed in csv", display_unit="deg/s", nominal=1.0)
+    target_torque = input("N*m", "6071h as a torque of the motor, before the gear, followed in cst", nominal=0.2)
     load_torque = input("N*m", "torque of the load on the frame", nominal=3e-3)
-    mode_of_operation = input("", "6060h: 8 csp, 9 csv", start=8, type=Int32, minimum=8, maximum=9)
+    mode_of_operation = input("", "6060h: 8 csp, 9 csv, 10 cst", start=8, type=Int32, minimum=8, maximum=10)
 
     position_actual_value = output("rad", "6064h, the encoder's angle over the gear ratio", display_unit="deg")
     velocity_actual_value = output("rad/s", "606Ch, filtered difference of the measured angle", display_unit="deg/s")
@@ -62,8 +65,16 @@ class RotaryDrive(Component):
                                  source="estimate: small beside dry friction")  # fmt: skip
     motor_friction = parameter(14e-3, "N*m", "dry friction of the motor", minimum=0.0,
                                source="no-load current 0.15 A, maxon 488607, public model list")  # fmt: skip
-    torque_constant = parameter(0.091, "N*m/A", "torque per current", minimum=1e-6,
-                                source="maxon 488607 (48 V) in place of the 130 W motor, public model list")  # fmt: skip
+    torque_constant = parameter(
+        0.091, "N*m/A", "torque per current; in V*s/rad the back-EMF constant", minimum=1e-6,
+        source="maxon 488607 (48 V) in place of the 130 W motor, public model list",
+    )  # fmt: skip
+    resistance = parameter(0.994, "ohm", "resistance between two phases", minimum=1e-6,
+                           source="maxon 488607, public model list")  # fmt: skip
+    supply_voltage = parameter(
+        24.0, "V", "supply of the power stage", minimum=0.0,
+        source="assumed: that of the servomotors; the motor's nominal voltage is 48 V, an EPOS4 50/5 takes 10 to 50 V",
+    )  # fmt: skip
     current_maximum = parameter(5.0, "A", "limit of the current demand", minimum=0.0,
                                 source="chosen: nominal output of an EPOS4 50/5, twice the motor's 2.41 A")  # fmt: skip
     current_lag = parameter(0.3e-3, "s", "time constant of the closed current loop", display_unit="ms", minimum=1e-6,
@@ -96,6 +107,7 @@ class RotaryDrive(Component):
     measured_velocity = local(0.0, "rad/s", "filtered speed of the last sample", display_unit="deg/s")
     current_integral = local(0.0, "A", "integral part of the current demand")
     target_last = local(0.0, "rad", "target of the step before", display_unit="deg")
+    following = local(False, "", "the step before followed its target position")
 
     def initialize(self) -> None:
         # at rest at the target, in the middle of the backlash
@@ -108,16 +120,19 @@ class RotaryDrive(Component):
         self.measured_velocity = 0.0
         self.current_integral = 0.0
         self.target_last = self.target_position
+        self.following = True
         publish(self)
 
     def step(self, t: float, h: float) -> int:
         samples = floor(h / self.drive_period + 0.5)
         if samples < 1 or abs(samples * self.drive_period - h) > 1e-6 * self.drive_period:
             return ERROR
-        if self.mode_of_operation not in (CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY):
+        if not CYCLIC_SYNCHRONOUS_POSITION <= self.mode_of_operation <= CYCLIC_SYNCHRONOUS_TORQUE:
             return ERROR
-        speed = (self.target_position - self.target_last) / h
+        # a target that nobody followed has no speed
+        speed = (self.target_position - self.target_last) / h if self.following else 0.0
         self.target_last = self.target_position
+        self.following = self.mode_of_operation == CYCLIC_SYNCHRONOUS_POSITION
         for _ in range(samples):
             move(self, sample(self, speed))
         publish(self)
@@ -142,12 +157,19 @@ def counted(self: RotaryDrive) -> float:
 
 
 def sample(self: RotaryDrive, target_speed: float) -> float:
-    """One sample of the drive: measure, then the position and velocity loops; returns the current demand [A]."""
+    """One sample of the drive: measure, then the loops of the mode; returns the current demand [A]."""
     period = self.drive_period
     measured = counted(self)
     rate = (measured - self.measured_angle) / period
     self.measured_velocity += period / (period + self.velocity_lag) * (rate - self.measured_velocity)
     self.measured_angle = measured
+
+    limit = self.current_maximum
+    top, back = self.supply_voltage / self.resistance, self.torque_constant / self.resistance * self.rotor_velocity
+    if self.mode_of_operation == CYCLIC_SYNCHRONOUS_TORQUE:
+        demand = driven(min(max(self.target_torque / self.torque_constant, -limit), limit), top, back)
+        self.current_integral = demand  # another mode goes on with this current
+        return demand
 
     velocity = self.target_velocity
     if self.mode_of_operation == CYCLIC_SYNCHRONOUS_POSITION:
@@ -157,11 +179,19 @@ def sample(self: RotaryDrive, target_speed: float) -> float:
     error = velocity - self.measured_velocity
     demand = self.velocity_gain * error + self.current_integral
 
-    # the integral waits while the current is at its limit
-    if abs(demand) > self.current_maximum:
-        return copysign(self.current_maximum, demand)
-    self.current_integral += self.velocity_integral * period * error
-    return demand
+    # the integral waits while current or voltage are at their limits
+    possible = driven(min(max(demand, -limit), limit), top, back)
+    if possible == demand:
+        self.current_integral += self.velocity_integral * period * error
+    return possible
+
+
+def driven(demand: float, top: float, back: float) -> float:
+    """What the supply lets through of a current [A]: `top` at standstill, and `back` less to push, or more to brake.
+
+    Quasi-static: inductance is in `current_lag`. Above the no-load speed the diodes of the power stage brake.
+    """
+    return min(max(demand, -top - back), top - back)
 
 
 def mesh_torque(self: RotaryDrive) -> float:
@@ -180,8 +210,10 @@ def move(self: RotaryDrive, demand: float) -> None:
     """Current, motor and frame over one drive sample: semi-implicit substeps with an exact test for sticking."""
     dt = self.drive_period / SUBSTEPS
     decay = exp(-dt / self.current_lag)
+    top, back = self.supply_voltage / self.resistance, self.torque_constant / self.resistance
     for _ in range(SUBSTEPS):
-        self.winding_current = demand + (self.winding_current - demand) * decay
+        current = demand + (self.winding_current - demand) * decay
+        self.winding_current = driven(current, top, back * self.rotor_velocity)
         mesh = mesh_torque(self)
         drive = self.torque_constant * self.winding_current - mesh / self.gear_ratio
         self.rotor_velocity = beyond(

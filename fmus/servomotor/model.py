@@ -1,6 +1,6 @@
 """Linear servomotor with its drive."""
 
-from math import copysign, exp, floor
+from math import copysign, exp, floor, sqrt
 
 from twin.component import Component
 from twin.solver import ERROR, OK
@@ -9,6 +9,11 @@ from twin.variable import Boolean, Int32, input, local, output, parameter, termi
 # modes of operation, CiA 402 object 6060h
 CYCLIC_SYNCHRONOUS_POSITION = 8
 CYCLIC_SYNCHRONOUS_VELOCITY = 9
+CYCLIC_SYNCHRONOUS_TORQUE = 10
+
+# voltage amplitude between two phases for one ampere (rms) through one ohm between them; the same factor is between the
+# force constant [N/A] and the amplitude of the back-EMF [V*s/m], since electrical and mechanical power are the same
+AMPLITUDE = 0.5 * sqrt(6.0)
 
 
 class Servomotor(Component):
@@ -20,8 +25,9 @@ class Servomotor(Component):
 
     target_position = input("m", "607Ah, followed in csp", display_unit="mm", nominal=5e-3)
     target_velocity = input("m/s", "60FFh, followed in csv", display_unit="mm/s", nominal=0.05)
+    target_force = input("N", "6071h as a force on the rod, followed in cst", nominal=5.0)
     load_force = input("N", "force of the load on the rod, positive distal", nominal=3.0)
-    mode_of_operation = input("", "6060h: 8 csp, 9 csv", start=9, type=Int32, minimum=8, maximum=9)
+    mode_of_operation = input("", "6060h: 8 csp, 9 csv, 10 cst", start=9, type=Int32, minimum=8, maximum=10)
 
     position_actual_value = output("m", "6064h, what the Hall sensors measure", display_unit="mm")
     velocity_actual_value = output("m/s", "606Ch, filtered difference of the measured position", display_unit="mm/s")
@@ -36,11 +42,21 @@ class Servomotor(Component):
     drive = terminal(
         "electrical side: what a master on the field bus sees, by CiA 402", rule="bus",
         mode_of_operation=mode_of_operation, target_position=target_position, target_velocity=target_velocity,
-        position_actual_value=position_actual_value, velocity_actual_value=velocity_actual_value, current=current,
+        target_force=target_force, position_actual_value=position_actual_value,
+        velocity_actual_value=velocity_actual_value, current=current,
     )  # fmt: skip
 
     mass = parameter(0.65, "kg", "moved mass", minimum=1e-3, source="estimate: rod 0.15 kg, gripper carriage 0.5 kg")
-    force_constant = parameter(11.64, "N/A", "force per current", minimum=0.0, source="LM 2070 datasheet, recalled")
+    force_constant = parameter(
+        11.64, "N/A", "force per current (rms); the back-EMF follows from it", minimum=1e-6,
+        source="LM 2070 datasheet, recalled",
+    )  # fmt: skip
+    resistance = parameter(10.83, "ohm", "resistance between two phases", minimum=1e-6,
+                           source="LM 2070 datasheet, recalled")  # fmt: skip
+    supply_voltage = parameter(
+        24.0, "V", "supply of the power stage", minimum=0.0,
+        source="assumed: the paper names neither controllers nor supply; all of FAULHABER's take 24 V",
+    )  # fmt: skip
     current_maximum = parameter(2.37, "A", "peak current", minimum=0.0, source="LM 2070 datasheet, recalled")
     current_continuous = parameter(0.79, "A", "continuous current", minimum=1e-3, source="LM 2070 datasheet, recalled")
     thermal_time = parameter(15.0, "s", "time constant of I2t, that of the winding", minimum=1e-3,
@@ -100,7 +116,7 @@ class Servomotor(Component):
         samples = floor(h / self.drive_period + 0.5)
         if samples < 1 or abs(samples * self.drive_period - h) > 1e-6 * self.drive_period:
             return ERROR
-        if self.mode_of_operation not in (CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_VELOCITY):
+        if not CYCLIC_SYNCHRONOUS_POSITION <= self.mode_of_operation <= CYCLIC_SYNCHRONOUS_TORQUE:
             return ERROR
         for _ in range(samples):
             move(self, sample(self))
@@ -126,12 +142,19 @@ def counted(position: float, resolution: float) -> float:
 
 
 def sample(self: Servomotor) -> float:
-    """One sample of the drive: measure, then the position and velocity loops; returns the current demand [A]."""
+    """One sample of the drive: measure, then the loops of the mode; returns the current demand [A]."""
     period = self.drive_period
     measured = counted(self.rod_position, self.position_resolution)
     rate = (measured - self.measured_position) / period
     self.measured_velocity += period / (period + self.velocity_lag) * (rate - self.measured_velocity)
     self.measured_position = measured
+
+    limit = current_limit(self)
+    top, back = stall_current(self), back_current(self) * self.rod_velocity
+    if self.mode_of_operation == CYCLIC_SYNCHRONOUS_TORQUE:
+        demand = driven(min(max(self.target_force / self.force_constant, -limit), limit), top, back)
+        self.current_integral = demand  # another mode goes on with this current
+        return demand
 
     velocity = self.target_velocity
     if self.mode_of_operation == CYCLIC_SYNCHRONOUS_POSITION:
@@ -141,12 +164,29 @@ def sample(self: Servomotor) -> float:
     error = velocity - self.measured_velocity
     demand = self.velocity_gain * error + self.current_integral
 
-    # the integral waits while the current is at its limit
-    limit = current_limit(self)
-    if abs(demand) > limit:
-        return copysign(limit, demand)
-    self.current_integral += self.velocity_integral * period * error
-    return demand
+    # the integral waits while current or voltage are at their limits
+    possible = driven(min(max(demand, -limit), limit), top, back)
+    if possible == demand:
+        self.current_integral += self.velocity_integral * period * error
+    return possible
+
+
+def driven(demand: float, top: float, back: float) -> float:
+    """What the supply lets through of a current [A]: `top` at standstill, and `back` less to push, or more to brake.
+
+    Quasi-static: inductance is in `current_lag`. Above the no-load speed the diodes of the power stage brake.
+    """
+    return min(max(demand, -top - back), top - back)
+
+
+def stall_current(self: Servomotor) -> float:
+    """Current that the supply drives through two phases at standstill [A]."""
+    return self.supply_voltage / (AMPLITUDE * self.resistance)
+
+
+def back_current(self: Servomotor) -> float:
+    """Current that the back-EMF of one meter per second drives through two phases [A*s/m]."""
+    return self.force_constant / (AMPLITUDE * AMPLITUDE * self.resistance)
 
 
 def current_limit(self: Servomotor) -> float:
@@ -169,8 +209,10 @@ def move(self: Servomotor, demand: float) -> None:
     # largest speed that dry friction takes away in a substep [m/s]
     braking = self.friction_coulomb * dt / self.mass
     end = 0.5 * self.stroke
+    top, back = stall_current(self), back_current(self)
     for _ in range(substeps):
-        self.winding_current = demand + (self.winding_current - demand) * decay
+        current = demand + (self.winding_current - demand) * decay
+        self.winding_current = driven(current, top, back * self.rod_velocity)
         force = self.force_constant * self.winding_current + self.load_force
         v = (self.rod_velocity + dt * force / self.mass) / (1.0 + dt * self.friction_viscous / self.mass)
         if v > braking:

@@ -11,8 +11,10 @@ from hw_bridge.drive.motor import CYCLE, Motor
 from twin import clock
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from hw_bridge.agenda import Agenda
-    from hw_bridge.dictionary import Dictionary, Entry
+    from hw_bridge.dictionary import Dictionary
     from hw_bridge.profile import Profile
 
 OFF = 0xFFFFFFFF  # a window of this size is none
@@ -34,12 +36,6 @@ class Switches:
         return negative, positive, home
 
 
-def _span(entry: Entry) -> tuple[int, int]:
-    signed = entry.type.name.startswith("INTEGER")
-    high = (1 << (8 * entry.type.size - signed)) - 1
-    return -high - 1 if signed else 0, high
-
-
 class Axis:
     """One motor as its drive sees it. Positions [m or rad] count from the origin that homing sets."""
 
@@ -47,9 +43,11 @@ class Axis:
         self.profile, self.dictionary, self.agenda, self.motor = profile, dictionary, agenda, motor
         self.switches = Switches()
         self._version = -1
-        self._spans = {  # smallest and largest value of what the drive itself writes
-            (entry.index, entry.sub): _span(entry) for entry in dictionary.entries() if entry.type.form
-        }
+        self._actual = [  # of what this drive has: place, smallest and largest value, and what is shown there
+            ((index, sub), *dictionary.entry(index, sub).type.span, value)
+            for (index, sub), value in ACTUAL.items()
+            if sub in dictionary.objects.get(index, {})
+        ]
         self.start()
 
     def start(self) -> None:
@@ -73,36 +71,35 @@ class Axis:
             self._version = dictionary.version
             self.units = self.profile.units(dictionary)
             self.currents = self.profile.currents(dictionary)
-        units = self.units
+            self._tune()
         self.position = motor.measured_position - self.origin
         self.velocity = motor.measured_velocity
         self._derate(motor.current)
         if not self.holds_position:
             self.demand = self.position
-        self.show(0x6064, self.position / units.position)
-        self.show(0x6062, self.demand / units.position)
-        self.show(0x606C, self.velocity / units.velocity)
-        self.show(0x606B, self.speed / units.velocity)
-        self.show(0x60F4, self.following_error / units.position)
-        self.show(0x6063, motor.measured_position / motor.model.resolution)
-        self.show(0x2562, self.demand / motor.model.resolution)
-        if units.torque:
-            self.show(0x6077, motor.current / units.torque)
-        self.show(0x6078, 1000.0 * motor.current)  # [mA], FAULHABER
-        self.show(0x30D1, 1000.0 * motor.current, 2)  # [mA], EPOS4
+        values = dictionary.values
+        for place, low, high, actual in self._actual:
+            whole = round(actual(self))
+            values[place] = whole if low <= whole <= high else low if whole < low else high
         closed = self.switches.closed(motor.measured_position)
         dictionary.put(0x60FD, sum(bit << number for number, bit in enumerate(closed)))
+
+    def _tune(self) -> None:
+        """Gains of the dictionary: with its defaults the motor's loops are as its component has them."""
+        factors: dict[str, float] = {}
+        for place, powers in self.profile.gains.items():
+            default = self.dictionary.entry(*place).default
+            assert isinstance(default, int)
+            factor = max(self.dictionary.get(*place), 1) / default
+            for name, power in powers.items():
+                factors[name] = factors.get(name, 1.0) * factor**power
+        for name, factor in factors.items():
+            self.motor.tune(name, factor)
 
     @property
     def following_error(self) -> float:
         """Demand minus actual position."""
         return self.demand - self.position
-
-    def show(self, index: int, value: float, sub: int = 0) -> None:
-        """Put a rounded value into the dictionary, saturated to its type."""
-        if (span := self._spans.get((index, sub))) is not None:
-            whole, (low, high) = round(value), span
-            self.dictionary.values[index, sub] = whole if low <= whole <= high else low if whole < low else high
 
     def _derate(self, current: float) -> None:
         """I2t: mean square with the thermal time constant; above the continuous current that one is the limit."""
@@ -171,3 +168,21 @@ class Axis:
             self.windows.pop(name, None)
             return False
         return now - self.windows.setdefault(name, now) >= time * MILLISECOND
+
+
+ACTUAL: dict[tuple[int, int], Callable[[Axis], float]] = {  # rounded, and saturated to the object's type
+    (0x6064, 0): lambda axis: axis.position / axis.units.position,
+    (0x6062, 0): lambda axis: axis.demand / axis.units.position,
+    (0x606C, 0): lambda axis: axis.velocity / axis.units.velocity,
+    (0x606B, 0): lambda axis: axis.speed / axis.units.velocity,
+    (0x60F4, 0): lambda axis: axis.following_error / axis.units.position,
+    (0x6063, 0): lambda axis: axis.motor.measured_position / axis.motor.model.resolution,
+    (0x2562, 0): lambda axis: axis.demand / axis.motor.model.resolution,
+    (0x6077, 0): lambda axis: axis.motor.current / axis.units.torque if axis.units.torque else 0.0,
+    (0x6078, 0): lambda axis: 1000.0 * axis.motor.current,  # [mA], FAULHABER
+    (0x30D1, 2): lambda axis: 1000.0 * axis.motor.current,  # [mA], EPOS4
+    (0x2200, 1): lambda axis: 10.0 * axis.motor.supply,  # [0.1 V], EPOS4
+    (0x2325, 7): lambda axis: 100.0 * axis.motor.supply,  # [10 mV], FAULHABER V3
+    (0x3200, 1): lambda axis: 100.0 * axis.level,
+    (0x2334, 0): lambda axis: 1000.0 * axis.limit,
+}  # fmt: skip

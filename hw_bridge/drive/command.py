@@ -14,22 +14,27 @@ import click
 
 from hw_bridge.agenda import NEVER
 from hw_bridge.fault import MEANINGS, Cause, Fault
-from hw_bridge.profiles import MODULES
+from hw_bridge.profiles import DEVICES, MODULES, device, profile
+from hw_bridge.profiles.cia401 import BYTES
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from types import FrameType
 
     import can
 
-    from hw_bridge.profile import Profile
+    from hw_bridge.module import Module
+    from hw_bridge.profile import Device, Profile
+    from hw_bridge.slave.slave import Slave
 
 LISTENING = 0.5  # [s] how long another node may take to be heard
 IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2))  # what it is asked, and asked for in vain
 
 
 @click.group("drive", invoke_without_command=True, short_help="a simulated CANopen drive on any CAN interface")
-@click.option("--profile", "-p", "name", type=click.Choice(list(MODULES)), help="The vendor's drive.")
+@click.option("--profile", "-p", "name", type=click.Choice([*MODULES, *DEVICES]),
+              help="The vendor's drive, or cia401: an I/O module.")  # fmt: skip
 @click.option("--node", "-n", type=click.IntRange(1, 127), default=1, show_default=True, help="Its node-ID.")
 @click.option("--interface", "-i", help="python-can's interface: socketcan, slcan, udp_multicast, ...")
 @click.option("--channel", "-c", help="The interface's channel: can0, /dev/ttyACM0, 239.74.163.2, ...")
@@ -40,6 +45,8 @@ IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2))  # what it is asked, and aske
 @click.option(
     "--write-eds", type=click.Path(dir_okay=False, path_type=Path), help="Write the profile's EDS file and end."
 )
+@click.option("--store", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Keep there what 1010h "
+              "stores, also after the process.")  # fmt: skip
 @click.option("--control", type=click.IntRange(0, 65535), metavar="PORT", help="Take faults of twin drive inject there; "
               "0: any free port.")  # fmt: skip
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
@@ -47,25 +54,25 @@ IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2))  # what it is asked, and aske
 @click.pass_context
 def command(
     context: click.Context, name: str | None, node: int, interface: str | None, channel: str | None, bitrate: int, eds: Path | None,
-    write_eds: Path | None, control: int | None, build: Path,
+    write_eds: Path | None, store: Path | None, control: int | None, build: Path,
 ) -> None:  # fmt: skip
-    """Run a simulated CANopen drive with its motor, paced by the wall clock, until Ctrl-C.
+    """Run a simulated CANopen drive with its motor, or an I/O module, paced by the wall clock, until Ctrl-C.
 
     It refuses to start where another node answers on its ID: a simulated drive does not belong on a real machine's bus.
 
     \b
     twin drive --profile epos4 --node 3 --interface socketcan --channel vcan0
     twin drive -p faulhaber_v3 -n 1 -i udp_multicast -c 239.74.163.2
+    twin drive -p cia401 -n 9 -i udp_multicast -c 239.74.163.2
     twin drive -p mclm --write-eds mclm.eds
     """
     if context.invoked_subcommand is not None:
         return
     from hw_bridge import eds as files
-    from hw_bridge.profiles import profile
 
     if name is None:
-        raise click.UsageError(f"Name --profile: {', '.join(MODULES)}.")
-    chosen = profile(name)
+        raise click.UsageError(f"Name --profile: {', '.join([*MODULES, *DEVICES])}.")
+    chosen = profile(name) if name in MODULES else device(name)
     if write_eds is not None:
         write_eds.write_text(files.export(chosen))
         return
@@ -73,7 +80,7 @@ def command(
         raise click.UsageError("Name --interface and --channel, such as -i socketcan -c vcan0, or use --write-eds.")
     if eds is not None:
         chosen = replace(chosen, objects=files.load(eds))
-    serve(chosen, node, interface, channel, bitrate, build, control)
+    serve(chosen, node, interface, channel, bitrate, build, control, store)
 
 
 @command.command("inject", short_help="let a fault happen in a running twin drive")
@@ -115,40 +122,77 @@ def inject_fault(
     click.echo(f"{fault}: {MEANINGS[Cause(fault)]}")
 
 
+def made(chosen: Profile | Device, node: int, build: Path) -> Slave:
+    """The simulated device of a profile."""
+    from hw_bridge.drive.drive import Drive
+    from hw_bridge.drive.motor import Motor
+    from hw_bridge.module import Module
+    from hw_bridge.profile import Profile
+
+    if isinstance(chosen, Profile):
+        return Drive(chosen, node, Motor(chosen.motor, build=build))
+    return Module(chosen, node)
+
+
 def serve(
-    chosen: Profile, node: int, interface: str, channel: str, bitrate: int, build: Path, port: int | None = None
+    chosen: Profile | Device,
+    node: int,
+    interface: str,
+    channel: str,
+    bitrate: int,
+    build: Path,
+    port: int | None = None,
+    store: Path | None = None,
 ) -> None:
     """Run the drive on an interface until a signal ends it."""
     import can
 
     from hw_bridge.drive.control import Control
-    from hw_bridge.drive.drive import Drive
-    from hw_bridge.drive.motor import Motor
+    from hw_bridge.module import Module
+    from hw_bridge.slave.store import Store
     from hw_bridge.wire import Wire
 
     control: Control | None = None
-    drive = Drive(chosen, node, Motor(chosen.motor, build=build))
+    slave = made(chosen, node, build)
+    if store is not None:
+        slave.remember(Store(store, chosen.name, node))
     try:
         bus = can.Bus(channel=channel, interface=interface, bitrate=bitrate)
     except (can.CanError, OSError, ValueError, ImportError) as error:
         raise SimulationError(f"{interface} {channel}: cannot be opened: {error}. Check the adapter.") from error
     try:
         refuse_if_taken(bus, node)
-        wire = Wire(drive, bus)
+        wire = Wire(slave, bus)
         if port is not None:
-            control = Control(port, drive, wire)
+            control = Control(port, slave, wire)
             wire.look = control.look
+        if isinstance(slave, Module):
+            wire.look = switching(slave, wire.look)
         _stop_on_signals(wire.stop)
         takes = f" Faults: --control {control.port}." if control is not None else ""
         click.echo(f"{chosen.title}: node {node} on {interface} {channel}.{takes} Ctrl-C ends it.")
         wire.run()
         click.echo(
-            f"stopped after {drive.port.agenda.now / 1e9:.1f} s, {wire.overruns} overruns, {wire.lost} frames lost"
+            f"stopped after {slave.port.agenda.now / 1e9:.1f} s, {wire.overruns} overruns, {wire.lost} frames lost"
         )
     finally:
         if control is not None:
             control.close()
         bus.shutdown()
+
+
+def switching(module: Module, other: Callable[[], None]) -> Callable[[], None]:
+    """Tells each change of a module's outputs, beside another look."""
+    before = -1
+
+    def look() -> None:
+        nonlocal before
+        other()
+        if (now := module.outputs) != before:
+            click.echo(f"{module.port.agenda.now / 1e9:.3f} s: outputs {now:0{2 * BYTES}X}h")
+            before = now
+
+    return look
 
 
 def _stop_on_signals(stop: threading.Event) -> None:

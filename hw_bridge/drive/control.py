@@ -11,8 +11,8 @@ from hw_bridge.fault import Cause, Fault, inject, problem
 from twin.errors import SimulationError, TwinError
 
 if TYPE_CHECKING:
-    from hw_bridge.drive.drive import Drive
     from hw_bridge.fault import Place
+    from hw_bridge.slave.slave import Slave
 
 HOST = "127.0.0.1"  # nobody from outside
 LARGEST = 4096  # bytes of a request
@@ -20,10 +20,13 @@ PATIENCE = 2.0  # longest time to an answer [s]
 
 
 class Control:
-    """Takes faults for one drive; looked at between frames."""
+    """Takes faults for one drive or module; looked at between frames."""
 
-    def __init__(self, port: int, drive: Drive, place: Place) -> None:
-        self.drive, self.place = drive, place
+    def __init__(self, port: int, slave: Slave, place: Place) -> None:
+        from hw_bridge.drive.drive import Drive
+
+        self.slave, self.place = slave, place
+        self.profile = slave.profile if isinstance(slave, Drive) else None
         self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.socket.setblocking(False)
         try:
@@ -49,9 +52,9 @@ class Control:
             if keys["identifiers"] is not None:
                 keys["identifiers"] = tuple(keys["identifiers"])
             fault = Fault(**{**keys, "cause": Cause(keys["cause"])})
-            if text := problem(fault, self.drive.profile):
+            if text := problem(fault, self.profile, master=False):
                 return f"{text}."
-            inject(fault, self.place, self.drive.node, self.drive)
+            inject(fault, self.place, self.slave.node, self.slave)
         except (ValueError, KeyError, TypeError, TwinError) as error:
             return f"request not understood: {error}"
         return ""

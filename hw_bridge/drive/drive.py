@@ -54,7 +54,6 @@ class Drive(Slave):
         if missing := [f"{index:04X}" for index in REQUIRED if index not in {one.index for one in profile.objects}]:
             raise DeclarationError(f"{profile.title}: lacks {', '.join(missing)}. A CiA 402 drive has these objects.")
         self.profile = profile
-        self.supply = 24.0  # voltage [V]
         self.lasting: set[int] = set()  # errors whose cause stays until it is removed
         super().__init__(profile.objects, node, profile.rules, profile.boot_time, profile.sdo_time)
         self.axis = Axis(profile, self.dictionary, self.port.agenda, motor)
@@ -79,6 +78,15 @@ class Drive(Slave):
         self.mode = MODES[Mode.NONE](self.axis, self.error)
         self._choose_mode()
         self._show()
+
+    @property
+    def supply(self) -> float:
+        """Voltage of the power stage [V]: what the drive watches is what the motor has."""
+        return self.axis.motor.supply
+
+    @supply.setter
+    def supply(self, voltage: float) -> None:
+        self.axis.motor.set("supply_voltage", voltage)
 
     @property
     def outputs(self) -> int:
@@ -143,9 +151,9 @@ class Drive(Slave):
 
     def _twin_written(self, entry: Entry) -> None:
         """A target in increments is one in user units too."""
-        axis = self.axis
-        target = self.dictionary.get(entry.index) * axis.motor.model.resolution
-        axis.show(self.profile.twins[entry.index], target / axis.units.position)
+        axis, twin = self.axis, self.profile.twins[entry.index]
+        target = self.dictionary.get(entry.index) * axis.motor.model.resolution / axis.units.position
+        self.dictionary.put(twin, self.dictionary.entry(twin).type.saturated(target))
 
     def _choose_mode(self) -> None:
         """6061h follows 6060h; a change while enabled begins the new mode from the present motion."""
@@ -185,10 +193,6 @@ class Drive(Slave):
         low, high = profile.supply(dictionary)
         self._while(OVERVOLTAGE, self.supply > high)
         self._while(UNDERVOLTAGE, self.supply < low)
-        axis.show(0x2200, 10.0 * self.supply, 1)  # [0.1 V], EPOS4
-        axis.show(0x2325, 100.0 * self.supply, 7)  # [10 mV], FAULHABER V3
-        axis.show(0x3200, 100.0 * axis.level, 1)
-        axis.show(0x2334, 1000.0 * axis.limit)
         if profile.masks:
             self._while(OVERCURRENT, axis.derated)
         enabled = self.state is State.ENABLED

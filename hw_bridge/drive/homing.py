@@ -104,7 +104,7 @@ class Homing(ModeOfOperation):
         """Whether a search for the home switch has met the limit switch ahead."""
         negative, positive, _ = self.axis.switches.closed(self.axis.motor.measured_position)
         ahead = positive if move.direction > 0 else negative
-        return self.method in REVERSING and move.until is Until.HOME and ahead
+        return self.method in REVERSING and move.until is Until.HOME and not move.slow and ahead
 
     def bits(self) -> int:
         """In progress 0; attained 10 and 12; failed 13; interrupted or not begun 10."""

@@ -1,20 +1,18 @@
 """The motor behind a drive: a component of the twin, told what to do by the drive's profile generators.
 
-The component brings its own cascaded loops, so that currents and following errors are physical. What it does not
-offer itself is made from its limits: without current it is switched off, and with a speed demand out of reach its
-current limit is the current.
+The component brings its own cascaded loops, and the voltage that its supply has, so that currents and following errors
+are physical. A motor that is switched off is one whose current limit is 0.
 """
 
 from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass, field
-from math import copysign
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hw_bridge.agenda import MILLISECOND
-from twin import clock, members
+from twin import catalog, clock, members
 from twin.errors import SimulationError
 from twin.member import RecordMember
 from twin.members import Form
@@ -24,8 +22,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 CYCLE = MILLISECOND  # control cycle of a drive [ns]; a multiple of the sampling time of the motor's loops
-CSP, CSV = 8, 9
-UNREACHABLE = 1.0e6  # a speed [m/s or rad/s] that saturates the current
+CSP, CSV, CST = 8, 9, 10
+
+# what a component with this load calls its target in cst, and the force or torque of one ampere
+EFFORT = {"load_force": ("target_force", "force_constant"), "load_torque": ("target_torque", "torque_constant")}
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,13 @@ class MotorModel:
     position: str = "position"
     load: str = "load_force"
     ratio: float = 1.0
+
+    @property
+    def force_constant(self) -> float:
+        """Force [N] or torque [N*m] of one ampere, before the gear."""
+        name = EFFORT[self.load][1]
+        declared = getattr(catalog.component(self.component), name)
+        return float(self.parameters.get(name, declared.start))
 
 
 class Motor:
@@ -66,6 +73,7 @@ class Motor:
         self.strongest = float(self._views["current_maximum"])  # the motor's own limit [A]
         if "current_continuous" in self._views:
             self._views["current_continuous"][...] = 10.0 * self.strongest  # I2t is the drive's, by its own objects
+        self._tuned: dict[str, float] = {}  # gains, as multiples of the component's
         self.powered = True
         self.grip = 1.0  # share of the load that reaches it
         self.offset = 0.0  # error of the sensor [m or rad]
@@ -98,17 +106,28 @@ class Motor:
         """Current in the winding [A]."""
         return float(self._views["current"])
 
+    @property
+    def supply(self) -> float:
+        """Voltage of its power stage [V]."""
+        return self.get("supply_voltage")
+
     def load(self, force: float) -> None:
         """Force [N] or torque [N*m] of the load from now on, behind the gear."""
         self._views[self.model.load][...] = force * self.grip
 
     def set(self, parameter: str, value: float) -> None:
         """Change a parameter of the component."""
-        self._views[parameter][...] = value
+        self._views[parameter][...] = value * self._tuned.get(parameter, 1.0)
+
+    def tune(self, parameter: str, factor: float) -> None:
+        """Make a gain so many times what the component has; above 0."""
+        if (before := self._tuned.get(parameter, 1.0)) != factor:
+            self._tuned[parameter] = factor
+            self._views[parameter][...] *= factor / before
 
     def scale(self, parameter: str, factor: float) -> None:
         """Multiply a parameter of the component."""
-        self.set(parameter, factor * self.get(parameter))
+        self._views[parameter][...] *= factor
 
     def get(self, name: str) -> float:
         """A variable of the component."""
@@ -118,24 +137,27 @@ class Motor:
         """No current."""
         self.powered = False
         self._views["current_maximum"][...] = 0.0
-        self._views["current_integral"][...] = 0.0  # the loops begin anew when power comes back
+        # the loops begin anew when power comes back: nothing was gathered, and no position was followed meanwhile
+        self._views["current_integral"][...] = 0.0
+        self._views["mode_of_operation"][...] = CSV
 
     def follow_position(self, position: float, limit: float) -> None:
         """Go to a position [m or rad] with no more than `limit` [A]."""
-        self._follow(CSP, "target_position", position - self.offset, limit)
+        self._follow(CSP, "target_position", (position - self.offset) / self.model.ratio, limit)
 
     def follow_velocity(self, velocity: float, limit: float) -> None:
         """Keep a speed [m/s or rad/s]."""
-        self._follow(CSV, "target_velocity", velocity, limit)
+        self._follow(CSV, "target_velocity", velocity / self.model.ratio, limit)
 
     def follow_current(self, current: float, limit: float) -> None:
         """Keep a current [A]."""
-        self._follow(CSV, "target_velocity", copysign(UNREACHABLE, current), min(abs(current), limit))
+        target, constant = EFFORT[self.model.load]
+        self._follow(CST, target, current * self.get(constant), limit)
 
     def _follow(self, mode: int, target: str, value: float, limit: float) -> None:
         self.powered = True
         self._views["mode_of_operation"][...] = mode
-        self._views[target][...] = value / self.model.ratio
+        self._views[target][...] = value
         self._views["current_maximum"][...] = min(limit, self.strongest)
 
     def advance(self, time: int) -> None:

@@ -35,6 +35,16 @@ def edge(direction: int) -> tuple[Move, ...]:
     return Move(-direction, False, Until.HOME, False), Move(direction, True, Until.HOME)
 
 
+def across(direction: int) -> tuple[Move, ...]:
+    """Fast onto the home switch, slowly off it at its other end."""
+    return Move(direction, False, Until.HOME), Move(direction, True, Until.HOME, False)
+
+
+def enter(direction: int) -> tuple[Move, ...]:
+    """Slowly back onto the home switch."""
+    return (Move(direction, True, Until.HOME),)
+
+
 def index(direction: int) -> tuple[Move, ...]:
     """Slowly to the next index pulse."""
     return (Move(direction, True, Until.INDEX),)
@@ -53,7 +63,13 @@ METHODS: dict[int, tuple[Move, ...]] = {
     5:  switch(-1, Until.HOME) + index(+1),
     6:  edge(-1) + index(-1),
     7:  switch(+1, Until.HOME) + index(-1),
+    8:  switch(+1, Until.HOME) + enter(+1) + index(+1),
+    9:  across(+1) + enter(-1) + index(-1),
+    10: across(+1) + index(+1),
     11: switch(-1, Until.HOME) + index(+1),
+    12: switch(-1, Until.HOME) + enter(-1) + index(-1),
+    13: across(-1) + enter(+1) + index(+1),
+    14: across(-1) + index(-1),
     17: switch(-1, Until.NEGATIVE),
     18: switch(+1, Until.POSITIVE),
     19: switch(+1, Until.HOME),
@@ -61,14 +77,20 @@ METHODS: dict[int, tuple[Move, ...]] = {
     21: switch(-1, Until.HOME),
     22: edge(-1),
     23: switch(+1, Until.HOME),
+    24: switch(+1, Until.HOME) + enter(+1),
+    25: across(+1) + enter(-1),
+    26: across(+1),
     27: switch(-1, Until.HOME),
+    28: switch(-1, Until.HOME) + enter(-1),
+    29: across(-1) + enter(+1),
+    30: across(-1),
     33: index(-1),
     34: index(+1),
     35: (),
     37: (),
 }  # fmt: skip
 # where a limit switch turns the search round
-REVERSING = (7, 11, 23, 27)
+REVERSING = (*range(7, 15), *range(23, 31))
 # against the end stop: vendors number them differently
 BLOCKS_FAULHABER = {-1: block(-1) + index(+1), -2: block(+1) + index(-1), -3: block(-1), -4: block(+1)}
 BLOCKS_MAXON = {-1: block(+1) + index(-1), -2: block(-1) + index(+1), -3: block(+1), -4: block(-1)}

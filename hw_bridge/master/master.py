@@ -9,7 +9,7 @@ from __future__ import annotations
 import signal
 import struct
 import threading
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import copysign
 from typing import TYPE_CHECKING, Any
 
@@ -17,16 +17,18 @@ from hw_bridge.agenda import MILLISECOND
 from hw_bridge.cia402 import BIT_12, BIT_13, TARGET_REACHED, TYPICAL, Command, Mode, State
 from hw_bridge.frame import Frame, bit_count
 from hw_bridge.master import setup
+from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.network import never
 from hw_bridge.master.node import AT_REST, Node
 from hw_bridge.master.sdo import REQUEST as SDO_REQUEST
 from hw_bridge.master.sdo import RESPONSE as SDO_RESPONSE
 from hw_bridge.master.timing import Timing
-from hw_bridge.profiles import profile
+from hw_bridge.profiles import device, profile
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Set as AbstractSet
 
     from hw_bridge.hardware import HardwareKeys
     from hw_bridge.master.network import Condition, Network
@@ -43,15 +45,21 @@ SILENT_CYCLES = 5  # so many cycles without process data are the end of a drive
 
 
 class Master:
-    """All drives of one bus."""
+    """All drives of one bus. `forced`: names of those that are told a force."""
 
-    def __init__(self, keys: HardwareKeys, network: Network) -> None:
+    def __init__(self, keys: HardwareKeys, network: Network, forced: AbstractSet[str] = frozenset()) -> None:
         self.keys, self.network = keys, network
         self.cycle = keys.cycle
         self.nodes = {
             name: Node(name, one, profile(one.profile), network, self.wait) for name, one in keys.nodes.items()
         }
-        self._by_number = {node.number: node for node in self.nodes.values()}
+        for name in forced:
+            self.nodes[name].told_force = True
+        self.modules = {
+            name: ModuleNode(name, one, device(one.profile), network, self.wait) for name, one in keys.modules.items()
+        }
+        self.stations: dict[str, Node | ModuleNode] = {**self.nodes, **self.modules}
+        self._by_number = {station.number: station for station in self.stations.values()}
         self.timing = Timing(self.cycle)
         self.notes: list[str] = []
         self.running = False
@@ -59,7 +67,7 @@ class Master:
         self._beat_due = 0
         self._twin_master = False
         self._asked: SdoClient | None = None
-        bits = sum(bit_count(frame) for node in self.nodes.values() for frame in node.frames()) * 1_000_000_000
+        bits = sum(bit_count(frame) for one in self.stations.values() for frame in one.frames()) * 1_000_000_000
         # SYNC leaves after all targets are on the wire: its identifier would win against theirs
         self.window = bits // keys.bit_rate + 100_000
         network.hear = self._hear
@@ -95,7 +103,7 @@ class Master:
         while True:
             if self._beating and network.now >= self._beat_due:
                 network.send(Frame(ERROR_CONTROL + self.keys.master, bytes([ALIVE])))
-                self._beat_due = network.now + min(node.keys.heartbeat.every for node in self.nodes.values())
+                self._beat_due = network.now + min(one.keys.heartbeat.every for one in self.stations.values())
             network.advance(min(until, self._beat_due) if self._beating else until, done)
             if network.now >= until or (done is not never and done()):
                 return
@@ -107,8 +115,10 @@ class Master:
     def exchange(self) -> None:
         """Targets of all drives, then SYNC."""
         for node in self.nodes.values():
-            node.account(self.cycle)
-            for frame in node.frames():
+            node.follow(self.cycle)
+        for station in self.stations.values():
+            station.account()
+            for frame in station.frames():
                 self.network.send(frame)
         self.network.advance(self.network.now + self.window)
         self.network.send(Frame(SYNC))
@@ -123,10 +133,10 @@ class Master:
     def identify(self) -> list[str]:
         """Every difference between the bus and the hardware file."""
         self.wait(BOOT, self._all_booted)
-        return [problem for node in self.nodes.values() for problem in node.identify()]
+        return [problem for station in self.stations.values() for problem in station.identify()]
 
     def _all_booted(self) -> bool:
-        return all(node.boots for node in self.nodes.values())
+        return all(station.boots for station in self.stations.values())
 
     def begin(self, starts: Mapping[str, float]) -> None:
         """From whatever state to Operation enabled at a standstill, where the scenario begins: `starts`, positions."""
@@ -140,10 +150,13 @@ class Master:
         for node in self.nodes.values():
             self.nmt(PRE_OPERATIONAL, node.number)
             node.configure(self.cycle, self.keys.master)
+        for module in self.modules.values():
+            self.nmt(PRE_OPERATIONAL, module.number)
+            module.configure(self.keys.master)
         self._beating, self._beat_due = True, self.network.now
-        for node in self.nodes.values():
-            self.nmt(START, node.number)
-            node.heard_at = self.network.now
+        for station in self.stations.values():
+            self.nmt(START, station.number)
+            station.heard_at = self.network.now
         for _ in range(3):
             self.run_cycle()
         for node in self.nodes.values():
@@ -159,11 +172,13 @@ class Master:
             lambda: all(node.state is State.ENABLED for node in self.nodes.values()), RAMP_UP,
             lambda: ", ".join(f"{one.name}: {one.state}" for one in self.nodes.values() if one.state is not State.ENABLED),
         )  # fmt: skip
-        for node in self.nodes.values():
-            node.forget()
+        for station in self.stations.values():
+            station.forget()
         for node in self.nodes.values():
             if node.keys.homing is not None:
                 self._approach(node, starts[node.name])
+        for module in self.modules.values():
+            module.resting = False
 
     def _until(self, done: Callable[[], bool], limit: int, what: Callable[[], str]) -> None:
         """Cycles until a condition holds; SimulationError if it takes too long."""
@@ -172,15 +187,15 @@ class Master:
             if self.network.now > end:
                 raise SimulationError(f"not enabled after {limit / 1e9:g} s: {what()}.{self._told()}")
             self.run_cycle()
-            for node in self.nodes.values():
-                if self._lost(node):
+            for station in self.stations.values():
+                if self._lost(station):
                     raise SimulationError(
-                        f"{node.name}: no heartbeat while it was brought up. Check its power and the bus."
+                        f"{station.name}: no heartbeat while it was brought up. Check its power and the bus."
                     )
 
     def _told(self) -> str:
         """What the drives said in EMCY messages."""
-        found = [f"{node.name} {code:04X}h" for node in self.nodes.values() for _, code in node.emergencies if code]
+        found = [f"{one.name} {code:04X}h" for one in self.stations.values() for _, code in one.emergencies if code]
         return f" EMCY: {', '.join(found[-4:])}." if found else ""
 
     def _home(self, node: Node) -> None:
@@ -226,11 +241,12 @@ class Master:
     # ------------------------------------------------------------------------------------------------------ watch
 
     def check(self) -> str:
-        """What is wrong with any drive, or nothing."""
-        return next((text for node in self.nodes.values() if (text := self._wrong(node))), "")
+        """What is wrong with any drive or module, or nothing."""
+        wrong = [*map(self._wrong, self.nodes.values()), *map(self._unwell, self.modules.values())]
+        return next(filter(None, wrong), "")
 
-    def _wrong(self, node: Node) -> str:
-        limits, now = node.keys.limits, self.network.now
+    def _unwell(self, node: Node | ModuleNode) -> str:
+        now = self.network.now
         for _, code in node.emergencies:
             fault = node.profile.faults.get(code)
             if code and code >> 8 != 0:
@@ -239,10 +255,14 @@ class Master:
             return f"{node.name}: no heartbeat for {(now - node.heard_at) / 1e6:.0f} ms. Check its power and the bus."
         if node.silent >= SILENT_CYCLES:
             return f"{node.name}: no process data for {node.silent} cycles. Check the bus."
+        return f"{node.name}: started anew by itself. Check its supply." if node.boots else ""
+
+    def _wrong(self, node: Node) -> str:
+        limits = node.keys.limits
+        if text := self._unwell(node):
+            return text
         if node.state is not State.ENABLED:
             return f"{node.name}: left Operation enabled: {node.state}."
-        if node.boots:
-            return f"{node.name}: started anew by itself. Check its supply."
         low, high = limits.position
         if not low <= node.position <= high:
             return f"{node.name}: position {node.way(node.position)} is outside {node.way(low)} to {node.way(high)}."
@@ -280,6 +300,8 @@ class Master:
         self._order(State.QUICK_STOP)
         self._cycles_until(lambda node: node.state in (*AT_REST, State.QUICK_STOP) and self._stands(node))
         self._order(State.DISABLED)
+        for module in self.modules.values():  # not before the drives stand
+            module.resting = True
         self._cycles_until(lambda node: node.state in AT_REST)
         for node in self.nodes.values():
             state = node.state
@@ -293,6 +315,7 @@ class Master:
                 self.notes.append(
                     f"{node.name}: did not confirm that it is disabled (last state: {state}). Check it before you touch it."
                 )
+        self.notes += [text for module in self.modules.values() if (text := module.release())]
         self.nmt(PRE_OPERATIONAL)
         self.wait(self.cycle)
         self._beating = False
@@ -304,7 +327,7 @@ class Master:
             word = 0 if goal is State.DISABLED else TYPICAL[Command.QUICK_STOP]
             self.network.send(Frame(SDO_REQUEST + node.number, struct.pack("<BHBHxx", 0x2B, 0x6040, 0, word)))
 
-    def _lost(self, node: Node) -> bool:
+    def _lost(self, node: Node | ModuleNode) -> bool:
         return self.network.now - node.heard_at > node.keys.heartbeat.lost_after
 
     def _stands(self, node: Node) -> bool:
@@ -315,6 +338,15 @@ class Master:
         end = self.network.now + STANDSTILL
         while self.network.now < end and not all(done(node) or self._lost(node) for node in self.nodes.values()):
             self.run_cycle()
+            for node in self.nodes.values():
+                if node.silent >= SILENT_CYCLES and not self._lost(node):
+                    self._ask(node)
+
+    def _ask(self, node: Node) -> None:
+        """State and speed by SDO, of a drive whose process data stays away."""
+        with suppress(SimulationError):
+            node.word = setup.read(node, 0x6041)
+            node.raw_velocity = setup.read(node, 0x606C)
 
     def report(self) -> dict[str, Any]:
         """Statistics of the run."""
@@ -324,7 +356,7 @@ class Master:
                 "lost_pdos": node.lost,
                 "emergencies": [f"{c:04X}" for _, c in node.emergencies],
             }
-            for name, node in self.nodes.items()
+            for name, node in self.stations.items()
         }
         return {**self.timing.summary(), "nodes": nodes}
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.abort import Abort
 from hw_bridge.agenda import MILLISECOND
-from hw_bridge.cia402 import State, state_of
+from hw_bridge.cia402 import Mode, State, state_of
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.vendor import SPEED, TRANSMIT, receive
 from hw_bridge.outputs import LEVELS, MASK, OUTPUTS
@@ -18,13 +18,14 @@ from twin.errors import SimulationError
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Entry
     from hw_bridge.master.node import Node
+    from hw_bridge.master.station import Station
 
 DRIVE = 402  # device profile: the lower half of 1000h
 IDENTITY = {1: "vendor", 2: "product code", 3: "revision", 4: "serial number"}
 SCALING = (0x2350, 0x3001, 0x3010, 0x608F, 0x6075, 0x6091, 0x6092, 0x60A9)  # what units follow from
 
 
-def read(node: Node, index: int, sub: int = 0) -> int:
+def read(node: Station, index: int, sub: int = 0) -> int:
     """Read a number by its type in the vendor's dictionary, and remember it."""
     entry = node.mirror.entry(index, sub)
     data = node.sdo.read(index, sub)
@@ -40,7 +41,7 @@ def read(node: Node, index: int, sub: int = 0) -> int:
     return value
 
 
-def write(node: Node, index: int, sub: int, value: int) -> None:
+def write(node: Station, index: int, sub: int, value: int) -> None:
     """Write a number and read it back."""
     if sub not in node.mirror.objects.get(index, {}):
         raise SimulationError(
@@ -80,7 +81,11 @@ def identify(node: Node) -> list[str]:
 def configure(node: Node, cycle: int, master: int) -> None:
     """All parameters of a run. The node is in Pre-operational; its power stage goes off first."""
     node.sdo.write(0x6040, 0, b"\0\0")
-    read(node, 0x6502)
+    offered = read(node, 0x6502)
+    if node.told_force and not offered >> (Mode.CST - 1) & 1:
+        raise SimulationError(
+            f"{node.name}: is told a force, but has no cst: 6502h is {offered:X}h. Use another drive."
+        )
     entries = node.mirror.objects
     for index, sub, value in node.vendor.setup:
         write(node, index, sub, value)
@@ -136,7 +141,7 @@ def limited(entry: Entry, value: int) -> int:
     return min(max(value, low), high)
 
 
-def heartbeat(node: Node, master: int) -> None:
+def heartbeat(node: Station, master: int) -> None:
     """Both directions: the drive tells that it lives, and stops when this program does not."""
     times = node.keys.heartbeat
     write(node, 0x1016, 1, 0)
@@ -148,14 +153,14 @@ def mapping(node: Node) -> None:
     """The remap procedure for four PDOs each way: one controlword in all, everything at SYNC, the others off."""
     # a drive without interpolation gets several set-points in a cycle: they act when they come
     kind = 1 if 0x60C2 in node.mirror else 255
-    received = (*receive(bool(node.keys.outputs)), (), ())
+    received = receive(bool(node.keys.outputs), node.told_force)
     transmit: tuple[tuple[int, ...], ...] = (TRANSMIT, (SPEED, node.vendor.current), (), ())
     for number in range(4):
         map_pdo(node, 0x1400 + number, 0x200 + 0x100 * number + node.number, received[number], kind)
         map_pdo(node, 0x1800 + number, 0x180 + 0x100 * number + node.number, transmit[number], 1)
 
 
-def map_pdo(node: Node, index: int, identifier: int, words: tuple[int, ...], kind: int) -> None:
+def map_pdo(node: Station, index: int, identifier: int, words: tuple[int, ...], kind: int) -> None:
     """Take a PDO out of use, map it anew, and use it again if it has anything to carry."""
     flags = read(node, index, 1) & 0x40000000
     write(node, index, 1, INVALID | flags | identifier)

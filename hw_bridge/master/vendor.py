@@ -47,15 +47,16 @@ VENDORS = {
 # Process data. The lower identifier goes first, and so does the lower number at SYNC: the target, then the controlword.
 TARGET, CONTROL = (0x607A0020,), (0x60400010, 0x60600008, 0x60FF0020)
 TRANSMIT = (0x60410010, 0x60610008, 0x60640020)
+FORCE = (0x60710010,)  # of a drive that is told a force: in a PDO of its own, the others are full
 SPEED = 0x606C0020
 
 # what stands for a mode that a drive has not
 SUBSTITUTES = {Mode.CSP: Mode.PP, Mode.CSV: Mode.PV}
 
 
-def receive(outputs: bool) -> tuple[tuple[int, ...], ...]:
-    """Mapping of RPDOs; digital outputs that follow signals find room beside the target."""
-    return ((*TARGET, WORD) if outputs else TARGET, CONTROL)
+def receive(outputs: bool, force: bool) -> tuple[tuple[int, ...], ...]:
+    """Mapping of four RPDOs; digital outputs that follow signals find room beside the target."""
+    return ((*TARGET, WORD) if outputs else TARGET, CONTROL, FORCE if force else (), ())
 
 
 def current_unit(vendor: Vendor, units: Units) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 
-from hw_bridge.profile import Profile
+from hw_bridge.profile import Device, Profile
 from twin.errors import DeclarationError
 from twin.system import nearest
 
@@ -13,6 +13,14 @@ MODULES = {
     "mclm":         "FAULHABER MCLM 300x, Motion Control V2, with a linear motor LM 2070",
     "epos4":        "maxon EPOS4 with an EC-i 40",
 }  # fmt: skip
+
+DEVICES = {"cia401": "a generic I/O module with digital inputs and outputs (CiA 401)"}
+
+
+def device(name: str) -> Device:
+    """The device of this name that is no drive."""
+    found: Device = importlib.import_module(f"hw_bridge.profiles.{name}").DEVICE
+    return found
 
 
 def profile(name: str) -> Profile:

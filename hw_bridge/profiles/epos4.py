@@ -25,26 +25,22 @@ MODES = (Mode.PP, Mode.PV, Mode.HM, Mode.CSP, Mode.CSV, Mode.CST)
 PULSES = 500  # of the encoder, four increments each
 RPM = 2.0 * pi / 60.0  # [rad/s]
 
-# The EC-i 40 (488607) with the loops of the linear servomotor: one meter there is one radian here.
-INERTIA = 4.4e-6  # [kg*m2]
-TORQUE_CONSTANT = 0.091  # [N*m/A]
+# The EC-i 40 (488607) with the gear and the frame that the rig has on it. The drive counts at the motor.
+GEAR = 5.0  # turns of the motor for one of the frame
 EC_I_40 = MotorModel(
-    "servomotor",
+    "rotary_drive",
     "rad",
     resolution=2.0 * pi / (4 * PULSES),
     index=2.0 * pi,
     parameters={
-        "mass": INERTIA,
-        "force_constant": TORQUE_CONSTANT,
-        "current_maximum": 15.0,
-        "friction_coulomb": 0.15 * TORQUE_CONSTANT,  # the no-load current
-        "friction_viscous": 0.0,
-        "stroke": 1e9,  # turns without end
-        "position_resolution": 2.0 * pi / (4 * PULSES),
-        "velocity_gain": INERTIA * 250.0 / TORQUE_CONSTANT,
-        "velocity_integral": INERTIA * 250.0 / TORQUE_CONSTANT * 62.5,
-        "velocity_maximum": 8000.0 * RPM,
+        "gear_ratio": GEAR,
+        "encoder_counts": 4.0 * PULSES,
+        "current_maximum": 15.0,  # the drive's output limit 3001h.2
+        "velocity_maximum": 8000.0 * RPM / GEAR,
     },
+    position="angle",
+    load="load_torque",
+    ratio=GEAR,
 )
 
 COMMUNICATION = joined(
@@ -212,6 +208,10 @@ def supply(dictionary: Dictionary) -> tuple[float, float]:
     return dictionary.get(0x2201, 1) / 1000.0, dictionary.get(0x2201, 2) / 1000.0
 
 
+GAINS = {
+    (0x30A1, 1): {"position_gain": 1}, (0x30A2, 1): {"velocity_gain": 1}, (0x30A2, 2): {"velocity_integral": 1},
+}  # fmt: skip
+
 PROFILE = Profile(
     name="epos4",
     title="maxon EPOS4",
@@ -228,5 +228,6 @@ PROFILE = Profile(
     limits_off_when_zero=True,
     power_stage_bit=True,
     rpdo_timeout=True,
+    gains=GAINS,
     supply=supply,
 )

@@ -175,6 +175,9 @@ def deviation(dictionary: Dictionary) -> tuple[float, int]:
     return float(dictionary.get(0x2344, 3)), dictionary.get(0x2344, 4)
 
 
+# the integral part of a PI controller is its gain over its integral time
+GAINS = {(0x2344, 1): {"velocity_gain": 1, "velocity_integral": 1}, (0x2344, 2): {"velocity_integral": -1}}
+
 PROFILE = Profile(
     name="faulhaber_v3",
     title="FAULHABER Motion Control V3.0",
@@ -188,4 +191,5 @@ PROFILE = Profile(
     rules=Rules(objects=8, remap=Code.UNSUPPORTED_ACCESS),
     bus_off=0x8140,
     deviation=deviation,
+    gains=GAINS,
 )

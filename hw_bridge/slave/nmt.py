@@ -125,6 +125,10 @@ class Nmt:
 
     def _missed(self) -> None:
         self.lost()
+        self.react()
+
+    def react(self) -> None:
+        """The state after a communication error, by 1029h.1."""
         reaction = REACTIONS.get(self.port.dictionary.get(0x1029, 1, missing=0))
         if reaction is NmtState.STOPPED or (reaction and self.port.state is NmtState.OPERATIONAL):
             self.enter(reaction)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
+from hw_bridge.abort import Abort
 from hw_bridge.dictionary import Dictionary
 from hw_bridge.slave.emergency import Emergency
 from hw_bridge.slave.nmt import ERROR_CONTROL, Nmt
@@ -12,12 +13,14 @@ from hw_bridge.slave.pdo import ReceivePdo, Rules, TransmitPdo
 from hw_bridge.slave.port import NmtState, Port
 from hw_bridge.slave.sdo import SdoServer
 from hw_bridge.slave.storage import Storage
+from twin.errors import DeclarationError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from hw_bridge.dictionary import Entry
     from hw_bridge.frame import Frame
+    from hw_bridge.slave.store import Store
 
 SDO_REQUEST, SDO_RESPONSE = 0x600, 0x580
 
@@ -82,6 +85,16 @@ class Slave(ABC):
     def connect(self, send: Callable[[Frame], None]) -> None:
         """Frames go there from now on."""
         self.port.send = send
+
+    def remember(self, store: Store) -> None:
+        """Power on with the memory that is in a file, and keep it there."""
+        self.storage.attach(store)
+        try:
+            self._reset(application=True)
+        except (Abort, ArithmeticError) as error:  # each value is possible, all of them together are not
+            raise DeclarationError(
+                f"{store.path}: what is stored does not fit together ({error}). Remove the file to begin anew."
+            ) from None
 
     def next_time(self) -> int:
         """When the slave wants to be advanced at the latest [ns]."""

@@ -8,6 +8,7 @@ from hw_bridge.abort import Abort, Code
 
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Dictionary, Entry, Value
+    from hw_bridge.slave.store import Store
 
 SAVE, LOAD = 0x65766173, 0x64616F6C  # "save" and "load" on the bus
 ALL, COMMUNICATION, APPLICATION = 1, 2, 3
@@ -20,14 +21,29 @@ VOLATILE = {0x1003, 0x1010, 0x1011, 0x6040, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60
 
 
 class Storage:
-    """The device's permanent memory. Restored defaults act at the next reset, as CiA 301 has it."""
+    """The device's permanent memory, of this process or in a file. Restored defaults act at the next reset (CiA 301)."""
 
     def __init__(self, dictionary: Dictionary) -> None:
         self.dictionary = dictionary
+        self.store: Store | None = None
         self.saved: dict[tuple[int, int], Value] = {}
         for index, act in ((0x1010, self._store), (0x1011, self._restore)):
             dictionary.checks[index] = self._check
             dictionary.effects[index] = act
+
+    def attach(self, store: Store) -> None:
+        """Keep everything in a file from now on; what is in it already holds after the next reset."""
+        self.saved = {key: value for key, value in store.read(self.dictionary).items() if key[0] not in VOLATILE}
+        self.store = store
+
+    def _save(self, values: dict[tuple[int, int], Value]) -> None:
+        """Take over what is to be kept, once the file has it."""
+        if self.store is not None:
+            try:
+                self.store.write(self.dictionary, values)
+            except OSError:
+                raise Abort(Code.HARDWARE) from None
+        self.saved = values
 
     def _check(self, entry: Entry, value: Value) -> None:
         if value != (SAVE if entry.index == 0x1010 else LOAD):
@@ -36,16 +52,20 @@ class Storage:
     def _store(self, entry: Entry) -> None:
         self.dictionary.put(entry.index, entry.default, entry.sub)  # it reads as what it can do
         group = GROUPS.get(entry.sub, GROUPS[APPLICATION])
-        for one in self.dictionary.entries():
-            if one.index in group and one.access == "rw" and one.index not in VOLATILE:
-                self.saved[one.index, one.sub] = self.dictionary.values[one.index, one.sub]
+        values = self.dictionary.values
+        keys = [
+            (one.index, one.sub)
+            for one in self.dictionary.entries()
+            if one.index in group and one.access == "rw" and one.index not in VOLATILE
+        ]
+        self._save(self.saved | {key: values[key] for key in keys})
 
     def _restore(self, entry: Entry) -> None:
         self.dictionary.put(entry.index, entry.default, entry.sub)
         group = GROUPS.get(entry.sub)
         if group is None:  # the vendor's pages: back to what was saved, at the next reset, which does just that
             return
-        self.saved = {key: value for key, value in self.saved.items() if key[0] not in group}
+        self._save({key: value for key, value in self.saved.items() if key[0] not in group})
 
     def load(self, application: bool) -> None:
         """Values as after a reset: the saved ones, else the defaults; without `application` communication only."""

@@ -48,9 +48,9 @@ class Decoder:
 
     @classmethod
     def of_bench(cls, keys: HardwareKeys) -> Decoder:
-        """A decoder that knows the drives of a hardware file."""
+        """A decoder that knows the drives and modules of a hardware file."""
         made = [Party(one.node, profile(one.profile), one, name) for name, one in keys.nodes.items()]
-        return cls(made)
+        return cls([*made, *(Party(one.node, name=name) for name, one in keys.modules.items())])
 
     def party(self, node: int) -> Party:
         """The node with this ID."""

@@ -6,9 +6,10 @@ from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.abort import Abort
+from hw_bridge.cia402 import Mode
 from hw_bridge.dictionary import Dictionary, Entry, Value
 from hw_bridge.master.vendor import SPEED, TRANSMIT, VENDORS, receive
-from hw_bridge.profiles import MODULES, profile
+from hw_bridge.profiles import DEVICES, MODULES, device, profile
 from hw_bridge.slave.pdo import INVALID
 from hw_bridge.trace import names
 
@@ -49,10 +50,11 @@ class Said(NamedTuple):
 
 @cache
 def common() -> tuple[Entry, ...]:
-    """Objects that a node of an unknown vendor may be taken to have: CiA 301 and CiA 402, but no PDO map."""
+    """Objects that a node of an unknown vendor may be taken to have: CiA 301, 401 and 402, but no PDO map."""
     found: dict[tuple[int, int], Entry] = {}
-    for name in MODULES:
-        for entry in profile(name).objects:
+    tables = [profile(name).objects for name in MODULES] + [device(name).objects for name in DEVICES]
+    for table in tables:
+        for entry in table:
             standard = entry.index < 0x1400 or 0x6000 <= entry.index < 0x6800
             if standard:
                 found.setdefault((entry.index, entry.sub), entry)
@@ -87,11 +89,12 @@ class Party:
         assert self.profile is not None
         assert self.keys is not None
         values, vendor = self.dictionary.values, VENDORS[self.profile.name]
+        received = receive(bool(self.keys.outputs), Mode.CST in self.profile.modes)  # a force, if there is one
         for index, sub, value in vendor.setup:
             values[index, sub] = value
         values.update(self.keys.objects)
         for base, start, maps in (
-            (0x200, 0x1400, receive(bool(self.keys.outputs))), (0x180, 0x1800, (TRANSMIT, (SPEED, vendor.current))),
+            (0x200, 0x1400, received), (0x180, 0x1800, (TRANSMIT, (SPEED, vendor.current))),
         ):  # fmt: skip
             for number in range(PDOS):
                 words = maps[number] if number < len(maps) else ()

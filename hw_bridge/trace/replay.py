@@ -16,7 +16,9 @@ from hw_bridge.outputs import inputs
 from hw_bridge.session import beginning
 from hw_bridge.trace.decoder import Decoder
 from hw_bridge.trace.files import read
+from twin.component import PythonComponent
 from twin.errors import SimulationError
+from twin.metrics import Ending
 from twin.variable import Int32
 from twin.variable import output as output_variable
 
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
     from hw_bridge.hardware import HardwareKeys, NodeKeys
     from hw_bridge.trace.decoder import Line
     from twin.component import Component
-    from twin.scenario.scenario import Case
+    from twin.scenario.spec import Case
 
 POSITION, VELOCITY, STATUSWORD = "position_actual_value", "velocity_actual_value", "statusword"
 CURRENTS = ("torque_actual_value", "current_actual_values_actual", "current_actual_value")
@@ -132,6 +134,13 @@ class ReplayAxis(DriveAxis):
         """Nothing is held."""
 
 
+class Idle(PythonComponent):
+    """A module in a replay: what switches is in the trace."""
+
+    def step(self, t: float, h: float) -> None:
+        """Nothing is done."""
+
+
 class Replay(Hardware):
     """A hardware file whose drives are in a trace."""
 
@@ -141,16 +150,29 @@ class Replay(Hardware):
         self.trace_read = trace
         self.recording = Recording(trace, keys, start)
 
+    @property
+    def takes_faults(self) -> bool:
+        """What happened has happened."""
+        return False
+
+    def ending(self) -> Ending:
+        """A trace stops nobody."""
+        return Ending()
+
     def _find_contact(self, name: str, case: Case) -> list[str]:  # noqa: ARG002 - nobody retracts
         return []
 
-    def _component(self, name: str, replaced: type[Component]) -> type[DriveAxis]:
+    def _component(self, name: str, replaced: type[Component], variant: str = "") -> type[DriveAxis]:
         fields: dict[str, Any] = {v.name: v for v in replaced.variables if v.role in KEPT}
         fields |= inputs(self.keys.nodes[name].outputs)
         fields.setdefault(STATUSWORD, output_variable("", "6041h", type=Int32))
-        fields |= {"hardware": self, "member": name, "replaced": replaced, "__module__": __name__}
+        fields |= {"hardware": self, "member": name, "replaced": replaced, "variant": variant, "__module__": __name__}
         fields["__doc__"] = f"A recorded drive instead of {replaced.__name__}."
         return type(f"Recorded_{name}", (ReplayAxis,), fields)
+
+    def _module(self, name: str, variant: str) -> type[Component]:  # noqa: ARG002 - its levels go nowhere
+        fields: dict[str, Any] = {**inputs(self.keys.modules[name].outputs)}
+        return type(f"Recorded_{name}", (Idle,), fields | {"__module__": __name__, "__doc__": "A recorded module."})
 
     def report(self) -> dict[str, Any]:
         """Which trace it was."""

@@ -24,7 +24,7 @@ from twin import catalog, compiled
 from twin.export import group
 from twin.fmi import exporter
 from twin.run import prepare
-from twin.scenario import Scenario
+from twin.scenario import load_scenario
 from twin.variable import Float64
 
 pytestmark = pytest.mark.slow
@@ -70,7 +70,7 @@ CASES = [
 def component(case):
     if not case.variant:
         return catalog.component(case.name)
-    scenario = Scenario.load(str(SCENARIO))
+    scenario = load_scenario(str(SCENARIO))
     catalogs = prepare(scenario)
     chosen = case.name.split(",")
     return group("_".join(chosen), scenario.cases([case.variant])[0], catalogs[case.variant], chosen)

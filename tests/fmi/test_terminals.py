@@ -13,7 +13,7 @@ from twin.component import Component, PythonComponent
 from twin.errors import DeclarationError
 from twin.fmi import exporter
 from twin.fmi.terminals import PLACE
-from twin.scenario.scenario import Scenario
+from twin.scenario import load_scenario
 from twin.variable import input, local, output, terminal
 
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
@@ -69,7 +69,7 @@ def test_the_connections_of_the_force_experiment_are_among_the_plugs_that_fit():
                 assert one[key].unit == other[key].unit
                 ends = {one[key].role: f"{a}.{one[key].name}", other[key].role: f"{b}.{other[key].name}"}
                 found.add((ends["output"], ends["input"]))
-    scenario = Scenario.load(Path(__file__).parents[2] / "scenarios" / "heart_wall_force.yaml")
+    scenario = load_scenario(Path(__file__).parents[2] / "scenarios" / "heart_wall_force.yaml")
     ends = [(c.source, c.target) for c in scenario.variants[0].connections]
     wanted = {pair for pair in ends if {end.split(".")[0] for end in pair} <= members}
     assert len(wanted) == 5

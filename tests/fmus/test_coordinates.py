@@ -17,7 +17,7 @@ from twin.catalog import component
 from twin.errors import TwinError
 from twin.members import Form
 from twin.run import run_scenario
-from twin.scenario import Scenario
+from twin.scenario import load_scenario
 from twin.variable import Role
 
 FOLDER = Path(fmus.__path__[0])
@@ -153,7 +153,7 @@ def test_initialization_can_be_repeated(name):
 
 
 def test_a_runs_readings_are_those_that_the_calibration_reads(tmp_path, build):
-    scenario = Scenario.load(FOLDER.parent / "scenarios/stepper_calibration.yaml")
+    scenario = load_scenario(FOLDER.parent / "scenarios/stepper_calibration.yaml")
     run_scenario(scenario, Form.compiled, variants=["loaded"], seeds=[1], root=tmp_path, build=build, report=False)
     found = record.readings(tmp_path / "stepper_calibration")
     assert list(found) == ["steppers"]

@@ -85,22 +85,24 @@ def test_other_steps_and_modes_are_errors(native, h):
     drive = native(RotaryDrive)
     drive.start(0.0)
     assert drive.advance(0.0, h) == ERROR
-    drive.mode_of_operation = 1
-    assert drive.advance(0.0, H) == ERROR
+    for mode in (1, 7, 11):
+        drive.mode_of_operation = mode
+        assert drive.advance(0.0, H) == ERROR
 
 
 @settings(max_examples=40, deadline=None)
 @given(
     targets=st.lists(
-        st.tuples(st.floats(-20.0, 20.0), st.floats(-10.0, 10.0), st.floats(-3.0, 3.0), st.sampled_from((8, 9))),
+        st.tuples(st.floats(-20.0, 20.0), st.floats(-10.0, 10.0), st.floats(-3.0, 3.0), st.floats(-2.0, 2.0),
+                  st.sampled_from((8, 9, 10))),
         min_size=1, max_size=20,
     )
 )  # fmt: skip
 def test_any_target_and_load_keeps_the_limits(native, targets):
     drive = native(RotaryDrive)
     drive.start(0.0)
-    for position, velocity, load, mode in targets:
-        drive.target_position, drive.target_velocity = position, velocity
+    for position, velocity, load, torque, mode in targets:
+        drive.target_position, drive.target_velocity, drive.target_torque = position, velocity, torque
         drive.load_torque, drive.mode_of_operation = load, mode
         for step in range(20):
             assert drive.advance(step * H, H) == OK
@@ -108,3 +110,83 @@ def test_any_target_and_load_keeps_the_limits(native, targets):
             # teeth do not let go: their deflection is what peak torque and the frame's inertia make of it
             gap = abs(drive.motor_angle / drive.gear_ratio - drive.angle)
             assert gap < 0.5 * drive.backlash + 0.05
+
+
+# ------------------------------------------------------------------------------------------------- supply and torque
+
+
+def losses(drive, speed):
+    """Torque of all frictions at the motor [N*m], at a speed of the frame."""
+    frame = drive.friction_coulomb + drive.friction_viscous * abs(speed)
+    return float(drive.motor_friction + frame / drive.gear_ratio)
+
+
+@pytest.mark.parametrize("supply", [12.0, -24.0])
+def test_the_top_speed_is_what_supply_and_friction_leave(native, supply):
+    """At the motor: U = R i + k w, with the current that friction takes."""
+    way = np.sign(supply)
+    drive = native(RotaryDrive, supply_voltage=abs(supply), mode_of_operation=10, target_torque=way * 0.4)
+    drive.start(0.0)
+    run(drive, 3.0)
+    current = losses(drive, drive.angular_velocity) / drive.torque_constant
+    speed = (abs(supply) - 0.994 * current) / 0.091 / 5.0
+    assert way * drive.angular_velocity == pytest.approx(speed, rel=2e-3)
+    assert way * drive.current == pytest.approx(current, rel=0.02)
+
+
+def test_a_stalled_motor_draws_what_the_resistance_lets_through(native):
+    drive = native(RotaryDrive, supply_voltage=3.0, mode_of_operation=10, target_torque=0.4, load_torque=-1.37)
+    drive.start(0.0)
+    run(drive, 0.5)
+    assert abs(drive.angular_velocity) < 1e-9
+    assert drive.current == pytest.approx(3.0 / 0.994, rel=1e-6)
+
+
+def test_electrical_power_is_loss_and_mechanical_power(native):
+    """On the way to the top speed the whole supply is used: U i = R i^2 + M w."""
+    drive = native(RotaryDrive, supply_voltage=12.0, mode_of_operation=10, target_torque=0.4)
+    drive.start(0.0)
+    run(drive, 0.2)
+    for _ in range(20):
+        run(drive, 0.01)
+        speed, current = float(drive.rotor_velocity), float(drive.current)
+        mechanical = float(drive.torque) * speed
+        if current < 0.99 * 0.4 / 0.091:
+            assert 12.0 * current == pytest.approx(0.994 * current**2 + mechanical, rel=5e-3)
+    assert speed > 0.9 * 12.0 / 0.091 * 0.8
+
+
+def test_the_integral_waits_while_the_voltage_is_at_its_limit(native):
+    drive = native(RotaryDrive, supply_voltage=3.0, mode_of_operation=9, target_velocity=8.0)
+    drive.start(0.0)
+    run(drive, 2.0)
+    assert drive.current_integral < 3.0 / 0.994
+    drive.target_velocity = 2.0
+    run(drive, 1.0)
+    assert drive.velocity_actual_value == pytest.approx(2.0, rel=0.03)
+
+
+def test_a_torque_turns_motor_and_frame_together(native):
+    """In cst, after the backlash; the target is the motor's torque, the frame feels the gear ratio times as much."""
+    drive = native(RotaryDrive, mode_of_operation=10, target_torque=0.25)
+    drive.start(0.0)
+    run(drive, 0.05)
+    assert drive.torque == pytest.approx(0.25, rel=1e-9)
+    begin = float(drive.angular_velocity)
+    run(drive, 0.1)
+    joined = drive.frame_inertia + drive.motor_inertia * drive.gear_ratio**2
+    left = 5.0 * (0.25 - losses(drive, 0.5 * (begin + drive.angular_velocity))) / joined
+    assert (drive.angular_velocity - begin) / 0.1 == pytest.approx(left, rel=0.01)
+
+
+@pytest.mark.parametrize("mode", [8, 9])
+def test_leaving_cst_does_not_jump(native, mode):
+    drive = native(RotaryDrive, mode_of_operation=10, target_torque=0.3, load_torque=-1.5)
+    drive.start(0.0)
+    run(drive, 0.5)
+    drive.mode_of_operation, drive.target_position = mode, drive.position_actual_value
+    run(drive, H, h=H)
+    assert drive.torque == pytest.approx(0.3, abs=5e-3)
+    angle = float(drive.angle)
+    run(drive, 0.3)
+    assert drive.angle == pytest.approx(angle, abs=1e-4)

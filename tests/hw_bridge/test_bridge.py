@@ -13,8 +13,8 @@ from hw_bridge.session import Session
 from tests.hw_bridge.axis import Rig, node
 from twin.errors import SimulationError
 
-# The EPOS4 turns a screw of 2 mm: 1 m is 3142 rad. Its rotor is light, so that its speed changes within a cycle.
-SCREW = {"scale": 0.002 / 6.283185307179586}
+# The EPOS4 turns a screw of 20 mm: 1 m is 314 rad. Its motor has a rig to turn, which runs on for a while without current.
+SCREW = {"scale": 0.02 / 6.283185307179586}
 NODES = {
     "faulhaber_v3": node(),
     "mclm":         node("mclm"),
@@ -29,10 +29,13 @@ def rig(request, build):
 
 
 def test_a_velocity_becomes_a_way(rig):
-    """csv, or pv where the drive has no csv; slower than the drive's unit of 1 mm/s, too."""
-    for speed in (0.02, -0.03, 0.0004):
+    """csv, or pv where the drive has no csv; slower than FAULHABER's unit of 1 mm/s, too."""
+    slow = (
+        0.004 if rig.session.keys.nodes["servomotor"].profile == "epos4" else 0.0004
+    )  # its loop takes a while to overcome the rig's friction
+    for speed in (0.02, -0.03, slow):
         rig.set(target_velocity=speed)
-        rig.go(200)
+        rig.go(600)
         before = rig.get("position")
         rig.go(1000)
         assert rig.get("position") - before == pytest.approx(speed, rel=0.02, abs=1e-4)
@@ -117,9 +120,9 @@ def test_a_position_target_far_from_the_drive_is_refused(build):
     [
         (
             10,
-            r"servomotor: mode_of_operation 10: cst needs a member that is told a force, there is none\. Use 8 \(csp\)",
+            r"servomotor: mode_of_operation 10: its process data have no force\. Begin in it, or set or connect a target",
         ),
-        (1, "servomotor: mode_of_operation 1: no cyclic mode"),
+        (1, r"servomotor: mode_of_operation 1: no cyclic mode\. Use 8 \(csp\), 9 \(csv\) or 10 \(cst\)"),
         (77, "servomotor: mode_of_operation 77: no cyclic mode"),
     ],
 )
@@ -133,11 +136,26 @@ def test_a_mode_that_the_bridge_has_not(build, mode, text):
         rig.go(10)
     assert rig.drive.state is not State.ENABLED
     assert not rig.plant.motor.powered
-    rig = Rig(build, {"servomotor": node()})
+
+
+@pytest.mark.parametrize(
+    ("profile", "mode", "text"),
+    [
+        ("faulhaber_v3", 77, "servomotor: mode_of_operation 77: no cyclic mode"),
+        (
+            "mclm",
+            10,
+            r"servomotor: mode_of_operation 10: FAULHABER MCLM 300x CO has no cst\. Use 8 \(csp\) or 9 \(csv\), or",
+        ),
+    ],
+)
+def test_a_mode_that_is_refused_from_the_first_step_on(build, profile, mode, text):
+    """Not even a bus comes of it."""
+    rig = Rig(build, {"servomotor": node(profile)})
     rig.set(mode_of_operation=mode)
     with pytest.raises(SimulationError, match=text):
         rig.go(1)
-    assert rig.session.plants == {}  # from the first step on: not even a bus
+    assert rig.session.plants == {}
 
 
 def test_it_begins_where_the_scenario_does(build):

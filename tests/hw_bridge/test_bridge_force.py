@@ -9,7 +9,7 @@ from hw_bridge.bridge import load
 from tests.hw_bridge.axis import Rig, node
 from twin import catalog
 from twin.run import run_scenario
-from twin.scenario import Scenario
+from twin.scenario import load_scenario, parse_scenario
 
 ROOT = Path(__file__).parents[2]
 SCENARIO = ROOT / "scenarios/heart_wall_force.yaml"
@@ -24,7 +24,7 @@ def outcome(tmp_path, build):
         path = tmp_path / "bench.yaml"
         path.write_text(text)
         hardware = load(path, build=build) if text else None
-        loaded = Scenario.load(scenario)
+        loaded = load_scenario(scenario)
         return run_scenario(loaded, root=tmp_path, build=build, report=False, hardware=hardware, **more)
 
     return outcome
@@ -95,7 +95,7 @@ events: [{at: 0.3 s, override: {sensor.measured_force: EVENT}}]
 
 @pytest.mark.parametrize(("event", "reason"), [("0.5 N", "is 0.500 N, above 0.4 N"), ("0.2 N", "has not changed for")])
 def test_too_much_force_or_a_dead_sensor_ends_a_run_away_from_the_wall(tmp_path, build, event, reason):
-    scenario = Scenario.loads(TOUCHED.replace("EVENT", event), ROOT / "scenarios/touched.yaml")
+    scenario = parse_scenario(TOUCHED.replace("EVENT", event), ROOT / "scenarios/touched.yaml")
     hardware = load(BENCH, build=build)
     outcome = run_scenario(
         scenario, root=tmp_path, build=build, report=False, hardware=hardware, variants=["PI"], seeds=[1]

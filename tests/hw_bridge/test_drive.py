@@ -6,6 +6,7 @@ import pytest
 
 from hw_bridge.abort import Code
 from hw_bridge.cia402 import Mode, State
+from hw_bridge.drive.motor import CYCLE
 from tests.hw_bridge.bench import NODE, AbortedError
 
 ACKNOWLEDGE, REACHED = 0x1000, 0x0400
@@ -166,6 +167,47 @@ def test_csp_follows_with_the_lag_of_the_position_loop(faulhaber):
     assert abs(bench.read(0x6078)) < 500
 
 
+@pytest.mark.parametrize(
+    ("vendor", "gain", "half", "parameters"),
+    [("faulhaber_v3", (0x2344, 1), 500, {"velocity_gain": 0.5, "velocity_integral": 0.5}),
+     ("faulhaber_v3", (0x2344, 2), 160, {"velocity_integral": 0.5}),
+     ("epos4", (0x30A1, 1), 750000, {"position_gain": 0.5}),
+     ("epos4", (0x30A2, 1), 10000, {"velocity_gain": 0.5}),
+     ("epos4", (0x30A2, 2), 250000, {"velocity_integral": 0.5})],
+)  # fmt: skip
+def test_gains_are_those_of_the_motors_loops(make, vendor, gain, half, parameters):
+    """As multiples of what the component has, until a reset; a fault of the loop stays beside them."""
+    bench = make(vendor)
+    motor = bench.drive.axis.motor
+    names = ("velocity_gain", "velocity_integral", "position_gain")
+    own = {name: motor.get(name) for name in names}
+    bench.write(gain[0], half, gain[1])
+    bench.go(2)
+    assert {name: motor.get(name) for name in names} == pytest.approx(
+        {name: value * parameters.get(name, 1.0) for name, value in own.items()}
+    )
+    motor.scale("velocity_gain", 3.0)
+    bench.nmt(129)
+    bench.go(110)
+    own["velocity_gain"] *= 3.0
+    assert {name: motor.get(name) for name in names} == pytest.approx(own)
+
+
+def test_a_weaker_velocity_loop_takes_longer(make):
+    """Half the gain, and a speed is reached later."""
+    times = []
+    for gain in (1000, 250):
+        bench = make("faulhaber_v3")
+        bench.write(0x2344, gain, 1)
+        bench.enable(Mode.CSV)
+        bench.write(0x60FF, 50)
+        start = bench.bus.now
+        while bench.drive.axis.velocity < 0.045:
+            bench.go(1)
+        times.append(bench.bus.now - start)
+    assert times[1] > 2 * times[0]
+
+
 def test_a_csp_target_that_was_not_preloaded_jumps(epos):
     """The trap: at enable csp goes to 607Ah; EPOS4's following error trips at once."""
     bench = epos
@@ -192,6 +234,25 @@ def test_csv_and_cst(bench):
     bench.go(20)
     assert bench.drive.axis.motor.current == pytest.approx(300 * unit.torque, rel=0.02)
     assert bench.read(0x6077) == pytest.approx(300, abs=8)
+
+
+@pytest.mark.parametrize(("vendor", "current"), [("faulhaber_v3", 0.47), ("epos4", 2.5)])
+def test_a_quick_stop_out_of_cst(make, vendor, current):
+    """The ramp begins at the speed that there is, with the current that there is."""
+    bench = make(vendor)
+    unit = bench.drive.axis.units
+    bench.enable(Mode.CST)
+    bench.write(0x6071, round(current / unit.torque))
+    bench.go(60)
+    speed = bench.drive.axis.velocity
+    assert speed > 100 * unit.velocity
+    bench.control(0x02)
+    fastest = speed
+    for _ in range(150):
+        bench.go(1)
+        fastest = max(fastest, bench.drive.axis.velocity)
+    assert fastest < 1.3 * speed
+    assert abs(bench.drive.axis.velocity) < 0.02 * speed
 
 
 def test_csp_without_interpolation_steps(epos):
@@ -325,6 +386,22 @@ def test_supply_voltage(epos):
     epos.control(0x00, 0x80)
     epos.go(5)
     assert epos.state is State.DISABLED
+
+
+def test_the_supply_that_is_watched_drives_the_motor(make, name):
+    """Half of the voltage: half of the current that a motor has when it is held."""
+    bench = make(name)
+    motor, found = bench.drive.axis.motor, []
+    for voltage in (24.0, 12.0):
+        bench.drive.supply = voltage
+        assert motor.supply == voltage
+        motor.set("resistance", 100.0)  # the current's limits are far
+        motor.follow_velocity(1.0, 99.0)
+        for cycle in range(100):
+            motor.advance(cycle * CYCLE)
+            motor.set("rod_velocity" if name != "epos4" else "rotor_velocity", 0.0)
+        found.append(motor.current)
+    assert found[0] == pytest.approx(2.0 * found[1], rel=0.05)
 
 
 def test_i2t_takes_the_current_back(make):

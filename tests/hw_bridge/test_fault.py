@@ -4,7 +4,7 @@ import pytest
 
 from hw_bridge.agenda import MILLISECOND
 from hw_bridge.cia402 import State
-from hw_bridge.fault import ENCODER, OVERCURRENT, TO_BUS_OFF, Cause, Fault, cause, disturbance, problem
+from hw_bridge.fault import ACTIONS, ENCODER, OVERCURRENT, TO_BUS_OFF, Cause, Fault, cause, disturbance, problem
 from hw_bridge.hardware import load
 from hw_bridge.profiles import MODULES, profile
 from tests.hw_bridge.axis import Rig, node
@@ -57,7 +57,7 @@ def test_every_fault_ends_in_the_safe_state(build, name, which):
     rig.session.bus.advance(rig.session.bus.now + 500 * MILLISECOND)
     assert rig.drive.state is not State.ENABLED
     assert not rig.drive.axis.motor.powered or rig.drive.state is State.QUICK_STOP
-    assert abs(float(rig.plant.motor._views["velocity"])) * abs(rig.plant.sign) < 1e-3
+    assert abs(rig.plant.motor.measured_velocity) * abs(rig.plant.sign) < 1e-3
     assert (
         abs(rig.plant.motor.position - before) * abs(rig.plant.sign) < 6e-3
     )  # 5 mm of following error, and the rest of the way
@@ -115,6 +115,17 @@ def test_real_drives_have_their_own_faults(tmp_path):
                     "faults: [{at: 1 s, fault: reset, node: motor}]\n")  # fmt: skip
     with pytest.raises(ScenarioError, match="only a bench with `simulated: true`"):
         load(path)
+
+
+def test_faults_of_the_mechanics_are_those_of_any_motor(make, name):
+    drive = make(name).drive
+    motor = drive.axis.motor
+    before = {key: motor.get(key) for key in ("friction_coulomb", "velocity_gain", "velocity_integral")}
+    for which in (Cause.FRICTION, Cause.SLOW, Cause.GRIP):
+        ACTIONS[which](Fault(which, factor=0.5), drive)
+    assert {key: motor.get(key) for key in before} == {key: 0.5 * value for key, value in before.items()}
+    motor.load(3.0)
+    assert motor.get(motor.model.load) == 1.5
 
 
 def test_tables():

@@ -10,9 +10,11 @@ from click.testing import CliRunner
 
 from hw_bridge import hardware, hil
 from hw_bridge.bridge import load
+from hw_bridge.profiles import profile
+from hw_bridge.targets import unknown_mode
 from twin.errors import ScenarioError
 from twin.run import run_scenario
-from twin.scenario import Scenario
+from twin.scenario import load_scenario
 
 run = importlib.import_module("twin.cli.run")  # the package has a function of this name
 ROOT = Path(__file__).parents[2]
@@ -47,8 +49,8 @@ FOR = {
 
 @pytest.mark.parametrize("path", BENCHES, ids=lambda path: path.stem)
 def test_every_bench_is_well_formed_and_fits_its_scenario(path):
-    name = FOR[path.stem.rpartition("_")[2]]
-    scenario = load(path, arm=True).apply(Scenario.load(ROOT / f"scenarios/{name}.yaml"))
+    name = FOR[path.stem.split("_")[1]]
+    scenario = load(path, arm=True).apply(load_scenario(ROOT / f"scenarios/{name}.yaml"))
     for case in scenario.variants:
         for name in hardware.load(path).nodes:
             assert case.members[name].made.__name__ == f"Drive_{name}"
@@ -100,14 +102,23 @@ def test_values_are_in_si(write):
 )
 def test_what_does_not_fit_the_scenario(write, text, message):
     with pytest.raises(ScenarioError) as caught:
-        load(write(text)).apply(Scenario.load(SCENARIO))
+        load(write(text)).apply(load_scenario(SCENARIO))
     assert message in str(caught.value)
 
 
-def test_a_mode_that_drives_are_not_told(write):
-    scenario = Scenario.load(SCENARIO, ["servomotor.mode_of_operation=10"])
-    with pytest.raises(ScenarioError, match=r"servomotor is a drive: mode_of_operation 10: cst needs a member that is"):
-        load(write(GOOD)).apply(scenario)
+def test_a_force_for_a_drive_without_cst(write):
+    scenario = load_scenario(SCENARIO, ["servomotor.mode_of_operation=10"])
+    load(write(GOOD)).apply(scenario)
+    with pytest.raises(
+        ScenarioError, match=r"servomotor is a drive: mode_of_operation 10: FAULHABER MCLM 300x CO has no"
+    ):
+        load(write(GOOD.replace("faulhaber_v3", "mclm"))).apply(scenario)
+
+
+def test_a_force_for_a_member_that_has_none():
+    with_force, without = ("target_velocity", "target_torque"), ("target_velocity", "target_position")
+    assert unknown_mode(10, profile("epos4"), with_force) == ""
+    assert "cst needs a member with target_force or target_torque" in unknown_mode(10, profile("epos4"), without)
 
 
 @pytest.mark.parametrize(
@@ -120,7 +131,7 @@ def test_a_mode_that_drives_are_not_told(write):
 )  # fmt: skip
 def test_real_interfaces_have_to_be_armed(write, interface, channel, free):
     path = write(GOOD.replace("simulated: true", f"interface: {interface}\nchannel: {channel}"))
-    scenario = Scenario.load(SCENARIO)
+    scenario = load_scenario(SCENARIO)
     if free:
         load(path).apply(scenario)
     else:
@@ -134,7 +145,7 @@ def test_the_contact_force_is_watched_by_default(write):
         (GOOD, "sensor.measured_force"),
         (GOOD.replace("node: 1", "node: 1, watch_contact: false"), None),
     ):
-        scenario = load(write(text)).apply(Scenario.load(SCENARIO))
+        scenario = load(write(text)).apply(load_scenario(SCENARIO))
         found = [one.source for one in scenario.variants[0].connections if one.target == "servomotor.contact_force"]
         assert found == ([signal] if signal else [])
 
@@ -142,7 +153,7 @@ def test_the_contact_force_is_watched_by_default(write):
 def test_a_step_that_does_not_fit_the_cycle(write):
     path = write(GOOD + "cycle: 1 ms\n")
     with pytest.raises(ScenarioError, match=r"cycle: 1 ms is not a multiple of the scenario's step, 5 ms"):
-        load(path).apply(Scenario.load(SCENARIO, ["step=5 ms"]))
+        load(path).apply(load_scenario(SCENARIO, ["step=5 ms"]))
 
 
 def test_the_command_runs_a_scenario_on_drives(tmp_path, build, monkeypatch):
@@ -161,7 +172,7 @@ def test_the_command_runs_a_scenario_on_drives(tmp_path, build, monkeypatch):
 
 def test_every_case_gets_drives_of_its_own(tmp_path, build):
     found = load(ROOT / SIMULATED, build=build)
-    outcome = run_scenario(Scenario.load(SHORT), hardware=found, root=tmp_path, build=build, report=False)
+    outcome = run_scenario(load_scenario(SHORT), hardware=found, root=tmp_path, build=build, report=False)
     assert outcome.run.status == "completed", outcome.run.reason
     assert len([one for one in found.sessions if one.begun]) == 3
     assert found.notes() == []

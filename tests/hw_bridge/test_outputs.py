@@ -18,7 +18,7 @@ from hw_bridge.trace.party import Party
 from tests.hw_bridge.axis import Rig, node
 from twin.errors import ScenarioError, SimulationError
 from twin.run import run_scenario
-from twin.scenario import Scenario
+from twin.scenario import load_scenario, parse_scenario
 
 ROOT = Path(__file__).parents[2]
 BENCH = ROOT / "hw_bridge/benches/simulated_racs.yaml"
@@ -206,7 +206,7 @@ def test_mistakes_are_named_with_their_line(write, old, new, message):
 def test_signals_that_cannot_switch_are_refused_when_the_file_is_applied(write, signal, message):
     path = write("sequencer.valve[1]", signal)
     with pytest.raises(ScenarioError) as caught:
-        load(path).apply(Scenario.load(ROOT / "scenarios/racs.yaml"))
+        load(path).apply(load_scenario(ROOT / "scenarios/racs.yaml"))
     (line,) = caught.value.problems
     assert line.startswith(f"{path}: nodes.servomotor_1.outputs.0: ")
     assert message in line
@@ -236,7 +236,7 @@ def rig_run(tmp_path, build, at, event):
         seen.append([self.plants[name].drive.outputs for name in GRIPPERS])
 
     found = load(BENCH, build=build)
-    scenario = Scenario.loads(SHORT, ROOT / "scenarios/short_racs.yaml")
+    scenario = parse_scenario(SHORT, ROOT / "scenarios/short_racs.yaml")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Session, "advance", watched)
         outcome = run_scenario(scenario, root=tmp_path, build=build, report=False, hardware=found)
@@ -300,7 +300,7 @@ def test_a_run_with_outputs_is_recorded_shadowed_and_replayed(tmp_path, build):
     tables = []
     for more in ({"trace": trace}, {"replay": str(trace)}):
         found = load(path, build=build, **more)
-        scenario = Scenario.loads(text, ROOT / "scenarios/short_racs.yaml")
+        scenario = parse_scenario(text, ROOT / "scenarios/short_racs.yaml")
         outcome = run_scenario(scenario, root=tmp_path, build=build, report=False, hardware=found)
         assert outcome.run.status == "completed", outcome.run.reason
         (table,) = outcome.tables.values()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -10,6 +11,7 @@ import click
 from twin.errors import ScenarioError
 
 if TYPE_CHECKING:
+    from twin.run import Hardware
     from twin.scenario import Scenario
 
 
@@ -18,14 +20,22 @@ if TYPE_CHECKING:
 @click.option(
     "--set", "overrides", multiple=True, metavar="PATH=VALUE", help='As of `twin run`: `heart.rate="1.4 Hz"`.'
 )
-def command(files: tuple[str, ...], overrides: tuple[str, ...]) -> None:
+@click.option(
+    "--hardware", "hardware_file", type=click.Path(path_type=Path), metavar="FILE",
+    help="Also check that this hardware file fits: members, outputs, faults.",
+)  # fmt: skip
+def command(files: tuple[str, ...], overrides: tuple[str, ...], hardware_file: Path | None) -> None:
     """Check scenario files: keys, units, names, times, connections.
 
     Each problem is one line, `file:line: what is wrong and what to do`. Nothing is compiled or run.
+    The keys of faults among the events are the hardware's: name its file with --hardware.
     """
+    from twin.cli.run import load_hardware
+
+    hardware = load_hardware(hardware_file, True, Path("build")) if hardware_file is not None else None
     count = 0
     for file in files:
-        problems, good = examine(file, overrides)
+        problems, good = examine(file, overrides, hardware)
         for problem in problems:
             click.echo(problem)
         if not problems:
@@ -36,14 +46,14 @@ def command(files: tuple[str, ...], overrides: tuple[str, ...]) -> None:
         sys.exit(1)
 
 
-def examine(file: str, overrides: tuple[str, ...] = ()) -> tuple[list[str], str]:
+def examine(file: str, overrides: tuple[str, ...] = (), hardware: Hardware | None = None) -> tuple[list[str], str]:
     """(problems of a file, or what it has)."""
-    from twin.scenario import Scenario
+    from twin.scenario import load_scenario
     from twin.scenario.lookup import look_up
 
     try:
-        scenario = Scenario.load(file, overrides)
-        _, problems = look_up(scenario)
+        scenario = load_scenario(file, overrides)
+        _, problems = look_up(scenario if hardware is None else hardware.apply(scenario))
     except ScenarioError as error:
         return error.problems, ""
     return problems, extent(scenario)

@@ -85,10 +85,10 @@ def component(what: str, members: str | None, named: str | None, variant: str | 
         return catalog.component(what)
     from twin.export import group
     from twin.run import prepare
-    from twin.scenario import Scenario
+    from twin.scenario import load_scenario
     from twin.scenario.merge import nearest
 
-    scenario = Scenario.load(what)
+    scenario = load_scenario(what)
     if bool((members or "").strip(", ")) == bool(named):
         known = f" or --group {next(iter(scenario.groups))}" if scenario.groups else ""
         raise TwinError(f"{what}: say which part of it, either --members estimate,controller{known}.")

@@ -88,9 +88,9 @@ def command(
     """
     from twin.members import Form
     from twin.run import run_scenario
-    from twin.scenario import Scenario
+    from twin.scenario import load_scenario
 
-    scenario = Scenario.load(file, overrides)
+    scenario = load_scenario(file, overrides)
     if (trace is not None or replay is not None) and hardware_file is None:
         raise click.UsageError("--trace and --replay are of a bus: name it with --hardware.")
     if trace is not None and replay is not None:
@@ -167,6 +167,12 @@ def show(outcome: Outcome, report: bool) -> None:
         console.print(f"note: {note}", highlight=False, markup=False)
     for line in outcome.run.extra.get("hardware", {}).get("shown", []):
         console.print(line, highlight=False, markup=False)
+    for (variant, seed), ending in outcome.endings.items():
+        if ending.time_ns is not None or ending.unsafe:
+            console.print(f"{variant}, seed {seed}: {ending.text}", highlight=False, markup=False)
+    if outcome.run.status == "failed" and outcome.endings:
+        for line in list(outcome.endings.values())[-1].log:
+            console.print(f"on the bus at {line}", highlight=False, markup=False)
     factor = outcome.run.real_time_factor
     if factor:
         console.print(f"{outcome.run.simulated_time:g} s simulated in {outcome.run.wall_time:.2f} s, "

@@ -6,29 +6,24 @@ checked by `twin.system`.
 
 from __future__ import annotations
 
-import re
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from twin import clock
 from twin.errors import CouplingError, ScenarioError
 from twin.scenario import value
 from twin.scenario.merge import nearest
 from twin.scenario.model import NAME
+from twin.scenario.names import find, inside, matching, no_element
+from twin.scenario.spec import SETTABLE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from twin.expression import Expression
-    from twin.member import MemberVariable
     from twin.scenario.model import ScenarioKeys
-    from twin.scenario.scenario import Case, Catalog, EventSpec, MemberSpec, RecordSpec, Scenario, Variables
+    from twin.scenario.names import Catalog
+    from twin.scenario.spec import Case, EventSpec, MemberSpec, Scenario
     from twin.scenario.tree import Node
-
-ELEMENT = re.compile(r"(.+?)\[(\d+(?:\s*,\s*\d+)*)\]")
-SETTABLE = ("parameter", "structuralParameter", "input")
-STARTABLE = ("exact", "approx")  # FMI's `initial`: a state's or an output's start value may be set
 
 
 def check(scenario: Scenario, keys: ScenarioKeys, tree: Node, trees: dict[str, Node]) -> list[str]:
@@ -147,9 +142,8 @@ def check_events(case: Case) -> list[str]:
         owner, when = event.variable.partition(".")[0], clock.text(event.time_ns)
         if owner not in case.members:
             problems.append(f"{event.where}: there is no member `{owner}`.{nearest(owner, case.members)}")
-        if not case.start_ns <= event.time_ns < case.stop_ns:
-            span = f"{clock.text(case.start_ns)} to {clock.text(case.stop_ns)}"
-            problems.append(f"{event.where}: event at {when} is outside the run, {span}. Move it or the run's end.")
+        if outside := outside_run(event.time_ns, case):
+            problems.append(f"{event.where}: event {outside}")
         elif (event.time_ns - case.start_ns) % case.step_ns:
             step = clock.text(case.step_ns)
             problems.append(f"{event.where}: event at {when} is no multiple of step {step}. Move it.")
@@ -157,7 +151,18 @@ def check_events(case: Case) -> list[str]:
             held.add(event.variable)
         elif event.kind == "release" and event.variable not in held:
             problems.append(f"{event.where}: {event.variable} is released but was not overridden before {when}.")
+    for fault in case.faults:
+        if outside := outside_run(fault.time_ns, case):
+            problems.append(f"{fault.where}: fault {outside}")
     return problems
+
+
+def outside_run(time_ns: int, case: Case) -> str:
+    """What is wrong with a time that the run does not have."""
+    if case.start_ns <= time_ns < case.stop_ns:
+        return ""
+    span = f"{clock.text(case.start_ns)} to {clock.text(case.stop_ns)}"
+    return f"at {clock.text(time_ns)} is outside the run, {span}. Move it or the run's end."
 
 
 def check_against(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str]:
@@ -166,7 +171,7 @@ def check_against(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[s
     for case in scenario.variants:
         catalog = catalogs[case.variant]
         for name, member in case.members.items():
-            problems += member_values(member, name, catalog[name])[1]
+            problems += member.values(name, catalog[name])[1]
         targets = {connection.target for connection in case.connections}
         for event in case.events:
             problems += event_problems(event, catalog, targets)
@@ -204,64 +209,6 @@ def problem_of(name: str, index: tuple[int, ...], catalog: Catalog) -> str:
     return "" if variable.connectable else f"{name} is {variable.type}: only numbers are recorded. Leave it out."
 
 
-def inside(index: tuple[int, ...], shape: tuple[int, ...]) -> bool:
-    """Whether an index, counted from 1, lies in a shape."""
-    return len(index) == len(shape) and all(1 <= i <= n for i, n in zip(index, shape, strict=True))
-
-
-def no_element(name: str, index: tuple[int, ...], variable: MemberVariable) -> str:
-    """An array element that does not exist."""
-    wanted = f"[{','.join(map(str, index))}]"
-    if not variable.shape:
-        return f"{name} is a single value: it has no element {wanted}. Leave the brackets out."
-    return f"{name} has no element {wanted}: its size is {' x '.join(map(str, variable.shape))}, counted from 1."
-
-
-def find(reference: str, catalog: Catalog) -> tuple[MemberVariable, tuple[int, ...]]:
-    """The variable of `member.variable` or of one element of it (shape () then), and the element's index from 1."""
-    from dataclasses import replace
-
-    member, _, name = reference.partition(".")
-    if member not in catalog:
-        raise CouplingError(f"there is no member `{member}` for {reference}.{nearest(member, catalog)}")
-    variables = catalog[member]
-    if name in variables:
-        return variables[name], ()
-    match = ELEMENT.fullmatch(name)
-    if not match or match[1] not in variables:
-        hint = nearest(match[1] if match else name, variables)
-        raise CouplingError(f"{member} has no variable `{name}`.{hint}")
-    variable, index = variables[match[1]], tuple(int(part) for part in match[2].split(","))
-    if not inside(index, variable.shape):
-        raise CouplingError(no_element(f"{member}.{match[1]}", index, variable))
-    return replace(variable, shape=()), index
-
-
-def member_values(member: MemberSpec, name: str, variables: Variables) -> tuple[dict[str, Any], list[str]]:
-    """Start values as numpy values in the variables' units, and what is wrong with them."""
-    values: dict[str, Any] = {}
-    problems: list[str] = []
-    for parameter, raw in member.parameters.items():
-        where = member.places.get(parameter, member.where)
-        try:
-            variable, index = find(f"{name}.{parameter}", {name: variables})
-            if variable.causality not in SETTABLE and variable.initial not in STARTABLE:
-                kind = {"output": "an output", "local": "a local variable"}.get(variable.causality, variable.causality)
-                raise CouplingError(f"{name}.{parameter} is {kind}. Only parameters and inputs can be set.")  # noqa: TRY301
-            resolved = value.resolve(raw, variable, f"{name}.{parameter}")
-        except CouplingError as error:
-            problems += [f"{where}: {problem}" for problem in error.problems]
-            continue
-        if index:
-            whole = variables[variable.name]
-            start = np.zeros(whole.shape, whole.dtype) if whole.start is None else whole.start
-            array = values.setdefault(whole.name, np.array(np.broadcast_to(start, whole.shape), whole.dtype))
-            array[tuple(i - 1 for i in index)] = resolved
-        else:
-            values[variable.name] = resolved
-    return values, problems
-
-
 def event_problems(event: EventSpec, catalog: Catalog, targets: set[str]) -> list[str]:
     """What is wrong with an event now that its variable is known."""
     try:
@@ -286,38 +233,3 @@ def event_problems(event: EventSpec, catalog: Catalog, targets: set[str]) -> lis
     if event.variable in targets:
         return [f"{event.where}: {event.variable} is connected and would be written over. Override its source instead."]
     return []
-
-
-def matching(pattern: str, catalog: Catalog) -> list[str]:
-    """All that a pattern with `*` means: everything that can be recorded but parameters."""
-    expression = re.compile(".*".join(re.escape(part) for part in pattern.split("*")))
-    return [
-        f"{member}.{name}"
-        for member, variables in catalog.items()
-        for name, variable in variables.items()
-        if variable.connectable
-        and not variable.causality.endswith(("arameter", "independent"))
-        and expression.fullmatch(f"{member}.{name}")
-    ]
-
-
-def selected(record: RecordSpec, catalog: Catalog) -> list[str]:
-    """What to record of a variant, arrays whole, in the order of members and variables."""
-    wanted: set[str] = set()
-    for name in (*record.patterns, *record.needed):
-        if "*" in name:
-            wanted.update(matching(name, catalog))
-            continue
-        try:
-            variable, _ = find(name, catalog)
-        except CouplingError:
-            continue  # another variant's member
-        if variable.connectable:
-            wanted.add(f"{name.partition('.')[0]}.{variable.name}")
-    every_output = not record.patterns
-    return [
-        f"{member}.{name}"
-        for member, variables in catalog.items()
-        for name, variable in variables.items()
-        if f"{member}.{name}" in wanted or (every_output and variable.connectable and variable.causality == "output")
-    ]

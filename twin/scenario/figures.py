@@ -116,10 +116,14 @@ class Builder:
         metric = metrics.get(keys.metric or "")
         if keys.metric is not None and keys.metric not in self.metrics:
             self.problem((*path, "metric"), f"{what}: no metric `{keys.metric}`.{nearest(keys.metric, self.metrics)}")
-        if (keys.metric is None) == (keys.signal is None):
-            self.problem(path, f"{what}: give either `metric` or `signal`.")
+        if [keys.metric, keys.signal, keys.ends].count(None) != 2:
+            self.problem(path, f"{what}: give either `metric` or `signal`, or `ends`.")
         limits = [key for key in ("at_least", "at_most", "within", "ordered") if getattr(keys, key) is not None]
-        if not limits:
+        if keys.ends is not None and limits:
+            self.problem(path, f"{what}: `ends` has no {limits[0]}. Give `from` and `to` for a stop.")
+        if keys.ends == "completed" and (keys.start is not None or keys.stop is not None):
+            self.problem(path, f"{what}: a run is completed at stop_time. Leave `from` and `to` out.")
+        if not limits and keys.ends is None:
             self.problem(path, f"{what}: nothing is expected. Add at_least, at_most, within or ordered.")
         if len(limits) > 1 and set(limits) != {"at_least", "at_most"}:
             self.problem(path, f"{what}: {' and '.join(limits)} cannot stand together. Use two items.")
@@ -138,7 +142,7 @@ class Builder:
         return Expectation(
             keys.name, keys.metric, keys.signal, self.known((*path, "variants"), keys.variants, what), at_least, at_most,
             self.known((*path, "ordered"), keys.ordered or (), what), keys.descending,
-            self.window(path, keys, what), unit, keys.mean, str(self.tree.find(path).place),
+            self.window(path, keys, what), unit, keys.mean, str(self.tree.find(path).place), keys.ends or "",
         )  # fmt: skip
 
     def plot(self, index: int, keys: PlotKeys) -> Plot:

@@ -12,7 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from twin.member import MemberVariable
-    from twin.scenario.scenario import Catalog, MemberSpec, Scenario, Variables
+    from twin.scenario.names import Catalog, Variables
+    from twin.scenario.spec import MemberSpec, Scenario
 
 
 def look_up(scenario: Scenario) -> tuple[dict[str, Catalog], list[str]]:

@@ -191,6 +191,8 @@ def without(root: Node, names: list[str]) -> Node:
 
 def kept_event(event: Node, gone: Callable[[object], bool]) -> list[Node]:
     """The event without what it does to members that are gone; nothing if that was all."""
+    if "fault" in event.entries:
+        return [] if "node" in event.entries and gone(event.entries["node"].value) else [event]
     entries: dict[str, Node] = {}
     for key, node in event.entries.items():
         if isinstance(node.value, dict):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
 from twin import expression
 from twin.errors import CouplingError, ScenarioError
@@ -115,13 +115,25 @@ class ConnectionKeys(Keys):
 
 
 class EventKeys(Keys):
-    """What happens at a communication point."""
+    """What happens at a communication point, or a fault of the hardware: its keys are the hardware's own."""
 
     at: Time
     set: dict[Reference, Value] = {}
     override: dict[Reference, Value] = {}
     release: Annotated[list[Reference], BeforeValidator(one_or_more)] = []
+    fault: dict[str, Any] | None = None
     description: Text = ""
+
+    @model_validator(mode="before")
+    @classmethod
+    def apart(cls, value: Any) -> Any:
+        """Leave the keys of a fault to those who know faults."""
+        if not isinstance(value, dict) or "fault" not in value:
+            return value
+        if others := [key for key in ("set", "override", "release") if key in value]:
+            raise ValueError(f"`fault` and `{others[0]}` in one event. Make two events of them")
+        own = {key: item for key, item in value.items() if key in ("at", "description")}
+        return own | {"fault": {key: item for key, item in value.items() if key not in own}}
 
 
 class RecordKeys(Keys):
@@ -151,7 +163,7 @@ class MetricKeys(WindowKeys):
 
 
 class ExpectKeys(WindowKeys):
-    """A limit that must hold in every run, or an order of variants by a metric's mean."""
+    """A limit that must hold in every run, an order of variants by a metric's mean, or how runs end on hardware."""
 
     name: Text = ""
     metric: str | None = None
@@ -163,6 +175,7 @@ class ExpectKeys(WindowKeys):
     ordered: Annotated[list[Text], Field(min_length=2)] | None = None
     descending: bool = True
     mean: bool = False
+    ends: Literal["stopped", "completed"] | None = None
     unit: Text = ""
 
 

@@ -10,10 +10,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError, TwinError
+from twin.export import group
+from twin.scenario.lookup import look_up
 from twin.scenario.merge import members, nearest
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from twin.component import Component
+    from twin.scenario.spec import Scenario
     from twin.scenario.tree import Node
 
 _above: ContextVar[tuple[str, ...]] = ContextVar("above", default=())  # files whose members are being made
@@ -24,8 +29,8 @@ def is_group(component: object) -> bool:
     return isinstance(component, str) and component.partition("#")[0].endswith((".yaml", ".yml")) and "#" in component
 
 
-def components(trees: dict[str, Node]) -> tuple[dict[str, type[Component]], list[str]]:
-    """The groups that members of any variant name, and what is wrong with them."""
+def components(trees: dict[str, Node], load: Callable[[str], Scenario]) -> tuple[dict[str, type[Component]], list[str]]:
+    """The groups that members of any variant name, and what is wrong with them. `load`: reads their scenarios."""
     made: dict[str, type[Component]] = {}
     problems: dict[str, None] = {}
     for tree in trees.values():
@@ -34,19 +39,15 @@ def components(trees: dict[str, Node]) -> tuple[dict[str, type[Component]], list
             if node is None or not is_group(node.value) or node.value in made:
                 continue
             try:
-                made[node.value] = component(node.value)
+                made[node.value] = component(node.value, load)
             except TwinError as error:
                 own = getattr(error, "problems", [str(error)])
                 problems |= dict.fromkeys(f"{node.place}: member `{name}`: {one}" for one in own)
     return made, list(problems)
 
 
-def component(reference: str) -> type[Component]:
+def component(reference: str, load: Callable[[str], Scenario]) -> type[Component]:
     """The component class of `path.yaml#group@variant`."""
-    from twin.export import group
-    from twin.scenario.lookup import look_up
-    from twin.scenario.scenario import Scenario
-
     path, _, rest = reference.partition("#")
     name, _, variant = rest.partition("@")
     if path in _above.get():
@@ -56,7 +57,7 @@ def component(reference: str) -> type[Component]:
         raise ScenarioError(f"there is no file {path}.{nearest(Path(path).name, known)}")
     token = _above.set((*_above.get(), path))
     try:
-        scenario = Scenario.load(path)
+        scenario = load(path)
         if name not in scenario.groups:
             hint = nearest(name, scenario.groups) or " Name its members under `groups` there."
             raise ScenarioError(f"{path} has no group `{name}`.{hint}")

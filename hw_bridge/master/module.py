@@ -1,0 +1,96 @@
+"""An I/O module as the master sees it: identity, safe values for the time without a master, outputs in each cycle."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+from hw_bridge.frame import Frame
+from hw_bridge.master import setup
+from hw_bridge.master.station import Station
+from hw_bridge.profiles.cia401 import DIGITAL_OUTPUTS, ERROR_MODE, ERROR_VALUE, INPUTS, OUTPUTS
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from hw_bridge.hardware import ModuleKeys
+    from hw_bridge.master.network import Network
+    from hw_bridge.master.station import Waiting
+    from hw_bridge.profile import Device
+
+MODULE = 401  # device profile: the lower half of 1000h
+OUTPUT_PDO, INPUT_PDO = 0x200, 0x180
+IDENTITY = {1: "vendor", 2: "product code", 4: "serial number"}
+AT_SYNC = 1  # transmission type
+
+
+class ModuleNode(Station):
+    """A module of CiA 401. Only as many bytes of outputs are touched as have signals or safe levels."""
+
+    keys: ModuleKeys
+
+    def __init__(self, name: str, keys: ModuleKeys, device: Device, network: Network, wait: Waiting) -> None:
+        super().__init__(name, keys, device, network, wait)
+        self.outputs = self.safe_outputs = keys.safe_outputs
+        self.resting = True  # outputs are the safe ones, whatever is wanted
+        self.size = max(keys.safe_outputs.bit_length() - 1, *keys.outputs) // 8 + 1  # bytes
+
+    def levels(self) -> bytes:
+        """What the outputs are told in this cycle."""
+        return (self.safe_outputs if self.resting else self.outputs).to_bytes(self.size, "little")
+
+    def frames(self) -> list[Frame]:
+        """Process data of this cycle."""
+        return [Frame(OUTPUT_PDO + self.number, self.levels())]
+
+    def heard(self, frame: Frame, now: int) -> None:
+        """A frame of this module arrived."""
+        self.answered += frame.id == INPUT_PDO + self.number
+        super().heard(frame, now)
+
+    def identify(self) -> list[str]:
+        """Every difference between the module that answers and the one that the hardware file expects."""
+        keys, where = self.keys, f"{self.name}: node {self.number}"
+        device = struct.unpack("<I", self.sdo.read(0x1000))[0]
+        if device & 0xFFFF != MODULE or not device & DIGITAL_OUTPUTS:
+            return [f"{where} is no module with digital outputs: 1000h is {device:08X}h. Check the node-ID."]
+        if (count := self.sdo.read(OUTPUTS)[0]) < self.size:
+            return [f"{where} has {8 * count} outputs, the hardware file uses {8 * self.size}. Correct `outputs`."]
+        expected = {1: keys.vendor, 2: keys.product, 4: keys.serial}
+        found = {
+            sub: struct.unpack("<I", self.sdo.read(0x1018, sub))[0] for sub, one in expected.items() if one is not None
+        }
+        return [
+            f"{where}: {IDENTITY[sub]} is {value:X}h, expected {expected[sub]:X}h. Correct the hardware file or the wiring."
+            for sub, value in found.items()
+            if value != expected[sub]
+        ]
+
+    def configure(self, master: int) -> None:
+        """Safe outputs first, then what makes them safe without a master, then process data; each value read back."""
+        self.make_safe()
+        for block, safe in enumerate(self.safe_outputs.to_bytes(self.size, "little"), 1):
+            setup.write(self, ERROR_VALUE, block, safe)
+            setup.write(self, ERROR_MODE, block, 0xFF)
+        for (index, sub), value in self.keys.objects.items():
+            setup.write(self, index, sub, value)
+        setup.heartbeat(self, master)
+        blocks = range(1, self.size + 1)
+        written = tuple(OUTPUTS << 16 | block << 8 | 8 for block in blocks)
+        setup.map_pdo(self, 0x1400, OUTPUT_PDO + self.number, written, AT_SYNC)
+        setup.map_pdo(self, 0x1800, INPUT_PDO + self.number, (INPUTS << 16 | 1 << 8 | 8,), AT_SYNC)
+
+    def make_safe(self) -> None:
+        """Safe outputs by SDO, read back."""
+        for block, safe in enumerate(self.safe_outputs.to_bytes(self.size, "little"), 1):
+            setup.write(self, OUTPUTS, block, safe)
+
+    def release(self) -> str:
+        """After an orderly end: safe outputs, no heartbeat is expected any more. What could not be confirmed."""
+        self.resting = True
+        try:
+            self.make_safe()
+            self.sdo.write(0x1016, 1, b"\0\0\0\0")
+            self.sdo.write(0x1017, 0, b"\0\0")
+        except SimulationError as error:
+            return f"{self.name}: did not confirm its safe outputs ({error}) Check them before you touch anything."
+        return ""

@@ -1,0 +1,58 @@
+"""What members tell their drives, and what a drive can follow."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hw_bridge.cia402 import Mode
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from hw_bridge.hardware import LimitKeys
+    from hw_bridge.profile import Profile
+    from twin.component import Component
+    from twin.scenario.spec import Case
+
+CYCLIC = {8: Mode.CSP, 9: Mode.CSV, 10: Mode.CST}
+FORCE, TORQUE = "target_force", "target_torque"  # of a rod; of a motor, before its gear
+SHARE = 0.8  # of the limits of velocity and force that a target may ask for: the drive overshoots
+
+
+def unknown_mode(wanted: int, profile: Profile, member: Collection[str]) -> str:
+    """Why a mode of operation cannot be followed, or nothing. `member`: names of the member's variables."""
+    if wanted not in CYCLIC:
+        return f"mode_of_operation {wanted}: no cyclic mode. Use 8 (csp), 9 (csv) or 10 (cst)."
+    if CYCLIC[wanted] is not Mode.CST:
+        return ""
+    if FORCE not in member and TORQUE not in member:
+        return f"mode_of_operation 10: cst needs a member with {FORCE} or {TORQUE}. Use 8 (csp) or 9 (csv)."
+    if Mode.CST not in profile.modes:
+        return f"mode_of_operation 10: {profile.title} has no cst. Use 8 (csp) or 9 (csv), or a drive that has it."
+    return ""
+
+
+def told_force(name: str, case: Case) -> bool:
+    """Whether a case tells a member a force, at whatever time: then its process data have room for one."""
+    targets = {f"{name}.{FORCE}", f"{name}.{TORQUE}"}
+    return (
+        not {FORCE, TORQUE}.isdisjoint(case.members[name].parameters)
+        or any(one.target in targets for one in case.connections)
+        or any(one.variable in targets for one in case.events)
+    )
+
+
+def velocity(axis: Component, limits: LimitKeys) -> float:
+    """Target velocity of a member, within its limit [m/s or rad/s]."""
+    return within(float(axis.views["target_velocity"]), limits.velocity)
+
+
+def force(axis: Component, limits: LimitKeys, scale: float) -> float:
+    """Target force of a member, within its limit [N or N*m]. `scale`: way of the member for one of the motor."""
+    wanted = float(axis.views[FORCE]) if FORCE in axis.views else float(axis.views[TORQUE]) / scale
+    return within(wanted, limits.force)
+
+
+def within(value: float, limit: float) -> float:
+    """A target that leaves the drive room to overshoot."""
+    return min(max(value, -SHARE * limit), SHARE * limit)

@@ -1,0 +1,161 @@
+"""From files to checked scenarios: read, merge, validate, check."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from twin.errors import ScenarioError
+from twin.scenario import check, figures, merge, nested
+from twin.scenario.message import validate
+from twin.scenario.override import overridden
+from twin.scenario.spec import Case, ConnectionSpec, EventSpec, FaultSpec, MemberSpec, RecordSpec, Scenario
+from twin.scenario.tree import Node, parse
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    from twin.component import Component
+    from twin.scenario.model import ScenarioKeys
+
+MILLISECOND = 1_000_000
+PHYSICS = (
+    "members",
+    "connections",
+    "variants",
+    "events",
+    "step",
+    "algorithm",
+    "parameter_sets",
+)  # what a paper's figures hang on
+
+
+def load_scenario(path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
+    """Read a file and what it extends, apply `path=value` overrides, check; ScenarioError lists all problems."""
+    return build(merge.load(Path(path), str(path)), Path(path), overrides)
+
+
+def parse_scenario(text: str, path: str | Path = "scenario.yaml", overrides: Sequence[str] = ()) -> Scenario:
+    """The same from a text; `path` is where relative paths begin and how messages call it."""
+    return build(merge.complete(parse(text, str(path)), Path(path), str(path)), Path(path), overrides)
+
+
+def build(root: Node, path: Path, overrides: Sequence[str]) -> Scenario:
+    """The scenario of a merged tree."""
+    root, effective, problems = overridden(root, overrides)
+    keys, kept, found = validate(listed(root))
+    problems += found
+    trees = merge.variant_trees(kept)
+    variants = {}
+    made, found = nested.components(trees, load_scenario)
+    problems += found
+    for name, tree in trees.items():
+        own, tree, _ = validate(tree)  # noqa: PLW2901 - its problems are already listed
+        variants[name] = case_of(name, own, tree, keys, made)
+    analyses, metrics, expectations, plots, found = figures.figures(
+        keys, kept, list(variants), root.find(("metrics",)).entries
+    )
+    problems += found
+    record = record_of(keys, kept, analyses, metrics, expectations, plots)
+    scenario = Scenario(
+        path, path.stem, keys.title or path.stem, keys.description, keys.source,
+        keys.start_time, keys.stop_time or 0, keys.step or MILLISECOND, keys.algorithm or "jacobi",
+        tuple(keys.seeds), tuple(variants.values()), record, analyses, metrics, expectations, plots,
+        {name: tuple(members) for name, members in keys.groups.items()}, tuple(overrides),
+        not any(touches(option) for option in effective) and not changes_the_papers(root, str(path)), root,
+    )  # fmt: skip
+    problems += check.check(scenario, keys, kept, trees)
+    if problems:
+        raise ScenarioError(sorted(dict.fromkeys(problems), key=by_line))
+    return replace(scenario, variants=tuple(replace(case, record=record) for case in scenario.variants))
+
+
+def by_line(problem: str) -> tuple[str, int]:
+    """Order of problems: those of the options first, then by file and line."""
+    file, _, rest = problem.partition(":")
+    digits = rest.partition(":")[0]
+    return file, int(digits) if digits.isdigit() else 0
+
+
+def listed(root: Node) -> Node:
+    """The tree with `expect` as a list, also if the file names its expectations."""
+    expect = root.entries.get("expect")
+    if expect is None or not isinstance(expect.value, dict):
+        return root
+    items = [
+        Node({"name": Node(name, item.place), **item.entries}, item.place) for name, item in expect.entries.items()
+    ]
+    return Node(root.entries | {"expect": Node(items, expect.place)}, root.place)
+
+
+def changes_the_papers(root: Node, file: str) -> bool:
+    """Whether a file extends another one that compares with a paper, and changes what is compared."""
+    metrics = root.find(("metrics",)).entries.values() if "metrics" in root.entries else ()
+    papers = {leaf.place.file for metric in metrics for leaf in leaves(metric.find(("paper",)))}
+    changed = {leaf.place.file for key in PHYSICS if key in root.entries for leaf in leaves(root.entries[key])}
+    return bool(papers) and file not in papers and file in changed
+
+
+def leaves(node: Node) -> Iterator[Node]:
+    """All values in a tree."""
+    if isinstance(node.value, dict):
+        for item in node.entries.values():
+            yield from leaves(item)
+    elif isinstance(node.value, list):
+        for item in node.items:
+            yield from leaves(item)
+    else:
+        yield node
+
+
+def touches(option: str) -> bool:
+    """Whether an override changes what the published figures depend on; seeds and titles do not."""
+    return option.partition("=")[0].strip() not in ("seed", "seeds", "title", "source")
+
+
+def case_of(name: str, keys: ScenarioKeys, tree: Node, base: ScenarioKeys, made: Mapping[str, type[Component]]) -> Case:
+    """A variant with the first seed, from its merged and validated tree."""
+    patch = base.variants.get(name)
+    title = patch.title if patch else base.title if not base.variants else ""
+    members = {}
+    for member, own in keys.members.items():
+        node = tree.find(("members", member))
+        places = {p: str(node.find(("parameters", p)).place) for p in own.parameters} if own else {}
+        if own:
+            component = own.component or ""
+            members[member] = MemberSpec(
+                component, own.parameters, own.period, str(node.place), places, made.get(component)
+            )
+    connections = tuple(
+        ConnectionSpec(one.source, one.target, str(tree.find(("connections", i)).place))
+        for i, one in enumerate(keys.connections) if one.source
+    )  # fmt: skip
+    events = [
+        EventSpec(event.at, kind, variable, raw, str(tree.find(("events", i, kind, variable)).place))
+        for i, event in enumerate(keys.events or [])
+        for kind, group in (("set", event.set), ("override", event.override), ("release", dict.fromkeys(event.release)))
+        for variable, raw in group.items()
+    ]
+    items = tree.entries["events"].items if "events" in tree.entries else []
+    faults = [
+        FaultSpec(event.at, Node({k: v for k, v in item.entries.items() if k != "description"}, item.place))
+        for event, item in zip(keys.events or [], items, strict=False)
+        if event.fault is not None
+    ]
+    return Case(
+        name, base.seeds[0], title or name, keys.start_time, keys.stop_time or 0, keys.step or MILLISECOND,
+        keys.algorithm or "jacobi", members, connections, tuple(sorted(events, key=lambda event: event.time_ns)),
+        RecordSpec(), tuple(sorted(faults, key=lambda fault: fault.time_ns)),
+    )  # fmt: skip
+
+
+def record_of(keys: ScenarioKeys, tree: Node, analyses: Any, metrics: Any, expectations: Any, plots: Any) -> RecordSpec:
+    """What is recorded, and what has to be because an analysis, a metric, an expectation or a plot reads it."""
+    expressions = [one for analysis in analyses for one in analysis.inputs.values()]
+    expressions += [metric.signal for metric in metrics.values()] + [one.signal for one in expectations if one.signal]
+    for plot in plots:
+        expressions += [one for curve in plot.curves for one in (curve.signal, curve.x) if one is not None]
+    needed = dict.fromkeys(signal.name for one in expressions for signal in one.signals)
+    patterns = tuple(dict.fromkeys(keys.record.variables))
+    return RecordSpec(patterns, keys.record.every, tuple(needed), str(tree.find(("record",)).place))

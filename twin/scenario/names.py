@@ -1,0 +1,64 @@
+"""Names of a scenario, `member.variable`, `member.variable[1]` or a pattern with `*`, against the members' variables."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from twin.errors import CouplingError
+from twin.scenario.merge import nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from twin.member import MemberVariable
+
+    Variables = Mapping[str, MemberVariable]  # of one member
+    Catalog = Mapping[str, Variables]  # member -> its variables
+
+ELEMENT = re.compile(r"(.+?)\[(\d+(?:\s*,\s*\d+)*)\]")
+
+
+def inside(index: tuple[int, ...], shape: tuple[int, ...]) -> bool:
+    """Whether an index, counted from 1, lies in a shape."""
+    return len(index) == len(shape) and all(1 <= i <= n for i, n in zip(index, shape, strict=True))
+
+
+def no_element(name: str, index: tuple[int, ...], variable: MemberVariable) -> str:
+    """An array element that does not exist."""
+    wanted = f"[{','.join(map(str, index))}]"
+    if not variable.shape:
+        return f"{name} is a single value: it has no element {wanted}. Leave the brackets out."
+    return f"{name} has no element {wanted}: its size is {' x '.join(map(str, variable.shape))}, counted from 1."
+
+
+def find(reference: str, catalog: Catalog) -> tuple[MemberVariable, tuple[int, ...]]:
+    """The variable of `member.variable` or of one element of it (shape () then), and the element's index from 1."""
+    member, _, name = reference.partition(".")
+    if member not in catalog:
+        raise CouplingError(f"there is no member `{member}` for {reference}.{nearest(member, catalog)}")
+    variables = catalog[member]
+    if name in variables:
+        return variables[name], ()
+    match = ELEMENT.fullmatch(name)
+    if not match or match[1] not in variables:
+        hint = nearest(match[1] if match else name, variables)
+        raise CouplingError(f"{member} has no variable `{name}`.{hint}")
+    variable, index = variables[match[1]], tuple(int(part) for part in match[2].split(","))
+    if not inside(index, variable.shape):
+        raise CouplingError(no_element(f"{member}.{match[1]}", index, variable))
+    return replace(variable, shape=()), index
+
+
+def matching(pattern: str, catalog: Catalog) -> list[str]:
+    """All that a pattern with `*` means: everything that can be recorded but parameters."""
+    expression = re.compile(".*".join(re.escape(part) for part in pattern.split("*")))
+    return [
+        f"{member}.{name}"
+        for member, variables in catalog.items()
+        for name, variable in variables.items()
+        if variable.connectable
+        and not variable.causality.endswith(("arameter", "independent"))
+        and expression.fullmatch(f"{member}.{name}")
+    ]

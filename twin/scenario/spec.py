@@ -1,0 +1,262 @@
+"""A scenario as plain data: what is to be run, in every variant and with every seed.
+
+Values keep the text of the file until the unit of the variable they are meant for is known; `Case.values` then
+converts them.
+"""
+
+from __future__ import annotations
+
+import re
+import zlib
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import yaml
+
+from twin.errors import CouplingError, ScenarioError
+from twin.scenario import value
+from twin.scenario.merge import nearest
+from twin.scenario.names import find, matching
+from twin.scenario.tree import FLOAT, Node
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from twin.analysis import Analysis
+    from twin.component import Component
+    from twin.metrics import Expectation, Metric, Plot
+    from twin.scenario.names import Catalog, Variables
+
+SETTABLE = ("parameter", "structuralParameter", "input")
+STARTABLE = ("exact", "approx")  # FMI's `initial`: a state's or an output's start value may be set
+
+
+@dataclass(frozen=True)
+class MemberSpec:
+    """A member as the file names it. `component`: a name in fmus/, `module:Class`, or the absolute path of an FMU.
+
+    `made` is the component if it is a group of another scenario, absolute/path.yaml#group.
+    """
+
+    component: str
+    parameters: dict[str, Any] = field(default_factory=dict)  # name or element `r[1]` -> value as written
+    period_ns: int | None = None
+    where: str = field(default="", compare=False)
+    places: dict[str, str] = field(default_factory=dict, compare=False)  # parameter -> file:line
+    made: type[Component] | None = field(default=None, compare=False)
+
+    def values(self, name: str, variables: Variables) -> tuple[dict[str, Any], list[str]]:
+        """Start values as numpy values in the variables' units, and what is wrong with them; `name` is the member's."""
+        values: dict[str, Any] = {}
+        problems: list[str] = []
+        for parameter, raw in self.parameters.items():
+            where = self.places.get(parameter, self.where)
+            try:
+                variable, index = find(f"{name}.{parameter}", {name: variables})
+                if variable.causality not in SETTABLE and variable.initial not in STARTABLE:
+                    kind = {"output": "an output", "local": "a local variable"}.get(
+                        variable.causality, variable.causality
+                    )
+                    raise CouplingError(f"{name}.{parameter} is {kind}. Only parameters and inputs can be set.")  # noqa: TRY301
+                resolved = value.resolve(raw, variable, f"{name}.{parameter}")
+            except CouplingError as error:
+                problems += [f"{where}: {problem}" for problem in error.problems]
+                continue
+            if index:
+                whole = variables[variable.name]
+                start = np.zeros(whole.shape, whole.dtype) if whole.start is None else whole.start
+                array = values.setdefault(whole.name, np.array(np.broadcast_to(start, whole.shape), whole.dtype))
+                array[tuple(i - 1 for i in index)] = resolved
+            else:
+                values[variable.name] = resolved
+        return values, problems
+
+
+@dataclass(frozen=True)
+class ConnectionSpec:
+    """`source` and `target` are `member.variable`."""
+
+    source: str
+    target: str
+    where: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class EventSpec:
+    """What happens to one variable at one time. `kind`: set, override or release (`value` is None)."""
+
+    time_ns: int
+    kind: str
+    variable: str
+    value: Any = None
+    where: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
+class FaultSpec:
+    """A fault of the hardware at a time. `tree`: all its keys as written, for the hardware to read."""
+
+    time_ns: int
+    tree: Node = field(repr=False)
+
+    @property
+    def where(self) -> str:
+        """file:line."""
+        return str(self.tree.place)
+
+    @property
+    def text(self) -> str:
+        """`heartbeat, node servomotor, duration 500 ms`."""
+        keys = self.tree.plain()
+        return ", ".join(
+            [str(keys["fault"]), *(f"{key} {one}" for key, one in keys.items() if key not in ("at", "fault"))]
+        )
+
+
+@dataclass(frozen=True)
+class RecordSpec:
+    """What is recorded: patterns (none: all outputs), and whatever metrics and plots read; `every_ns` or each step."""
+
+    patterns: tuple[str, ...] = ()
+    every_ns: int | None = None
+    needed: tuple[str, ...] = ()
+    where: str = field(default="", compare=False)
+
+    def select(self, catalog: Catalog) -> list[str]:
+        """`member.variable` of everything to record, arrays whole, in the order of members and variables."""
+        wanted: set[str] = set()
+        for name in (*self.patterns, *self.needed):
+            if "*" in name:
+                wanted.update(matching(name, catalog))
+                continue
+            try:
+                variable, _ = find(name, catalog)
+            except CouplingError:
+                continue  # another variant's member
+            if variable.connectable:
+                wanted.add(f"{name.partition('.')[0]}.{variable.name}")
+        every_output = not self.patterns
+        return [
+            f"{member}.{name}"
+            for member, variables in catalog.items()
+            for name, variable in variables.items()
+            if f"{member}.{name}" in wanted
+            or (every_output and variable.connectable and variable.causality == "output")
+        ]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run: a variant with a seed."""
+
+    variant: str
+    seed: int
+    title: str
+    start_ns: int
+    stop_ns: int
+    step_ns: int
+    algorithm: str
+    members: dict[str, MemberSpec]
+    connections: tuple[ConnectionSpec, ...]
+    events: tuple[EventSpec, ...]
+    record: RecordSpec
+    faults: tuple[FaultSpec, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """For messages and folders: `PI, seed 2`."""
+        return f"{self.variant}, seed {self.seed}"
+
+    def values(self, member: str, variables: Variables) -> dict[str, Any]:
+        """Start values of a member: what the file sets, as numpy values in the variables' units, and its seed.
+
+        Single elements (`r[1]`) are filled into the array of start values. ScenarioError lists every problem.
+        """
+        found, problems = self.members[member].values(member, variables)
+        if problems:
+            raise ScenarioError(problems)
+        seeds = ["seed", *(name for name in variables if self.members[member].made and name.endswith(".seed"))]
+        for name in seeds:
+            own = variables.get(name)
+            if (
+                own is not None
+                and own.type in ("Int32", "Int64")
+                and own.causality == "parameter"
+                and name not in found
+            ):
+                owner = f"{member}.{name}".removesuffix(".seed")
+                found[name] = own.dtype.type(member_seed(self.seed, owner))
+        return found
+
+    def event_value(self, event: EventSpec, catalog: Catalog) -> Any:
+        """An event's value as numpy scalar or array in the variable's unit; for an element `r[1]`, its scalar."""
+        variable, _ = find(event.variable, catalog)
+        try:
+            return value.resolve(event.value, variable, event.variable)
+        except CouplingError as error:
+            raise ScenarioError(f"{event.where}: {error}") from None
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A checked scenario file. `paper_applies`: no `--set` changed anything the published figures depend on."""
+
+    path: Path
+    name: str
+    title: str
+    description: str
+    source: str
+    start_ns: int
+    stop_ns: int
+    step_ns: int
+    algorithm: str
+    seeds: tuple[int, ...]
+    variants: tuple[Case, ...]  # one for each variant, with the first seed
+    record: RecordSpec
+    analyses: tuple[Analysis, ...]
+    metrics: dict[str, Metric]
+    expectations: tuple[Expectation, ...]
+    plots: tuple[Plot, ...]
+    groups: dict[str, tuple[str, ...]]  # members that `twin export` makes one FMU of
+    overrides: tuple[str, ...]
+    paper_applies: bool
+    tree: Node = field(repr=False, compare=False)
+
+    def cases(self, variants: Sequence[str] = (), seeds: Sequence[int] = ()) -> list[Case]:
+        """Every run in the order of the file: variants, and in each its seeds. Some of them, if named."""
+        known = [case.variant for case in self.variants]
+        for name in variants:
+            if name not in known:
+                raise ScenarioError(f"{self.path}: there is no variant `{name}`.{nearest(name, known)}")
+        for seed in seeds:
+            if not 0 <= seed < 2**31:
+                raise ScenarioError(f"{self.path}: seed {seed} is out of range. Give 0 to {2**31 - 1}.")
+        chosen = [case for case in self.variants if not variants or case.variant in variants]
+        return [replace(case, seed=seed) for case in chosen for seed in dict.fromkeys(seeds or self.seeds)]
+
+    def derived(self, variant: str) -> Catalog:
+        """What the analyses of a variant give, as if each were a member."""
+        chosen = [one for one in self.analyses if not one.variants or variant in one.variants]
+        return {one.name: one.variables() for one in chosen}
+
+    def frozen(self) -> str:
+        """The scenario as one YAML text: everything merged, overrides applied, paths of FMUs absolute."""
+        return yaml.dump(self.tree.plain(), Dumper=Dumper, sort_keys=False, allow_unicode=True, width=110)
+
+
+class Dumper(yaml.SafeDumper):
+    """Writes what `tree` reads: text such as `1e-3`, a number in YAML 1.2, gets quotes; nothing becomes an alias."""
+
+    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002 - the base class's signature
+        """Write every value out."""
+        return True
+
+
+Dumper.add_implicit_resolver("tag:yaml.org,2002:float", re.compile(f"({FLOAT.pattern})$"), list("-+.0123456789"))
+
+
+def member_seed(seed: int, name: str) -> int:
+    """Seed of a member's own noise: another one for each member and each run, the same on every machine."""
+    return zlib.crc32(f"{seed}/{name}".encode()) & 0x7FFF_FFFF
