@@ -1,9 +1,10 @@
-"""Hardware in the loop without hardware: the force scenario and a simulated drive, two processes in real time.
+"""Hardware in the loop without hardware: scenarios and simulated drives, each a process of its own, in real time.
 
     python -m benchmarks.hil [SECONDS]     prints `name: value` lines; 60 s for each interface if nothing is said
 
-Variant PI+FF+BW runs at a cycle of 5 ms against `twin drive`, over udp_multicast and over slcan on a pair of
-pseudo-terminals with a process between them that carries the bytes. Jitter: periods between SYNCs minus the cycle.
+The force scenario's variant PI+FF+BW with one drive, and the whole rig with three, at a cycle of 5 ms, over udp_multicast
+and over slcan on pseudo-terminals with a process between them that carries the lines. Jitter: periods between SYNCs
+minus the cycle.
 """
 
 from __future__ import annotations
@@ -11,22 +12,30 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import select
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-SCENARIO = Path(__file__).parents[1] / "scenarios" / "heart_wall_force.yaml"
+import yaml
+
+ROOT = Path(__file__).parents[1]
+SCENARIO = ROOT / "scenarios" / "heart_wall_force.yaml"
+RIG = ROOT / "scenarios" / "racs.yaml"
+RIG_BENCH = ROOT / "hw_bridge" / "benches" / "multicast_racs.yaml"
+RIG_DRIVES = ("faulhaber_v3", "faulhaber_v3", "epos4")
 GROUP = "239.74.163.77"
+PORT = 43177  # groups of one port are not kept apart on one machine
 FIGURES = ("jitter_std", "jitter_median", "jitter_99", "jitter_max")
-HURRY = "import os; os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(10))"
 
 BENCH = """interface: {interface}
 channel: {channel}
+options: {options}
 cycle: 5 ms
 nodes:
   servomotor:
@@ -43,57 +52,138 @@ expect: [{{name: clinical range, signal: sensor.measured_force, within: [0.1 N, 
 plots: []
 """
 
+LONG_RIG = """extends: {scenario}
+stop_time: {seconds} s
+members:
+  command: {{parameters: {{distance: {distance} m, speed: 20 mm/s, begin: 0.5 s}}}}
+  turning: {{component: rotation_command}}
+  sequencer: {{parameters: {{stroke: {stroke} mm, alpha: 3}}}}
+  servomotor_1: {{parameters: {{target_position: -24.8 mm}}}}  # an increment behind its home would be a broken rule
+  servomotor_2: {{parameters: {{target_position: 24.8 mm}}}}
+connections: [turning.target_position -> rotation.target_position]
+expect:
+  - {{name: no rule is broken, signal: sequencer.violation, at_most: 0}}
+  - {{name: one gripper at least holds, signal: "max(sleeve_1.limit_proximal, sleeve_2.limit_proximal)", at_least: 4.5 N, from: 0.7 s}}
+  - {{name: the tip arrives, signal: instrument.tip_position, at_least: -2 mm}}
+plots: []
+"""
+
+
+def options(interface: str) -> dict[str, int]:
+    """Arguments of an interface."""
+    return {"port": PORT} if interface == "udp_multicast" else {}
+
 
 def bench(folder: Path, profile: str, interface: str, channel: str) -> Path:
     """A hardware file."""
     path = folder / "bench.yaml"
-    path.write_text(BENCH.format(profile=profile, interface=interface, channel=channel))
+    path.write_text(
+        BENCH.format(profile=profile, interface=interface, channel=channel, options=json.dumps(options(interface)))
+    )
+    return path
+
+
+def rig_bench(
+    folder: Path, interface: str, channel: str, profiles: tuple[str, ...] = RIG_DRIVES, cycle: str = "5 ms"
+) -> Path:
+    """The project's bench of three drives on another bus. An MCLM has no outputs, and homes by switches only."""
+    keys = yaml.safe_load(RIG_BENCH.read_text())
+    keys |= {"interface": interface, "channel": channel, "options": options(interface), "cycle": cycle}
+    for node, profile in zip(keys["nodes"].values(), profiles, strict=True):
+        node["profile"] = profile
+        if profile == "mclm":
+            for key in ("outputs", "safe_outputs", "homing"):
+                del node[key]
+    path = folder / "bench.yaml"
+    path.write_text(yaml.safe_dump(keys, sort_keys=False))
     return path
 
 
 def run_line(hardware: Path, seconds: float, runs: Path, build: Path) -> list[str]:
-    """The command that runs the scenario on it."""
-    scenario = hardware.with_name("force.yaml")
-    scenario.write_text(LONG.format(scenario=os.path.relpath(SCENARIO, hardware.parent), seconds=seconds))
-    words = ["run", str(scenario), "--variant", "PI+FF+BW", "--seed", "1", "--hardware", str(hardware), "--json"]
-    return [
-        sys.executable, "-c", "from twin.cli import main; main()", *words, "--runs", str(runs), "--build", str(build),
-    ]  # fmt: skip
+    """The command that runs the force scenario on it."""
+    text = LONG.format(scenario=os.path.relpath(SCENARIO, hardware.parent), seconds=seconds)
+    return line(hardware, text, runs, build, "--variant", "PI+FF+BW", "--seed", "1")
+
+
+def rig_line(hardware: Path, seconds: float, runs: Path, build: Path, stroke: int = 50) -> list[str]:
+    """The command that runs the whole rig on it: out for half of the time, then back."""
+    distance = round(0.02 * (seconds - 2.0) / 2.0, 3)
+    return line(hardware, LONG_RIG.format(scenario=os.path.relpath(RIG, hardware.parent), seconds=seconds, distance=distance,
+                stroke=stroke), runs, build)  # fmt: skip
+
+
+def line(hardware: Path, text: str, runs: Path, build: Path, *more: str) -> list[str]:
+    """A command that runs a scenario on a bench."""
+    scenario = hardware.with_name("scenario.yaml")
+    scenario.write_text(text)
+    words = ["run", str(scenario), "--hardware", str(hardware), "--json", "--runs", str(runs), "--build", str(build)]
+    return [sys.executable, "-c", "from twin.cli import main; main()", *words, *more]
+
+
+class Process(subprocess.Popen[str]):
+    """A running `twin drive`; `port` takes its faults, where it was started with one."""
+
+    port = 0
 
 
 @contextlib.contextmanager
-def drive(profile: str, interface: str, channel: str, build: Path) -> Iterator[None]:
-    """`twin drive` as a process, with real-time priority where that is allowed."""
-    words = ["-p", profile, "-n", "1", "-i", interface, "-c", channel, "--build", str(build)]
-    script = f"import contextlib, sys\nwith contextlib.suppress(OSError): {HURRY}\nfrom hw_bridge.drive.command import main; main()"
-    process = subprocess.Popen([sys.executable, "-c", script, *words], stdout=subprocess.PIPE, text=True)
+def drive(
+    profile: str, interface: str, channel: str, build: Path, node: int = 1, more: Sequence[str] = ()
+) -> Iterator[Process]:
+    """`twin drive` as a process."""
+    words = ["drive", "-p", profile, "-n", str(node), "-i", interface, "-c", channel, "--build", str(build), *more]
+    words += [word for name, value in options(interface).items() for word in ("--option", f"{name}={value}")]
+    process = Process(
+        [sys.executable, "-c", "from twin.cli import main; main()", *words], stdout=subprocess.PIPE, text=True
+    )
     try:
         assert process.stdout is not None
-        if "node 1" not in process.stdout.readline():
+        said = process.stdout.readline()
+        if f"node {node}" not in said:
             raise RuntimeError(f"the drive did not start on {interface} {channel}")
-        yield
+        if found := re.search(r"--control (\d+)", said):
+            process.port = int(found[1])
+        yield process
     finally:
         process.terminate()
         process.communicate(timeout=20)
 
 
+@contextlib.contextmanager
+def drives(
+    profiles: Sequence[str], interface: str, channels: Sequence[str], build: Path, more: Sequence[str] = ()
+) -> Iterator[list[Process]]:
+    """Several of them, with node-IDs from 1."""
+    with contextlib.ExitStack() as stack:
+        found = [
+            stack.enter_context(drive(profile, interface, channel, build, node, more))
+            for node, (profile, channel) in enumerate(zip(profiles, channels, strict=True), 1)
+        ]
+        time.sleep(0.3)
+        yield found
+
+
 def carry(ends: list[int]) -> None:
-    """Carry bytes between two pseudo-terminals for ever, in a process of its own."""
+    """Carry lines from each pseudo-terminal to all others for ever, in a process of its own."""
     with contextlib.suppress(OSError):
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(11))
+    begun = dict.fromkeys(ends, b"")  # lines that are not complete: others may not come between
     while True:
         for end in select.select(ends, [], [])[0]:
-            os.write(ends[1 - ends.index(end)], os.read(end, 4096))
+            whole, mark, begun[end] = (begun[end] + os.read(end, 4096)).rpartition(b"\r")
+            for other in ends:
+                if other != end and mark:
+                    os.write(other, whole + mark)
 
 
 @contextlib.contextmanager
-def cable() -> Iterator[tuple[str, str]]:
-    """Two serial ports with a cable between them."""
+def cable(count: int = 2) -> Iterator[list[str]]:
+    """Serial ports with a cable between all of them."""
     import multiprocessing
     import pty
     import tty
 
-    pairs = [pty.openpty() for _ in range(2)]
+    pairs = [pty.openpty() for _ in range(count)]
     for pair in pairs:
         for end in pair:
             tty.setraw(end)
@@ -102,7 +192,7 @@ def cable() -> Iterator[tuple[str, str]]:
     )
     process.start()
     try:
-        yield os.ttyname(pairs[0][1]), os.ttyname(pairs[1][1])
+        yield [os.ttyname(pair[1]) for pair in pairs]
     finally:
         process.kill()
         process.join()
@@ -111,37 +201,65 @@ def cable() -> Iterator[tuple[str, str]]:
                 os.close(end)
 
 
+@contextlib.contextmanager
+def bus(interface: str, channel: str, count: int) -> Iterator[list[str]]:
+    """A channel for each station."""
+    if interface == "slcan":
+        with cable(count) as ends:
+            yield ends
+    else:
+        yield [channel] * count
+
+
 def measure(interface: str, channel: str, seconds: float, folder: Path, build: Path) -> dict[str, Any]:
-    """Summary of a run of so many seconds."""
-    with contextlib.ExitStack() as stack:
-        ours, theirs = stack.enter_context(cable()) if interface == "slcan" else (channel, channel)
-        stack.enter_context(drive("faulhaber_v3", interface, theirs, build))
-        time.sleep(0.3)
-        line = run_line(bench(folder, "faulhaber_v3", interface, ours), seconds, folder / "runs", build)
-        done = subprocess.run(line, capture_output=True, text=True, check=False)
+    """Summary of a run of the force scenario of so many seconds."""
+    with bus(interface, channel, 2) as (ours, *theirs), drives(["faulhaber_v3"], interface, theirs, build):
+        return summary(run_line(bench(folder, "faulhaber_v3", interface, ours), seconds, folder / "runs", build))
+
+
+def measure_rig(
+    interface: str, channel: str, seconds: float, folder: Path, build: Path, profiles: tuple[str, ...] = RIG_DRIVES,
+    cycle: str = "5 ms", stroke: int = 50,
+) -> dict[str, Any]:  # fmt: skip
+    """Summary of a run of the whole rig of so many seconds."""
+    with bus(interface, channel, 4) as (ours, *theirs), drives(profiles, interface, theirs, build):
+        return summary(
+            rig_line(rig_bench(folder, interface, ours, profiles, cycle), seconds, folder / "runs", build, stroke)
+        )
+
+
+def summary(command: list[str]) -> dict[str, Any]:
+    """What a run says of itself."""
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     if not done.stdout:
         raise RuntimeError(done.stderr)
-    summary: dict[str, Any] = json.loads(done.stdout)
-    return summary
+    found: dict[str, Any] = json.loads(done.stdout)
+    return found
 
 
 def show(seconds: float) -> None:
-    """Print the figures of both interfaces."""
+    """Print the figures of both interfaces, with one drive and with three."""
     build = Path("build")
-    for interface in ("udp_multicast", "slcan"):
-        with tempfile.TemporaryDirectory() as folder:
-            summary = measure(interface, GROUP, seconds, Path(folder), build)
-        name = f"hil_{interface}"
-        print(f"{name}_status: {summary['status']}{' ' + summary['reason'] if summary['reason'] else ''}")
-        print(f"{name}_force_in_range: {summary['expectations'][0]['verdict']}")
-        for case in summary["hardware"]["cases"]:
-            node = case["nodes"]["servomotor"]
-            print(f"{name}_cycles: {case['cycles']}")
-            print(f"{name}_lost_pdos: {node['lost_pdos']}")
-            print(f"{name}_late_pdos: {node['late_pdos']}")
-            print(f"{name}_overruns: {case['overruns']}")
-            print(f"{name}_real_time_priority: {case['real_time_priority']}")
-            for key in FIGURES:
+    for name, run in (("hil", measure), ("hil_rig", measure_rig)):
+        for interface in ("udp_multicast", "slcan"):
+            with tempfile.TemporaryDirectory() as folder:
+                tell(f"{name}_{interface}", run(interface, GROUP, seconds, Path(folder), build))
+
+
+def tell(name: str, found: dict[str, Any]) -> None:
+    """Print the figures of a run."""
+    print(f"{name}_status: {found['status']}{' ' + found['reason'] if found['reason'] else ''}")
+    for one in found["expectations"]:
+        print(f"{name}_{one['name'].replace(' ', '_')}: {one['verdict']}")
+    for case in found["hardware"]["cases"]:
+        nodes = case["nodes"].values()
+        print(f"{name}_cycles: {case['cycles']}")
+        print(f"{name}_lost_pdos: {sum(node['lost_pdos'] for node in nodes)}")
+        print(f"{name}_late_pdos: {sum(node['late_pdos'] for node in nodes)}")
+        print(f"{name}_overruns: {case['overruns']}")
+        print(f"{name}_real_time_priority: {case['real_time_priority']}")
+        for key in FIGURES:
+            if key in case:  # not without cycles
                 print(f"{name}_{key}_ms: {1e3 * case[key]:.3f}")
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hw_bridge import outputs, targets
+from hw_bridge import outputs, plausible, targets
 from hw_bridge.cia402 import Mode
 from hw_bridge.events import planned
 from hw_bridge.hardware import ContactKeys, overloaded
@@ -25,6 +25,7 @@ from twin.component import Component, PythonComponent
 from twin.errors import CouplingError, ScenarioError
 from twin.metrics import Ending
 from twin.scenario.spec import ConnectionSpec, MemberSpec
+from twin.scenario.tree import read
 from twin.system import nearest
 from twin.variable import Float64, Role
 from twin.variable import input as input_variable
@@ -99,6 +100,7 @@ class Hardware:
     ) -> None:
         self.path, self.keys, self.arm, self.build, self.trace = path, keys, arm, build, trace
         self.contacts = {name: node.contact for name, node in keys.nodes.items() if node.contact is not None}
+        self.root = read(path, str(path)) if path.is_file() else None  # for the places of mistakes
         self.faults: dict[str, list[FaultKeys]] = {}  # of a scenario's variants
         self.sessions: list[Session] = []
         self.present: Session | None = None
@@ -135,6 +137,8 @@ class Hardware:
                 found.append(
                     f"{self.path}: nodes.{name}: {cls.__name__} has no {', '.join(missing)}. A drive needs them."
                 )
+            if self.root is not None:
+                found += plausible.units(self.root, name, "angle" in known)
             if node.contact is not None and node.contact.signal.partition(".")[0] not in case.members:
                 found.append(f"{self.path}: nodes.{name}.contact: no member for {node.contact.signal}. Correct it.")
             elif node.contact is None and node.watch_contact:

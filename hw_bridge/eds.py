@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import io
+import struct
 from configparser import Error
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from canopen import objectdictionary
 from canopen.objectdictionary import ODRecord, ODVariable, eds
 
-from hw_bridge.dictionary import TEXT, TYPES, Entry, NodeId, Value
+from hw_bridge.abort import Abort
+from hw_bridge.dictionary import TEXT, TYPES, Dictionary, Entry, NodeId, Value
 from twin.errors import DeclarationError
 
 if TYPE_CHECKING:
@@ -18,6 +21,8 @@ if TYPE_CHECKING:
 
     from hw_bridge.profile import Device, Profile
 
+ACCESS = ("ro", "wo", "rw", "const")
+LONGEST = 160  # characters of what a parser says
 DATED = {"CreationDate": "01-01-2026", "CreationTime": "12:00AM", "EdsVersion": "4.0"}
 DATED |= {"ModificationDate": DATED["CreationDate"], "ModificationTime": DATED["CreationTime"]}  # same in, same out
 
@@ -60,11 +65,51 @@ def export(profile: Profile | Device) -> str:
 
 def load(path: Path) -> tuple[Entry, ...]:
     """The entries of an EDS file."""
+    advice = "Write one with `twin drive --profile epos4 --write-eds FILE`."
     try:
-        whole = eds.import_eds(str(path), None)
-    except (OSError, ValueError, KeyError, Error) as error:
-        raise DeclarationError(f"{path}: is not an EDS file: {error}. Export one with `eds.export`.") from error
-    return tuple(_entry(variable, title) for title, variable in _variables(whole))
+        data = path.read_bytes()
+        source = io.StringIO(_text(data))
+        if not data.strip():
+            raise ValueError("it is empty")  # noqa: TRY301 - as all else that is wrong with the file
+        whole = eds.import_eds(source, None)
+        return tuple(_entry(variable, title) for title, variable in _variables(whole))
+    except OSError as error:
+        raise DeclarationError(f"{path}: cannot be read: {error.strerror}. {advice}") from error
+    except (ValueError, KeyError, TypeError, Error) as error:
+        what = " ".join(str(error).split()).replace("'<???>'", "the file")
+        raise DeclarationError(f"{path}: is not an EDS file: {what[:LONGEST]}. {advice}") from error
+
+
+def _text(data: bytes) -> str:
+    """Vendors' tools write UTF-8 or Windows' code page."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", errors="strict")
+
+
+def adopt(profile: Profile, path: Path) -> Profile:
+    """The profile with the object dictionary of an EDS file; DeclarationError if it is of another drive."""
+    entries = load(path)
+    found = {(one.index, one.sub): one for one in entries}
+    for own in profile.objects:
+        other = found.get((own.index, own.sub))
+        if other is not None and other.type is not own.type:
+            raise DeclarationError(
+                f"{path}: {own.index:04X}h.{own.sub} is {other.type.name}, {profile.title} has {own.type.name}. "
+                f"Use a file of this drive."
+            )
+    changed = replace(profile, objects=entries)
+    try:
+        dictionary = Dictionary(entries, 1)
+        scales = all(one > 0.0 for one in (*changed.units(dictionary)[:3], *changed.currents(dictionary)[:2]))
+    except (ZeroDivisionError, KeyError, Abort):
+        scales = False
+    if not scales:
+        raise DeclarationError(
+            f"{path}: says not how {profile.title} scales: an object is missing or 0. Use a file of this drive."
+        )
+    return changed
 
 
 def _variables(whole: objectdictionary.ObjectDictionary) -> Iterator[tuple[str, ODVariable]]:
@@ -78,14 +123,22 @@ def _variables(whole: objectdictionary.ObjectDictionary) -> Iterator[tuple[str, 
 def _entry(variable: ODVariable, title: str) -> Entry:
     kind = TYPES.get(variable.data_type or 0, TEXT)
     raw = getattr(variable, "default_raw", "")
+    where = f"{variable.index:04X}h.{variable.subindex}"
     default: Value
-    if "$NODEID" in raw.upper():
-        default = NodeId(int(raw.upper().replace(" ", "").replace("$NODEID", "").strip("+") or "0", 0))
-    elif kind is TEXT:
-        default = raw
-    else:
-        default = int(raw, 0) if raw else 0
+    try:
+        if "$NODEID" in raw.upper():
+            default = NodeId(int(raw.upper().replace(" ", "").replace("$NODEID", "").strip("+") or "0", 0))
+        elif kind is TEXT:
+            default = raw
+        else:
+            default = int(raw, 0) if raw else 0
+        if kind is not TEXT:
+            struct.pack(kind.form, default)
+    except (ValueError, struct.error):
+        raise ValueError(f"{where}: the default {raw[:20]} is no {kind.name}") from None
     access = {"rww": "rw", "rwr": "rw"}.get(variable.access_type, variable.access_type)
+    if access not in ACCESS:
+        raise ValueError(f"{where}: the access {access[:20]} is none of {', '.join(ACCESS)}")
     return Entry(
         variable.index, variable.subindex, variable.name, kind, access, default, variable.min, variable.max,
         bool(variable.pdo_mappable), title,

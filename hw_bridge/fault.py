@@ -25,6 +25,18 @@ if TYPE_CHECKING:
 SENDS = (0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700)  # identifiers of a slave, without its node-ID
 TO_BUS_OFF = 32  # destroyed frames in a row: 8 each to 256
 SYNC, ERROR_CONTROL = 0x080, 0x700
+HIGHEST = 0x7FF  # identifier
+LARGEST = 1e6  # factor and offset: more is a mistake
+RANGES = {  # of a fault's numbers; not a number is outside all of them
+    "code":     (0, 0xFFFF),
+    "duration": (0, NEVER),
+    "share":    (0.0, 1.0),
+    "count":    (1, NEVER),
+    "delay":    (0, NEVER),
+    "jitter":   (0, NEVER),
+    "offset":   (-LARGEST, LARGEST),
+    "factor":   (0.0, LARGEST),
+}  # fmt: skip
 
 # what the vendors call these; the MCLM does not notice its encoder
 OVERCURRENT = {"epos4": 0x2310, "mclm": 0x2310, "faulhaber_v3": 0x5410}
@@ -180,6 +192,14 @@ ACTIONS: dict[Cause, Callable[[Fault, Drive], None]] = {
 
 def problem(fault: Fault, profile: Profile | None, master: bool = True) -> str:
     """What is wrong with a fault for a drive of this profile, or without one for the master or a module; or nothing."""
+    for name, (low, high) in RANGES.items():
+        value = getattr(fault, name)
+        if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+            return f"{name} is {value}: expected a number from {low:g} to {high:g}"
+    ends = fault.identifiers
+    if ends is not None and not (len(ends) == 2 and all(isinstance(one, int) for one in ends)
+                                 and 0 <= ends[0] <= ends[1] <= HIGHEST):  # fmt: skip
+        return f"identifiers are {ends}: expected two of 0 to 0x7FF, the lower one first"
     if profile is None:
         own = fault.cause in ACTIONS or (master and fault.cause is Cause.RESET)
         return f"{fault.cause} is a fault of a drive. Name a drive" if own else ""

@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, ValidationError
 
+from hw_bridge import plausible
 from hw_bridge.agenda import NEVER
 from hw_bridge.fault import Cause, Fault, problem
 from hw_bridge.frame import Frame, bit_count
@@ -24,6 +25,7 @@ MILLISECOND = 1_000_000
 MASTER = "master"  # this program, where a fault names a node
 PROCESS_DATA = (4, 7, 7, 8, 1)  # bytes of a drive's frames in a cycle: two RPDOs, two TPDOs, a heartbeat
 SWITCHING = (8, *PROCESS_DATA[1:])  # the same with digital outputs in the first RPDO
+LARGEST = 1e6  # of any quantity, in SI: more is a mistake, and no drive could count it
 IN_AND_OUT = (4, 1, 1)  # of a module: outputs, inputs, a heartbeat
 FORCE_DATA = 2  # bytes of one more RPDO, for a drive that is told a force
 FULL = 0.8  # more leaves no room for what is repeated
@@ -36,9 +38,13 @@ def quantity(*symbols: str) -> Any:
         problems = []
         for symbol in symbols:
             try:
-                return number(value, symbol, "")
+                found = number(value, symbol, "")
             except CouplingError as error:
                 problems.append(str(error).removeprefix(": "))
+                continue
+            if not abs(found) <= LARGEST:  # not a number, too
+                raise ValueError(f"expected a number of at most {LARGEST:g}, not {short(value)}")
+            return found
         raise ValueError(problems[0])
 
     return BeforeValidator(convert)
@@ -70,6 +76,8 @@ def object_name(value: Any) -> dict[tuple[int, int], int]:
     for key, one in value.items():
         index, _, sub = str(key).partition(".")
         try:
+            if isinstance(one, bool | float):  # a part of a number would be lost
+                raise ValueError  # noqa: TRY301, TRY004
             found[int(index.removesuffix("h"), 16), int(sub or "0")] = int(one)
         except (ValueError, TypeError):
             raise ValueError(f"expected an object such as '3001h.1': 2410, not {short(key)}: {short(one)}") from None
@@ -156,7 +164,7 @@ class FaultKeys(Keys):
     delay: Period = 10 * MILLISECOND
     jitter: Time = 0
     offset: Place = 0.0
-    factor: Annotated[float, Field(ge=0)] = 2.0
+    factor: Annotated[float, Field(ge=0, le=LARGEST)] = 2.0
     identifiers: Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
 
     @property
@@ -182,9 +190,9 @@ class NodeKeys(Keys):
 
     node: Annotated[int, Field(strict=True, ge=1, le=126)]
     profile: Literal["faulhaber_v3", "mclm", "epos4"]
-    product: Annotated[int, Field(strict=True, ge=0)] | None = None
-    serial: Annotated[int, Field(strict=True, ge=0)] | None = None
-    scale: Annotated[float, Field(gt=0)] = 1.0
+    product: Annotated[int, Field(strict=True, ge=0, lt=2**32)] | None = None
+    serial: Annotated[int, Field(strict=True, ge=0, lt=2**32)] | None = None
+    scale: Annotated[float, Field(ge=1 / LARGEST, le=LARGEST)] = 1.0
     inverted: bool = False
     force_constant: ForceConstant | None = None
     limits: LimitKeys = LimitKeys()
@@ -273,7 +281,7 @@ def load(path: Path) -> HardwareKeys:
         keys = HardwareKeys.model_validate(root.plain())
     except ValidationError as error:
         raise ScenarioError([line(root, one) for one in error.errors(include_url=False)]) from None
-    if problems := check(keys, root) + check_outputs(keys, root):
+    if problems := check(keys, root) + check_outputs(keys, root) + plausible.check(keys, root):
         raise ScenarioError(problems)
     return keys
 
@@ -360,6 +368,9 @@ def line(root: Node, error: Any, model: type[Keys] | None = None) -> str:
         return f"{place}: {what}: unknown key.{_near(path, model)}"
     if kind == "missing":
         return f"{place}: {what}: is missing. Add it."
+    if kind in ("model_type", "dict_type"):
+        begin = f"{what}: " if what else ""
+        return f"{place}: {begin}expected keys with values, such as `node: 1`, not {quoted(given)}. Correct it."
     if kind == "literal_error" and path[-1] == "profile":
         return f"{place}: {what}: {quoted(given)} is no drive profile. {nearest(str(given), list(MODULES))}"
     if kind == "literal_error" and path[-1] == "fault":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hw_bridge.hardware import load
-from hw_bridge.profiles import MODULES, profile
+from hw_bridge.profiles import MODULES, identity, profile
 from hw_bridge.session import bench_network
 from twin.errors import SimulationError
 
@@ -18,6 +17,7 @@ if TYPE_CHECKING:
     from hw_bridge.hardware import HardwareKeys
     from hw_bridge.master.master import Master
 
+TWICE = "answers to one question: several nodes have this ID"
 KINDS = {401: "I/O module (CiA 401)", 402: "drive of an unknown vendor"}  # lower half of 1000h
 QUESTION = 30_000_000  # how long a node has to answer during a scan [ns]
 
@@ -60,6 +60,8 @@ def differences(keys: HardwareKeys, build: Path) -> list[str]:
         for number, node in expected.items():
             if number not in found:
                 problems.append(f"{node.name}: node {number} does not answer. Check its power and node-ID.")
+            elif found[number].endswith(TWICE):
+                problems.append(f"{node.name}: node {number}: {found[number]}. Give one of them another.")
             else:
                 problems += node.identify()
         strangers = [number for number in found if number not in expected]
@@ -83,15 +85,17 @@ def scan(master: Master) -> dict[int, str]:
         with master.listening(client):
             try:
                 client.attempts = 1
-                device = struct.unpack("<I", client.read(0x1000, timeout=QUESTION))[0]
-                vendor, product, revision, serial = (
-                    struct.unpack("<I", client.read(0x1018, sub))[0] for sub in (1, 2, 3, 4)
-                )
+                device = client.number(0x1000, timeout=QUESTION)
+                vendor, product, revision, serial = (client.number(0x1018, sub) for sub in (1, 2, 3, 4))
+                master.wait(QUESTION)
             except SilentError:
                 continue
             except SimulationError as error:
                 found[number] = f"answers, but not as a CANopen device should: {error}"
                 continue
+        if len(client.answers) > 1:
+            found[number] = f"{len(client.answers)} {TWICE}"
+            continue
         name = known(vendor, product) or KINDS.get(device & 0xFFFF, f"device type {device:08X}h")
         found[number] = f"{name}, vendor {vendor:X}h, product {product:X}h, revision {revision:X}h, serial {serial:X}h"
     return found
@@ -102,7 +106,7 @@ def known(vendor: int, product: int) -> str:
     titles = []
     for name in MODULES:
         chosen = profile(name)
-        own = {entry.sub: entry.default for entry in chosen.objects if entry.index == 0x1018}
+        own = identity(name)
         if own[1] == vendor:
             titles.append(chosen.title)
             if own[2] == product:

@@ -8,12 +8,12 @@ import threading
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from hw_bridge.agenda import NEVER
-from hw_bridge.fault import MEANINGS, Cause, Fault
+from hw_bridge.fault import LARGEST, MEANINGS, Cause, Fault
 from hw_bridge.profiles import DEVICES, MODULES, device, profile
 from hw_bridge.profiles.cia401 import BYTES
 from twin.errors import SimulationError
@@ -39,6 +39,8 @@ IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2))  # what it is asked, and aske
 @click.option("--interface", "-i", help="python-can's interface: socketcan, slcan, udp_multicast, ...")
 @click.option("--channel", "-c", help="The interface's channel: can0, /dev/ttyACM0, 239.74.163.2, ...")
 @click.option("--bitrate", type=int, default=1_000_000, show_default=True, help="For interfaces that have one.")
+@click.option("--option", "options", multiple=True, metavar="NAME=VALUE", help="More arguments of the interface, such as "
+              "port=43114; repeat.")  # fmt: skip
 @click.option(
     "--eds", type=click.Path(dir_okay=False, path_type=Path), help="Object dictionary instead of the profile's."
 )
@@ -53,8 +55,8 @@ IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2))  # what it is asked, and aske
               help="Folder for compiled objects.")  # fmt: skip
 @click.pass_context
 def command(
-    context: click.Context, name: str | None, node: int, interface: str | None, channel: str | None, bitrate: int, eds: Path | None,
-    write_eds: Path | None, store: Path | None, control: int | None, build: Path,
+    context: click.Context, name: str | None, node: int, interface: str | None, channel: str | None, bitrate: int,
+    options: tuple[str, ...], eds: Path | None, write_eds: Path | None, store: Path | None, control: int | None, build: Path,
 ) -> None:  # fmt: skip
     """Run a simulated CANopen drive with its motor, or an I/O module, paced by the wall clock, until Ctrl-C.
 
@@ -69,6 +71,7 @@ def command(
     if context.invoked_subcommand is not None:
         return
     from hw_bridge import eds as files
+    from hw_bridge.profile import Profile
 
     if name is None:
         raise click.UsageError(f"Name --profile: {', '.join([*MODULES, *DEVICES])}.")
@@ -79,8 +82,8 @@ def command(
     if interface is None or channel is None:
         raise click.UsageError("Name --interface and --channel, such as -i socketcan -c vcan0, or use --write-eds.")
     if eds is not None:
-        chosen = replace(chosen, objects=files.load(eds))
-    serve(chosen, node, interface, channel, bitrate, build, control, store)
+        chosen = files.adopt(chosen, eds) if isinstance(chosen, Profile) else replace(chosen, objects=files.load(eds))
+    serve(chosen, node, interface, channel, bitrate, build, control, store, named(options))
 
 
 @command.command("inject", short_help="let a fault happen in a running twin drive")
@@ -88,7 +91,13 @@ def command(
 @click.option("--control", type=click.IntRange(1, 65535), required=True, metavar="PORT", help="Its --control.")
 @click.option("--code", metavar="HEX", default="0", help="EMCY code, such as 7300h, with emcy.")
 @click.option("--lasting", is_flag=True, help="The error cannot be reset.")
-@click.option("--for", "duration", type=float, metavar="S", help="How long frames are disturbed [s]; else to the end.")
+@click.option(
+    "--for",
+    "duration",
+    type=click.FloatRange(0),
+    metavar="S",
+    help="How long frames are disturbed [s]; else to the end.",
+)
 @click.option(
     "--share", type=click.FloatRange(0, 1, min_open=True), default=1.0, help="Share of the frames that is hit."
 )
@@ -111,6 +120,10 @@ def inject_fault(
     """
     from hw_bridge.drive.control import request
 
+    for name, value in (("for", duration), ("share", share), ("delay", delay), ("jitter", jitter), ("factor", factor),
+                        ("offset", offset)):  # fmt: skip
+        if value is not None and not abs(value) <= LARGEST:  # not a number, too
+            raise click.UsageError(f"--{name} {value}: expected a number of at most {LARGEST:g}.")
     try:
         number = int(code.removesuffix("h"), 16)
     except ValueError:
@@ -120,6 +133,17 @@ def inject_fault(
         NEVER if count is None else count, round(delay * 1e9), round(jitter * 1e9), offset, factor,
     ))  # fmt: skip
     click.echo(f"{fault}: {MEANINGS[Cause(fault)]}")
+
+
+def named(options: tuple[str, ...]) -> dict[str, Any]:
+    """Arguments by name, numbers as numbers."""
+    found: dict[str, Any] = {}
+    for one in options:
+        name, mark, value = one.partition("=")
+        if not (name and mark):
+            raise click.UsageError(f"--option {one}: expected NAME=VALUE, such as port=43114.")
+        found[name] = int(value) if value.lstrip("-").isdecimal() else value
+    return found
 
 
 def made(chosen: Profile | Device, node: int, build: Path) -> Slave:
@@ -143,23 +167,19 @@ def serve(
     build: Path,
     port: int | None = None,
     store: Path | None = None,
+    options: dict[str, Any] | None = None,
 ) -> None:
     """Run the drive on an interface until a signal ends it."""
-    import can
-
     from hw_bridge.drive.control import Control
     from hw_bridge.module import Module
     from hw_bridge.slave.store import Store
-    from hw_bridge.wire import Wire
+    from hw_bridge.wire import Wire, hasten, opened
 
     control: Control | None = None
     slave = made(chosen, node, build)
     if store is not None:
         slave.remember(Store(store, chosen.name, node))
-    try:
-        bus = can.Bus(channel=channel, interface=interface, bitrate=bitrate)
-    except (can.CanError, OSError, ValueError, ImportError) as error:
-        raise SimulationError(f"{interface} {channel}: cannot be opened: {error}. Check the adapter.") from error
+    bus = opened(interface, channel, bitrate, options or {})
     try:
         refuse_if_taken(bus, node)
         wire = Wire(slave, bus)
@@ -169,6 +189,7 @@ def serve(
         if isinstance(slave, Module):
             wire.look = switching(slave, wire.look)
         _stop_on_signals(wire.stop)
+        hasten()
         takes = f" Faults: --control {control.port}." if control is not None else ""
         click.echo(f"{chosen.title}: node {node} on {interface} {channel}.{takes} Ctrl-C ends it.")
         wire.run()

@@ -49,13 +49,13 @@ class Control:
         """Carry out a request; what is wrong with it, or nothing."""
         try:
             keys = json.loads(request)
-            if keys["identifiers"] is not None:
+            if keys.get("identifiers") is not None:
                 keys["identifiers"] = tuple(keys["identifiers"])
             fault = Fault(**{**keys, "cause": Cause(keys["cause"])})
             if text := problem(fault, self.profile, master=False):
                 return f"{text}."
             inject(fault, self.place, self.slave.node, self.slave)
-        except (ValueError, KeyError, TypeError, TwinError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError, TwinError) as error:
             return f"request not understood: {error}"
         return ""
 

@@ -187,10 +187,11 @@ class Master:
             if self.network.now > end:
                 raise SimulationError(f"not enabled after {limit / 1e9:g} s: {what()}.{self._told()}")
             self.run_cycle()
-            for station in self.stations.values():
-                if self._lost(station):
+            for one in self.stations.values():
+                if self._lost(one) or one.silent > 4 * SILENT_CYCLES:
+                    missing = "heartbeat" if self._lost(one) else "process data"
                     raise SimulationError(
-                        f"{station.name}: no heartbeat while it was brought up. Check its power and the bus."
+                        f"{one.name}: no {missing} while it was brought up.{self._told()} Check its power and the bus."
                     )
 
     def _told(self) -> str:
@@ -224,6 +225,7 @@ class Master:
         node.homing, node.goal = False, State.DISABLED
         self._until(lambda: node.state in AT_REST, RAMP_UP, lambda: node.name)
         node.origin = -keys.at
+        node.entered_from = keys.at
 
     def _approach(self, node: Node, position: float) -> None:
         """Go to where the scenario begins, at the speed of homing."""
@@ -237,6 +239,7 @@ class Master:
                 raise SimulationError(problem)
         for _ in range(SETTLE // self.cycle):
             self.run_cycle()
+        node.entered_from = None
 
     # ------------------------------------------------------------------------------------------------------ watch
 
@@ -263,7 +266,7 @@ class Master:
             return text
         if node.state is not State.ENABLED:
             return f"{node.name}: left Operation enabled: {node.state}."
-        low, high = limits.position
+        low, high = node.position_limits
         if not low <= node.position <= high:
             return f"{node.name}: position {node.way(node.position)} is outside {node.way(low)} to {node.way(high)}."
         if abs(node.velocity) > limits.velocity:
@@ -297,6 +300,8 @@ class Master:
     def _bring_down(self) -> None:
         for node in self.nodes.values():
             node.homing = False
+            if node.silent >= SILENT_CYCLES:  # perhaps it is Stopped, where it takes no SDO either
+                self.nmt(PRE_OPERATIONAL, node.number)
         self._order(State.QUICK_STOP)
         self._cycles_until(lambda node: node.state in (*AT_REST, State.QUICK_STOP) and self._stands(node))
         self._order(State.DISABLED)

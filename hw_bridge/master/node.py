@@ -22,9 +22,10 @@ if TYPE_CHECKING:
 
 TARGET_PDO, CONTROL_PDO, FORCE_PDO = 0x200, 0x300, 0x400
 STATE_PDO, SPEED_PDO = 0x180, 0x280
+WINDOW = 1.0  # time over which the way that was driven is compared with the way that was asked for [s]: what stands
+# against an end stop is noticed at a speed of the limit over this time
+MARGIN = 1e-3  # by which a drive may swing back while it leaves an end stop [m or rad]
 TORQUES = (-32768, 32767)  # of an INTEGER16
-WINDOW = 0.1  # time over which the way that was driven is compared with the way that was asked for [s]
-
 RESETS = 3  # a fault that stays has a cause
 
 UP = {  # controlword on the way to Operation enabled
@@ -52,6 +53,7 @@ class Node(Station):
         self.sign = -keys.scale if keys.inverted else keys.scale
         self.rotary = False  # whether positions are angles
         self.origin = 0.0  # what the drive counts where the position is 0 [m]
+        self.entered_from: float | None = None  # where homing ended, on the way to where the scenario begins [m]
         self.goal = State.DISABLED
         self.homing = False
         self.mode = Mode.CSV
@@ -100,6 +102,13 @@ class Node(Station):
     def state(self) -> State:
         """State of the power drive system."""
         return state_of(self.word)
+
+    @property
+    def position_limits(self) -> tuple[float, float]:
+        """Where it may be [m]. An end stop is beyond the limits: who was sent there may come back."""
+        low, high = self.keys.limits.position
+        here = self.entered_from
+        return (low, high) if here is None else (min(low, here - MARGIN), max(high, here + MARGIN))
 
     def zero(self, position: float) -> None:
         """Here is this position."""
@@ -196,7 +205,7 @@ class Node(Station):
 
     def follow(self, cycle: int) -> None:
         """Before a SYNC: which way was asked for and driven since the last one."""
-        if self.mode is Mode.CST:  # no way is asked for
+        if self.mode is not Mode.CSV:  # in cst no way is asked for
             self.ways.clear()
             return
         asked = self.target_velocity * cycle / 1e9

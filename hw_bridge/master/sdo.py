@@ -65,6 +65,10 @@ class SdoClient:
                 return data
             toggle ^= 0x10
 
+    def number(self, index: int, sub: int = 0, timeout: int = TIMEOUT) -> int:
+        """An unsigned number of however many bytes the node gives it."""
+        return int.from_bytes(self.read(index, sub, timeout), "little")
+
     def write(self, index: int, sub: int, data: bytes) -> None:
         """Write an entry of up to four bytes; numbers have no more."""
         head = 0x23 | (4 - len(data)) << 2

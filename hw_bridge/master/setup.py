@@ -12,6 +12,7 @@ from hw_bridge.cia402 import Mode, State, state_of
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.vendor import SPEED, TRANSMIT, receive
 from hw_bridge.outputs import LEVELS, MASK, OUTPUTS
+from hw_bridge.profiles import MODULES, identity
 from hw_bridge.slave.pdo import INVALID
 from twin.errors import SimulationError
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 DRIVE = 402  # device profile: the lower half of 1000h
 IDENTITY = {1: "vendor", 2: "product code", 3: "revision", 4: "serial number"}
+KNOWN = {(one[1], one[2]) for one in map(identity, MODULES)}  # vendor and product code of each profile
 SCALING = (0x2350, 0x3001, 0x3010, 0x608F, 0x6075, 0x6091, 0x6092, 0x60A9)  # what units follow from
 
 
@@ -63,12 +65,15 @@ def write(node: Station, index: int, sub: int, value: int) -> None:
 def identify(node: Node) -> list[str]:
     """Every difference between the drive that answers and the one that the hardware file expects."""
     keys, name = node.keys, node.name
-    device = struct.unpack("<I", node.sdo.read(0x1000))[0]
+    device = node.sdo.number(0x1000)
     if device & 0xFFFF != DRIVE:
         return [f"{name}: node {node.number} is no drive: 1000h is {device:08X}h. Check the node-ID."]
-    found = {sub: struct.unpack("<I", node.sdo.read(0x1018, sub))[0] for sub in IDENTITY}
+    found = {sub: node.sdo.number(0x1018, sub) for sub in IDENTITY}
     expected = {1: node.mirror.get(0x1018, 1)}
-    expected |= {2: keys.product} if keys.product is not None else {}
+    if keys.product is not None:
+        expected[2] = keys.product
+    elif (found[1], found[2]) in KNOWN - {(expected[1], node.mirror.get(0x1018, 2))}:
+        expected[2] = node.mirror.get(0x1018, 2)  # any product, but not that of another profile
     expected |= {4: keys.serial} if keys.serial is not None else {}
     return [
         f"{name}: node {node.number}: {IDENTITY[sub]} is {found[sub]:X}h, expected {value:X}h "
@@ -119,9 +124,13 @@ def ramps(node: Node) -> None:
 
 
 def limit_positions(node: Node) -> None:
-    """Software limits 607Dh, once it is known from where positions count. A tenth beyond those of the master."""
+    """Software limits 607Dh, once it is known from where positions count. A tenth beyond those of the master.
+
+    Not on this side of where the drive stands after homing: it would jump there as soon as it is enabled.
+    """
     low, high = node.keys.limits.position
     margin = 0.1 * (high - low)
+    low, high = min(low, node.position), max(high, node.position)
     ends = sorted(node.device_position(one) for one in (low - margin, high + margin))
     for sub, end in enumerate(ends, 1):
         put(node, 0x607D, sub, end)
@@ -191,4 +200,4 @@ def release(node: Node) -> State:
     node.sdo.write(0x6040, 0, b"\0\0")
     node.sdo.write(0x1016, 1, b"\0\0\0\0")
     node.sdo.write(0x1017, 0, b"\0\0")
-    return state_of(struct.unpack("<H", node.sdo.read(0x6041))[0])
+    return state_of(node.sdo.number(0x6041) & 0xFFFF)

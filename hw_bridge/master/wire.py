@@ -10,24 +10,14 @@ from typing import TYPE_CHECKING, Any
 import can
 
 from hw_bridge.master.network import Condition, Network, never
-from hw_bridge.wire import from_message, to_message
+from hw_bridge.wire import Ear, from_message, hasten, opened, to_message
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
     from hw_bridge.frame import Frame
 
-# python-can's slcan looks at the time only after each wait for a byte, which is 1 ms long by default
-OPTIONS: dict[str, dict[str, Any]] = {"slcan": {"timeout": 0.0002}}
-PRIORITY = 10  # of SCHED_FIFO: above everything ordinary, below what the kernel's own threads have
-
-
-def hasten() -> bool:
-    """Go before ordinary processes, where the system has that and allows it; a loop that always waits may."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
-    except (AttributeError, OSError):
-        return False
-    return True
+PATIENCE = 20_000_000  # longest time that frames which came late are heard [ns]
+BUS_OFF = 0x40  # CAN_ERR_BUSOFF of linux/can/error.h
 
 
 class WireNetwork(Network):
@@ -37,12 +27,10 @@ class WireNetwork(Network):
 
     def __init__(self, interface: str, channel: str, bit_rate: int, options: dict[str, Any]) -> None:
         super().__init__()
-        try:
-            more = OPTIONS.get(interface, {}) | options
-            self.bus = can.Bus(channel=channel, interface=interface, bitrate=bit_rate, **more)
-        except (can.CanError, OSError, ValueError, ImportError, TypeError) as error:
-            raise SimulationError(f"{interface} {channel}: cannot be opened: {error}. Check the adapter.") from error
+        self.bus = opened(interface, channel, bit_rate, options)
+        self.ear = Ear(self.bus)
         self._echoes = interface == "udp_multicast"  # what is sent comes back
+        self._error_classes = interface == "socketcan"
         self._own: set[int] = set()  # identifiers that were sent
         self._begin = time.monotonic_ns()
         self._collecting = gc.isenabled()
@@ -66,26 +54,33 @@ class WireNetwork(Network):
         self.tell(frame)
 
     def advance(self, until: int, done: Condition = never) -> None:
-        """Hear frames until a time, or until a condition holds."""
+        """Hear frames until a time, or until a condition holds.
+
+        What came before that time is heard too, however late it is: but not for longer than `PATIENCE`, or a bus full of
+        foreign frames would keep this program for ever.
+        """
+        end = max(until, self.now) + PATIENCE
         while True:
-            left = (until - self.now) / 1e9
-            try:
-                message = self.bus.recv(max(left, 0.0))
-            except (can.CanError, OSError) as error:
-                raise SimulationError(f"bus: cannot be read: {error}. Check the adapter.") from error
+            left = until - self.now
+            message = self.ear.message(max(left / 1e9, 0.0))
             if message is not None:
-                if message.is_error_frame and self.bus.state is can.BusState.ERROR:
-                    raise SimulationError("bus: bus-off. Check bit rate, wiring and termination.")
-                if (frame := from_message(message)) is not None:
-                    if not (self._echoes and frame.id in self._own):
-                        self.tell(frame)
-                    self.hear(frame)
-                elif message.is_error_frame:
-                    self.tell(None)
-            elif left <= 0.0:
+                self._take(message)
+            if self.now > end or (message is None and left <= 0) or (done is not never and done()):
                 return
-            if done is not never and done():
-                return
+
+    def _take(self, message: can.Message) -> None:
+        if message.is_error_frame and (self.bus.state is can.BusState.ERROR or self._tells_bus_off(message)):
+            raise SimulationError("bus: bus-off. Check bit rate, wiring and termination.")
+        if (frame := from_message(message)) is not None:
+            if not (self._echoes and frame.id in self._own):
+                self.tell(frame)
+            self.hear(frame)
+        elif message.is_error_frame:
+            self.tell(None)
+
+    def _tells_bus_off(self, message: can.Message) -> bool:
+        """SocketCAN has no state, but error frames with its class in the identifier."""
+        return self._error_classes and bool(message.arbitration_id & BUS_OFF)
 
     def close(self) -> None:
         """Leave the bus."""

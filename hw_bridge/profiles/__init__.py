@@ -29,3 +29,8 @@ def profile(name: str) -> Profile:
         raise DeclarationError(f"There is no drive profile {name!r}. {nearest(name, list(MODULES))}")
     found: Profile = importlib.import_module(f"hw_bridge.profiles.{name}").PROFILE
     return found
+
+
+def identity(name: str) -> dict[int, int]:
+    """1018h of a profile: vendor, product code, revision, serial number by subindex."""
+    return {one.sub: int(one.default) for one in profile(name).objects if one.index == 0x1018}

@@ -35,7 +35,9 @@ def command() -> None:
               "without one, show these nodes only.")  # fmt: skip
 @click.option("--only", multiple=True, type=click.Choice(SERVICES), help="Show these services only; repeat.")
 @click.option("--events", is_flag=True, help="Show only what is more than the daily exchange.")
-@click.option("--from", "begin", type=float, default=0.0, metavar="S", help="Leave out what was before this time [s].")
+@click.option(
+    "--from", "begin", type=float, default=float("-inf"), metavar="S", help="Leave out what was before this time [s]."
+)
 @click.option("--to", "end", type=float, default=float("inf"), metavar="S", help="Leave out what was after it [s].")
 @click.option("--json", "form", flag_value="json", help="One JSON object per line.")
 @click.option("--csv", "form", flag_value="csv", help="One row per frame, values included.")
@@ -89,8 +91,15 @@ def decoded(trace: Path, decoder: Decoder) -> Iterator[Line]:
     """All frames of a trace with their meaning."""
     from hw_bridge.trace.files import read
 
+    last, earlier = None, 0
     for time, frame, why in read(trace):
+        earlier += last is not None and time < last
+        last = time
         yield decoder.decode(time, frame) if frame is not None else decoder.error(time, why)
+    if earlier:
+        click.echo(
+            f"note: {trace}: {earlier} frames are earlier than the one before them. Sort them by time.", err=True
+        )
 
 
 def text(lines: Iterator[Line]) -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from hw_bridge.cia402 import state_of
-from hw_bridge.profiles import MODULES, profile
+from hw_bridge.profiles import MODULES, identity, profile
 from hw_bridge.slave.nmt import RESET_COMMUNICATION, RESET_NODE
 from hw_bridge.trace import names
 from hw_bridge.trace.party import Party, Route
@@ -137,7 +137,7 @@ class Decoder:
         seen = tuple(party.dictionary.get(*one) for one in IDENTITY)
         for name in MODULES:
             chosen = profile(name)
-            own = {entry.sub: entry.default for entry in chosen.objects if entry.index == IDENTITY[0][0]}
+            own = identity(name)
             if (own[1], own[2]) == seen:
                 party.adopt(chosen)
 

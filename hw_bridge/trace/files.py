@@ -110,4 +110,4 @@ def _why(message: can.Message) -> str:
     """What a message is that CANopen does not use."""
     if message.is_error_frame:
         return "error frame"
-    return "29-bit identifier" if message.is_extended_id else "CAN FD" if message.is_fd else ""
+    return "29-bit identifier" if message.is_extended_id else "CAN FD" if message.is_fd else "no CAN frame"

@@ -38,6 +38,7 @@ NAMES = {  # what a member may call it
     "current": ("current",),
     STATUSWORD: (STATUSWORD,),
 }  # fmt: skip
+DISORDER = 10_000_000  # by which frames of two channels may be recorded in the wrong order [ns]
 
 
 class Track:
@@ -85,8 +86,12 @@ class Recording:
         targets = {base + node for base in (0x200, 0x300, 0x400, 0x500) for node in nodes}
         self.zero = round(start * 1e9) if start is not None else -1
         self.end = 0
-        for time, frame, _ in read(path):
-            self.end = time
+        for number, (time, frame, _) in enumerate(read(path), 1):
+            if number > 1 and time < self.end - DISORDER:
+                raise SimulationError(
+                    f"{path}: frame {number} is {(self.end - time) / 1e9:g} s earlier than the one before. Sort them by time."
+                )
+            self.end = max(time, self.end)
             if frame is None:
                 continue
             line = decoder.decode(time, frame)

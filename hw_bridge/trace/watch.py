@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hw_bridge.trace.files import TraceWriter
 
 KEPT = 20_000  # frames of the daily exchange that are kept: some 20 s of two drives at 5 ms
-SHOWN = 40  # events of a run in its report
+SHOWN = 30  # events of a run in its report
 ERROR_CONTROL = 0x700
 
 
@@ -68,4 +68,6 @@ class Watch:
             elif times == 2:
                 found[-1] += " (again and again)"
             last = text
-        return found[:SHOWN]
+        if (earlier := len(found) - SHOWN) > 0:  # what ended the run is among the last
+            return [f"before: {earlier} more", *found[-SHOWN:]]
+        return found

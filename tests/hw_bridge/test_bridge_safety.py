@@ -251,3 +251,33 @@ def test_a_retraction_ends_at_the_position_limit(build):
     with pytest.raises(SimulationError, match=r"above 0\.4 N"):
         rig.go(3000)
     assert rig.get("position") == pytest.approx(0.034, abs=5e-4)
+
+
+def test_what_stands_against_an_end_stop_is_noticed(build):
+    """At a speed at which a tenth of a second shows nothing: the motor pushes, and the way does not follow."""
+    rig = Rig(build, {"servomotor": node(limits={"position": ["-80 mm", "80 mm"], "force": "100 N"})})
+    rig.set(target_velocity=0.02)
+    with pytest.raises(SimulationError, match=r"following error 5\.\d\d mm is above 5\.00 mm"):
+        rig.go(3000)
+    assert rig.get("position") == pytest.approx(0.04, abs=1e-4)  # the end of 80 mm
+    assert stopped(rig.drive)
+
+
+def test_homing_at_an_end_stop_beyond_the_limits(build):
+    """The way back from there is allowed, another way out is not."""
+    limits = {"position": ["-20 mm", "20 mm"]}  # 607Dh a tenth beyond: a drive that is enabled at -40 mm would jump
+    rig = Rig(build, {"servomotor": node(homing={"method": -3, "at": "-40 mm", "speed": "50 mm/s"}, limits=limits)})
+    rig.go(50)
+    assert rig.get("position") == pytest.approx(0.0, abs=1e-4)
+    rig.set(target_velocity=-0.05)
+    with pytest.raises(SimulationError, match=r"position -20\.\d\d mm is outside -20\.00 mm to 20\.00 mm"):
+        rig.go(1000)
+
+
+def test_a_drive_that_somebody_stopped_is_disabled(rig):
+    """NMT Stopped: it takes neither process data nor SDO until it is sent to Pre-operational."""
+    rig.drive.nmt.command(bytes([2, rig.drive.node]))
+    with pytest.raises(SimulationError):
+        rig.go(200)
+    assert stopped(rig.drive)
+    assert rig.session.notes == []

@@ -1,7 +1,9 @@
 """`twin drive inject`: faults of a running drive, and frames that are disturbed on a wire."""
 
+import socket
 import subprocess
 import sys
+import time
 
 import can
 import pytest
@@ -13,7 +15,7 @@ from hw_bridge.drive.command import command
 from hw_bridge.drive.control import Control, request
 from hw_bridge.drive.drive import Drive
 from hw_bridge.drive.motor import Motor
-from hw_bridge.fault import Cause, Fault
+from hw_bridge.fault import Cause, Fault, problem
 from hw_bridge.frame import Frame
 from hw_bridge.profiles import profile
 from hw_bridge.wire import Wire, from_message
@@ -132,3 +134,66 @@ def test_words_that_are_wrong():
     )
     assert "bus_off" in runner.invoke(command, ["inject", "--help"]).output
     assert "Name --profile" in runner.invoke(command, []).output
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        (Fault(Cause.ENCODER_OFFSET, offset=float("nan")), "offset is nan: expected a number from -1e+06 to 1e+06"),
+        (Fault(Cause.FRICTION, factor=float("inf")), "factor is inf"),
+        (Fault(Cause.DROP, share=float("nan")), "share is nan"),
+        (Fault(Cause.DELAY, delay=-5), "delay is -5"),
+        (Fault(Cause.DELAY, jitter="x"), "jitter is x"),
+        (Fault(Cause.DROP, identifiers=(0, 10**12)), "identifiers are (0, 1000000000000): expected two of 0 to 0x7FF"),
+        (Fault(Cause.DROP, identifiers=(5, 1)), "identifiers are (5, 1)"),
+        (Fault(Cause.EMCY, code=-5), "code is -5"),
+    ],
+)
+def test_numbers_that_would_break_a_drive(said, message):
+    assert message in problem(said, profile("epos4"))
+
+
+@pytest.mark.parametrize("request_", [b"", b"{}", b"[]", b"null", b"\xff", b'"x"', b'{"cause": "emcy"}', b"[" * 4000])
+def test_requests_that_are_none_are_answered(wire, request_):
+    control = Control(0, wire.slave, wire)
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
+            asking.settimeout(2.0)
+            asking.connect(("127.0.0.1", control.port))
+            asking.send(request_)
+            control.look()
+            assert asking.recv(4096)
+    finally:
+        control.close()
+
+
+@pytest.mark.parametrize(
+    "words", [["drop", "--for", "nan"], ["delay", "--delay", "inf"], ["friction", "--factor", "nan"]]
+)
+def test_odd_numbers_on_the_command_line(words):
+    done = CliRunner().invoke(command, ["inject", *words, "--control", "1"])
+    assert done.exit_code == 2
+    assert "expected a number of at most 1e+06" in done.output
+
+
+def test_frames_act_when_they_came(wire):
+    """A process that had to wait finds heartbeats from the meantime, and no timeout."""
+    slave, messages, timeout = wire.slave, [], 60
+    slave.dictionary.download(0x1016, 1, (0x7F << 16 | timeout).to_bytes(4, "little"))
+    wire._heard(Frame(0x77F, b"\x05"))
+    assert slave.active == {}
+
+    def stall(_timeout):
+        begin = time.time()
+        time.sleep(0.2)
+        messages.extend(can.Message(arbitration_id=0x77F, data=[5], is_extended_id=False, timestamp=begin + 0.02 * k)
+                        for k in range(10))  # fmt: skip
+        wire.bus.recv = lambda _timeout: messages.pop(0) if messages else wire.stop.set()
+        return messages.pop(0)
+
+    wire.bus.recv = stall
+    wire.run()
+    assert not messages
+    assert slave.active == {}
+    wire.slave.advance(wire.now + (timeout + 20) * MILLISECOND)
+    assert 0x8130 in slave.active

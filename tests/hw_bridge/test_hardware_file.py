@@ -10,6 +10,8 @@ from click.testing import CliRunner
 
 from hw_bridge import hardware, hil
 from hw_bridge.bridge import load
+from hw_bridge.drive.drive import Drive
+from hw_bridge.drive.motor import Motor
 from hw_bridge.profiles import profile
 from hw_bridge.targets import unknown_mode
 from twin.errors import ScenarioError
@@ -74,6 +76,22 @@ def test_every_bench_is_well_formed_and_fits_its_scenario(path):
         ("node: 1", "node: 1, heartbeat: {every: 60 ms}", "heartbeat: lost_after is not longer than every."),
         ("node: 1", "node: 1, objects: {speed: 3}", "expected an object such as '3001h.1': 2410, not speed: 3"),
         ("node: 1", "node: 1, objects: 3", "nodes.servomotor.objects: expected objects such as"),
+        ("node: 1", "node: 1, limits: {velocity: .inf}", "limits.velocity: expected a number of at most 1e+06, not inf."),
+        ("node: 1", "node: 1, limits: {force: .nan}", "limits.force: expected a number of at most 1e+06, not nan."),
+        ("node: 1", "node: 1, scale: .inf", "nodes.servomotor.scale: input should be less than or equal to"),
+        ("node: 1", "node: 1, heartbeat: {lost_after: 70 s}", "heartbeat: more than 65535 ms, which 1016h and 1017h can count."),
+        ("node: 1", "node: 1, homing: {method: 99}", "homing.method: FAULHABER Motion Control V3.0 has no method 99."),
+        ("node: 1", "node: 1, objects: {'9999h': 1}", "objects: 9999h.0: FAULHABER Motion Control V3.0 has no such object."),
+        ("node: 1", "node: 1, objects: {'6041h': 1}", "objects: 6041h.0: Statusword cannot be written."),
+        ("node: 1", "node: 1, objects: {'6083h': 99999999999}", "objects: 6083h.0: 99999999999 is no UNSIGNED32."),
+        ("node: 1", "node: 1, objects: {'6083h': 1.5}", "expected an object such as '3001h.1': 2410, not 6083h: 1.5"),
+        ("node: 1", "node: 1, objects: {'6083h': .inf}", "expected an object such as '3001h.1': 2410, not 6083h: inf"),
+        ("node: 1, profile: faulhaber_v3", "node: 1, profile: mclm, safe_outputs: 1", "CO has no digital outputs 60FEh."),
+        ("true", "true\ncycle: 1 s", "cycle: 1000 ms is more than 255 ms, which drives can count."),
+        ("true", "true\nfaults: [{at: 1 s, fault: fire}]", "faults[1].fault: `fire` is no fault. Known: "),
+        ("true", "true\nfaults: [{at: -1 s, fault: sync, node: master}]", "faults[1]: a time is below zero."),
+        ("true", "true\nfaults: [{at: 1 s, fault: drop, node: master, identifiers: [-5, 100000000000]}]", "faults[1]: identifiers are (-5, 100000000000): expected two of"),
+        (GOOD, "- 1\n", "bench.yaml:1: expected keys with values, such as `node: 1`, not a list."),
         ("node: 1", "node: 1, inverted: maybe", "nodes.servomotor.inverted: input should be a valid boolean"),
     ],
 )  # fmt: skip
@@ -97,6 +115,10 @@ def test_values_are_in_si(write):
     [
         (GOOD.replace("servomotor", "servo"), "nodes.servo: no such member. Did you mean 'servomotor'?"),
         (GOOD.replace("servomotor", "wall"), "nodes.wall: Wall has no target_velocity, position_actual_value."),
+        (
+            GOOD.replace("node: 1", "node: 1, limits: {position: [-5 mm, 5 deg]}"),
+            "bench.yaml:3: nodes.servomotor.limits.position: `5 deg` does not convert to m. Give it as m. The member moves along a line.",
+        ),
         (GOOD.replace("node: 1", "node: 1, contact: {signal: sensr.force}"), "contact: no member for sensr.force"),
     ],
 )
@@ -208,4 +230,26 @@ def test_check_finds_strangers_and_missing_nodes(write, build, monkeypatch):
     assert hil.differences(hardware.load(write(GOOD)), build) == [
         "servomotor: node 1 does not answer. Check its power and node-ID.",
         "node 5 is not in the hardware file. Add it, or take it off the bus.",
+    ]
+
+
+def test_check_notices_a_drive_of_another_profile(write, build, monkeypatch):
+    """Same vendor, no product given: the other profile's product code is not just any."""
+    keys = hardware.load(write(GOOD))
+    other = hil.bench_network(keys, build)
+    monkeypatch.setattr(hil, "bench_network", lambda *_: other)
+    found = hil.differences(hardware.load(write(GOOD.replace("faulhaber_v3", "mclm"))), build)
+    assert len(found) == 1
+    assert "product code is 2D51h" in found[0]
+
+
+def test_check_notices_two_nodes_with_one_id(write, build, monkeypatch):
+    keys = hardware.load(write(GOOD))
+    network = hil.bench_network(keys, build)
+    chosen = profile("faulhaber_v3")
+    network.bus.attach(Drive(chosen, 1, Motor(chosen.motor, build=build)))
+    monkeypatch.setattr(hil, "bench_network", lambda *_: network)
+    found = hil.differences(keys, build)
+    assert found == [
+        "servomotor: node 1: 2 answers to one question: several nodes have this ID. Give one of them another."
     ]

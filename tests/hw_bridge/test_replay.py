@@ -116,3 +116,12 @@ def test_a_real_interface_is_observed_both_ways():
         network.close()
     assert [frame for _, frame in seen] == [Frame(0x080), Frame(0x181, b"\1"), None]
     assert [time for time, _ in seen] == sorted(time for time, _ in seen)
+
+
+def test_frames_out_of_order_are_refused(build, tmp_path):
+    rig = Traced(build, {"servomotor": NODES["faulhaber_v3"]}, tmp_path / "run.log")
+    drive(rig, 50)
+    lines = (tmp_path / "run.log").read_text().splitlines(keepends=True)
+    (tmp_path / "run.log").write_text("".join([*lines[500:], *lines[:500]]))
+    with pytest.raises(SimulationError, match=r"run\.log: frame \d+ is [\d.]+ s earlier than the one before"):
+        replay(tmp_path / "bench.yaml", rig.hardware.keys, str(tmp_path / "run.log"))

@@ -88,3 +88,60 @@ def test_bus_off_of_the_interface(pair, monkeypatch):
     monkeypatch.setattr(type(network.bus), "state", can.BusState.ERROR)
     with pytest.raises(SimulationError, match="bus-off"):
         network.advance(network.now + 1_000_000)
+
+
+def test_bus_off_of_socketcan_is_in_the_identifier(pair):
+    network, other = pair
+    network._error_classes = True
+    other.send(can.Message(arbitration_id=0x40, is_extended_id=False, is_error_frame=True))
+    with pytest.raises(SimulationError, match="bus-off"):
+        network.advance(network.now + 50_000_000)
+
+
+def test_a_bus_full_of_foreign_frames_does_not_keep_the_program(pair, monkeypatch):
+    network, _ = pair
+    monkeypatch.setattr(network.bus, "recv", lambda _timeout: can.Message(arbitration_id=1, is_extended_id=True))
+    begin = time.monotonic()
+    network.advance(network.now + 1_000_000)
+    assert time.monotonic() - begin < 1.0
+
+
+def test_what_came_late_is_heard(pair):
+    network, other = pair
+    heard = []
+    network.hear = heard.append
+    for number in range(50):
+        other.send(can.Message(arbitration_id=number, is_extended_id=False))
+    network.advance(network.now - 1_000_000_000)
+    assert len(heard) == 50
+
+
+def test_garbage_on_a_serial_line_is_passed_over(monkeypatch):
+    """slcan: bytes that are no text are flushed, what no CAN frame can be is not taken."""
+    import pty
+
+    ours, theirs = pty.openpty()
+    network = WireNetwork("slcan", os.ttyname(theirs), 1_000_000, {"sleep_after_open": 0})
+    try:
+        heard = []
+        network.hear = heard.append
+        for line in (
+            b"\xff\xfe\r",
+            b"t1\r",
+            b"tzzz8\r",
+            b"tFFF0\r",
+            b"t1239" + b"00" * 9 + b"\r",
+            b"t1232\r",
+            b"",
+            b"\r",
+        ):
+            os.write(ours, line)
+            network.advance(network.now + 20_000_000)
+        os.write(ours, b"t18121122\r")
+        network.advance(network.now + 50_000_000)
+        assert heard[-1] == Frame(0x181, b"\x11\x22")
+        assert all(frame.id <= 0x7FF and len(frame.data) <= 8 for frame in heard)
+    finally:
+        network.close()
+        os.close(ours)
+        os.close(theirs)

@@ -95,13 +95,13 @@ def read(path: Path, shown: str) -> Node:
     """Read a file; `shown` is how messages call it."""
     try:
         if path.is_dir():
-            raise ScenarioError(f"{shown}: is a folder. Name a scenario file in it, such as {shown}/contact.yaml.")
+            raise ScenarioError(f"{shown}: is a folder. Name a file in it, such as {shown}/contact.yaml.")
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         raise ScenarioError(f"{shown}: cannot be read ({getattr(error, 'strerror', None) or error}).") from None
     if len(data) > MAX_BYTES:
-        raise ScenarioError(f"{shown}: is larger than {MAX_BYTES // 1_000_000} MB. A scenario is a few kilobytes.")
+        raise ScenarioError(f"{shown}: is larger than {MAX_BYTES // 1_000_000} MB. Such files have a few kilobytes.")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -150,7 +150,7 @@ class Composer:
                     raise ScenarioError(f"{self.place(event)}: a second document begins. Use one file for each.")
                 root = self.node(next(events), events, 0)
         if root is None or root.value is None:
-            raise ScenarioError(f"{self.shown}: is empty. Give at least stop_time and members.")
+            raise ScenarioError(f"{self.shown}: is empty. Write it, or name another file.")
         if self.problems:
             raise ScenarioError(self.problems)
         return root
