@@ -15,7 +15,8 @@ ORDER = ("conformance/test_components.py", "conformance/test_symbols.py", "confo
          "hw_bridge/test_command.py", "hw_bridge/test_bridge_force.py", "fmus/test_regripping.py", "fmi/test_export.py",
          "fmi/test_calls.py")  # fmt: skip
 BY_CASE = ("conformance/", "test_docs.py")
-MULTICAST = ("hw_bridge/test_command.py", "hw_bridge/test_control.py", "hw_bridge/test_bridge_processes.py")
+MULTICAST = ("hw_bridge/test_command.py", "hw_bridge/test_control.py", "hw_bridge/test_module.py",
+             "hw_bridge/test_bridge_processes.py", "hw_bridge/test_base_node402_process.py", "hw_bridge/test_three_axes.py")  # fmt: skip
 
 
 @pytest.fixture(scope="session")
