@@ -137,6 +137,8 @@ class Hardware:
                 found.append(
                     f"{self.path}: nodes.{name}: {cls.__name__} has no {', '.join(missing)}. A drive needs them."
                 )
+            if problem := plausible.gearing(node, "angle" in known):
+                found.append(f"{self.path}: nodes.{name}: {problem}")
             if self.root is not None:
                 found += plausible.units(self.root, name, "angle" in known)
             if node.contact is not None and node.contact.signal.partition(".")[0] not in case.members:

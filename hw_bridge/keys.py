@@ -140,7 +140,7 @@ class ShadowKeys(Keys):
 
 
 class FaultKeys(Keys):
-    """A fault of a simulated bench at a time of the scenario. `node`: a member, or `master`."""
+    """A fault of a simulated bench at a time of the scenario. `node`: a member, or `master`. `offset`: of the member."""
 
     at: Time
     fault: Literal[tuple(Cause)]  # type: ignore[valid-type]

@@ -46,7 +46,7 @@ class Plant:
         values = {key: float(self.axis.views[key]) for key in declared if not declared[key].shape}
         name = self.axis.replaced.__module__.split(".")[-2]  # type: ignore[attr-defined]
         given = {key: value for key, value in values.items() if value != declared[key].start}
-        if "gear_ratio" in values:
+        if "gear_ratio" in values and own.unit == "rad":
             self.parameters = {key: value for key, value in values.items() if key not in OWN}
             return replace(
                 own, component=name, parameters=given, position="angle", load="load_torque", ratio=values["gear_ratio"]

@@ -45,7 +45,7 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
         )
     for name, node in keys.nodes.items():
         problems += [f"{root.find(('nodes', name, *path)).place}: nodes.{name}.{'.'.join(path)}: {text}"
-                     for path, text in _node(node)]  # fmt: skip
+                     for path, text in _node(node, keys.simulated)]  # fmt: skip
     for k, one in enumerate(keys.faults):
         where = f"{root.find(('faults', k)).place}: faults[{k + 1}]"
         if one.at < 0:
@@ -53,7 +53,7 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
     return problems
 
 
-def _node(node: NodeKeys) -> list[tuple[tuple[str, ...], str]]:
+def _node(node: NodeKeys, simulated: bool) -> list[tuple[tuple[str, ...], str]]:
     """Problems of one node, each with the key that it is about."""
     chosen = profile(node.profile)
     found: list[tuple[tuple[str, ...], str]] = []
@@ -67,16 +67,16 @@ def _node(node: NodeKeys) -> list[tuple[tuple[str, ...], str]]:
         text = f"{chosen.title} has no digital outputs 60FEh. Leave it out, or use those of another drive."
         found.append((("safe_outputs",), text))
     for (index, sub), value in node.objects.items():
-        if text := _object(chosen, index, sub, value):
+        if text := _object(chosen, index, sub, value, simulated):
             found.append((("objects",), f"{index:04X}h.{sub}: {text}"))
     return found
 
 
-def _object(chosen: Profile, index: int, sub: int, value: int) -> str:
+def _object(chosen: Profile, index: int, sub: int, value: int, simulated: bool) -> str:
     """What is wrong with a value of an object, or nothing."""
     entry: Entry | None = next((one for one in chosen.objects if (one.index, one.sub) == (index, sub)), None)
-    if entry is None:
-        return f"{chosen.title} has no such object. Correct it."
+    if entry is None:  # a real drive has more objects than its profile, and says itself what it has not
+        return f"{chosen.title} has no such object. Correct it." if simulated else ""
     if not entry.writable:
         return f"{entry.name} cannot be written. Leave it out."
     if not entry.type.form:
@@ -91,6 +91,19 @@ def _object(chosen: Profile, index: int, sub: int, value: int) -> str:
             f"{value} is outside {low if low is not None else '-'} to {high if high is not None else '-'}. Correct it."
         )
     return ""
+
+
+def gearing(node: NodeKeys, rotary: bool) -> str:
+    """That nobody said what turns a rotary motor into a linear axis, or the other way round; or nothing."""
+    chosen = profile(node.profile)
+    turns = chosen.motor.unit == "rad"
+    if turns is rotary or "scale" in node.model_fields_set:
+        return ""
+    kinds = ("moves along a line", "turns")
+    return (
+        f"the motor of {chosen.title} {kinds[turns]}, the member {kinds[rotary]}. "
+        f"Add `scale`, the member's way for 1 {chosen.motor.unit} of the motor."
+    )
 
 
 def units(root: Node, name: str, rotary: bool) -> list[str]:

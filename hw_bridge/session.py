@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -161,6 +162,9 @@ class Session:
     def begin(self, t: int) -> None:
         """Bring the drives up, if they are told what they can do."""
         modes = {name: self.mode(name) for name in self.axes}
+        for name, axis in self.axes.items():
+            if "target_position" in axis.views:  # where a drive goes after homing
+                targets.finite(name, axis, "target_position")
         self.forced |= {name for name, mode in modes.items() if mode is Mode.CST}
         network = self.network()
         self.watch = Watch(self.keys, network, self.trace)
@@ -192,7 +196,10 @@ class Session:
         for one in self.faults:
             slave = self.plants[one.node].drive if one.node in self.plants else self.modules.get(one.node)
             node = slave.node if slave is not None else self.keys.master
-            bus.agenda.at(self.origin + one.at, partial(inject, one.made(), bus, node, slave))
+            fault = one.made()
+            if one.node in self.plants:  # told at the member, done at the motor
+                fault = replace(fault, offset=fault.offset / self.plants[one.node].sign)
+            bus.agenda.at(self.origin + one.at, partial(inject, fault, bus, node, slave))
 
     def keep_pace(self, t: int) -> None:
         """A loop that came too late goes on from here instead of hurrying after."""
@@ -208,7 +215,6 @@ class Session:
         assert self.master is not None
         retracting = [watch for watch in self.watches.values() if watch.reason]
         for name, node in self.master.nodes.items():
-            views = self.axes[name].views
             if retracting:  # outputs stay: who holds the instrument takes it along
                 watch = self.watches.get(name)
                 node.mode, node.target_velocity = Mode.CSV, watch.velocity() if watch and watch.reason else 0.0
@@ -216,11 +222,12 @@ class Session:
             node.outputs = levels(node.keys.outputs, node.safe_outputs, self.axes[name])
             mode = self.mode(name)
             limit = node.keys.limits
-            node.target_velocity = targets.velocity(self.axes[name], limit)
+            if mode is Mode.CSV:
+                node.target_velocity = targets.velocity(name, self.axes[name], limit)
             if mode is Mode.CST:
-                node.target_force = targets.force(self.axes[name], limit, node.keys.scale)
+                node.target_force = targets.force(name, self.axes[name], limit, node.keys.scale)
             if mode is Mode.CSP:
-                target = float(views["target_position"])
+                target = targets.finite(name, self.axes[name], "target_position")
                 if (jump := abs(target - node.position)) > limit.following_error:
                     raise SimulationError(
                         f"{name}: target_position {node.way(target)} is {node.way(jump)} from where the drive is, a jump. "

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from hw_bridge.cia402 import Mode
+from twin.errors import SimulationError
 
 if TYPE_CHECKING:
     from collections.abc import Collection
@@ -42,15 +44,23 @@ def told_force(name: str, case: Case) -> bool:
     )
 
 
-def velocity(axis: Component, limits: LimitKeys) -> float:
+def velocity(name: str, axis: Component, limits: LimitKeys) -> float:
     """Target velocity of a member, within its limit [m/s or rad/s]."""
-    return within(float(axis.views["target_velocity"]), limits.velocity)
+    return within(finite(name, axis, "target_velocity"), limits.velocity)
 
 
-def force(axis: Component, limits: LimitKeys, scale: float) -> float:
+def force(name: str, axis: Component, limits: LimitKeys, scale: float) -> float:
     """Target force of a member, within its limit [N or N*m]. `scale`: way of the member for one of the motor."""
-    wanted = float(axis.views[FORCE]) if FORCE in axis.views else float(axis.views[TORQUE]) / scale
+    wanted = finite(name, axis, FORCE) if FORCE in axis.views else finite(name, axis, TORQUE) / scale
     return within(wanted, limits.force)
+
+
+def finite(name: str, axis: Component, target: str) -> float:
+    """A target of a member as it is; an infinite one is a mistake of whoever gives it, not a wish for the limit."""
+    value = float(axis.views[target])
+    if not isfinite(value):
+        raise SimulationError(f"{name}: {target} is {value}, no number that a drive can follow. All drives stop.")
+    return value
 
 
 def within(value: float, limit: float) -> float:

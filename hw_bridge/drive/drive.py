@@ -118,6 +118,8 @@ class Drive(Slave):
                 self._quick_stop()
             case 15 if self.active:
                 pass  # the cause is still there
+            case 16 if self.after is not None:
+                pass  # a quick stop with 605Ah = 1 to 4 ends disabled
             case _:
                 self._enter(step.target)
 
@@ -245,7 +247,7 @@ class Drive(Slave):
         masks = self.profile.masks
         dictionary.put(0x603F, code)
         dictionary.put(0x2320, self._vendor_register())
-        if not masks or fault.vendor & dictionary.get(0x2321, 1):
+        if self._told(fault):
             self.emergency.report(code, self._register(), self._vendor_bytes())
         reaction = fault.reaction
         if masks and reaction is not Reaction.OFF and not fault.vendor & dictionary.get(0x2321, 2):
@@ -270,6 +272,9 @@ class Drive(Slave):
     def _register(self) -> int:
         return reduce(or_, (fault.register for fault in self.active.values()), 0)
 
+    def _told(self, fault: Fault) -> bool:
+        return not self.profile.masks or bool(fault.vendor & self.dictionary.get(0x2321, 1))
+
     def _vendor_register(self) -> int:
         return reduce(or_, (fault.vendor for fault in self.active.values()), 0)
 
@@ -283,11 +288,12 @@ class Drive(Slave):
 
     def _forget(self, codes: AbstractSet[int]) -> None:
         """These errors are over; the last one is told."""
+        told = any(self._told(self.active[code]) for code in codes & self.active.keys())
         self.active = {code: fault for code, fault in self.active.items() if code not in codes}
         self.dictionary.put(0x2320, self._vendor_register())
         if not self.active:
             self.dictionary.put(0x603F, 0)
-            self.emergency.clear()
+            self.emergency.clear(told)
 
     def _trip(self, reaction: Reaction) -> None:
         """Transition 13; the reaction ends in Fault."""

@@ -85,6 +85,7 @@ class SetPoint(NamedTuple):
     speed: float
     acceleration: float
     deceleration: float
+    clipped: bool  # the target was outside 607Dh
 
 
 class ProfilePosition(ModeOfOperation):
@@ -130,9 +131,9 @@ class ProfilePosition(ModeOfOperation):
             if axis.profile.target_beyond_limit:
                 self.error(axis.profile.target_beyond_limit)
                 return None
-            target = min(max(target, low), high)
+        clipped, target = not low <= target <= high, min(max(target, low), high)
         speed = min(max(dictionary.get(0x6081), 1) * axis.units.velocity, axis.fastest())
-        return SetPoint(target, speed, axis.rate(0x6083), axis.rate(0x6084))
+        return SetPoint(target, speed, axis.rate(0x6083), axis.rate(0x6084), clipped)
 
     def _start(self, point: SetPoint) -> None:
         self.active, self.reached = point, False
@@ -158,6 +159,7 @@ class ProfilePosition(ModeOfOperation):
             elif self.active:
                 self._plan(position, speed, self.active)
         self.axis.follow_position(position, speed)
+        self.axis.clipped |= self.active is not None and self.active.clipped
         if self.active and not self.halting and now >= self.motion.end:
             self.reached = self._arrived()
             if self.reached and self.waiting is not None:

@@ -12,6 +12,7 @@ from hw_bridge.cia402 import Mode, State, state_of
 from hw_bridge.frame import Frame
 from hw_bridge.master.station import Station
 from hw_bridge.master.vendor import SUBSTITUTES, VENDORS, current_unit
+from hw_bridge.profiles import profile
 
 if TYPE_CHECKING:
     from hw_bridge.keys import NodeKeys
@@ -38,6 +39,11 @@ DOWN = {  # on the way to a standstill
     State.QUICK_STOP: 0x02,
 }  # fmt: skip
 AT_REST = (State.DISABLED, State.READY, State.NOT_READY, State.FAULT)
+
+
+def constant_of(keys: NodeKeys) -> float:
+    """Force [N] or torque [N*m] on the member of one ampere: as the hardware file has it, or the profile's motor."""
+    return keys.force_constant or profile(keys.profile).motor.force_constant / keys.scale
 
 
 class Node(Station):
@@ -74,7 +80,7 @@ class Node(Station):
         units = self.profile.units(self.mirror)
         self.units = units
         self.ampere = current_unit(self.vendor, units)
-        self.force_constant = self.keys.force_constant or self.profile.motor.force_constant / self.keys.scale
+        self.force_constant = constant_of(self.keys)
         self.form = "<i" if self.vendor.current & 0xFF == 32 else "<h"
 
     @property

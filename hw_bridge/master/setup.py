@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from hw_bridge.master.node import Node
     from hw_bridge.master.station import Station
 
+LONGEST = 4  # bytes of a number
 DRIVE = 402  # device profile: the lower half of 1000h
 IDENTITY = {1: "vendor", 2: "product code", 3: "revision", 4: "serial number"}
 KNOWN = {(one[1], one[2]) for one in map(identity, MODULES)}  # vendor and product code of each profile
@@ -62,6 +63,22 @@ def write(node: Station, index: int, sub: int, value: int) -> None:
         raise SimulationError(f"{node.name}: {index:04X}h.{sub} reads {found} after {value} was written.")
 
 
+def write_unknown(node: Station, index: int, sub: int, value: int) -> None:
+    """Write a number that the profile does not know, in as many bytes as the drive gives it, and read it back."""
+    signed = value < 0
+    try:
+        size = len(node.sdo.read(index, sub))
+        if not 1 <= size <= LONGEST:
+            raise OverflowError  # noqa: TRY301
+        node.sdo.write(index, sub, value.to_bytes(size, "little", signed=signed))
+    except OverflowError:
+        raise SimulationError(f"{node.name}: {index:04X}h.{sub} cannot hold {value}: it has {size} bytes.") from None
+    except SdoError as error:
+        raise SdoError(f"{node.name}: {error} It was to become {value}.", error.code) from None
+    if (found := int.from_bytes(node.sdo.read(index, sub), "little", signed=signed)) != value:
+        raise SimulationError(f"{node.name}: {index:04X}h.{sub} reads {found} after {value} was written.")
+
+
 def identify(node: Node) -> list[str]:
     """Every difference between the drive that answers and the one that the hardware file expects."""
     keys, name = node.keys, node.name
@@ -95,7 +112,7 @@ def configure(node: Node, cycle: int, master: int) -> None:
     for index, sub, value in node.vendor.setup:
         write(node, index, sub, value)
     for (index, sub), value in node.keys.objects.items():
-        write(node, index, sub, value)
+        (write if sub in entries.get(index, {}) else write_unknown)(node, index, sub, value)
     for index in SCALING:
         for entry in entries.get(index, {}).values():
             if entry.readable and entry.sub:

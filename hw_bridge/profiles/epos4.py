@@ -21,6 +21,7 @@ from hw_bridge.slave.pdo import Rules
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Dictionary
 
+HOMING = {n: METHODS[n] for n in (1, 2, 7, 11, 17, 18, 23, 27, 33, 34, 37)} | BLOCKS_MAXON
 MODES = (Mode.PP, Mode.PV, Mode.HM, Mode.CSP, Mode.CSV, Mode.CST)
 PULSES = 500  # of the encoder, four increments each
 RPM = 2.0 * pi / 60.0  # [rad/s]
@@ -88,6 +89,10 @@ VENDOR = joined(
            sub(2, "Output current limit [mA]", U32, "rw", 15000), sub(3, "Number of pole pairs", U8, "rw", 1, 1),
            sub(4, "Thermal time constant winding [0.1 s]", U16, "rw", 40, 1),
            sub(5, "Torque constant [uNm/A]", U32, "rw", 0)),
+    # acts on nothing, like 3003h, 30A3h and 3142h; types of these assumed
+    record(0x3002, "Electrical data motor", sub(1, "Resistance [mOhm]", U32, "rw", 0), sub(2, "Inductance [uH]", U32, "rw", 0)),
+    record(0x3003, "Gear configuration", sub(1, "Reduction numerator", U32, "rw", 1, 1),
+           sub(2, "Reduction denominator", U32, "rw", 1, 1), sub(3, "Max input speed [rpm]", U32, "rw", 100000)),
     record(0x3010, "Digital incremental encoder 1", sub(1, "Number of pulses", U32, "rw", PULSES, 16),
            sub(2, "Type", U16, "rw", 1)),
     record(0x30A0, "Current control", sub(1, "P gain", U32, "rw", 1171880), sub(2, "I gain", U32, "rw", 3906250)),
@@ -97,6 +102,8 @@ VENDOR = joined(
     record(0x30A2, "Velocity control", sub(1, "P gain", U32, "rw", 20000), sub(2, "I gain", U32, "rw", 500000),
            sub(3, "FF velocity gain", U32, "rw", 0), sub(4, "FF acceleration gain", U32, "rw", 0),
            sub(5, "Filter cut-off frequency", U16, "rw", 600)),
+    record(0x30A3, "Velocity observer", *(sub(n, f"Parameter {n}", U32, "rw", value)
+           for n, value in enumerate((400, 100000, 33, 10, 1000), 1))),
     var(0x30B0, "Home position", I32, "rw", 0),
     var(0x30B1, "Home offset move distance", I32, "rw", 0, 0, 0),  # the move is not simulated
     var(0x30B2, "Current threshold for homing [mA]", U16, "rw", 500),
@@ -104,6 +111,8 @@ VENDOR = joined(
            sub(2, "Actual [mA]", I32, "ro", pdo=True)),
     record(0x30E0, "Standstill window", sub(1, "Window [velocity units]", U32, "rw", 30), sub(2, "Time [ms]", U16, "rw", 2),
            sub(3, "Timeout [ms]", U16, "rw", 1000)),
+    record(0x3142, "Digital input configuration", *(sub(n, f"Input {n}", U8, "rw", function)
+           for n, function in enumerate((0, 1, 2, 19, 255, 255, 255, 255), 1))),
     record(0x3200, "Thermal overload", sub(1, "I2t level motor [%]", U16, "ro"),
            sub(2, "I2t level power stage [%]", U16, "ro")),
 )  # fmt: skip
@@ -153,6 +162,8 @@ APPLICATION = joined(
     record(0x60C2, "Interpolation time period", sub(1, "Period value", U8, "rw", 0, 0, 100),
            sub(2, "Time index", I8, "rw", -3, -3, -3)),
     var(0x60C5, "Max acceleration", U32, "rw", 0xFFFFFFFF),  # not used in cyclic modes
+    record(0x60E3, "Supported homing methods", *(sub(n, f"Method {n}", I8, "ro", method)
+           for n, method in enumerate(sorted(HOMING), 1))),
     var(0x60F4, "Following error actual value", I32, "ro", pdo=True),
     var(0x60FD, "Digital inputs", U32, "ro", pdo=True),
     record(0x60FE, "Digital outputs", sub(1, "Physical outputs", U32, "rw", 0, pdo=True)),
@@ -217,7 +228,7 @@ PROFILE = Profile(
     title="maxon EPOS4",
     objects=COMMUNICATION + PROCESS_DATA + VENDOR + APPLICATION,
     modes=MODES,
-    homing={n: METHODS[n] for n in (1, 2, 7, 11, 17, 18, 23, 27, 33, 34, 37)} | BLOCKS_MAXON,
+    homing=HOMING,
     faults=FAULTS,
     motor=EC_I_40,
     units=units,

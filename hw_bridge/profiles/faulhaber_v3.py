@@ -64,6 +64,9 @@ APPLICATION = joined(
     record(0x2325, "Voltages", sub(7, "Motor supply [10 mV]", U16, "ro", 2400, pdo=True)),
     record(0x2326, "Temperatures", sub(1, "CPU [degC]", I16, "ro", 35), sub(2, "Power stage [degC]", I16, "ro", 35),
            sub(3, "Winding [degC]", I16, "ro", 30)),
+    # 2342h and 2343h act on nothing; types as of 2344h, defaults assumed
+    record(0x2342, "Torque control", sub(1, "Gain", U32, "rw", 1000), sub(2, "Integral time [us]", U16, "rw", 150)),
+    record(0x2343, "Flux control", sub(1, "Gain", U32, "rw", 1000), sub(2, "Integral time [us]", U16, "rw", 150)),
     record(0x2344, "Velocity control", sub(1, "Gain", U32, "rw", 1000), sub(2, "Integral time [100 us]", U16, "rw", 80),
            sub(3, "Deviation threshold", U16, "rw", 65535), sub(4, "Deviation time [ms]", U16, "rw", 100)),
     var(0x6007, "Abort connection option code", I16, "rw", 1, 0, 3),  # default recalled

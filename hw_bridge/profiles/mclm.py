@@ -61,6 +61,10 @@ VENDOR = joined(
            sub(3, "Errout mask", U16, "rw", 0x00FF)),
     record(0x2322, "Deviation", sub(1, "Delay [ms]", U16, "rw", 200), sub(2, "Maximum [mm/s]", U16, "rw", 30000)),
     record(0x2330, "Sampling", sub(1, "Sampling rate", U16, "rw", 1, 1, 20)),
+    # acts on nothing; types follow from the ranges, defaults are values in use on real LM motors or assumed (2331h)
+    record(0x2331, "Velocity control", sub(1, "P term POR", U8, "rw", 40, 1, 255), sub(2, "I term", U8, "rw", 50, 1, 255)),
+    record(0x2332, "Position control", sub(1, "P term PP", U8, "rw", 15, 1, 255),
+           sub(2, "D term PD", U8, "rw", 10, 1, 255)),
     record(0x2333, "Current control", sub(1, "Continuous current [mA]", U16, "rw", 790, 0, 12000),  # currents: those
            sub(2, "Peak current [mA]", U16, "rw", 2370, 0, 12000), sub(3, "Integral", U8, "rw", 3, 1, 255)),  # of LM 2070
     var(0x2334, "Current limit [mA]", U16, "ro", pdo=True),
@@ -95,6 +99,7 @@ APPLICATION = joined(
     var(0x607C, "Homing offset", I32, "rw"),
     record(0x607D, "Software position limit", sub(1, "Min position limit", I32, "rw", -9996),
            sub(2, "Max position limit", I32, "rw", 9996)),
+    var(0x607E, "Polarity", U8, "rw", 0, 0, 0),  # of position bit 7, of velocity bit 6; not simulated
     var(0x607F, "Max profile velocity", U32, "rw", 30000, 0, 30000),  # mm/s; default assumed
     var(0x6081, "Profile velocity", U32, "rw", 1000, 0, 30000, pdo=True),  # default assumed
     var(0x6083, "Profile acceleration", U32, "rw", 30000, 0, 32000, pdo=True),  # mm/s2

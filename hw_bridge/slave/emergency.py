@@ -6,7 +6,7 @@ import struct
 
 from hw_bridge.abort import Abort, Code
 from hw_bridge.dictionary import Entry, Value
-from hw_bridge.slave.port import NmtState, Port
+from hw_bridge.slave.port import NmtState, Port, check_identifier
 
 DISABLED = 0x80000000  # bit 31 of 1014h
 
@@ -17,6 +17,16 @@ class Emergency:
     def __init__(self, port: Port) -> None:
         self.port = port
         port.dictionary.checks[0x1003] = self._check
+        port.dictionary.checks[0x1014] = self._check_identifier
+
+    def _check_identifier(self, _: Entry, value: Value) -> None:
+        """It cannot become another one while it is in use."""
+        assert isinstance(value, int)
+        present = self.port.dictionary.get(0x1014)
+        if not (value | present) & DISABLED and value != present:
+            raise Abort(Code.VALUE_RANGE)
+        if not value & DISABLED:
+            check_identifier(value)
 
     def report(self, code: int, register: int, vendor: bytes = b"") -> None:
         """Send an error with the register after it occurred and the vendor's bytes, and remember it."""
@@ -24,10 +34,11 @@ class Emergency:
         self._remember(code)
         self._send(code, register, vendor)
 
-    def clear(self) -> None:
-        """Tell that no error is left."""
+    def clear(self, told: bool = True) -> None:
+        """No error is left; nobody hears that of errors that were not told."""
         self.port.dictionary.put(0x1001, 0)
-        self._send(0, 0, b"")
+        if told:
+            self._send(0, 0, b"")
 
     def _send(self, code: int, register: int, vendor: bytes) -> None:
         identifier = self.port.dictionary.get(0x1014, missing=0x80 + self.port.node)

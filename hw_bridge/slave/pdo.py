@@ -9,16 +9,15 @@ from typing import TYPE_CHECKING
 from hw_bridge.abort import Abort, Code
 from hw_bridge.agenda import MILLISECOND, Timer
 from hw_bridge.dictionary import Entry, Value
-from hw_bridge.slave.port import NmtState, Port
+from hw_bridge.slave.port import EXTENDED, NmtState, Port, check_identifier
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-INVALID, NO_REMOTE, EXTENDED = 1 << 31, 1 << 30, 1 << 29  # bits of a COB-ID entry
+INVALID, NO_REMOTE = 1 << 31, 1 << 30  # bits of a COB-ID entry
 SYNCHRONOUS = 240  # the largest synchronous transmission type
 REMOTE_ONLY = (252, 253)
 EVENT = (254, 255)
-RESERVED = ((0, 0), (0x001, 0x07F), (0x101, 0x180), (0x581, 0x5FF), (0x601, 0x67F), (0x6E0, 0x6FF), (0x701, 0x7FF))
 
 LENGTH_SHORT, LENGTH_EXCEEDED = 0x8210, 0x8220  # EMCY
 
@@ -74,12 +73,12 @@ class Pdo:
     def _check_communication(self, entry: Entry, value: Value) -> None:
         assert isinstance(value, int)
         if entry.sub == 1:
-            identifier = value & 0x7FF
-            reserved = any(low <= identifier <= high for low, high in RESERVED)
             exists = not self.identifier & INVALID
             changes_in_use = exists and not value & INVALID and (value ^ self.identifier) & 0x1FFFFFFF
-            if value & EXTENDED or value & 0x1FFFF800 or changes_in_use or (reserved and not value & INVALID):
+            if value & (EXTENDED | 0x1FFFF800) or changes_in_use:
                 raise Abort(Code.VALUE_RANGE)
+            if not value & INVALID:
+                check_identifier(value)
         elif entry.sub == 2:
             remote = value in REMOTE_ONLY and not self.receiving
             if value > SYNCHRONOUS and value not in EVENT and not remote:
@@ -178,15 +177,16 @@ class TransmitPdo(Pdo):
     def __init__(self, port: Port, rules: Rules, number: int) -> None:
         super().__init__(port, rules, 0x1800 + number, 0x1A00 + number)
         self.inhibit = Timer(port.agenda, self.changed)
-        self.event = Timer(port.agenda, self._send)
+        self.event = Timer(port.agenda, self._elapsed)
         self.sent: bytes | None = None
+        self.sampled: bytes | None = None  # at the last SYNC
         self.count = 0
 
     def reset(self) -> None:
         """Begin anew: the next look at the data finds a change."""
         self.inhibit.stop()
         self.event.stop()
-        self.sent = None
+        self.sent = self.sampled = None
         self.count = 0
 
     def data(self) -> bytes:
@@ -203,7 +203,11 @@ class TransmitPdo(Pdo):
 
     def sync(self) -> None:
         """A SYNC arrived: sample and send if it is this PDO's turn."""
-        if self.kind > SYNCHRONOUS or not self.mapped or not self.active:
+        if not self.mapped or not self.active:
+            return
+        if self.kind == REMOTE_ONLY[0]:
+            self.sampled = self.data()
+        if self.kind > SYNCHRONOUS:
             return
         self.count += 1
         due = self.data() != self.sent if self.kind == 0 else self.count >= self.kind
@@ -216,11 +220,16 @@ class TransmitPdo(Pdo):
         if self.active and self.mapped and not self.identifier & NO_REMOTE:
             self._send()
 
+    def _elapsed(self) -> None:
+        """The event timer is over: send, or as soon as the inhibit time is over too."""
+        self.sent = None
+        self.changed()
+
     def _send(self) -> None:
         if not self.active:
             return
         dictionary = self.port.dictionary
-        self.sent = self.data()
+        self.sent = self.sampled or self.data()
         self.port.transmit(self.identifier & 0x7FF, self.sent)
         if self.kind in EVENT:
             if inhibit := dictionary.get(self.communication, 3):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import TYPE_CHECKING
 
+from hw_bridge.abort import Abort, Code
 from hw_bridge.agenda import Agenda
 from hw_bridge.frame import Frame
 
@@ -14,6 +15,10 @@ if TYPE_CHECKING:
     from hw_bridge.dictionary import Dictionary
 
 
+EXTENDED = 1 << 29  # bit of a COB-ID entry
+RESERVED = ((0, 0), (0x001, 0x07F), (0x101, 0x180), (0x581, 0x5FF), (0x601, 0x67F), (0x6E0, 0x6FF), (0x701, 0x7FF))
+
+
 class NmtState(IntEnum):
     """NMT states with their code in the heartbeat; the code of Initializing is that of the boot-up message."""
 
@@ -21,6 +26,12 @@ class NmtState(IntEnum):
     STOPPED = 0x04
     OPERATIONAL = 0x05
     PRE_OPERATIONAL = 0x7F
+
+
+def check_identifier(value: int) -> None:
+    """Abort unless a COB-ID entry has 11 bits that CiA 301 leaves free; flags are the caller's business."""
+    if value & (EXTENDED | 0x1FFFF800) or any(low <= value & 0x7FF <= high for low, high in RESERVED):
+        raise Abort(Code.VALUE_RANGE)
 
 
 def unconnected(_frame: Frame) -> None:

@@ -5,12 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
-from hw_bridge.abort import Abort
+from hw_bridge.abort import Abort, Code
 from hw_bridge.dictionary import Dictionary
 from hw_bridge.slave.emergency import Emergency
 from hw_bridge.slave.nmt import ERROR_CONTROL, Nmt
 from hw_bridge.slave.pdo import ReceivePdo, Rules, TransmitPdo
-from hw_bridge.slave.port import NmtState, Port
+from hw_bridge.slave.port import NmtState, Port, check_identifier
 from hw_bridge.slave.sdo import SdoServer
 from hw_bridge.slave.storage import Storage
 from twin.errors import DeclarationError
@@ -18,11 +18,12 @@ from twin.errors import DeclarationError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from hw_bridge.dictionary import Entry
+    from hw_bridge.dictionary import Entry, Value
     from hw_bridge.frame import Frame
     from hw_bridge.slave.store import Store
 
 SDO_REQUEST, SDO_RESPONSE = 0x600, 0x580
+PRODUCER = 1 << 30  # bit of 1005h: send SYNC
 
 
 class Slave(ABC):
@@ -43,6 +44,7 @@ class Slave(ABC):
         numbers = range(4)
         self.rpdos = [ReceivePdo(self.port, rules, n, self.communication_error, self.data_received) for n in numbers]
         self.tpdos = [TransmitPdo(self.port, rules, n) for n in numbers]
+        self.dictionary.checks[0x1005] = self._check_sync
         self._configure()
         self.nmt.start()
 
@@ -153,6 +155,13 @@ class Slave(ABC):
         for receiving in self.rpdos:
             receiving.sync()
         self.refresh()
+
+    @staticmethod
+    def _check_sync(_: Entry, value: Value) -> None:
+        assert isinstance(value, int)
+        if value & PRODUCER:  # none of them can
+            raise Abort(Code.VALUE_RANGE)
+        check_identifier(value)
 
     def _configure(self) -> None:
         for pdo in (*self.rpdos, *self.tpdos):

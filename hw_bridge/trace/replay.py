@@ -10,8 +10,9 @@ from bisect import bisect_right
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bridge import KEPT, DriveAxis, Hardware
-from hw_bridge.cia402 import State, state_of
+from hw_bridge.cia402 import INTERNAL_LIMIT, State, state_of
 from hw_bridge.frame import bit_count
+from hw_bridge.master.node import constant_of
 from hw_bridge.outputs import inputs
 from hw_bridge.session import beginning
 from hw_bridge.trace.decoder import Decoder
@@ -117,23 +118,31 @@ class ReplayAxis(DriveAxis):
     def __init__(self, **values: Any) -> None:
         super(DriveAxis, self).__init__(**values)
         self._track = self.hardware.recording.tracks[self.member]
-        self._homed = self.hardware.keys.nodes[self.member].homing is not None
+        self._keys = self.hardware.keys.nodes[self.member]
 
     def step(self, t: float, h: float) -> None:
         """Show what had been heard by the end of the step."""
         self._show(round((t + h) * 1e9))
 
     def _show(self, time: int) -> None:
-        track, zero = self._track, self.hardware.recording.zero
+        track, zero, keys = self._track, self.hardware.recording.zero, self._keys
         for quantity, names in NAMES.items():
             value = track.at(quantity, zero + time)
             if value is None:
                 continue
-            if quantity == POSITION and not self._homed:
-                value += beginning(self) - track.home
-            for name in names:
+            if quantity == POSITION:
+                value += beginning(self) - track.home if keys.homing is None else keys.homing.at
+            found = dict.fromkeys(names, value)
+            if quantity == POSITION:
+                found["motor_angle"] = value / keys.scale
+            elif quantity == STATUSWORD:
+                found["limited"] = bool(int(value) & INTERNAL_LIMIT)
+            elif quantity == "current":
+                found["force"] = constant_of(keys) * value
+                found["torque"] = found["force"] * keys.scale
+            for name, one in found.items():
                 if name in self.views:
-                    self.views[name][...] = value
+                    self.views[name][...] = one
 
     def close(self) -> None:
         """Nothing is held."""

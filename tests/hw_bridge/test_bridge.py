@@ -1,11 +1,15 @@
 """The bridge on simulated drives of every vendor: what it writes, how it moves them, how it brings them up."""
 
+import dataclasses
 import struct
 
 import pytest
 
+from fmus.rotary_drive.model import RotaryDrive
+from hw_bridge import plant
 from hw_bridge.agenda import MILLISECOND
 from hw_bridge.cia402 import Mode, State
+from hw_bridge.dictionary import TEXT, U16, record, sub
 from hw_bridge.master import setup
 from hw_bridge.master.network import SimulatedNetwork
 from hw_bridge.profiles import MODULES
@@ -292,7 +296,34 @@ def test_own_objects(build):
     rig.go(1)
     assert rig.drive.dictionary.get(0x2344, 4) == 150
     rig = Rig(build, {"servomotor": node(objects={"1234.5": 1})})
-    with pytest.raises(SimulationError, match=r"has no 1234h\.5"):
+    with pytest.raises(SimulationError, match=r"1234h\.5: refused with 06020000h, no object\. It was to become 1\."):
+        rig.go(1)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (-300, ""),
+        (65535, ""),
+        (65536, r"servomotor: 2FFFh\.2 cannot hold 65536: it has 2 bytes"),
+        (7, "refused with 060900"),
+    ],
+)
+def test_objects_that_the_profile_does_not_know(build, monkeypatch, value, text):
+    """A real drive's firmware has more of them: it tells how long they are, and what it does not take."""
+    known = plant.profile("mclm")
+    entries = (sub(1, "Text", TEXT, "const", "longer"), sub(2, "Number", U16, "rw", 0, 8))
+    more = dataclasses.replace(known, objects=(*known.objects, *record(0x2FFF, "Unknown", *entries)))
+    monkeypatch.setattr(plant, "profile", lambda _: more)
+    rig = Rig(build, {"servomotor": node("mclm", objects={"2FFFh.2": value})})
+    if text:
+        with pytest.raises(SimulationError, match=text):
+            rig.go(1)
+    else:
+        rig.go(1)
+        assert rig.drive.dictionary.get(0x2FFF, 2) == value & 0xFFFF
+    rig = Rig(build, {"servomotor": node("mclm", objects={"2FFFh.1": 0})})
+    with pytest.raises(SimulationError, match=r"servomotor: 2FFFh\.1 cannot hold 0: it has 6 bytes"):
         rig.go(1)
 
 
@@ -347,3 +378,17 @@ def test_scaling_of_a_read_value(build):
     found.use_units()
     assert found.ampere == pytest.approx(1e-3)
     assert struct.calcsize(found.form) == 2
+
+
+@pytest.mark.parametrize("profile", ["faulhaber_v3", "mclm"])
+def test_a_rod_that_turns_a_frame_through_a_pinion(build, profile):
+    """20 mm of radius: its own motor moves, not the member's, and a load of 0.1 N m is 5 N on the rod."""
+    limits = {"position": ["-400 deg", "400 deg"], "velocity": "1000 deg/s", "force": "3 N*m", "following_error": "40 deg",
+              "acceleration": "500 rad/s^2"}  # fmt: skip
+    rig = Rig(build, {"frame": node(profile, scale=50.0, limits=limits)}, RotaryDrive)
+    rig.set(mode_of_operation=CSV, target_velocity=0.5, load_torque=-0.1)
+    rig.go(2000)
+    assert rig.get("angle") == pytest.approx(1.0, abs=0.05)
+    assert rig.plant.motor.position == pytest.approx(rig.get("angle") / 50.0, abs=1e-6)
+    force = rig.master.nodes["frame"].force
+    assert force == pytest.approx(0.13, abs=0.02)  # the load, and the rod's friction of 1.5 N

@@ -70,6 +70,32 @@ def test_limits(build, limits, text):
     assert rig.get("position") < 0.015
 
 
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf")])
+@pytest.mark.parametrize(
+    ("mode", "target"),
+    [(8, "target_position"), (9, "target_velocity"), (10, "target_force")],
+    ids=["csp", "csv", "cst"],
+)
+def test_a_target_that_is_no_number_stops(build, mode, target, value):
+    rig = Rig(build, {"servomotor": node()})
+    rig.set(mode_of_operation=mode)
+    rig.go(50)
+    rig.set(**{target: value})
+    with pytest.raises(SimulationError, match=f"servomotor: {target} is {value}, no number"):
+        rig.go(6)
+    assert stopped(rig.drive)
+    assert speed(rig) < 1e-3
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf")])
+def test_a_start_that_is_no_number_moves_nothing(build, value):
+    rig = Rig(build, {"servomotor": node(homing={"method": -3, "at": "-40 mm"})})
+    rig.set(target_position=value)
+    with pytest.raises(SimulationError, match=f"servomotor: target_position is {value}, no number"):
+        rig.go(1)
+    assert rig.session.plants == {}  # no drive was brought up
+
+
 def test_a_load_that_carries_the_axis_away(build):
     rig = Rig(build, {"servomotor": node(limits={"velocity": "65 mm/s", "force": "100 N"})})
     rig.set(target_velocity=0.05)

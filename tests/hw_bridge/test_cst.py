@@ -223,7 +223,7 @@ def test_the_bus_has_to_have_time_for_it(tmp_path, build):
     bench, scenario = tmp_path / "bench.yaml", tmp_path / "two.yaml"
     bench.write_text(
         "simulated: true\nbit_rate: 800000\ncycle: 2 ms\n"
-        "nodes: {servomotor: {node: 1, profile: epos4}, second: {node: 2, profile: epos4}}\n"
+        "nodes: {servomotor: {node: 1, profile: epos4, scale: 0.003}, second: {node: 2, profile: epos4, scale: 0.003}}\n"
     )
     motors = "title: two\nmembers: {servomotor: {component: servomotor}, second: {component: servomotor}}\n"
     scenario.write_text(motors + "stop_time: 1 s\nstep: 1 ms\n")

@@ -9,7 +9,7 @@ from hw_bridge.cia402 import Mode, State
 from hw_bridge.drive.motor import CYCLE
 from tests.hw_bridge.bench import NODE, AbortedError
 
-ACKNOWLEDGE, REACHED = 0x1000, 0x0400
+ACKNOWLEDGE, REACHED, LIMITED = 0x1000, 0x0400, 0x0800
 
 
 @pytest.fixture
@@ -124,6 +124,11 @@ def test_a_target_beyond_the_limits(make):
         assert bench.emergencies() == ([code] if code else [])
         if code is None:
             assert bench.read(0x6064) == pytest.approx(1000, abs=8)
+            assert bench.word & LIMITED
+            bench.write(0x607A, 0)
+            bench.control(0x0F, 0x1F)
+            bench.go(500)
+            assert not bench.word & LIMITED
 
 
 # ----------------------------------------------------------------------------------------------------------- pv, csx
@@ -297,6 +302,30 @@ def test_quick_stop_option(epos, option, after):
         assert bench.read(0x606C) == pytest.approx(0, abs=10)
         bench.control(0x0F)
         assert bench.state is State.ENABLED
+
+
+@pytest.mark.parametrize(("option", "after"), [(1, State.QUICK_STOP), (2, State.QUICK_STOP), (6, State.ENABLED)])
+def test_a_quick_stop_that_ends_disabled_cannot_be_taken_back(epos, option, after):
+    bench = epos
+    bench.write(0x605A, option)
+    bench.enable(Mode.PV)
+    bench.write(0x60FF, 1000)
+    bench.go(200)
+    bench.control(0x02, 0x0F)
+    assert bench.state is after
+
+
+def test_the_end_of_an_error_that_was_not_told_is_not_told(make):
+    bench = make("mclm")
+    bench.write(0x2321, 0, 1)
+    bench.drive.inject(0x8400)
+    bench.go(5)
+    bench.control(0x80)
+    assert bench.emergencies() == []
+    bench.write(0x2321, 2, 1)
+    bench.drive.inject(0x8400)
+    bench.go(5)
+    assert bench.emergencies() == [0x8400, 0x0000]
 
 
 @pytest.mark.parametrize(("index", "word", "after"), [(0x605B, 0x06, State.READY), (0x605C, 0x07, State.SWITCHED_ON)])

@@ -69,7 +69,7 @@ GOOD = eds.export(profile("epos4"))
     [
         (b"", "is not an EDS file: it is empty"),
         (bytes(1000), "is not an EDS file: "),
-        (GOOD[: len(GOOD) // 2].encode(), "is not an EDS file: "),
+        (GOOD[: GOOD.index("[6041]") + 3].encode(), "is not an EDS file: "),
         (GOOD.encode("utf-16"), "is not an EDS file: "),
         (GOOD.replace("DefaultValue=0\n", "DefaultValue=zz\n").encode(), "1001h.0: the default zz is no UNSIGNED8"),
         (GOOD.replace("DefaultValue=0\n", "DefaultValue=999\n").encode(), "1001h.0: the default 999 is no UNSIGNED8"),

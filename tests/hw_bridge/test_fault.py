@@ -33,12 +33,8 @@ FAULTS = {
 
 
 def faulty(build, name, *faults):
-    """A moving axis with faults to come; 20 mm of a screw's turns are wanted as radians."""
-    turns = NODES[name].get("scale", 1.0)
+    """A moving axis with faults to come."""
     keys = [{"at": f"{AT} s", "node": "servomotor", **one} for one in faults]
-    for one in keys:
-        if "offset" in one:
-            one["offset"] /= turns
     rig = Rig(build, {"servomotor": NODES[name]}, faults=keys)
     rig.set(target_velocity=0.05)
     return rig

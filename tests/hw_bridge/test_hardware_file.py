@@ -128,6 +128,27 @@ def test_what_does_not_fit_the_scenario(write, text, message):
     assert message in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("name", "member", "profile", "unit"),
+    [("servomotor", "servomotor", "epos4", "rad"), ("frame", "rotary_drive", "mclm", "m")],
+)
+def test_a_gear_between_kinds_has_to_be_told(tmp_path, write, name, member, profile, unit):
+    """Else a meter would be a radian."""
+    scenario = tmp_path / "one.yaml"
+    scenario.write_text(f"title: one\nstop_time: 1 s\nmembers: {{{name}: {{component: {member}}}}}\n")
+    text = f"simulated: true\nnodes:\n  {name}: {{node: 1, profile: {profile}}}\n"
+    with pytest.raises(ScenarioError, match=f"nodes.{name}: the motor of .* Add `scale`, .* for 1 {unit} of the motor"):
+        load(write(text)).apply(load_scenario(scenario))
+    assert load(write(text.replace("node: 1", "node: 1, scale: 2.5"))).apply(load_scenario(scenario)).variants
+
+
+def test_a_real_drive_may_have_objects_that_the_profile_has_not(write):
+    text = (
+        "interface: socketcan\nchannel: can0\nnodes: {servomotor: {node: 1, profile: mclm, objects: {2FFFh.1: 15}}}\n"
+    )
+    assert hardware.load(write(text)).nodes["servomotor"].objects == {(0x2FFF, 1): 15}
+
+
 def test_a_force_for_a_drive_without_cst(write):
     scenario = load_scenario(SCENARIO, ["servomotor.mode_of_operation=10"])
     load(write(GOOD)).apply(scenario)

@@ -166,3 +166,27 @@ def test_store_and_restore(bench):
     bench.nmt(129)
     bench.go(150)
     assert bench.read(0x6067) == default
+
+
+@pytest.mark.parametrize("name", ["faulhaber_v3", "mclm"])
+@pytest.mark.parametrize("identifier", [0x000, 0x583, 0x603, 0x703, 0x123, 1 << 29 | 0x83])
+def test_an_emergency_or_sync_takes_no_reserved_identifier(make, name, identifier):
+    bench = make(name)
+    bench.write(0x1014, 1 << 31 | 0x83)  # EMCY off: then its identifier may change
+    for index in (0x1005, 0x1014):
+        with pytest.raises(AbortedError) as found:
+            bench.write(index, identifier)
+        assert found.value.code is Code.VALUE_RANGE
+
+
+def test_the_identifier_of_an_emergency_in_use_stays(make):
+    bench = make("faulhaber_v3")
+    with pytest.raises(AbortedError):
+        bench.write(0x1014, 0x93)
+    bench.write(0x1014, 1 << 31 | 0x93)
+    bench.write(0x1014, 0x93)
+    bench.drive.inject(0x8611)
+    bench.go(2)
+    assert len(bench.frames(0x93)) == 1
+    with pytest.raises(AbortedError):
+        bench.write(0x1005, 1 << 30 | 0x80)  # it sends no SYNC

@@ -188,3 +188,28 @@ def test_remote_request(make):
         bench.frames(0x180 + NODE)
         bench.send(0x180 + NODE, remote=True, length=2)
         assert len(bench.frames(0x180 + NODE)) == answers
+
+
+def test_the_event_timer_waits_for_the_inhibit_time(make):
+    bench = make("faulhaber_v3")
+    bench.write(0x1801, bench.read(0x1801, 1) | INVALID, 1)
+    bench.write(0x1801, 200, 3)  # 20 ms
+    bench.write(0x1801, 5, 5)  # ms
+    bench.write(0x1801, 0x280 + NODE, 1)
+    bench.nmt(1)
+    bench.master.heard.clear()
+    bench.go(200)
+    times = [time for time, frame in bench.master.heard if frame.id == 0x280 + NODE]
+    assert {round((after - before) / 1e6, 2) for before, after in pairwise(times)} == {20.0}
+
+
+def test_type_252_answers_with_what_was_sampled_at_sync(make):
+    bench = make("faulhaber_v3")
+    remap(bench, 0x1801, [0x60FF0020], 252, 0x280 + NODE)
+    bench.nmt(1)
+    bench.write(0x60FF, 111)
+    bench.send(0x80)
+    bench.write(0x60FF, 222)
+    bench.frames(0x280 + NODE)
+    bench.send(0x280 + NODE, remote=True, length=8)
+    assert [struct.unpack("<i", data)[0] for data in bench.frames(0x280 + NODE) if data] == [111]

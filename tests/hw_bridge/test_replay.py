@@ -12,7 +12,7 @@ from tests.hw_bridge.axis import Rig
 from tests.hw_bridge.test_bridge import NODES
 from twin.errors import SimulationError
 
-SHOWN = ("position_actual_value", "velocity_actual_value", "current")
+SHOWN = ("position_actual_value", "velocity_actual_value", "current", "force")
 
 
 class Traced(Rig):
@@ -30,7 +30,8 @@ def drive(rig, milliseconds=400):
     for step in range(milliseconds):
         rig.set(target_velocity=0.03 if step % 200 < 100 else -0.02, load_force=-2.0)
         rig.go(1)
-        seen.append([*(rig.get(name) for name in SHOWN[:2]), rig.master.nodes["servomotor"].current])
+        node = rig.master.nodes["servomotor"]
+        seen.append([*(rig.get(name) for name in SHOWN[:2]), node.current, node.force])
     rig.axis.close()
     return seen
 
@@ -57,6 +58,22 @@ def test_a_recorded_drive_shows_what_the_drive_showed(build, tmp_path, suffix, n
     assert float(axis.views["overload"]) != float(axis.views["overload"])  # not in the trace
     axis.close()
     assert "from 0.3" in again.report()["shown"][0]
+
+
+@pytest.mark.parametrize("inverted", [False, True])
+def test_a_drive_that_was_homed_shows_its_positions(build, tmp_path, inverted):
+    """They count from where homing says, on the way back from the end stop, too."""
+    homing = {"method": -4 if inverted else -3, "at": "-40 mm", "speed": "80 mm/s"}
+    keys = {**NODES["faulhaber_v3"], "inverted": inverted, "homing": homing}
+    rig = Traced(build, {"servomotor": keys}, tmp_path / "run.blf")
+    wanted = drive(rig, 50)
+    axis = Replay(Path("bench.yaml"), rig.hardware.keys, rig.session.trace, rig.session.origin / 1e9)._component(
+        "servomotor", Servomotor
+    )()
+    axis.start()
+    for step, values in enumerate(wanted):
+        axis.advance(step / 1000, 1e-3)
+        assert axis.views["position_actual_value"] == pytest.approx(values[0], abs=1e-9), step
 
 
 def test_the_same_run_gives_the_same_file(build, tmp_path):

@@ -158,3 +158,11 @@ def test_epos4_lacks_what_others_have(index):
 @pytest.mark.parametrize("index", [0x6007, *range(0x605A, 0x605F), 0x6065, 0x6066, 0x6071, 0x6077, 0x60C2, 0x1006])
 def test_mclm_lacks_what_others_have(index):
     assert aborted(SERVERS["mclm"].answer(request(0x40, index))) is Code.NO_OBJECT
+
+
+def test_epos4_names_its_homing_methods():
+    """A host looks there before it writes 6098h."""
+    dictionary = Dictionary(profile("epos4").objects, 1)
+    told = [dictionary.get(0x60E3, sub) for sub in range(1, dictionary.get(0x60E3) + 1)]
+    assert told == [-4, -3, -2, -1, 1, 2, 7, 11, 17, 18, 23, 27, 33, 34, 37]
+    assert set(told) == set(profile("epos4").homing)
