@@ -122,6 +122,34 @@ def needle_limits(needle: Any, back: Any, turn: float, actuator: float, pull: fl
     return forward, max(forward, backward)
 
 
+def narrowest(c: Any, actuator: float) -> float:
+    """Pull [mm] at which eq. (9) leaves least of the needle's length: there the decrease does not change with the pull."""
+    if c[5] == 0.0:
+        return 0.0
+    # the decrease at that pull, as in `decrease`; the pull is -(c2 + c4 d) / (2 c5)
+    square = c[3] - c[4] * c[4] / (4.0 * c[5])
+    linear = c[1] - c[2] * c[4] / (2.0 * c[5])
+    rest = c[0] - c[2] * c[2] / (4.0 * c[5]) - actuator
+    root = linear * linear - 4.0 * square * rest
+    d = 2.0 * rest / (-linear + sqrt(max(root, 0.0)))
+    return -(c[2] + c[4] * d) / (2.0 * c[5])
+
+
+def needle_after(
+    needle: Any, back: Any, turn: float, actuator: float, begin: float, end: float, needle_set: float
+) -> float:
+    """What is left of `needle_set` [mm] while the pull goes from `begin` to `end` [mm] and the actuator rests.
+
+    The play is narrowest at a pull of about 4 mm: on its way across, the pull can draw the needle in by itself.
+    """
+    narrow = narrowest(back, actuator)
+    if (narrow - begin) * (narrow - end) < 0.0:
+        low, high = needle_limits(needle, back, turn, actuator, narrow)
+        needle_set = min(max(needle_set, low), high)
+    low, high = needle_limits(needle, back, turn, actuator, end)
+    return min(max(needle_set, low), high)
+
+
 def wander(memory: Any, stream: Any, travel: float, length: float) -> None:
     """Let memory[1], of mean 0 and variance 1, change with the way: travel and correlation length in one unit.
 

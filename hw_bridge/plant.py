@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 from hw_bridge.cia402 import State
@@ -12,6 +13,7 @@ from hw_bridge.profiles import profile
 from twin.variable import Float64, Role
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
     from hw_bridge.keys import NodeKeys
@@ -81,10 +83,20 @@ class Plant:
             found.append(f"outputs {drive.outputs}, not {keys.safe_outputs}")
         return f"node {keys.node}: {', '.join(found)}." if found else ""
 
-    def show(self, values: dict[str, float]) -> None:
+    def shown(self) -> dict[str, Callable[[], float]]:
         """What only a simulated motor can tell."""
-        values["position"] = values["angle"] = self.sign * self.motor.position - self.origin
-        values["overload"] = self.drive.axis.level
+        found: dict[str, Callable[[], float]] = {
+            "position": self.position, "angle": self.position, "overload": lambda: self.drive.axis.level,
+        }  # fmt: skip
         if self.parameters:  # it is the member's own component
-            for name in TRUE & set(self.axis.views):
-                values[name] = (1.0 if self.sign > 0.0 else -1.0) * self.motor.get(name)
+            found |= {name: partial(self.true, name) for name in TRUE & set(self.axis.views)}
+        return found
+
+    def position(self) -> float:
+        """True position of the member [m or rad]."""
+        return self.sign * self.motor.position - self.origin
+
+    def true(self, name: str) -> float:
+        """A variable of the motor, in the member's direction."""
+        value = self.motor.get(name)
+        return value if self.sign > 0.0 else -value

@@ -25,13 +25,27 @@ from twin.errors import SimulationError
 from twin.metrics import Ending
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from hw_bridge.keys import ContactKeys, FaultKeys, HardwareKeys
+    from hw_bridge.master.node import Node
     from twin.component import Component
 
 GLANCE = 10_000_000  # time in which a way is seen [ns]
+TOLD: dict[str, Callable[[Node], float]] = {  # what a drive tells of itself, by what members call it
+    "position_actual_value": lambda node: node.position,
+    "position":              lambda node: node.position,
+    "angle":                 lambda node: node.position,
+    "motor_angle":           lambda node: node.position / node.keys.scale,
+    "velocity_actual_value": lambda node: node.velocity,
+    "velocity":              lambda node: node.velocity,
+    "angular_velocity":      lambda node: node.velocity,
+    "current":               lambda node: node.current,
+    "force":                 lambda node: node.force,
+    "torque":                lambda node: node.force * node.keys.scale,
+    "limited":               lambda node: bool(node.word & INTERNAL_LIMIT),
+}  # fmt: skip
 AFTERMATH = 500_000_000  # how long a simulated bench is watched after a stop on a failure [ns]
 
 
@@ -85,6 +99,7 @@ class Session:
         self.watches: dict[str, ContactWatch] = {}
         self.shadows: dict[str, Shadow] = {}
         self.notes: list[str] = []
+        self.outputs: list[tuple[Any, Callable[[], float]]] = []
         self.running = False  # all drives were brought up
         self.stopped: tuple[int, str] | None = None  # time of the scenario [ns] and reason of a stop before the end
         self.seen: list[str] = []
@@ -141,7 +156,8 @@ class Session:
             master.exchange()
             master.timing.synced(master.network.now, self.origin + t + master.window)
         master.wait_until(self.origin + t + h)
-        self.show()
+        for view, value in self.outputs:
+            view[...] = value()
 
     def begin(self, t: int) -> None:
         """Bring the drives up, if they are told what they can do."""
@@ -169,6 +185,7 @@ class Session:
             plant.zero(master.nodes[name])
         for name, contact in self.contacts.items():
             self.watches[name] = ContactWatch(name, contact, master.nodes[name], t)
+        self.outputs = self.shown()
         self.running = True
 
     def plan_faults(self) -> None:
@@ -238,22 +255,17 @@ class Session:
             )
         return mode
 
-    def show(self) -> None:
-        """Outputs of all members."""
+    def shown(self) -> list[tuple[Any, Callable[[], float]]]:
+        """Outputs of all members, and what stands in them."""
         assert self.master is not None
+        found: list[tuple[Any, Callable[[], float]]] = []
         for name, node in self.master.nodes.items():
-            values = {
-                "position_actual_value": node.position, "velocity_actual_value": node.velocity,
-                "position": node.position, "velocity": node.velocity, "current": node.current, "force": node.force,
-                "angle": node.position, "angular_velocity": node.velocity, "motor_angle": node.position / node.keys.scale,
-                "torque": node.force * node.keys.scale, "limited": bool(node.word & INTERNAL_LIMIT),
-            }  # fmt: skip
+            values: dict[str, Callable[[], float]] = {key: partial(value, node) for key, value in TOLD.items()}
             if name in self.plants:
-                self.plants[name].show(values)
+                values |= self.plants[name].shown()
             views = self.axes[name].views
-            for key, value in values.items():
-                if key in views:
-                    views[key][...] = value
+            found += [(views[key], value) for key, value in values.items() if key in views]
+        return found
 
     def close(self) -> None:
         """Stop everything; once."""

@@ -8,18 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-
-try:
-    from xdist.scheduler import LoadScopeScheduling
-except ImportError:  # without xdist all runs on one core
-    LoadScopeScheduling = object
+from xdist.scheduler import LoadScopeScheduling
 
 # begun in this order: what compiles the components that others need, then what takes long; the others fill the end
 ORDER = ("conformance/test_components.py", "conformance/test_symbols.py", "conformance/test_scenarios.py", "test_docs.py",
          "hw_bridge/test_command.py", "hw_bridge/test_bridge_force.py", "fmus/test_regripping.py", "fmi/test_export.py",
          "fmi/test_calls.py")  # fmt: skip
 BY_CASE = ("conformance/", "test_docs.py")
-MULTICAST = ("hw_bridge/test_command.py", "hw_bridge/test_control.py", "hw_bridge/test_bridge_processes.py")
+MULTICAST = ("hw_bridge/test_command.py", "hw_bridge/test_control.py", "hw_bridge/test_module.py",
+             "hw_bridge/test_bridge_processes.py", "hw_bridge/test_base_node402_process.py", "hw_bridge/test_three_axes.py")  # fmt: skip
 
 
 @pytest.fixture(scope="session")
@@ -55,6 +52,11 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Groups:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Order them; whoever takes the fixture `multicast` must be in the group of that name."""
+    for item in items:
+        if "multicast" in item.fixturenames and group(item.nodeid) != "multicast":  # type: ignore[attr-defined]
+            raise pytest.UsageError(f"{item.nodeid}: uses multicast. Add its file to MULTICAST in tests/conftest.py.")
+
     def place(item: pytest.Item) -> int:
         file = item.nodeid.partition("::")[0].removeprefix("tests/")
         return ORDER.index(file) if file in ORDER else len(ORDER)

@@ -13,9 +13,9 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the C loop load
 
 
 @pytest.fixture
-def build(tmp_path, monkeypatch):
-    monkeypatch.setattr(ring, "BUILD", tmp_path)
-    return tmp_path
+def build(build, monkeypatch):
+    monkeypatch.setattr(ring, "BUILD", build / "tests")
+    return build / "tests"
 
 
 @pytest.mark.parametrize("version", ["2.0", "3.0"])

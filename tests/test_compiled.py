@@ -53,8 +53,21 @@ def test_the_cache_follows_content_not_time(tmp_path):
 
     first = compiled.component_object(scaled(2.0), "x86_64-linux", tmp_path)
     assert compiled.component_object(scaled(2.0), "x86_64-linux", tmp_path) == first
-    assert len(list((tmp_path / "objects").iterdir())) == 1
+    assert len(list(tmp_path.glob("objects/*.o"))) == 1
     assert compiled.component_object(scaled(3.0), "x86_64-linux", tmp_path) != first
+
+
+def test_platforms_and_symbols_share_the_way_to_llvm(tmp_path):
+    whole = {
+        compiled.component_object(Noisy, target, tmp_path, prefix)
+        for target in ("x86_64-linux", "aarch64-linux")
+        for prefix in ("component", "other")
+    }
+    assert len(whole) == 4
+    assert len(list(tmp_path.glob("objects/*.ll"))) == 1
+    alone = tmp_path / "alone"
+    assert compiled.component_object(Noisy, "aarch64-linux", alone, "other") in whole
+    assert b"other_advance" in compiled.component_object(Noisy, "aarch64-linux", alone, "other")
 
 
 @pytest.mark.parametrize("target", compiled.TARGETS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -112,14 +113,58 @@ def test_derivatives_have_one_name_in_all_forms(tmp_path: Path, build: Path) -> 
     assert np.array_equal(one.values["wall.der_indentation"], other.values["wall.der_indentation"])
 
 
-def test_overriding_an_element_would_hold_the_others(tmp_path: Path, build: Path) -> None:
+def test_an_element_of_an_input_is_overridden_at_its_source(tmp_path: Path, build: Path) -> None:
     text = """
         stop_time: 20 ms
-        members: {sheath: {component: sheath}}
-        events: [{at: 1 ms, override: {"sheath.position[1]": 1 mm}}]
+        members: {one: {component: "tests.element_parts:Source"}, two: {component: "tests.element_parts:Mirror"}}
+        connections: [one.forces -> two.forces]
+        events: [{at: 1 ms, override: {"two.forces[1]": 1 N}}]
         """
-    with pytest.raises(ScenarioError, match=r"sheath.position\[1\]: the other elements would be held too"):
+    with pytest.raises(ScenarioError, match=r"two.forces\[1\]: an element of an input cannot be overridden"):
         run(text, tmp_path, build)
+
+
+ELEMENTS = """
+    stop_time: 20 ms
+    algorithm: ALGORITHM
+    members: {one: {component: "tests.element_parts:Source"PERIOD}, two: {component: "tests.element_parts:Mirror"}}
+    connections: [one.forces -> two.forces, one.valves -> two.valves]
+    events:
+      - {at: 4 ms, override: {"one.forces[2]": -1 N, "one.valves[3]": true}}
+      - {at: 8 ms, override: {"one.forces[2]": -2 N, "one.forces[3]": -3 N}}
+      - {at: 12 ms, release: ["one.forces[2]", "one.valves[3]"]}
+    record: {variables: ["*.*"]}
+"""
+
+
+@pytest.mark.parametrize("form", Form)
+@pytest.mark.parametrize("algorithm", ["jacobi", "gauss_seidel"])
+@pytest.mark.parametrize("every", [1, 2])
+def test_single_elements_are_overridden(tmp_path: Path, build: Path, every: int, algorithm: str, form: Form) -> None:
+    text = ELEMENTS.replace("ALGORITHM", algorithm).replace("PERIOD", f", period: {every} ms" if every > 1 else "")
+    held, free = (
+        run(one, tmp_path, build, form)[1].values for one in (text, re.sub(r" *events:(\n      - .*)+\n", "", text))
+    )
+    forces, valves = ({2: [], 3: []} for _ in range(2))
+    for k in range(21):
+        # the row of an event's own time was recorded before it
+        forces[2].append(-1.0 if 4 < k <= 8 else -2.0 if 8 < k <= 12 else free["one.forces[2]"][k])
+        forces[3].append(-3.0 if k > 8 else free["one.forces[3]"][k])
+        valves[3].append(True if 4 < k <= 12 else free["one.valves[3]"][k])
+    assert max(free["one.forces[2]"]) > 15.0
+    assert not all(free["one.valves[3]"])
+    for name in ("one.forces[1]", "one.valves[1]", "one.valves[2]"):
+        assert held[name].tolist() == free[name].tolist()
+    assert [held["one.forces[2]"].tolist(), held["one.forces[3]"].tolist()] == [forces[2], forces[3]]
+    assert held["one.valves[3]"].tolist() == valves[3]
+
+    # who reads it sees it: in the step after it was published, or in the same one
+    late = 1 if algorithm == "jacobi" or every > 1 else 0
+    for i in (1, 2, 3):
+        seen, sent = held[f"two.seen[{i}]"], held[f"one.forces[{i}]"]
+        if every == 1 and late:
+            assert seen[6:9].tolist() == sent[5:8].tolist()
+        assert (seen[5 + late] == -1.0) == (i == 2)
 
 
 def test_seeds_from_the_command_line(tmp_path: Path) -> None:
@@ -135,7 +180,9 @@ def test_interrupted_from_outside(tmp_path: Path, build: Path, number: signal.Si
     temporary = tmp_path / "temporary"
     temporary.mkdir()
     (tmp_path / "s.yaml").write_text("{stop_time: 1e5 s, members: {wall: {component: wall}}}")
-    command = [sys.executable, "-c", "from twin.cli import main; main()", "run", "s.yaml", "--build", str(build)]
+    # as from a terminal: a process started in the background ignores SIGINT, and so do those that it starts
+    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from twin.cli import main; main()"
+    command = [sys.executable, "-c", code, "run", "s.yaml", "--build", str(build)]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(temporary)}
     with subprocess.Popen(
         [*command, "--no-report"], cwd=tmp_path, env=environment, stdout=-1, stderr=-1, text=True

@@ -26,9 +26,9 @@ from twin.component import Component, PythonComponent, evaluation, functions
 from twin.errors import BuildError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
-FORMAT = 6  # raise when generated code changes although no function did
+FORMAT = 7  # raise when generated code changes although no function did
 
 TARGETS = {
     "x86_64-linux":    "x86_64-unknown-linux-gnu",
@@ -54,6 +54,7 @@ ATTRIBUTES = {
 
 # loops that fill or copy stay loops: LLVM would make calls of memset, memcpy and memmove, which an FMU does not have
 OPTIONS = ("-disable-loop-idiom-memset", "-disable-loop-idiom-memcpy")
+NUMBERED = re.compile(r"@entry\.(\d+)\b")
 BLOCKS = re.compile(r"@llvm\.(memset|memcpy)\.(?!inline)")  # left by unrolled loops: in line, a few stores
 
 LIBM = frozenset(
@@ -205,7 +206,7 @@ def _compilable(value: Any, memo: dict[int, Any]) -> Any:
     return memo[id(value)]
 
 
-def _module(entry: Entry, dtype: np.dtype[Any], where: str, memo: dict[int, Any]) -> llvm.ModuleRef:
+def _module(entry: Entry, symbol: str, dtype: np.dtype[Any], where: str, memo: dict[int, Any]) -> llvm.ModuleRef:
     """One entry point as an LLVM module in which only it is visible."""
     numba = _numba()
     name, text = numba.llvm_text(_compilable(entry.function, memo), dtype, entry.arguments, where)
@@ -214,7 +215,7 @@ def _module(entry: Entry, dtype: np.dtype[Any], where: str, memo: dict[int, Any]
         if function.is_declaration:
             continue
         if function.name == name:
-            function.name = entry.symbol
+            function.name = symbol
             function.linkage = "external"
             function.visibility = "hidden"
         else:
@@ -244,16 +245,12 @@ def _optimize(text: str, target: str) -> tuple[llvm.ModuleRef, llvm.TargetMachin
     return llvm.parse_assembly(BLOCKS.sub(r"@llvm.\1.inline.", str(module))), target_machine
 
 
-TEXTS = 4
-_texts: dict[str, str] = {}  # LLVM text of the last entries, by content: a component is built for several platforms
-
-
 def _text(entries: tuple[Entry, ...], dtype: np.dtype[Any], where: str) -> str:
-    """All entries in one module, before anything of a platform."""
+    """All entries in one module, before anything of a platform, and numbered instead of named."""
     memo: dict[int, Any] = {}
     whole: llvm.ModuleRef | None = None
-    for entry in entries:
-        module = _module(entry, dtype, where, memo)
+    for number, entry in enumerate(entries):
+        module = _module(entry, f"entry.{number}", dtype, where, memo)
         if whole is None:
             whole = module
         else:
@@ -262,7 +259,8 @@ def _text(entries: tuple[Entry, ...], dtype: np.dtype[Any], where: str) -> str:
 
 
 def _object(text: str, target: str, where: str, entries: tuple[Entry, ...]) -> bytes:
-    module, target_machine = _optimize(text, target)
+    named = NUMBERED.sub(lambda match: f"@{entries[int(match[1])].symbol}", text)
+    module, target_machine = _optimize(named, target)
     declared = [function.name for function in module.functions if function.is_declaration]
     foreign = sorted(name for name in declared if name not in LIBM and not name.startswith("llvm."))
     if foreign:
@@ -273,23 +271,30 @@ def _object(text: str, target: str, where: str, entries: tuple[Entry, ...]) -> b
 
 
 def compile_entries(entries: tuple[Entry, ...], dtype: np.dtype[Any], target: str, where: str, build: Path) -> bytes:
-    """Object file with the entries as hidden symbols, from the cache in `build` where it holds them."""
-    layout = f"{dtype.descr if dtype.names is None else dtype.fields} {[(e.symbol, e.arguments) for e in entries]}"
+    """Object file with the entries as hidden symbols, from the cache in `build` where it holds them.
+
+    The way from Python to LLVM takes most of the time, and is the same for all platforms and symbols: kept too.
+    """
+    layout = f"{dtype.descr if dtype.names is None else dtype.fields} {[e.arguments for e in entries]}"
     content = content_hash(tuple(entry.function for entry in entries), layout)
-    key = content_hash((), content, str(BARE.get(target, target)))
-    place = build / "objects" / f"{key}.o"
+    key = content_hash((), content, str(BARE.get(target, target)), *(entry.symbol for entry in entries))
+
+    def text() -> str:
+        return _kept(build / "objects" / f"{content}.ll", lambda: _text(entries, dtype, where).encode()).decode()
+
+    return _kept(build / "objects" / f"{key}.o", lambda: _object(text(), target, where, entries))
+
+
+def _kept(place: Path, make: Callable[[], bytes]) -> bytes:
+    """What a file of the cache holds, made if it is not there."""
     if place.exists():
         return place.read_bytes()
-    if content not in _texts:
-        for old in list(_texts)[: 1 - TEXTS]:
-            del _texts[old]
-        _texts[content] = _text(entries, dtype, where)
-    code = _object(_texts[content], target, where, entries)
+    data = make()
     place.parent.mkdir(parents=True, exist_ok=True)
     partial = place.with_suffix(f".{os.getpid()}")
-    partial.write_bytes(code)
+    partial.write_bytes(data)
     partial.replace(place)
-    return code
+    return data
 
 
 def component_object(cls: type[Component], target: str, build: Path, prefix: str = "component") -> bytes:

@@ -112,10 +112,12 @@ def simulation(case: Case, catalog: Catalog, form: Form, build: Path) -> CoSimul
         found = {name: part.variables for name, part in parts.items()}
         system = System(found, [Connection(one.source, one.target, one.where) for one in case.connections])
         recorded = [find(path, found).key for path in case.record.select(found)]
+        events = [find(event.variable, found) for event in case.events if event.kind == "override"]
+        split = {reference.key for reference in events if reference.element is not None}
         periods = {name: spec.period_ns for name, spec in case.members.items() if spec.period_ns}
         return CoSimulation(
             parts, system.links(), case.step_ns, Algorithm(case.algorithm),
-            record=list(dict.fromkeys(recorded)), every=case.record.every_ns or 0, build=build, periods=periods,
+            record=list(dict.fromkeys(recorded)), every=case.record.every_ns or 0, build=build, periods=periods, split=split,
         )  # fmt: skip
     except BaseException:
         for part in parts.values():
@@ -137,16 +139,17 @@ def run_case(case: Case, simulated: CoSimulation, progress: Progress) -> None:
         if simulated.finished:
             return
         reference = find(event.variable, catalog)
+        element = reference.element
         value = None if event.kind == "release" else case.event_value(event, catalog)
-        if value is not None and reference.size != reference.variable.size:
-            whole_value = np.array(simulated.members[reference.member].get(reference.variable.name))
-            whole_value.reshape(-1)[reference.first] = value
-            value = whole_value
         if event.kind == "release":
-            simulated.release(reference.key)
+            simulated.release(reference.key, element)
         elif event.kind == "override":
-            simulated.override(reference.key, value)
+            simulated.override(reference.key, value, element)
         else:
+            if element is not None:
+                array = np.array(simulated.members[reference.member].get(reference.variable.name))
+                array.reshape(-1)[element] = value
+                value = array
             simulated.set(reference.key, value)
     advance(case.stop_ns)
 

@@ -45,6 +45,11 @@ class Reference:
         """Member and variable name."""
         return self.member, self.variable.name
 
+    @property
+    def element(self) -> int | None:
+        """Which of several elements of an array, counted from 0; None for the whole variable."""
+        return self.first if self.size != self.variable.size else None
+
 
 @dataclass(frozen=True, slots=True)
 class Link:

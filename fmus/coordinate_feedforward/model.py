@@ -15,7 +15,7 @@ from fmus.injection import (
     TENSION,
     bend,
     coupling,
-    needle_limits,
+    needle_after,
     retraction,
 )
 from twin.component import Component
@@ -24,7 +24,6 @@ from twin.variable import Boolean, Int32, Int64, input, local, output, parameter
 UNMODIFIED, CALIBRATED = 0, 1
 ACCEPTED, Y_OUTSIDE, Z_OUTSIDE, NEEDLE_OUTSIDE, NOT_REACHABLE, NO_MODE = 0, 1, 2, 3, 4, 5
 HALVINGS = 40  # 9 mm / 2^40: the rounding of the actuators' steps is coarser by far
-WAYPOINTS = 8  # of the pull, where the needle's play is looked at
 REACTION = 3  # periods until a slide that was sent away says that it moves
 NEAR = 1e-6  # advance [mm] below which a target is not a move
 
@@ -164,7 +163,9 @@ def move(self: CoordinateFeedforward) -> int:
         advance = z + bend(self.bend_z, self.dead_band, max(pull, 0.0))
         if pull < 0.0 or (advance - self.tip_advance) * (1.0 - 2.0 * share) < 0.0:
             return NOT_REACHABLE
-    pull_moves_needle(self, pull)
+    self.needle_set = needle_after(
+        self.needle, self.needle_back, self.needle_turn, self.needle_slide, self.pull, pull, self.needle_set
+    )
     self.pull = pull
     self.tip_advance = advance
     self.tension_share = share
@@ -196,17 +197,6 @@ def pull_for(self: CoordinateFeedforward, y: float, z: float, share: float) -> f
         else:
             high = middle
     return 0.5 * (low + high)
-
-
-def pull_moves_needle(self: CoordinateFeedforward, pull: float) -> None:
-    """What is left of the needle's length when the pull changes with the needle's slide at rest.
-
-    The play is narrowest at a pull of about 4 mm, so on its way there the pull can draw the needle in by itself.
-    """
-    for i in range(1, WAYPOINTS + 1):
-        between = self.pull + (pull - self.pull) * i / WAYPOINTS
-        low, high = needle_limits(self.needle, self.needle_back, self.needle_turn, self.needle_slide, between)
-        self.needle_set = min(max(self.needle_set, low), high)
 
 
 def move_needle(self: CoordinateFeedforward) -> None:

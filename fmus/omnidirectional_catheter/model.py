@@ -15,6 +15,7 @@ from fmus.injection import (
     TENSION,
     bend,
     engagement,
+    needle_after,
     needle_limits,
     wander,
 )
@@ -135,6 +136,7 @@ class OmnidirectionalCatheter(Component):
         self.handle_last = handle
         for i in range(PLAYS):
             self.plays[i] = min(max(self.plays[i], handle), handle + width(self, i))
+        before = needle_pull(self.dead_band, resultant(self))
         for i in range(WIRES):
             wire = self.wire_position[i] / MILLIMETER
             pulled = min(max(self.wires[i], wire), wire + self.wire_play)
@@ -143,8 +145,9 @@ class OmnidirectionalCatheter(Component):
 
         needle = self.needle_position / MILLIMETER
         bent = needle_pull(self.dead_band, resultant(self))
-        low, high = needle_limits(self.needle, self.needle_back, self.needle_turn, needle, bent)
-        needle_set = min(max(self.needle_set, low), high)
+        needle_set = needle_after(
+            self.needle, self.needle_back, self.needle_turn, needle, before, bent, self.needle_set
+        )
         moved = abs(needle_set - self.needle_set) + travel
         self.needle_set = needle_set
 

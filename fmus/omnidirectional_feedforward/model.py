@@ -14,6 +14,7 @@ from fmus.injection import (
     SLOPE,
     TENSION,
     bend,
+    needle_after,
     needle_limits,
     retraction,
 )
@@ -233,14 +234,16 @@ def move(self: OmnidirectionalFeedforward) -> int:
         self.reached = advance
         self.handle = (advance - share * self.reversal_offset) / (1.0 + self.slope)
 
+    before = needle_pull(self.dead_band, self.pull)
     self.pull = pull
     size = (pull - self.dead_band) / (1.0 + self.stiffness_ratio)
     for axis in range(2):
         part = 0.0 if across <= 0.0 else size * free[axis] / across
         pull_pair(self, axis, part)
     bent = needle_pull(self.dead_band, pull)
-    low, high = needle_limits(self.needle, self.needle_back, self.needle_turn, self.needle_slide, bent)
-    self.needle_set = min(max(self.needle_set, low), high)
+    self.needle_set = needle_after(
+        self.needle, self.needle_back, self.needle_turn, self.needle_slide, before, bent, self.needle_set
+    )
     for i in range(3):
         self.wanted[i] = self.asked[i] / MILLIMETER + weight * self.systole_wall[i]
     return ACCEPTED

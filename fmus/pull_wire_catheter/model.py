@@ -14,6 +14,7 @@ from fmus.injection import (
     bend,
     coupling,
     engagement,
+    needle_after,
     needle_limits,
     wander,
 )
@@ -133,12 +134,11 @@ class PullWireCatheter(Component):
         pulled = min(max(self.pull, wire), wire + self.wire_play)
         pulled = min(max(pulled, 0.0), PULL_MAXIMUM)
         travel += abs(pulled - self.pull)
-        self.pull = pulled
-
-        low, high = needle_limits(
-            self.needle, self.needle_back, self.needle_turn, self.needle_position / MILLIMETER, pulled
+        slide = self.needle_position / MILLIMETER
+        needle_set = needle_after(
+            self.needle, self.needle_back, self.needle_turn, slide, self.pull, pulled, self.needle_set
         )
-        needle_set = min(max(self.needle_set, low), high)
+        self.pull = pulled
         moved = abs(needle_set - self.needle_set) + abs(travel)
         self.needle_set = needle_set
 

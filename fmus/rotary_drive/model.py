@@ -3,14 +3,10 @@
 from math import exp, floor, pi
 
 from fmus.dead_zone import beyond
+from fmus.servo import CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_TORQUE, driven, follow_velocity, hold_current
 from twin.component import Component
 from twin.solver import ERROR, OK
 from twin.variable import Int32, input, local, output, parameter
-
-# modes of operation, CiA 402 object 6060h
-CYCLIC_SYNCHRONOUS_POSITION = 8
-CYCLIC_SYNCHRONOUS_VELOCITY = 9
-CYCLIC_SYNCHRONOUS_TORQUE = 10
 
 # substeps of the mechanics per sample of the drive
 SUBSTEPS = 10
@@ -167,31 +163,11 @@ def sample(self: RotaryDrive, target_speed: float) -> float:
     limit = self.current_maximum
     top, back = self.supply_voltage / self.resistance, self.torque_constant / self.resistance * self.rotor_velocity
     if self.mode_of_operation == CYCLIC_SYNCHRONOUS_TORQUE:
-        demand = driven(min(max(self.target_torque / self.torque_constant, -limit), limit), top, back)
-        self.current_integral = demand  # another mode goes on with this current
-        return demand
-
+        return hold_current(self, self.target_torque / self.torque_constant, limit, top, back)
     velocity = self.target_velocity
     if self.mode_of_operation == CYCLIC_SYNCHRONOUS_POSITION:
         velocity = self.position_gain * (self.target_position - measured) + self.feedforward * target_speed
-    velocity = min(max(velocity, -self.velocity_maximum), self.velocity_maximum)
-
-    error = velocity - self.measured_velocity
-    demand = self.velocity_gain * error + self.current_integral
-
-    # the integral waits while current or voltage are at their limits
-    possible = driven(min(max(demand, -limit), limit), top, back)
-    if possible == demand:
-        self.current_integral += self.velocity_integral * period * error
-    return possible
-
-
-def driven(demand: float, top: float, back: float) -> float:
-    """What the supply lets through of a current [A]: `top` at standstill, and `back` less to push, or more to brake.
-
-    Quasi-static: inductance is in `current_lag`. Above the no-load speed the diodes of the power stage brake.
-    """
-    return min(max(demand, -top - back), top - back)
+    return follow_velocity(self, velocity, limit, top, back)
 
 
 def mesh_torque(self: RotaryDrive) -> float:

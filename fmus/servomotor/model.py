@@ -2,14 +2,10 @@
 
 from math import copysign, exp, floor, sqrt
 
+from fmus.servo import CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_TORQUE, driven, follow_velocity, hold_current
 from twin.component import Component
 from twin.solver import ERROR, OK
 from twin.variable import Boolean, Int32, input, local, output, parameter, terminal
-
-# modes of operation, CiA 402 object 6060h
-CYCLIC_SYNCHRONOUS_POSITION = 8
-CYCLIC_SYNCHRONOUS_VELOCITY = 9
-CYCLIC_SYNCHRONOUS_TORQUE = 10
 
 # voltage amplitude between two phases for one ampere (rms) through one ohm between them; the same factor is between the
 # force constant [N/A] and the amplitude of the back-EMF [V*s/m], since electrical and mechanical power are the same
@@ -152,31 +148,11 @@ def sample(self: Servomotor) -> float:
     limit = current_limit(self)
     top, back = stall_current(self), back_current(self) * self.rod_velocity
     if self.mode_of_operation == CYCLIC_SYNCHRONOUS_TORQUE:
-        demand = driven(min(max(self.target_force / self.force_constant, -limit), limit), top, back)
-        self.current_integral = demand  # another mode goes on with this current
-        return demand
-
+        return hold_current(self, self.target_force / self.force_constant, limit, top, back)
     velocity = self.target_velocity
     if self.mode_of_operation == CYCLIC_SYNCHRONOUS_POSITION:
         velocity = self.position_gain * (self.target_position - measured)
-    velocity = min(max(velocity, -self.velocity_maximum), self.velocity_maximum)
-
-    error = velocity - self.measured_velocity
-    demand = self.velocity_gain * error + self.current_integral
-
-    # the integral waits while current or voltage are at their limits
-    possible = driven(min(max(demand, -limit), limit), top, back)
-    if possible == demand:
-        self.current_integral += self.velocity_integral * period * error
-    return possible
-
-
-def driven(demand: float, top: float, back: float) -> float:
-    """What the supply lets through of a current [A]: `top` at standstill, and `back` less to push, or more to brake.
-
-    Quasi-static: inductance is in `current_lag`. Above the no-load speed the diodes of the power stage brake.
-    """
-    return min(max(demand, -top - back), top - back)
+    return follow_velocity(self, velocity, limit, top, back)
 
 
 def stall_current(self: Servomotor) -> float:

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from hw_bridge.keys import HardwareKeys
 
 SYNC, TIME, EMCY, RESPONSE, REQUEST, ERROR_CONTROL = 0x080, 0x100, 0x080, 0x580, 0x600, 0x700
-STATUSWORD = "statusword"
 IDENTITY = ((0x1018, 1), (0x1018, 2))
 
 
@@ -38,19 +37,23 @@ class Line:
 
 
 class Decoder:
-    """Follows a bus. `parties` are known; others are taken for what their identity object says, once it is read."""
+    """Follows a bus. `parties` are known; others are taken for what their identity object says, once it is read.
 
-    def __init__(self, parties: Iterable[Party] = ()) -> None:
+    `brief` leaves out what process data say that change no state.
+    """
+
+    def __init__(self, parties: Iterable[Party] = (), brief: bool = False) -> None:
+        self.brief = brief
         self.parties = {party.node: party for party in parties}
         self.transfers: dict[int, Transfer] = {}
         self.words: dict[int, int] = {}  # the last statusword of each node
         self.resetting: dict[int, bool] = {}  # nodes that were told to begin anew: also the application?
 
     @classmethod
-    def of_bench(cls, keys: HardwareKeys) -> Decoder:
+    def of_bench(cls, keys: HardwareKeys, brief: bool = False) -> Decoder:
         """A decoder that knows the drives and modules of a hardware file."""
         made = [Party(one.node, profile(one.profile), one, name) for name, one in keys.nodes.items()]
-        return cls([*made, *(Party(one.node, name=name) for name, one in keys.modules.items())])
+        return cls([*made, *(Party(one.node, name=name) for name, one in keys.modules.items())], brief)
 
     def party(self, node: int) -> Party:
         """The node with this ID."""
@@ -148,15 +151,17 @@ class Decoder:
         if len(frame.data) != route.size:
             text = f"{title}{len(frame.data)} bytes, the mapping has {route.size}"
             return Line(time, frame, party.node, "PDO", text, {}, notable=True)
+        changed = False
+        if (word := route.statusword(frame.data)) is not None:
+            before = self.words.get(party.node)
+            changed = before is not None and state_of(before) is not state_of(word)
+            self.words[party.node] = word
+        if self.brief and not changed:
+            return Line(time, frame, party.node, "PDO", title)
         place, parts, values = 0, [], {}
         for entry, bits in route.mapped:
             said = party.say(entry, frame.data[place : place + bits // 8])
             place += bits // 8
             parts.append(said.text)
             values[said.name] = said.value
-        changed = False
-        if isinstance(word := values.get(STATUSWORD), int):
-            before = self.words.get(party.node)
-            changed = before is not None and state_of(before) is not state_of(word)
-            self.words[party.node] = word
         return Line(time, frame, party.node, "PDO", title + "; ".join(parts), values, notable=changed)

@@ -25,6 +25,7 @@ MILLIAMPERES = ((0x6078, 0), (0x30D1, 1), (0x30D1, 2))
 WORDS = {0x6040: names.controlword, 0x6041: names.statusword, 0x6060: names.mode, 0x6061: names.mode}
 BITS = {0x6040: "04X", 0x6041: "04X", 0x603F: "04X", 0x1001: "02X"}
 SAVE, PROFILE_AREA = 0x1010, 0x2000
+STATUSWORD = 0x6041
 PDOS = 4
 
 
@@ -38,6 +39,15 @@ class Route(NamedTuple):
     def size(self) -> int:
         """Bytes."""
         return sum(bits for _, bits in self.mapped) // 8
+
+    def statusword(self, data: bytes) -> int | None:
+        """6041h in these bytes; none if it is not mapped."""
+        place = 0
+        for entry, bits in self.mapped:
+            if entry.index == STATUSWORD:
+                return int.from_bytes(data[place : place + 2], "little")
+            place += bits // 8
+        return None
 
 
 class Said(NamedTuple):

@@ -49,8 +49,8 @@ class Watch:
             self.writer.close()
 
     def lines(self) -> list[Line]:
-        """What is kept, with its meaning."""
-        decoder = Decoder.of_bench(self.keys)
+        """What is kept, with its meaning where it is more than the daily exchange."""
+        decoder = Decoder.of_bench(self.keys, brief=True)
         kept = sorted((*self.daily, *self.rare), key=lambda one: one[:2])
         return [decoder.decode(time, one) if one is not None else decoder.error(time) for time, _, one in kept]
 

@@ -13,9 +13,9 @@ from twin.run import run_scenario
 from twin.scenario import load_scenario
 
 ROOT = Path(__file__).parent.parent.parent
-ALL = sorted((ROOT / "scenarios").glob("*.yaml"))
+ALL = {path: load_scenario(path) for path in sorted((ROOT / "scenarios").glob("*.yaml"))}
 # faults need drives: tests/hw_bridge/test_events.py runs those
-SCENARIOS = [path for path in ALL if not any(case.faults for case in load_scenario(path).variants)]
+SCENARIOS = [path for path, scenario in ALL.items() if not any(case.faults for case in scenario.variants)]
 
 
 LONG = 600  # a scenario with more simulated time than this in all is a slow test [s]
@@ -24,7 +24,7 @@ FAST = {"hysteresis_identification": ("seeds=[1]",)}  # it fits for seconds per 
 
 def is_long(path):
     """Whether all variants with all seeds take long."""
-    scenario = load_scenario(path)
+    scenario = ALL[path]
     return len(scenario.seeds) * sum(case.stop_ns - case.start_ns for case in scenario.variants) / 1e9 > LONG
 
 

@@ -19,7 +19,7 @@ from twin.member import RecordMember
 from twin.system import Link, stepping_order
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
     from pathlib import Path
 
     from twin.member import Member
@@ -58,12 +58,13 @@ class CoSimulation:
     """Members coupled by links, from `initialize` over `advance` to `terminate`.
 
     `step`: communication step [ns]. A member's period must be a multiple of it: never a rounding. `record`: variables
-    to record every `every` [ns] as (member, variable).
+    to record every `every` [ns] as (member, variable). `split`: variables of which elements will be overridden.
     """
 
     def __init__(
         self, members: Mapping[str, Member], links: list[Link], step: int, algorithm: Algorithm = Algorithm.jacobi,
         *, record: list[Key] | None = None, every: int = 0, build: Path, periods: Mapping[str, int] | None = None,
+        split: Iterable[Key] = (),
     ) -> None:  # fmt: skip
         self.members, self.links, self.step, self.algorithm = members, links, step, algorithm
         self.periods = {name: (periods or {}).get(name) or m.period_ns or step for name, m in members.items()}
@@ -78,6 +79,8 @@ class CoSimulation:
         self.finished = False
         self._chunks: list[np.ndarray[Any, Any]] = []
         self._shadows: dict[Key, int] = {}
+        self._split = frozenset(split)
+        self._held: dict[tuple[Key, int], Any] = {}  # overridden elements
         self._begin = 0
 
     def _check_periods(self) -> None:
@@ -136,10 +139,11 @@ class CoSimulation:
 
     def _fill(self, stop: int | None) -> None:
         """Build the tables, publish what the members hold, and record the first row."""
-        plan = self.plan = Plan(self.members, self.step, self.periods)
+        plan = self.plan = Plan(self.members, self.step, self.periods, self._split)
         plan.build(self.order(), self.links, self.recorded)
         for (member, name), address in plan.published.items():
-            if not self.members[member].address(name) or self.periods[member] != self.step:
+            direct = self.members[member].address(name) and (member, name) not in plan.whole
+            if not direct or self.periods[member] != self.step:
                 variable = self.members[member].variables[name]
                 view(address, variable)[:] = np.ravel(self.members[member].get(name))
         for (member, name), address in plan.buffers.items():
@@ -233,6 +237,8 @@ class CoSimulation:
             for (owner, name), address in self.plan.published.items():
                 if self.members[owner] is member:
                     view(address, member.variables[name])[:] = np.ravel(member.get(name))
+            for (key, element), value in self._held.items():
+                view(self.plan.published[key], self.members[key[0]].variables[key[1]])[element : element + 1] = value
             self.state["tick"] += 1
             self._drain()
             loop.record(self._record.view(np.recarray)[0])
@@ -248,9 +254,15 @@ class CoSimulation:
         if key in self.plan.buffers:
             view(self.plan.buffers[key], self.members[key[0]].variables[key[1]])[:] = np.ravel(value)
 
-    def override(self, key: Key, value: Any) -> None:
-        """From now on all who read this output, or the member that has this input, see `value` instead."""
+    def override(self, key: Key, value: Any, element: int | None = None) -> None:
+        """From now on all who read this output, or the member that has this input, see `value` instead.
+
+        `element`: of an output in `split` only this one, counted from 0.
+        """
         variable = self.members[key[0]].variables[key[1]]
+        if element is not None:
+            self._override_element(key, element, value)
+            return
         rows = self._override_rows(key)
         if key not in self._shadows:
             self._shadows[key] = self.plan.memory.take(8 * variable.size)
@@ -262,8 +274,25 @@ class CoSimulation:
                 entry[[1, 5, 6]] = kind(variable.dtype), bits(1.0), bits(0.0)
         self._merge_records()
 
-    def release(self, key: Key) -> None:
+    def _override_element(self, key: Key, element: int, value: Any) -> None:
+        """Publish `value`, which is kept in place, or again what the member has if it is None."""
+        if key not in self.plan.elements:
+            raise CouplingError(f"{key[0]}.{key[1]}: nothing reads it, so overriding it has no effect. Use set.")
+        variable = self.members[key[0]].variables[key[1]]
+        table, row = self.plan.elements[key][element]
+        self.tables[table][row] = getattr(self.plan, table)[row]
+        self._held.pop((key, element), None)
+        now = np.ravel(self.members[key[0]].get(key[1]))[element]
+        if value is not None:
+            now = self._held[key, element] = np.array([value], variable.dtype)
+            self.tables[table][row][0] = now.ctypes.data
+        view(self.plan.published[key], variable)[element : element + 1] = now
+
+    def release(self, key: Key, element: int | None = None) -> None:
         """End an override."""
+        if element is not None:
+            self._override_element(key, element, None)
+            return
         for table, row, _, _ in self._override_rows(key):
             self.tables[table][row] = getattr(self.plan, table)[row]
         self._merge_records()

@@ -65,17 +65,22 @@ class Plan:
 
     `readers[key]`: rows that read a variable where it is published, `writers[key]`: rows that write an input; both as
     (table, row, column of the source, offset in byte of the element), so that an override can point them elsewhere.
+    `split`: variables of which single elements will be overridden; they are published element by element, by the rows
+    (table, row) in `elements[key]`.
     """
 
     members: Mapping[str, Member]
     step_ns: int
     periods: Mapping[str, int]
+    split: frozenset[Key] = frozenset()
     memory: Memory = field(default_factory=Memory)
     published: dict[Key, int] = field(default_factory=dict)
     staged: dict[Key, int] = field(default_factory=dict)
     buffers: dict[Key, int] = field(default_factory=dict)  # where an FMU's connected inputs are kept for its setters
     readers: dict[Key, list[Place]] = field(default_factory=dict)
     writers: dict[Key, list[Place]] = field(default_factory=dict)
+    elements: dict[Key, list[tuple[str, int]]] = field(default_factory=dict)
+    whole: dict[Key, int] = field(default_factory=dict)  # where a split variable would have been published
     operations: list[dict[str, Any]] = field(default_factory=list)  # ranges by table; addresses come with the tables
     records: list[list[int]] = field(default_factory=list)
     copies: list[list[int]] = field(default_factory=list)
@@ -155,6 +160,9 @@ class Plan:
                 self.published[name, variable.name] = shadow + address - first
         for row in self.gets[name]:
             row.append(index)
+        for key in ((name, v) for v in needed if (name, v) in self.split):
+            self.whole[key] = self.published[key]
+            self.published[key] = self.memory.take(needed[key[1]].size * needed[key[1]].dtype.itemsize)
 
     def _stage_inputs(self, index: int, name: str, inputs: dict[str, MemberVariable]) -> None:
         """Decide where a member's connected inputs are written."""
@@ -170,10 +178,10 @@ class Plan:
     def _operations(self, slots: list[list[dict[str, Any]]]) -> None:
         """Operations of a stage: all take their inputs, all step, all publish; one slot does the first two in one."""
         if len(slots) == 1:
-            inputs, steps, publish = slots[0]
-            self.operations += [{**inputs, "steps": steps["steps"]}, publish]
+            inputs, steps, *publish = slots[0]
+            self.operations += [{**inputs, "steps": steps["steps"]}, *publish]
         else:
-            self.operations += [slot[phase] for phase in range(3) for slot in slots]
+            self.operations += [slot[phase] for phase in range(4) for slot in slots if phase < len(slot)]
 
     def _slot(self, divider: int, names: list[str], links: list[Link]) -> list[dict[str, Any]]:
         """Members of a stage with the same divider: what takes their inputs, steps them, and publishes."""
@@ -194,11 +202,29 @@ class Plan:
         for name in names:
             member = self.members[name]
             self.steps.append([member.step_function, member.instance, self.memory.take(40), order.index(name)])
+        accesses, copied, converted = len(self.accesses), len(self.copies), len(self.converts)
+        for key in (key for key in self.whole if key[0] in names):
+            self._split(key)
+        elements = {"copies": (copied, len(self.copies)), "converts": (converted, len(self.converts))}
         return [
             {**common, **inputs},
             {**common, "steps": (steps, len(self.steps))},
-            {**common, "shift": 1, "accesses": (gets, len(self.accesses)), "copies": (publishes, len(self.copies))},
+            {**common, "shift": 1, "accesses": (gets, accesses), "copies": (publishes, copied)},
+            *([{**common, "shift": 1, **elements}] if any(begin < end for begin, end in elements.values()) else []),
         ]
+
+    def _split(self, key: Key) -> None:
+        """Publish a variable element by element."""
+        variable = self.members[key[0]].variables[key[1]]
+        size, word = variable.dtype.itemsize, kind(variable.dtype)
+        for i in range(variable.size):
+            source, target = self.whole[key] + i * size, self.published[key] + i * size
+            table = "copies" if size == 8 else "converts"
+            self.elements.setdefault(key, []).append((table, len(getattr(self, table))))
+            if size == 8:
+                self.copies.append([source, target, 1])
+            else:
+                self.converts.append([source, word, target, word, 1, bits(1.0), bits(0.0)])
 
     def operation_rows(self, tables: Mapping[str, np.ndarray[Any, Any]]) -> np.ndarray[Any, Any]:
         """The operations with the addresses of the rows in the tables they refer to."""

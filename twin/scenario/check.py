@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from twin import clock
 from twin.errors import CouplingError, ScenarioError
 from twin.scenario import value
@@ -215,13 +213,11 @@ def event_problems(event: EventSpec, catalog: Catalog, targets: set[str]) -> lis
     """What is wrong with an event now that its variable is known."""
     try:
         variable, index = find(event.variable, catalog)
-        if (
-            index
-            and event.kind == "override"
-            and np.prod(catalog[event.variable.partition(".")[0]][variable.name].shape) > 1
-        ):
+        if index and event.kind == "override" and variable.causality == "input":
             whole = event.variable[: event.variable.rindex("[")]
-            raise CouplingError(f"{event.variable}: the other elements would be held too. Override all of {whole}.")  # noqa: TRY301
+            raise CouplingError(  # noqa: TRY301
+                f"{event.variable}: an element of an input cannot be overridden. Override its source, or all of {whole}."
+            )
         if not variable.connectable and event.kind != "set":
             raise CouplingError(f"{event.variable} is {variable.type}: only numbers can be overridden.")  # noqa: TRY301
         if event.kind != "release":
