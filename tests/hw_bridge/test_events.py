@@ -69,6 +69,25 @@ def test_every_cause_ends_at_rest(tmp_path, build):
     assert [one["reason"] for one in outcome.summary["cases"] if one.get("stopped") == 2.055]
 
 
+OTHERS = {
+    "mclm": "profile: mclm",
+    "epos4": "profile: epos4, scale: 0.002, limits: {force: 300 N}",
+}  # a screw, and its motor's rig
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("vendor", OTHERS)
+def test_every_cause_ends_at_rest_on_other_drives(tmp_path, build, vendor):
+    bench = tmp_path / "bench.yaml"
+    bench.write_text(f"simulated: true\nnodes: {{servomotor: {{node: 7, {OTHERS[vendor]}}}}}\n")
+    hardware = load(bench, build=build)
+    outcome = run_scenario(
+        load_scenario(SCENARIO), Form.compiled, root=tmp_path, build=build, report=False, hardware=hardware
+    )
+    assert outcome.passed, [one.detail for one in outcome.evaluation.outcomes]
+    assert not [ending for ending in outcome.endings.values() if ending.unsafe]
+
+
 def test_a_fault_acts_in_its_variant_only(run):
     outcome, hardware = run(
         {"a": "{}", "b": event(fault="sync"), "c": event(fault="heartbeat"), "d": "{}"},
