@@ -111,9 +111,10 @@ TABLE = "\b\n" + "\n".join(f"{one:{WIDTH}}  {text}" for one, text in MEANINGS.it
 @click.option("--factor", type=click.FloatRange(0), default=2.0, metavar="X", help="With friction, grip, slow.",
               show_default=True)  # fmt: skip
 @click.option("--offset", type=float, default=0.0, metavar="X", help="With encoder_offset [m or rad of the motor].")
+@click.option("--identifiers", metavar="LOW-HIGH", help="With drop, delay, corrupt: these frames, such as 180h-1FFh.")
 def inject_fault(
     fault: str, control: int, code: str, lasting: bool, duration: float | None, share: float, count: int | None,
-    delay: float, jitter: float, factor: float, offset: float,
+    delay: float, jitter: float, factor: float, offset: float, identifiers: str | None,
 ) -> None:  # fmt: skip
     """Let FAULT happen in a simulated drive that was started with --control.
 
@@ -132,9 +133,16 @@ def inject_fault(
         number = int(code.removesuffix("h"), 16)
     except ValueError:
         raise click.UsageError(f"--code {code}: expected an EMCY code such as 7300h.") from None
+    ends = None
+    if identifiers is not None:
+        try:
+            low, high = (int(end.removesuffix("h"), 16) for end in identifiers.split("-"))
+        except ValueError:
+            raise click.UsageError(f"--identifiers {identifiers}: expected two such as 180h-1FFh.") from None
+        ends = (low, high)
     request(control, Fault(
         Cause(fault), number, lasting, NEVER if duration is None else round(duration * 1e9), share,
-        NEVER if count is None else count, round(delay * 1e9), round(jitter * 1e9), offset, factor,
+        NEVER if count is None else count, round(delay * 1e9), round(jitter * 1e9), offset, factor, ends,
     ))  # fmt: skip
     click.echo(f"{fault}: {MEANINGS[Cause(fault)]}")
 

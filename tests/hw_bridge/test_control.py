@@ -197,3 +197,14 @@ def test_frames_act_when_they_came(wire):
     assert slave.active == {}
     wire.slave.advance(wire.now + (timeout + 20) * MILLISECOND)
     assert 0x8130 in slave.active
+
+
+def test_identifiers_are_taken_as_a_range(monkeypatch):
+    asked = []
+    monkeypatch.setattr("hw_bridge.drive.control.request", lambda _port, fault: asked.append(fault))
+    words = ["inject", "drop", "--control", "9", "--identifiers"]
+    assert CliRunner().invoke(command, [*words, "180h-1FF"]).exit_code == 0
+    assert asked[0].identifiers == (0x180, 0x1FF)
+    for bad in ("180h", "1-2-3", "x-y"):
+        assert "expected two such as 180h-1FFh" in CliRunner().invoke(command, [*words, bad]).output
+    assert len(asked) == 1
