@@ -119,6 +119,7 @@ class ReplayAxis(DriveAxis):
         super(DriveAxis, self).__init__(**values)
         self._track = self.hardware.recording.tracks[self.member]
         self._keys = self.hardware.keys.nodes[self.member]
+        self._force_constant = constant_of(self._keys)
 
     def step(self, t: float, h: float) -> None:
         """Show what had been heard by the end of the step."""
@@ -138,7 +139,7 @@ class ReplayAxis(DriveAxis):
             elif quantity == STATUSWORD:
                 found["limited"] = bool(int(value) & INTERNAL_LIMIT)
             elif quantity == "current":
-                found["force"] = constant_of(keys) * value
+                found["force"] = self._force_constant * value
                 found["torque"] = found["force"] * keys.scale
             for name, one in found.items():
                 if name in self.views:
