@@ -1,10 +1,10 @@
 """Dead zone: what play and dry friction have in common."""
 
+from math import copysign
+
 
 def beyond(value: float, limit: float) -> float:
-    """What is left of a value outside of +-limit: play, or force beyond friction."""
-    if value > limit:
-        return value - limit
-    if value < -limit:
-        return value + limit
-    return 0.0
+    """What is left of a value outside of +-limit: play, or force beyond friction. What is no number stays none."""
+    if abs(value) <= limit:
+        return 0.0
+    return value - copysign(limit, value)

@@ -2,6 +2,7 @@
 
 from math import ceil, exp, pi, sqrt
 
+from fmus.dead_zone import beyond
 from twin.component import Component
 from twin.variable import Boolean, input, local, output, parameter
 
@@ -269,18 +270,13 @@ def move(self: PneumaticCylinder, dt: float) -> None:
         ratio = v / self.stribeck_velocity
         friction = self.friction_coulomb + excess * exp(-ratio * ratio)
     braking = dt * friction / inertia
-    v = (self.mass * v + dt * force) / inertia
-    if v > braking:
-        v -= braking
-    elif v < -braking:
-        v += braking
-    else:
-        self.piston_velocity = 0.0
+    v = beyond((self.mass * v + dt * force) / inertia, braking)
+    self.piston_velocity = v
+    if v == 0.0:
         return
 
     # the piston's work on the gas is isentropic: exact for the change of volume of a substep
     before0, before1 = volume(self, 0), volume(self, 1)
-    self.piston_velocity = v
     self.piston_position = x + dt * v
     self.gas_energy[0] *= (before0 / volume(self, 0)) ** 0.4
     self.gas_energy[1] *= (before1 / volume(self, 1)) ** 0.4

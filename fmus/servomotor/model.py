@@ -2,6 +2,7 @@
 
 from math import copysign, exp, floor, sqrt
 
+from fmus.dead_zone import beyond
 from fmus.servo import CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_TORQUE, driven, follow_velocity, hold_current
 from twin.component import Component
 from twin.solver import ERROR, OK
@@ -190,13 +191,8 @@ def move(self: Servomotor, demand: float) -> None:
         current = demand + (self.winding_current - demand) * decay
         self.winding_current = driven(current, top, back * self.rod_velocity)
         force = self.force_constant * self.winding_current + self.load_force
-        v = (self.rod_velocity + dt * force / self.mass) / (1.0 + dt * self.friction_viscous / self.mass)
-        if v > braking:
-            v -= braking
-        elif v < -braking:
-            v += braking
-        else:
-            v = 0.0
+        free = (self.rod_velocity + dt * force / self.mass) / (1.0 + dt * self.friction_viscous / self.mass)
+        v = beyond(free, braking)
         x = self.rod_position + dt * v
         if abs(x) > end:
             x = copysign(end, x)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -113,6 +114,8 @@ class Motor:
 
     def load(self, force: float) -> None:
         """Force [N] or torque [N*m] of the load from now on, behind the gear."""
+        if not isfinite(force):
+            raise SimulationError(f"motor: {self.model.load} is {force}. Look at what it comes from.")
         self._views[self.model.load][...] = force * self.grip
 
     def set(self, parameter: str, value: float) -> None:

@@ -38,7 +38,9 @@ VENDORS = {
         per_unit=1e-3,
     ),
     "epos4": Vendor(
-        setup=((0x60A9, 0, 0xFDB44700), QUICK_STOP_WHEN_LOST),  # a unit of 1 mrpm instead of 1 rpm
+        # a unit of 1 mrpm instead of 1 rpm; a quick stop ends disabled: out of Quick stop active, where it would stay, a
+        # controlword that goes on coming enables again
+        setup=((0x60A9, 0, 0xFDB44700), QUICK_STOP_WHEN_LOST, (0x605A, 0, 2)),
         current=0x30D10220,
         per_unit=1e-3,
     ),

@@ -256,3 +256,11 @@ def test_leaving_cst_does_not_jump(native, mode):
     motor.mode_of_operation = 10
     run(motor, 0.1)
     assert motor.force == pytest.approx(7.0, rel=1e-6)
+
+
+def test_a_load_that_is_no_number_is_not_taken_for_friction(native):
+    part = native(Servomotor)
+    part.start()
+    part.load_force = float("nan")
+    assert part.advance(0.0, 1e-3) == 0
+    assert np.isnan(part.position)
