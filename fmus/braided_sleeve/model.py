@@ -1,6 +1,6 @@
 """Braided sleeve of a gripper."""
 
-from math import asin, cos, exp, pi, sin, sqrt
+from math import asin, cos, expm1, pi, sin, sqrt
 
 from twin.component import Component
 from twin.noise import normal, seed_stream
@@ -135,8 +135,8 @@ def grip(self: BraidedSleeve) -> None:
     tangent = sin(angle) / cos(angle)
     wraps = coefficient * self.effective_length * tangent * tangent / radius
     closing = part * coefficient * self.closing_force
-    tightening = part * pressing * (exp(wraps) - 1.0) + closing
-    loosening = part * pressing * (1.0 - exp(-wraps)) + closing
+    tightening = part * pressing * expm1(wraps) + closing
+    loosening = -part * pressing * expm1(-wraps) + closing
 
     # a distal load is held by a proximal force
     self.limit_proximal = tightening if self.orientation > 0 else loosening
