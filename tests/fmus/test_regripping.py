@@ -191,7 +191,7 @@ script = st.lists(st.tuples(action, st.floats(0.005, 1.5)), min_size=3, max_size
 
 
 @settings(
-    max_examples=40, deadline=None, derandomize=True, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
+    max_examples=25, deadline=None, derandomize=True, phases=[Phase.generate], suppress_health_check=list(HealthCheck)
 )
 @given(
     script=script,

@@ -93,7 +93,7 @@ action = st.one_of(
 )
 
 
-@settings(max_examples=30, deadline=None, derandomize=True, phases=[Phase.generate],
+@settings(max_examples=20, deadline=None, derandomize=True, phases=[Phase.generate],
           suppress_health_check=list(HealthCheck))  # fmt: skip
 @given(
     script=st.lists(st.tuples(action, st.floats(0.005, 1.5)), min_size=3, max_size=25),

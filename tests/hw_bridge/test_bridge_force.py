@@ -55,7 +55,6 @@ def test_the_same_verdicts(outcome, profile):
     without, with_bus = outcome(""), outcome(BENCH.read_text().replace("faulhaber_v3", profile))
     assert verdicts(with_bus) == verdicts(without)
     assert with_bus.passed
-    assert with_bus.run.simulated_time / with_bus.run.wall_time > 2  # faster than real time, on a busy machine too
 
 
 @pytest.mark.slow

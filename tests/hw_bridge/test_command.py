@@ -131,6 +131,7 @@ def serial_line():
         os.close(end)
 
 
+@pytest.mark.slow
 def test_slcan_over_a_serial_line(serial_line, build, tmp_path):
     """200 SYNCs at 5 ms, a TPDO for each."""
     ours, theirs = serial_line

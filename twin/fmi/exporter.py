@@ -16,7 +16,7 @@ import tempfile
 import uuid
 import zipfile
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -314,11 +314,17 @@ def export(cls: type[Component], version: str, path: Path, build: Path, targets:
     return Path(path)
 
 
-def build(cls: type[Component], version: str, build: Path, targets: Sequence[str] = ()) -> Path:
-    """The component's FMU in `build/<version>/`, made anew only if what it is made from, or a target, is new."""
+@lru_cache(maxsize=256)
+def _checked(cls: type[Component], version: str) -> Plan:
+    """The plan of a component without problems: a class does not change, and a scenario has it once per variant."""
     if problems := source.check(cls):
         raise BuildError("\n".join(problems))
-    made = plan(cls, version)
+    return plan(cls, version)
+
+
+def build(cls: type[Component], version: str, build: Path, targets: Sequence[str] = ()) -> Path:
+    """The component's FMU in `build/<version>/`, made anew only if what it is made from, or a target, is new."""
+    made = _checked(cls, version)
     wanted = tuple(targets) or (compiled.host(),)
     path = build / version / f"{made.name}.fmu"
     note = path.with_suffix(".hash")
