@@ -16,7 +16,7 @@ import tempfile
 import uuid
 import zipfile
 from dataclasses import dataclass
-from functools import cache, lru_cache
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -314,12 +314,16 @@ def export(cls: type[Component], version: str, path: Path, build: Path, targets:
     return Path(path)
 
 
-@lru_cache(maxsize=256)
+_plans: dict[tuple[type[Component], str], Plan] = {}
+
+
 def _checked(cls: type[Component], version: str) -> Plan:
     """The plan of a component without problems: a class does not change, and a scenario has it once per variant."""
-    if problems := source.check(cls):
-        raise BuildError("\n".join(problems))
-    return plan(cls, version)
+    if (cls, version) not in _plans:
+        if problems := source.check(cls):
+            raise BuildError("\n".join(problems))
+        _plans[cls, version] = plan(cls, version)
+    return _plans[cls, version]
 
 
 def build(cls: type[Component], version: str, build: Path, targets: Sequence[str] = ()) -> Path:
