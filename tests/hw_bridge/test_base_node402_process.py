@@ -15,7 +15,7 @@ NODE = 5
 PERIOD = 0.01  # SYNC [s]
 # multicast gives back what was sent, and canopen takes an RPDO that it has heard twice for one that needs no sending
 FROM_DRIVES = [{"can_id": base, "can_mask": 0x780} for base in (0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700)]
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform != "linux", reason="multicast")]
+pytestmark = [pytest.mark.slow, pytest.mark.real_time, pytest.mark.skipif(sys.platform != "linux", reason="multicast")]
 
 
 @pytest.fixture

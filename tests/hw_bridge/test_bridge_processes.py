@@ -18,7 +18,11 @@ from hw_bridge.master.wire import WireNetwork
 
 LOST_AFTER = 0.1  # [s], of the bench that `hil` writes
 HEARTBEAT, EMERGENCY = 0x77F, 0x081
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform != "linux", reason="pseudo-terminals, multicast")]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.real_time,
+    pytest.mark.skipif(sys.platform != "linux", reason="pseudo-terminals, multicast"),
+]
 
 
 @pytest.fixture

@@ -132,6 +132,7 @@ def serial_line():
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 def test_slcan_over_a_serial_line(serial_line, build, tmp_path):
     """200 SYNCs at 5 ms, a TPDO for each."""
     ours, theirs = serial_line

@@ -416,6 +416,7 @@ def test_check_tells_another_device(tmp_path, build, monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.real_time
 @pytest.mark.skipif(sys.platform != "linux", reason="multicast")
 def test_valves_are_safe_when_the_program_is_killed(tmp_path, build):
     """SIGKILL: the module's own outputs, told by its process, are the safe ones soon after."""

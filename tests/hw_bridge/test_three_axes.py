@@ -21,7 +21,11 @@ from hw_bridge.wire import to_message
 LOST_AFTER = 0.1  # [s], of the project's bench
 SYNC, HEARTBEAT, EMERGENCIES = 0x080, 0x77F, (0x081, 0x082, 0x083)
 CYCLES = 600  # until something happens: homing is over, the carriages move
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform != "linux", reason="pseudo-terminals, multicast")]
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.real_time,
+    pytest.mark.skipif(sys.platform != "linux", reason="pseudo-terminals, multicast"),
+]
 
 
 @pytest.fixture
