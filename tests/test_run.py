@@ -180,8 +180,8 @@ def test_interrupted_from_outside(tmp_path: Path, build: Path, number: signal.Si
     temporary = tmp_path / "temporary"
     temporary.mkdir()
     (tmp_path / "s.yaml").write_text("{stop_time: 1e5 s, members: {wall: {component: wall}}}")
-    # as from a terminal: a process started in the background ignores SIGINT, and so do those that it starts
-    code = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from twin.cli import main; main()"
+    # also if the tests run in the background, where SIGINT is ignored, and so by those that they start
+    code = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); from twin.cli import main; main()"
     command = [sys.executable, "-c", code, "run", "s.yaml", "--build", str(build)]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(temporary)}
     with subprocess.Popen(

@@ -65,6 +65,7 @@ class Master:
         self.running = False
         self._beating = False
         self._beat_due = 0
+        self._exchanged = 0  # when the last targets went out [ns]
         self._twin_master = False
         self._asked: SdoClient | None = None
         bits = sum(bit_count(frame) for one in self.stations.values() for frame in one.frames()) * 1_000_000_000
@@ -114,8 +115,9 @@ class Master:
 
     def exchange(self) -> None:
         """Targets of all drives, then SYNC."""
+        elapsed, self._exchanged = self.network.now - self._exchanged, self.network.now
         for node in self.nodes.values():
-            node.follow(self.cycle)
+            node.follow(self.cycle, elapsed)
         for station in self.stations.values():
             station.account()
             for frame in station.frames():

@@ -198,11 +198,14 @@ class Node(Station):
         else:
             super().heard(frame, now)
 
-    def follow(self, cycle: int) -> None:
-        """Before a SYNC: which way was asked for and driven since the last one."""
+    def follow(self, cycle: int, elapsed: int) -> None:
+        """Before a SYNC: which way was asked for and driven. `elapsed` [ns] since the last one: a stall lengthens the way."""
         if self.mode is not Mode.CSV:  # in cst no way is asked for
             self.ways.clear()
             return
+        if self.ways:
+            asked, place = self.ways[-1]
+            self.ways[-1] = asked * elapsed / cycle, place
         asked = self.target_velocity * cycle / 1e9
         self.ways.append((asked, self.position))
         while len(self.ways) * cycle > WINDOW * 1e9:

@@ -307,3 +307,14 @@ def test_a_drive_that_somebody_stopped_is_disabled(rig):
         rig.go(200)
     assert stopped(rig.drive)
     assert rig.session.notes == []
+
+
+def test_a_stall_lengthens_the_way_that_was_asked_for(build):
+    """The drive goes on while this program stands: that is no following error."""
+    rig = Rig(build, {"servomotor": node()})
+    rig.set(target_velocity=0.05)
+    rig.go(50)
+    one = rig.master.nodes["servomotor"]
+    before = sum(asked for asked, _ in one.ways)
+    one.follow(5_000_000, 30_000_000)
+    assert sum(asked for asked, _ in one.ways) - before == pytest.approx(0.05 * (25e-3 + 5e-3))

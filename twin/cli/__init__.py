@@ -87,8 +87,12 @@ def main() -> None:
 
 
 def invoke(command: click.Command, name: str) -> None:
-    """Run a command; an expected failure is one line on stderr and exit code 1. SIGTERM ends it like Ctrl-C."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    """Run a command; an expected failure is one line on stderr and exit code 1. SIGTERM ends it like Ctrl-C.
+
+    So does SIGINT where a script's background jobs would ignore it: what may move a machine has to be stoppable.
+    """
+    for one in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(one, signal.default_int_handler)
     try:
         command(prog_name=name, standalone_mode=False)
     except TwinError as error:
