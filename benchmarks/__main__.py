@@ -22,7 +22,7 @@ from benchmarks import export, force, group, hil, peers, rig, ring, startup
 
 RESULTS = Path(__file__).parent / "results"
 PACKAGES = (
-    "numpy", "numba", "llvmlite", "ziglang", "fmpy", "fmu-manipulation-toolbox", "ecospy", "tbb", "libcosimpy",
+    "numpy", "ziglang", "fmpy", "fmu-manipulation-toolbox", "ecospy", "tbb", "libcosimpy",
 )  # fmt: skip
 
 

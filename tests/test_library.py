@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from elftools.elf.elffile import ELFFile
 
-from twin import catalog, compiled, library
+from twin import catalog, compiler, library
 from twin.component import Component
 from twin.errors import BuildError, TwinError
 from twin.export import group
@@ -69,7 +69,7 @@ def folder(tmp_path_factory, build):
 
 def runner(target):
     """What runs a Linux program of a target; skips the test where there is nothing."""
-    if target == compiled.host():
+    if target == compiler.host():
         return []
     if target != "aarch64-linux":
         pytest.skip(f"{target} is not this machine's")
@@ -126,7 +126,7 @@ def test_a_group_of_a_scenario_is_one_library(build, tmp_path):
     scenario = load_scenario(Path(__file__).parents[1] / "scenarios/heart_wall_force.yaml")
     case = scenario.cases(["PI+FF+BW"])[0]
     cls = group("control", case, prepare(scenario)[case.variant], list(scenario.groups["control"]))
-    target = compiled.host()
+    target = compiler.host()
     library.export(cls, "control", tmp_path, build, (target,), force=False)
     (tmp_path / "main.c").write_text(GROUP)
     command = [*ZIG, "cc", "-target", library.TRIPLES[target][0], "-std=c11", "-O2", *WARNINGS, "-ffp-contract=off"]
@@ -239,7 +239,7 @@ int main(void)
 """
 
 
-@pytest.mark.skipif(compiled.host() != "x86_64-linux", reason="the library of this machine is not built")
+@pytest.mark.skipif(compiler.host() != "x86_64-linux", reason="the library of this machine is not built")
 @pytest.mark.parametrize(("compiler", "standard"), [("cc", "c11"), ("cc", "gnu11"), ("c++", "c++17")])
 def test_names_that_are_reserved_get_an_underscore_in_c_and_cpp(compiler, standard, build, tmp_path):
     library.export(Awkward, "awkward", tmp_path, build, ("x86_64-linux",), force=False)
@@ -302,8 +302,8 @@ def test_objects_need_libm_and_the_compilers_runtime_alone(folder, target, machi
                     needed.add(symbol.name)
                 elif symbol.name and symbol["st_info"]["bind"] == "STB_GLOBAL":
                     defined.add(symbol.name)
-    assert defined == {f"sheath_{name}" for name in ("init", "start", "step", "initialize", "advance")}
-    assert needed - defined <= compiled.LIBM | runtime
+    assert defined == {f"sheath_{name}" for name in ("init", "start", "step", "derivatives", "tangent", "first_tangent")}
+    assert needed - defined <= compiler.LIBM | runtime
 
 
 def test_nothing_is_overwritten(folder, build, tmp_path):

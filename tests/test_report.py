@@ -180,7 +180,7 @@ def test_points_are_marked_where_there_are_numbers() -> None:
 def test_matplotlib_and_others_are_loaded_only_when_needed() -> None:
     code = "import sys, twin.scenario, twin.metrics, twin.results, twin.report, twin.cli.check; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert {"matplotlib", "pyarrow", "jinja2", "rich", "pint", "numba"}.isdisjoint(done.stdout.split())
+    assert {"matplotlib", "pyarrow", "jinja2", "rich", "pint"}.isdisjoint(done.stdout.split())
 
 
 def test_check_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

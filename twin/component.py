@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import difflib
 import inspect
+from collections.abc import Iterable
 from typing import Any, ClassVar
 
 import numpy as np
@@ -64,6 +65,11 @@ def terminals(cls: type[Component]) -> dict[str, Terminal]:
     return found
 
 
+def inputs_of(variables: Iterable[Variable]) -> solver.Inputs:
+    """Name, type and shape of the inputs."""
+    return tuple((one.name, one.type, one.shape) for one in variables if one.role is Role.input)
+
+
 class Component:
     """Base of all components; see this module's docstring for what a subclass declares."""
 
@@ -96,7 +102,7 @@ class Component:
             raise DeclarationError(f"{cls.__name__}.period: {cls.period} s is not positive. Use 0.001 and the like.")
         cls.period_ns = clock.nanoseconds(cls.period, f"{cls.__name__}.period") if cls.period else 0
         states = sum(variable.size for variable in ordered if variable.role is Role.state)
-        words = layout([variable for variable in ordered if variable.role is Role.input], {}).input_words
+        inputs = inputs_of(ordered)
         cls.variables = tuple(ordered)
         is_continuous = "derivatives" in dir(cls)
         if states and not is_continuous:
@@ -105,7 +111,7 @@ class Component:
         if cls.switches:
             check_switches(cls, is_continuous)
         method = cls.method if is_continuous else None
-        cls.layout = layout(ordered, solver.hidden(method, cls.period_ns, states, words))
+        cls.layout = layout(ordered, solver.hidden(method, cls.period_ns, states, inputs))
 
     def __init__(self, **values: Any) -> None:
         self.record = np.zeros(1, self.layout.dtype)
@@ -208,7 +214,7 @@ def build_functions(cls: type[Component]) -> tuple[solver.Function, solver.Funct
     if step is not None:
         advance = solver.discrete_advance(step, inspect.signature(step).return_annotation in (int, "int"))
         if cls.period_ns:
-            advance = solver.sampled_advance(advance, cls.period_ns, cls.layout.input_words)
+            advance = solver.sampled_advance(advance, cls.period_ns, inputs_of(cls.variables))
     elif size:
         advance = solver.continuous_advance(derivatives, cls.method, size)  # type: ignore[arg-type]
     else:

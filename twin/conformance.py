@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin import compiled, machine, reference, source
+from twin import compiler, machine, reference
 from twin.component import Component, PythonComponent, functions
 from twin.errors import TwinError
 from twin.member import Member, RecordMember
@@ -95,7 +95,7 @@ def same(cls: type[Component], what: str, wanted: Trajectory, found: Trajectory)
 
 def check_source(cls: type[Component], _build: Path) -> None:
     """The functions hold nothing that cannot be compiled, and write no input or parameter."""
-    problems = source.check(cls)
+    problems = compiler.problems(cls)
     if problems:
         raise ConformanceError("\n".join(problems))
 
@@ -148,7 +148,7 @@ def check_interpreted(cls: type[Component], _build: Path) -> None:
 def check_compiled(cls: type[Component], build: Path) -> None:
     """Compiled in process, the component reproduces expected.csv to the bit."""
     wanted = expected(cls)
-    member = RecordMember("part", cls(), compiled.load_component(cls, build))
+    member = RecordMember("part", cls(), compiler.load_component(cls, build))
     same(cls, "compiled", wanted, reference.replay(MemberTarget(member), wanted))
 
 

@@ -14,9 +14,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from twin import solver
-from twin.component import CONNECTABLE, Component, PythonComponent, functions
+from twin.component import CONNECTABLE, Component, PythonComponent, functions, inputs_of
 from twin.dependencies import dependencies, flow
 from twin.errors import CouplingError
+from twin.generated import define
 from twin.graph import ordered_groups, reached
 from twin.system import Link, is_real
 from twin.variable import Int64, Layout, Role, Terminal, Variable, layout
@@ -190,7 +191,7 @@ def take_border(number: int, variable: Variable) -> list[str]:
     """The group's own input goes to the member that has it."""
     place = f"self.{variable.name}"
     return [
-        f"    {subscript(place, variable.shape, i)} = {subscript(f'self._border{number}', variable.shape, i)}"
+        f"    {subscript(place, variable.shape, i)} = {subscript(f'self._border{number}', variable.shape or (1,), i)}"
         for i in range(variable.size)
     ]
 
@@ -255,8 +256,7 @@ def compose(
     place = group_layout(writer, variables, border)
     text = "\n".join(source)
     code: dict[str, Any] = dict(writer.scope)
-    exec(compile(text, f"<group {name}>", "exec"), code)  # noqa: S102 - our own text, from checked names
-    words = place.input_words
+    define("step", text, code, f"group {name}")
     body: dict[str, Any] = {
         "__doc__": f"{', '.join(parts)} as one component.\n\nMade from components coupled at {step / 1e6:g} ms.",
         "__module__": __name__, "parts": parts, "text": text, "flows": flows(parts, links, variables),
@@ -264,7 +264,7 @@ def compose(
     cls: type[Group] = type(name, (Group,), body)
     cls.variables, cls.layout, cls.period_ns = tuple(variables), place, step
     cls.starts, cls.terminals = starts(parts, variables), carried_over(parts, variables)
-    advance = solver.sampled_advance(code["step"], step, words)
+    advance = solver.sampled_advance(code["step"], step, inputs_of(at_border(border)))
     cls._functions = (group_start(code["initialize"]), advance)  # type: ignore[attr-defined]
     return cls
 
@@ -299,11 +299,15 @@ def exposed(parts: dict[str, Part], driven: set[Key], outputs: list[Key]) -> tup
     return variables, border
 
 
+def at_border(border: list[Variable]) -> list[Variable]:
+    """The group's own inputs as fields of its record: arrays all, which are written in place."""
+    return [replace(v, name=f"_border{i}", shape=v.shape or (1,)) for i, v in enumerate(border)]
+
+
 def group_layout(writer: Writer, variables: list[Variable], border: list[Variable]) -> Layout:
     """The group's struct: its inputs, the members' structs, then the engine's fields."""
-    inputs = [replace(v, name=f"_border{i}") for i, v in enumerate(border)]
-    words = layout(inputs, {}).input_words
-    hidden = {**solver.hidden(None, 1, 0, words), "_count": (Int64, (1,))}
+    inputs = at_border(border)
+    hidden = {**solver.hidden(None, 1, 0, inputs_of(inputs)), "_count": (Int64, (1,))}
     for key, shadow in writer.shadows.items():
         hidden[shadow] = (writer.variable(key).type, writer.variable(key).shape or (1,))
     base = layout(inputs, hidden)
@@ -322,7 +326,7 @@ def group_layout(writer: Writer, variables: list[Variable], border: list[Variabl
         "offsets": [o for _, o in fields.values()], "itemsize": at,
     }  # fmt: skip
     dtype: np.dtype[Any] = np.dtype(specification, align=True)  # type: ignore[call-overload]
-    return Layout(tuple(variables), dtype, 0, words, places)
+    return Layout(tuple(variables), dtype, 0, places)
 
 
 def carried_over(parts: dict[str, Part], variables: list[Variable]) -> dict[str, Terminal]:

@@ -1,7 +1,7 @@
 """Words of the machine that plain Python lacks: memory at an address, a call of an address.
 
-Here they are written with ctypes, so that the co-simulation loop also runs interpreted; `compiled` puts one machine
-instruction in the place of each.
+Here they are written with ctypes, so that the co-simulation loop also runs interpreted; `compiler` puts one
+line of C in the place of each.
 """
 
 from __future__ import annotations

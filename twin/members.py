@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from enum import StrEnum
+from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin import catalog, compiled
+from twin import catalog, compiler
 from twin.component import Component, PythonComponent
-from twin.errors import CouplingError, described
+from twin.errors import CouplingError, TwinError, described
 from twin.member import Member, MemberVariable, RecordMember, declared_variables
 from twin.variable import Role
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
     from twin.fmi.importer import FMUMember
 
@@ -56,9 +59,41 @@ def make(name: str, component: str | type[Component], values: Mapping[str, Any],
         return member
     native = form is Form.compiled and not issubclass(cls, PythonComponent)
     part = instance(name, cls, values)
-    code = compiled.load_component(cls, build) if native else None
+    code = compiler.load_component(cls, build) if native else None
     kind = "python" if issubclass(cls, PythonComponent) else str(form if native else Form.interpreted)
     return RecordMember(name, part, code, identity={"kind": kind, "component": str(component)})
+
+
+def prebuild(
+    components: Iterable[str | type[Component]], form: Form, build: Path, progress: Callable[[str, float], object]
+) -> None:
+    """Build what the members of a run need and lack, side by side on all cores, and show it.
+
+    What cannot be built is told when its member is made.
+    """
+    if form is Form.interpreted:
+        return
+    from twin.fmi import exporter
+
+    classes = {one: catalog.component(one) if isinstance(one, str) else one
+               for one in dict.fromkeys(components) if not str(one).endswith(".fmu")}  # fmt: skip
+    is_there = exporter.is_built if form is Form.fmu else compiler.is_translated
+    lacking: list[type[Component]] = []
+    for cls in dict.fromkeys(classes.values()):
+        with suppress(TwinError):
+            if not issubclass(cls, PythonComponent) and not is_there(cls, build):
+                lacking.append(cls)
+    done = count()
+
+    def make_one(cls: type[Component]) -> None:
+        progress(f"building {compiler.model_name(cls)}", next(done) / len(lacking))
+        with suppress(TwinError):
+            if form is Form.fmu:
+                exporter.build(cls, "3.0", build)
+            else:
+                compiler.load_component(cls, build)
+
+    compiler.side_by_side(partial(make_one, cls) for cls in lacking)
 
 
 def instance(name: str, cls: type[Component], values: Mapping[str, Any]) -> Component:

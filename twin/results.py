@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from twin.signals import Signals
 
 FLOAT: np.dtype[Any] = np.dtype(np.float64)
-PACKAGES = ("numpy", "numba", "llvmlite", "fmpy", "pyarrow", "pint", "pydantic")
+PACKAGES = ("numpy", "ziglang", "fmpy", "pyarrow", "pint", "pydantic")
 
 
 @dataclass(frozen=True)

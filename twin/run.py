@@ -194,6 +194,8 @@ def run_scenario(
     outcome = Outcome(scenario, catalogs, about, folder=results.folder(root, scenario.name))
     results.write_text(outcome.folder / "scenario.yaml", scenario.frozen())
     identities: dict[str, dict[str, str]] = {}
+    used = [spec.made or spec.component for case in cases for spec in case.members.values()]
+    members.prebuild(used, form, build, progress)
     with results.SignalFile(
         outcome.folder / "signals.parquet", columns(scenario, catalogs), {"scenario": scenario.name}
     ) as file:

@@ -42,7 +42,7 @@ DTYPES: dict[Type, np.dtype[Any]] = {
 
 
 def storage(kind: Type, shape: tuple[int, ...]) -> np.dtype[Any]:
-    """Type of a scalar in the record: Booleans of an array are bytes of 0 and 1, since numba knows no array of bits."""
+    """Type of a scalar in the record: Booleans of an array are bytes of 0 and 1, which have a value each in C."""
     return np.dtype(np.int8) if kind is Boolean and shape else DTYPES[kind]
 
 
@@ -187,13 +187,12 @@ def derivative(of: Variable) -> Variable:
 class Layout:
     """Memory of a component: one C struct. Hidden fields start with an underscore and may overlay a block.
 
-    `places`: offsets of variables that are no fields of the struct itself, as in a group of components. `_x`, `_dx` [n]: all states and derivatives as flat arrays; `_inputs` [words of 8 byte]: the input block.
+    `places`: offsets of variables that are no fields of the struct itself, as in a group of components. `_x`, `_dx` [n]: all states and derivatives as flat arrays.
     """
 
     variables: tuple[Variable, ...]
     dtype: np.dtype[Any]
     state_size: int
-    input_words: int
     places: dict[str, int] = field(default_factory=dict)
 
     @property
@@ -236,15 +235,12 @@ def layout(variables: Sequence[Variable], hidden: dict[str, tuple[Type, tuple[in
         place = align(add(name, kind, shape, place), WORD)
 
     state_size = (end[Role.state] - begin[Role.state]) // WORD
-    input_words = (end[Role.input] - begin[Role.input]) // WORD
     if state_size:
         add("_x", Float64, (state_size,), begin[Role.state])
         add("_dx", Float64, (state_size,), begin[Role.derivative])
-    if input_words:
-        add("_inputs", Int64, (input_words,), begin[Role.input])
     fields = {"names": names, "formats": formats, "offsets": offsets, "itemsize": max(place, WORD)}
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise DeclarationError(f"variable {twice!r} is declared twice. Rename one of them.")
     dtype: np.dtype[Any] = np.dtype(fields, align=True)  # type: ignore[call-overload]
-    return Layout(tuple(variables), dtype, state_size, input_words)
+    return Layout(tuple(variables), dtype, state_size)

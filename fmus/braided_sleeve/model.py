@@ -145,6 +145,6 @@ def grip(self: BraidedSleeve) -> None:
     self.grip_stiffness = part * self.closed_stiffness
 
     # both families of yarn, kept taut by the tension; the middle of the sleeve is held from both holders
-    along = sin(angle) ** 2.0 * cos(angle) * radius * radius
+    along = sin(angle) * sin(angle) * cos(angle) * radius * radius
     self.grip_torsional_stiffness = part * self.yarn_modulus * section * along * 4.0 / closed_length
     self.gripping = part > 0.5

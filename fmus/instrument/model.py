@@ -210,7 +210,8 @@ def support(self: Instrument) -> None:
 
     # what is bowed out is longer than the distance: a buckled length keeps its load while its ends come together
     shortening = max(self.position[0] - self.position[1] - self.thrust[1] / self.stiffness[0], 0.0)
-    self.buckling_load = pi**2 * self.bending_stiffness / (factor * (length + shortening)) ** 2
+    effective = factor * (length + shortening)
+    self.buckling_load = pi * pi * self.bending_stiffness / (effective * effective)
 
 
 def holds(self: Instrument, g: int) -> bool:
@@ -332,12 +333,12 @@ def load_grip(self: Instrument, g: int) -> None:
     a = b = p = q = 0.0
     if limit > LEAST:
         a = abs(force) / limit
-        p = stiffness / limit**2
+        p = stiffness / (limit * limit)
     else:
         force = 0.0
     if torque_limit > LEAST:
         b = abs(torque) / torque_limit
-        q = torsional_stiffness / torque_limit**2
+        q = torsional_stiffness / (torque_limit * torque_limit)
     else:
         torque = 0.0
     self.grip_force[g] = force

@@ -32,7 +32,7 @@ def approach(self, left: float) -> float:
     if left <= 0.0:
         return 0.0
     brake = BRAKING * self.acceleration
-    return brake / self.slope * (sqrt(1.0 + 2.0 * self.slope**2 * left / brake) - 1.0)
+    return brake / self.slope * (sqrt(1.0 + 2.0 * (self.slope * self.slope) * left / brake) - 1.0)
 
 
 def slewed(present: float, wanted: float, most: float) -> float:
@@ -90,7 +90,7 @@ def pace(self) -> float:
     # speed at which the grip can begin, reached by braking gently from the one of now
     half = 0.5 * region(self, self.leader, s) - self.stroke_margin
     begin = half / (self.release_time + self.grip_time)
-    limit = sqrt(begin**2 + self.acceleration * max(to_close, 0.0))
+    limit = sqrt(begin * begin + self.acceleration * max(to_close, 0.0))
     if self.along:
         return limit
 

@@ -208,7 +208,7 @@ def is_home(self, k: int) -> bool:
 
 def release_distance(self, velocity: float) -> float:
     """Travel that a gripper needs from its release until it stands [m]: open, brake, and a reserve."""
-    braking = velocity / self.slope + velocity**2 / (2.0 * BRAKING * self.acceleration)
+    braking = velocity / self.slope + velocity * velocity / (2.0 * BRAKING * self.acceleration)
     return velocity * self.release_time + braking + self.release_margin
 
 

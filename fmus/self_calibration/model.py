@@ -1,6 +1,6 @@
 """Self-calibration of the omnidirectional catheter from images."""
 
-from math import hypot
+from math import hypot, sqrt
 
 from fmus.injection import BEND_Y, BEND_Z, COMPRESSION, DEAD_BAND, MILLIMETER, TENSION, bend
 from fmus.omnidirectional import WIRES, pair, radial, single_pull
@@ -119,8 +119,9 @@ def learn(self: SelfCalibration) -> None:
     found = tip(self, self.estimate[0], self.estimate[1])
     distance = 0.0
     for axis in range(3):
-        distance += (measured[axis] - found[axis] - self.estimate[2 + axis]) ** 2
-    self.distance = distance**0.5
+        off = measured[axis] - found[axis] - self.estimate[2 + axis]
+        distance += off * off
+    self.distance = sqrt(distance)
     self.used += 1
     for axis in range(3):
         take(self, axis, measured[axis])
@@ -170,5 +171,5 @@ def publish(self: SelfCalibration) -> None:
     self.offset_y = MILLIMETER * self.estimate[3]
     self.offset_z = MILLIMETER * self.estimate[4]
     self.innovation = MILLIMETER * self.distance
-    self.deviation_x = max(self.covariance[0, 0], 0.0) ** 0.5
-    self.deviation_y = max(self.covariance[1, 1], 0.0) ** 0.5
+    self.deviation_x = sqrt(max(self.covariance[0, 0], 0.0))
+    self.deviation_y = sqrt(max(self.covariance[1, 1], 0.0))

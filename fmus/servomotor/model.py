@@ -168,7 +168,8 @@ def back_current(self: Servomotor) -> float:
 
 def current_limit(self: Servomotor) -> float:
     """I2t: peak current until the winding is as warm as continuous current makes it, then that, until it has cooled."""
-    load = (self.winding_current / self.current_continuous) ** 2
+    share = self.winding_current / self.current_continuous
+    load = share * share
     self.heating += self.drive_period / self.thermal_time * (load - self.heating)
     if self.heating >= 1.0:
         self.cut = True

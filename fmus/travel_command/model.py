@@ -51,4 +51,4 @@ def travelled(t: float, peak: float, ramp: float, total: float) -> float:
         return 0.0
     first = min(t, ramp)
     last = max(t - (total - ramp), 0.0)
-    return 0.5 * peak * first**2 / ramp + peak * (t - first - last) + peak * last * (1.0 - 0.5 * last / ramp)
+    return 0.5 * peak * (first * first) / ramp + peak * (t - first - last) + peak * last * (1.0 - 0.5 * last / ramp)

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from twin import compiled, solver
+from twin import compiler, solver
 from twin.algorithm.cosimulation import Algorithm, CoSimulation
 from twin.component import Component, PythonComponent
 from twin.member import RecordMember
@@ -122,7 +122,7 @@ def couple(
     for name, component in parts.items():
         native = mode == "compiled" and not isinstance(component, PythonComponent)
         members[name] = RecordMember(
-            name, component, compiled.load_component(type(component), build) if native else None
+            name, component, compiler.load_component(type(component), build) if native else None
         )
     catalog = {name: member.variables for name, member in members.items()}
     system = System(catalog, [Connection(*connection.split(" -> ")) for connection in connections])

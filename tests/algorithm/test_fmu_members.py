@@ -5,7 +5,7 @@ import pytest
 
 from tests.algorithm.parts import Clock
 from tests.test_component import Everything
-from twin import compiled
+from twin import compiler
 from twin.algorithm.cosimulation import CoSimulation
 from twin.component import Component
 from twin.fmi import exporter
@@ -32,7 +32,7 @@ class Echo(Component):
 def echo(request, build):
     version = request.param
     path = exporter.build(Echo, version, build / "tests")
-    clock = RecordMember("clock", Clock(), compiled.load_component(Clock, build))
+    clock = RecordMember("clock", Clock(), compiler.load_component(Clock, build))
     members = {"clock": clock, "echo": FMUMember("echo", path)}
     system = System({name: m.variables for name, m in members.items()}, [Connection("clock.y", "echo.u[2]")])
     simulation = CoSimulation(members, system.links(), MS, build=build)

@@ -5,12 +5,12 @@ import zipfile
 import pytest
 
 from tests.fmi.loaded import symbols
-from twin import catalog, compiled, conformance, reference
+from twin import catalog, compiler, conformance, reference
 from twin.component import Component
 from twin.fmi import exporter
 from twin.variable import input, local, output
 
-LINUX = pytest.mark.skipif(compiled.host() != "x86_64-linux", reason="reads the symbols of a Linux library")
+LINUX = pytest.mark.skipif(compiler.host() != "x86_64-linux", reason="reads the symbols of a Linux library")
 LONG, SHORT = 300, 40
 
 
@@ -65,7 +65,7 @@ def of_library(path, folder):
 def assert_only_mathematics(version, defined, needed):
     assert defined
     assert all(symbol.startswith(f"fmi{version[0]}") for symbol in defined)
-    assert needed <= compiled.LIBM | {"sincos"}  # glibc's libm has both in one; the code generator knows
+    assert needed <= compiler.LIBM | {"sincos"}  # glibc's libm has both in one; the code generator knows
 
 
 @LINUX
@@ -82,10 +82,10 @@ def test_fills_and_copies_call_nothing(version, build, tmp_path):
     assert_only_mathematics(version, *of_library(exporter.build(Blocks, version, build / "tests"), tmp_path))
 
 
-@pytest.mark.parametrize("target", [*compiled.TARGETS, *compiled.BARE])
+@pytest.mark.parametrize("target", [*compiler.PLATFORMS, *compiler.BARE])
 def test_fills_and_copies_call_nothing_on_other_platforms(target, build):
-    code = compiled.component_object(Blocks, target, build / "tests")
-    assert b"component_advance" in code
+    code = compiler.component_object(Blocks, target, build / "tests", "blocks")
+    assert b"blocks_step" in code
     assert not [word for word in (b"memset", b"memcpy", b"memmove", b"memclr", b"bzero") if word in code]
 
 

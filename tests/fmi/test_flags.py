@@ -14,7 +14,7 @@ from lxml import etree
 
 from tests.fmi.loaded import VERSIONS, Fmu, function, symbols
 from tests.fmi.parts import PARTS
-from twin import compiled
+from twin import compiler
 
 SCHEMA = Path(fmpy.__file__).parent / "schema"
 FILES = {"2.0": SCHEMA / "fmi2" / "fmi2ModelDescription.xsd", "3.0": SCHEMA / "fmi3" / "fmi3InterfaceType.xsd"}
@@ -70,7 +70,7 @@ NOTHING = (None, ctypes.c_size_t(0)) * 4
 
 def needs_a_tool(case):
     library = next(case.fmus[case.part, case.version][1].glob("binaries/*/*.so"))
-    return not symbols(library)[1] <= compiled.LIBM
+    return not symbols(library)[1] <= compiler.LIBM
 
 
 def is_alone(case):

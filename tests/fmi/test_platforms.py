@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from tests.fmi.loaded import VERSIONS, symbols
-from twin import catalog, compiled
+from twin import catalog, compiler
 from twin.export import group
 from twin.fmi import exporter
 from twin.run import prepare
@@ -91,7 +91,7 @@ class Platforms:
 
     def runner(self, platform):
         """Command and environment that run a program of a platform; skips the test where there is none."""
-        if platform == compiled.host():
+        if platform == compiler.host():
             return [], dict(os.environ)
         if platform == "aarch64-linux":
             if not (qemu := shutil.which("qemu-aarch64")):
@@ -116,7 +116,7 @@ class Platforms:
 
     def library(self, case, version, platform):
         """The library of the case's FMU for a platform, and the FMU's description."""
-        wanted = (compiled.host(), "aarch64-linux", "x86_64-windows")
+        wanted = (compiler.host(), "aarch64-linux", "x86_64-windows")
         path = exporter.build(component(case), version, self.build / "platforms", tuple(dict.fromkeys(wanted)))
         place = self.folder / version / path.stem
         with zipfile.ZipFile(path) as archive:
@@ -165,7 +165,7 @@ def platforms(build, tmp_path_factory):
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case.name}-{case.kind}")
 def test_another_platform_gives_the_same_trajectory(platforms, case, version, platform):
     found = platforms.run(case, version, platform)
-    native = platforms.run(case, version, compiled.host())
+    native = platforms.run(case, version, compiler.host())
     size = np.abs(native).max(axis=0)
     assert found.shape == native.shape == (case.steps + 1, found.shape[1])
     assert (size > 0.0).all()  # every output moves

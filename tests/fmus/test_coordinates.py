@@ -12,7 +12,7 @@ import fmus
 from fmus.coordinate_feedforward import record, statistics
 from fmus.coordinate_feedforward.model import CoordinateFeedforward
 from fmus.coordinate_program.model import CoordinateProgram
-from twin import compiled, library, unit
+from twin import compiler, library, unit
 from twin.catalog import component
 from twin.errors import TwinError
 from twin.members import Form
@@ -49,7 +49,7 @@ int main(void)
 """
 
 
-@pytest.mark.skipif(compiled.host() != "x86_64-linux", reason="the library of this machine is not built")
+@pytest.mark.skipif(compiler.host() != "x86_64-linux", reason="the library of this machine is not built")
 def test_the_c_library_gives_the_components_steps(tmp_path, build):
     library.export(CoordinateFeedforward, "coordinate_feedforward", tmp_path, build, ("x86_64-linux",), force=False)
     (tmp_path / "main.c").write_text(MAIN)

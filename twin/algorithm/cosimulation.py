@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin import clock, compiled
+from twin import clock, compiler
 from twin.algorithm import initialization, loop
 from twin.algorithm.plan import Key, Place, Plan, bits, kind, merged, view
 from twin.errors import CouplingError, SimulationError
@@ -41,9 +41,8 @@ class Algorithm(StrEnum):
 @lru_cache(maxsize=4)
 def compiled_loop(build: Path) -> Callable[[int], int]:
     """The loop as a native function of its record's address."""
-    entries = (compiled.Entry("run", loop.run, ()),)
-    code = compiled.compile_entries(entries, loop.RECORD, compiled.host(), "co-simulation loop", build)
-    return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(compiled.load(code, ("run",))[0])
+    address = compiler.load_record_function(loop.RECORD, "cosimulation", loop.run, "The co-simulation loop.", build)
+    return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(address)
 
 
 @dataclass

@@ -16,7 +16,7 @@ from twin import clock, unit
 from twin.component import evaluation
 from twin.dependencies import flow
 from twin.errors import BuildError
-from twin.tangent import Tangents, tangents
+from twin.compiler.tangent import Tangents, tangents
 from twin.variable import Boolean, Float64, Int64, Role, Variable
 
 if TYPE_CHECKING:

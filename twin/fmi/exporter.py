@@ -1,7 +1,7 @@
 """A component becomes an FMU: native code, description, documentation, one reproducible archive.
 
-The object file of `twin.compiled`, the state machine in `c/` and a generated table of variables are linked by zig's
-clang into a library that needs libm and nothing else. Two exports of the same component are equal to the byte.
+The component's C of `twin.compiler`, the state machine in `c/`, compiled once for all components, and a generated
+`model.c` become a library that needs libm and nothing else. Two exports are equal to the byte.
 """
 
 from __future__ import annotations
@@ -9,61 +9,46 @@ from __future__ import annotations
 import hashlib
 import inspect
 import io
-import os
-import subprocess
-import sys
-import tempfile
 import uuid
 import zipfile
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import twin
-from twin import compiled, source, tangent
-from twin.component import Component, PythonComponent, functions
+from twin import compiler, source
+from twin.compiler import model_name, tangent
+from twin.component import Component, PythonComponent
 from twin.errors import BuildError
 from twin.fmi import description, terminals
 from twin.fmi.description import Exposed
+from twin.fmi.sources import FOLDER, listed, source_files, to_compile
+from twin.fmi.table import model_c, source_code
 from twin.revision import revision
 from twin.variable import Role
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-SOURCES = Path(__file__).with_name("c")
 ENGINE = Path(__file__).parents[1]
 TEMPLATES = ENGINE / "templates"
 
 
-@dataclass(frozen=True, slots=True)
-class Target:
-    """How to link for a platform, and the name FMI 2.0 gives it (FMI 3.0's where it has none)."""
-
-    triple: str
-    suffix: str
-    folder_2: str
-    options: tuple[str, ...] = ()
-
-
-ELF = ("-lm", "-s", "-Wl,--build-id=none", "-fno-asynchronous-unwind-tables")
-MACHO = ("-s", "-Wl,-install_name,@rpath/library.dylib")  # else the name is the path of the temporary folder
-TARGETS = {
-    "x86_64-linux":   Target("x86_64-linux-gnu.2.17",  ".so",    "linux64",        ELF),
-    "aarch64-linux":  Target("aarch64-linux-gnu.2.17", ".so",    "aarch64-linux",  ELF),
-    "x86_64-windows": Target("x86_64-windows-gnu",     ".dll",   "win64",          ("-s",)),
-    "x86_64-darwin":  Target("x86_64-macos.11.0",      ".dylib", "darwin64",       MACHO),
-    "aarch64-darwin": Target("aarch64-macos.11.0",     ".dylib", "aarch64-darwin", MACHO),
+# the name FMI 2.0 gives a platform; FMI 3.0's where it has none
+FOLDERS_2 = {
+    "x86_64-linux":   "linux64",
+    "aarch64-linux":  "aarch64-linux",
+    "x86_64-windows": "win64",
+    "x86_64-darwin":  "darwin64",
+    "aarch64-darwin": "aarch64-darwin",
 }  # fmt: skip
+TARGETS = {platform: compiler.PLATFORMS[platform] for platform in FOLDERS_2}
 
-# clang must not turn a loop into a call of memcpy, the record's bytes are read as what they hold, and sums are rounded
-# as in the component's own code
-COMPILE = (
-    "-std=c23", "-O2", "-shared", "-fvisibility=hidden", "-fno-builtin", "-fno-strict-aliasing", "-ffp-contract=off",
-    "-g0",
-)  # fmt: skip
+# after what holds for components: a call must not become one of memcpy, and nothing gains from being unrolled
+STATE_MACHINE = ("-O2", "-fno-builtin", "-mllvm", "-inline-threshold=225")
+TABLE = ("-O1", "-fno-builtin")
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +68,7 @@ VERSIONS = {
         "fmi2.c",
         description.expose_scalars,
         description.describe_2,
-        lambda p: TARGETS[p].folder_2,
+        lambda p: FOLDERS_2[p],
         False,
         terminals.none,
     ),
@@ -91,95 +76,21 @@ VERSIONS = {
 }
 
 
-def model_name(cls: type[Component]) -> str:
-    """Name of the model: the component's folder in `fmus`, else the class."""
-    parts = cls.__module__.split(".")
-    return parts[1] if len(parts) == 3 and parts[0] == "fmus" and parts[2] == "model" else cls.__name__
+# ------------------------------------------------------------------------------------------------- compile and link
 
 
-# ------------------------------------------------------------------------------------------------- generated C table
-
-ACCESS = {Role.input: "INPUT", Role.parameter: "TUNABLE"}
-
-
-def _access(exposed: Exposed) -> str:
-    if exposed.variability == "fixed":
-        return "FIXED"
-    if exposed.causality == "input" and exposed.variability == "continuous":
-        return "SIGNAL"
-    return ACCESS.get(exposed.variable.role, "EXACT" if exposed.has_start else "CALCULATED")
+def state_machine(platform: str, name: str, build: Path) -> bytes:
+    """Object file of `fmi2.c` or `fmi3.c`, the same for all components: compiled once for a platform."""
+    texts = {file.name: file.read_text(encoding="utf-8") for file in sorted(FOLDER.iterdir())}
+    return compiler.compile_c(texts.pop(name), platform, build, headers=texts, options=STATE_MACHINE, name=name)
 
 
-def _c_table(cls: type[Component], name: str, token: str, exposed: list[Exposed], has_time: bool) -> str:
-    """`component.h`: identity, start image, and one row per value reference."""
-    names, places = "", {}
-    for variable in cls.variables:
-        places[variable.name] = len(names)
-        names += variable.name + "\0"
-    rows = [f"{{TIME, 1, {len(names)}, FLOAT64, 8, CALCULATED, false}}"] if has_time else []
-    names += "time\0"
-    for e in exposed:
-        variable = e.variable
-        count = len(e.start)
-        kind = f"{variable.type.upper()}, {variable.dtype.itemsize}, {_access(e)}"
-        seen = description.text(has_time and description.is_intermediate(cls, e))
-        rows.append(f"{{{e.offset}, {count}, {places[variable.name]}, {kind}, {seen}}}")
-    image = cls().record.tobytes()
-    words = [f"0x{int.from_bytes(image[i : i + 8], 'little'):x}" for i in range(0, len(image), 8)]
-    states = [v for v in cls.variables if v.role is Role.state]
-    derivatives = [v for v in cls.variables if v.role is Role.derivative]
-    nominals = [repr(v.nominal or 1.0) for v in states for _ in range(v.size)]
-    indicators = [cls.layout.offset(v.name) + 8 * i for v in description.switches(cls) for i in range(v.size)]
-    identity = uuid.UUID(token.strip("{}")).int
-    letters = ",".join(map(str, names.encode()))
-    return "\n".join(
-        [
-            f'#define MODEL "{name}"',
-            f'#define TOKEN "{token}"',
-            f"#define RECORD_SIZE {len(image)}",
-            f"#define FIELD_COUNT {len(rows)}u",
-            f"#define EXCHANGE {int(description.offers_exchange(cls))}",
-            f"#define DIRECTIONAL {int(description.offers_derivatives(cls))}",
-            f"#define PERIOD {cls.period_ns}ll",
-            f"#define BEGIN {cls.layout.offset('_begin') if cls.period_ns else 0}",
-            f"#define TICK {cls.layout.offset('_tick') if cls.period_ns else 0}",
-            f"#define SUBSTEP {cls.method.substep if states else 0.0!r}",
-            f"#define STATE_COUNT {len(nominals)}",
-            f"#define STATES {cls.layout.offset(states[0].name) if states else 0}",
-            f"#define DERIVATIVES {cls.layout.offset(derivatives[0].name) if states else 0}",
-            f"#define INDICATOR_COUNT {len(indicators)}",
-            f"static const int32_t INDICATORS[] = {{{', '.join(map(str, indicators)) or '0'}}};",
-            f"static const double NOMINALS[] = {{{', '.join(nominals) or '0'}}};",
-            f"static const uint64_t IDENTITY[2] = {{0x{identity >> 64:x}, 0x{identity & (2**64 - 1):x}}};",
-            f"static const uint64_t START[] = {{{', '.join(words)}}};",
-            f"static const char NAMES[] = {{{letters}}};",
-            "static const Field FIELDS[] = {",
-            *(f"    {row}," for row in rows or ["{0, 0, 0, NO_TYPE, 0, CALCULATED, false}"]),
-            "};",
-            "",
-        ]
-    )
-
-
-# -------------------------------------------------------------------------------------------------------------- link
-
-
-def link(platform: str, source: str, table: str, codes: Sequence[bytes]) -> bytes:
-    """The shared library of an FMU for a platform, from object files."""
-    target = TARGETS[platform]
-    with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder)
-        (place / "component.h").write_text(table, encoding="utf-8")
-        objects = [place / f"component{i}.o" for i in range(len(codes))]
-        for path, code in zip(objects, codes, strict=True):
-            path.write_bytes(code)
-        library = place / f"library{target.suffix}"
-        command = [sys.executable, "-m", "ziglang", "cc", "-target", target.triple, *COMPILE, f"-I{place}"]
-        command += [str(SOURCES / source), *map(str, objects), "-o", str(library), *target.options]
-        result = subprocess.run(command, capture_output=True, text=True, cwd=place, check=False)
-        if result.returncode:
-            raise BuildError(f"{platform}: the library cannot be linked: {result.stderr.strip()[-2000:]}")
-        return library.read_bytes()
+def library(made: Plan, source: str, own: compiler.Sources, platform: str, build: Path) -> bytes:
+    """The shared library of an FMU for a platform: state machine, table, component."""
+    headers = {"model.h": (FOLDER / "model.h").read_text(encoding="utf-8"), f"{own.name}.h": own.header}
+    table = compiler.compile_c(made.model, platform, build, headers=headers, options=TABLE, name="model.c")
+    objects = [state_machine(platform, source, build), table, compiler.compile_sources(own, platform, build)]
+    return compiler.link(platform, objects, build)
 
 
 # ----------------------------------------------------------------------------------------------------- documentation
@@ -240,7 +151,7 @@ class Plan:
 
     name: str
     token: str
-    table: str
+    model: str  # model.c
     files: dict[str, bytes]
 
 
@@ -255,14 +166,19 @@ def plan(cls: type[Component], version: str) -> Plan:
     more = {"documentation/index.html": documentation(cls, version).encode(), **words.more(cls)}
     nobody = f"{{{uuid.UUID(int=0)}}}"
     digest = hashlib.sha256(words.describe(cls, name, nobody, exposed) + b"".join(more.values()))
-    digest.update(_c_table(cls, name, nobody, exposed, words.has_time).encode())
-    for file in sorted(SOURCES.iterdir()):
+    code = source_code(cls, name)
+    digest.update(model_c(cls, name, nobody, exposed, words.has_time, code).encode())
+    for file in sorted(FOLDER.iterdir()):
         digest.update(file.read_bytes())
-    digest.update(f"{TARGETS} {COMPILE} {metadata.version('ziglang')}".encode())
-    code = (*functions(cls), *(entry.function for entry in compiled.exchange_entries(cls)))
-    token = f"{{{uuid.UUID(compiled.content_hash(code, digest.hexdigest()))}}}"
+    digest.update(f"{TARGETS} {STATE_MACHINE} {TABLE} {metadata.version('ziglang')} {_start_values(cls)}".encode())
+    token = f"{{{uuid.UUID(compiler.component_hash(cls, digest.hexdigest()))}}}"
     files = {"modelDescription.xml": words.describe(cls, name, token, exposed), **more}
-    return Plan(name, token, _c_table(cls, name, token, exposed, words.has_time), files)
+    return Plan(name, token, model_c(cls, name, token, exposed, words.has_time, code), files)
+
+
+def _start_values(cls: type[Component]) -> str:
+    """Hash of the record before initialization."""
+    return hashlib.sha256(cls().record.tobytes()).hexdigest()
 
 
 def _archive(files: dict[str, bytes]) -> bytes:
@@ -278,24 +194,17 @@ def _archive(files: dict[str, bytes]) -> bytes:
     return buffer.getvalue()
 
 
-def _write(path: Path, content: bytes) -> None:
-    """Replace a file at once: whoever reads sees the old or the new one."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.{os.getpid()}")
-    partial.write_bytes(content)
-    partial.replace(path)
-
-
 def _content(cls: type[Component], version: str, made: Plan, build: Path, targets: Sequence[str]) -> bytes:
     words = VERSIONS[version]
-    files = dict(made.files)
     for platform in targets:
         if platform not in TARGETS:
             raise BuildError(f"platform {platform!r} is not known. Use one of {', '.join(TARGETS)}.")
-        codes = [compiled.component_object(cls, platform, build), compiled.exchange_object(cls, platform, build)]
-        library = link(platform, words.source, made.table, [code for code in codes if code])
-        files[f"binaries/{words.folder(platform)}/{made.name}{TARGETS[platform].suffix}"] = library
-    return _archive(files)
+    if f"{made.name}.h" in {file.name for file in FOLDER.iterdir()}:
+        raise BuildError(f"{made.name}: this name is a file of the FMU's own. Rename the component.")
+    own = compiler.sources(cls, made.name, build)
+    libraries = compiler.side_by_side(partial(library, made, words.source, own, platform, build) for platform in targets)
+    places = [f"binaries/{words.folder(p)}/{made.name}{TARGETS[p].suffix}" for p in targets]
+    return _archive({**made.files, **dict(zip(places, libraries, strict=True))})
 
 
 def origin(cls: type[Component], made: Plan) -> str:
@@ -306,11 +215,27 @@ def origin(cls: type[Component], made: Plan) -> str:
     return "\n".join([*lines, *(f"{name}: revision {revision(folder)}" for name, folder in folders.items()), ""])
 
 
-def export(cls: type[Component], version: str, path: Path, build: Path, targets: Sequence[str] = ()) -> Path:
-    """Write a component as an FMU to `path`, with binaries for the targets; for this machine if none are given."""
+def _add_sources(version: str, made: Plan, own: compiler.Sources) -> None:
+    """`sources/`; an FMU that is compiled from them has the same token, and understands saved states of this one."""
+    files = {f"{own.name}.c": own.source.encode(), f"{own.name}.h": own.header.encode()}
+    made.files.update(source_files(made.name, version, made.model, files))
+    if version == "2.0":
+        path = "modelDescription.xml"
+        made.files[path] = listed(made.files[path], to_compile(made.files))
+
+
+def export(
+    cls: type[Component], version: str, path: Path, build: Path, targets: Sequence[str] = (), *, sources: bool = False
+) -> Path:
+    """Write a component as an FMU to `path`, with binaries for the targets; for this machine if none are given.
+
+    With `sources` it also holds its C, and says how an importer compiles it.
+    """
     made = plan(cls, version)
     made.files["documentation/origin.txt"] = origin(cls, made).encode()
-    _write(Path(path), _content(cls, version, made, build, targets or (compiled.host(),)))
+    if sources:
+        _add_sources(version, made, compiler.sources(cls, made.name, build))
+    compiler.put(Path(path), _content(cls, version, made, build, targets or (compiler.host(),)))
     return Path(path)
 
 
@@ -326,16 +251,24 @@ def _checked(cls: type[Component], version: str) -> Plan:
     return _plans[cls, version]
 
 
-def build(cls: type[Component], version: str, build: Path, targets: Sequence[str] = ()) -> Path:
-    """The component's FMU in `build/<version>/`, made anew only if what it is made from, or a target, is new."""
+def is_built(cls: type[Component], build: Path, version: str = "3.0", wanted: Sequence[str] = ()) -> bool:
+    """Whether the component's FMU is there as it would be made now, with all binaries that are wanted."""
     made = _checked(cls, version)
-    wanted = tuple(targets) or (compiled.host(),)
     path = build / version / f"{made.name}.fmu"
     note = path.with_suffix(".hash")
     token, *present = note.read_text().split() if note.exists() and path.exists() else [""]
-    if token == made.token and set(wanted) <= set(present):
+    return token == made.token and set(wanted or (compiler.host(),)) <= set(present)
+
+
+def build(cls: type[Component], version: str, build: Path, targets: Sequence[str] = ()) -> Path:
+    """The component's FMU in `build/<version>/`, made anew only if what it is made from, or a target, is new."""
+    made = _checked(cls, version)
+    wanted = tuple(targets) or (compiler.host(),)
+    path = build / version / f"{made.name}.fmu"
+    if is_built(cls, build, version, wanted):
         return path
+    note = path.with_suffix(".hash")
     note.unlink(missing_ok=True)
-    _write(path, _content(cls, version, made, build, wanted))
-    _write(note, f"{made.token} {' '.join(wanted)}\n".encode())
+    compiler.put(path, _content(cls, version, made, build, wanted))
+    compiler.put(note, f"{made.token} {' '.join(wanted)}\n".encode())
     return path

@@ -1,9 +1,8 @@
 /* What FMI 2.0 and FMI 3.0 have in common: memory, messages, access to variables, steps, saved states.
 
-   No libc: instances and saved states come from a pool in .bss, messages are formatted here. `component.h` is
-   generated for each component. The file of an FMI version first defines `FUNCTIONS`, the table of its functions:
-   X(name, kinds of instance that have it, states in which it may be called, or 0 if no instance can offer it; types of
-   variables it moves). */
+   No libc: instances and saved states come from the model's pool, messages are formatted here. The file of an FMI version
+   first defines `FUNCTIONS`, the table of its functions: X(name, kinds of instance that have it, states in which it may be
+   called, or 0 if `absent` answers; types of variables it moves). */
 
 #include <stdarg.h>
 #include <stdatomic.h>
@@ -11,13 +10,41 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#ifdef _WIN32
+#include "model.h"
+
+#if defined FMI3_Export
+#define EXPORT FMI3_Export
+#elif defined FMI2_Export
+#define EXPORT FMI2_Export
+#elif defined PREFIX
+#define EXPORT
+#elif defined _WIN32 || defined __CYGWIN__
 #define EXPORT __declspec(dllexport)
-#else
+#elif defined __GNUC__
 #define EXPORT __attribute__((visibility("default")))
+#else
+#define EXPORT
 #endif
 
+/* FMI's functions have arguments that mean nothing here; and time is rounded as in the component's own code */
+#if defined _MSC_VER
+#define INLINE static __forceinline
+#define NOINLINE __declspec(noinline)
+#pragma warning(disable : 4100)
+#pragma fp_contract(off)
+#elif defined __GNUC__
+#define INLINE static inline __attribute__((always_inline))
 #define NOINLINE __attribute__((noinline))
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#else
+#define INLINE static inline
+#define NOINLINE
+#endif
+#if defined __clang__
+#pragma STDC FP_CONTRACT OFF
+#elif defined __GNUC__
+#pragma GCC optimize("fp-contract=off")
+#endif
 
 /* status of a call, as the component and both FMI versions number it */
 enum { OK, WARNING, DISCARD, ERROR, FATAL };
@@ -35,13 +62,12 @@ static const char *const STATE_NAMES[] = {
     "Event Mode", "Continuous-Time Mode", "Intermediate Update Mode",
 };
 
-/* types of a variable in the record; a getter or setter takes a mask of them */
-enum { FLOAT64 = 1, INT32 = 2, INT64 = 4, BOOLEAN = 8, NO_TYPE = 0 };
+/* states in which a getter sees what was set just before */
+enum { EVALUATED = INITIALIZATION | EVENT | CONTINUOUS | INTERMEDIATE };
 
-/* what decides when a variable may be set */
-enum { SIGNAL, INPUT, TUNABLE, FIXED, EXACT, CALCULATED };
+/* when a variable may be set */
 static const uint16_t SETTABLE[] = {
-    [SIGNAL]     = INSTANTIATED | INITIALIZATION | STEP | EVENT | CONTINUOUS | INTERMEDIATE, /* an input continuous in time */
+    [SIGNAL]     = INSTANTIATED | INITIALIZATION | STEP | EVENT | CONTINUOUS | INTERMEDIATE,
     [INPUT]      = INSTANTIATED | INITIALIZATION | STEP | EVENT,
     [TUNABLE]    = INSTANTIATED | INITIALIZATION | STEP | EVENT,
     [FIXED]      = INSTANTIATED | INITIALIZATION,
@@ -49,60 +75,46 @@ static const uint16_t SETTABLE[] = {
     [CALCULATED] = 0,
 };
 
-/* one value reference: offset in the record [byte], number of scalars, place of the name in NAMES */
-typedef struct {
-    int32_t  offset;
-    uint32_t count, name;
-    uint8_t  type, width, access;
-    bool     is_intermediate; /* may be asked for in Intermediate Update Mode */
-} Field;
-
-#define TIME (-40) /* offset of the independent variable, the first field of Memory, from the record */
-#include "component.h"
-
-/* states in which a getter sees what was set just before */
-enum { EVALUATED = INITIALIZATION | (EXCHANGE ? EVENT | CONTINUOUS | INTERMEDIATE : 0) };
-
-/* everything that a saved state holds */
+/* everything that a saved state holds; the component's record follows */
 typedef struct {
     double  time, start_time, stop_time;
     int32_t mode, stop_defined;
     int32_t stale; /* something was set in a state of EVALUATED after the component's functions ran */
     int32_t kind;  /* of instance */
-    _Alignas(8) unsigned char record[RECORD_SIZE];
 } Memory;
-_Static_assert(offsetof(Memory, time) == 0 && offsetof(Memory, record) == -TIME, "TIME leads to Memory.time");
+
+/* any function pointer, until its type is known */
+typedef void (*Function)(void);
 
 /* where messages go; `categories`: one bit per status, as numbered above */
 typedef struct {
-    void       *logger, *environment;
+    Function    logger;
+    void       *environment;
     const char *name;
     uint32_t    categories;
 } Sink;
 
-/* what an importer of FMI 3.0 wants to do within steps */
+/* what an importer of FMI 3.0 wants to do within steps; a bit for each variable that may be accessed: `wish_bits` */
 typedef struct {
-    void    *update; /* its function for Intermediate Update Mode, or NULL */
+    Function update; /* its function for Intermediate Update Mode, or NULL */
     bool     early_return;
-    uint32_t variables[FIELD_COUNT / 32 + 1]; /* one bit each: may be accessed in Intermediate Update Mode */
 } Wishes;
 
+/* The begin of a slot. Its record follows; then, where there are directional derivatives, two more memories with their
+   records, so that the question changes nothing; at last the wish bits. */
 enum { FREE, INSTANCE, STATE };
 typedef struct {
     _Alignas(16) atomic_uintptr_t use; /* FREE, or the slot's own address plus what it is used as */
-    Sink       sink;
-    char       name[128];
-    Wishes     wishes;
-    Memory     memory;
-#if DIRECTIONAL
-    Memory     trial, tangents; /* where directional derivatives are computed, so that the question changes nothing */
-#endif
+    Sink              sink;
+    char              name[128];
+    Wishes            wishes;
+    _Alignas(8) Memory memory;
 } Slot;
+_Static_assert(offsetof(Slot, memory) <= SLOT_HEAD && _Alignof(Slot) <= 64, "SLOT_HEAD holds what precedes the memory");
+_Static_assert(sizeof(Memory) == MEMORY_HEAD && offsetof(Memory, time) == 0, "MEMORY_HEAD is the size of Memory");
+_Static_assert((int)TIME == -(int)MEMORY_HEAD, "TIME leads to Memory.time");
 
-#define POOL_SIZE ((size_t)64 << 20) /* virtual: pages are only taken when touched */
-#define SLOTS (POOL_SIZE / sizeof(Slot) > 16 ? POOL_SIZE / sizeof(Slot) : 16)
-static Slot pool[SLOTS];
-static atomic_size_t hint; /* last slot that was released: warm, and next to be claimed */
+static atomic_size_t hint; /* offset in the pool of the slot last released: warm, and next to be claimed */
 
 #define FUNCTION_NUMBER(name, kinds, modes, types) name##_number,
 #define FUNCTION_ROW(name, kinds, modes, types) {#name, modes, kinds, types},
@@ -113,21 +125,26 @@ static const struct {
     uint8_t     kinds, types;
 } LEGAL[] = {FUNCTIONS(FUNCTION_ROW)};
 
-/* A function of an interface that is not offered: refused, with a message. */
-#define ABSENT(name, ...) EXPORT int name(void *instance __VA_OPT__(,) __VA_ARGS__) { return absent(instance, name##_number); }
-
 /* Begin of a function: `me` is the instance, and the call is legal. */
 #define ENTER(name) Slot *me = enter(instance, name##_number); if (!me) return ERROR
 
-int32_t component_initialize(void *record, double t);
-int32_t component_advance(void *record, double t, double h);
-#if EXCHANGE
-int32_t component_derivatives(void *record, double t);
-#else
-static int32_t component_derivatives(void *record, double t) { return (void)record, (void)t, ERROR; } /* never called */
-#endif
+/* ------------------------------------------------------------------------------------------------------------- memory */
 
-/* ------------------------------------------------------------------------------------------------------ helpers */
+/* A variable's place in the record that follows a memory, or in the memory itself. */
+INLINE void *place_of(Memory *memory, int32_t offset) { return (unsigned char *)(memory + 1) + offset; }
+
+INLINE void *record_of(Memory *memory) { return memory + 1; }
+
+/* What a memory and its record take. */
+INLINE size_t memory_size(void) { return sizeof(Memory) + model.record_size; }
+
+/* Memory number 1 or 2 of a slot, or what is behind the last one. */
+INLINE void *behind(Slot *slot, size_t count)
+{
+    return (unsigned char *)&slot->memory + count * (sizeof(Memory) + ROUNDED(model.record_size, 8));
+}
+
+INLINE uint32_t *wish_bits(Slot *slot) { return behind(slot, model.tangent ? 3 : 1); }
 
 static NOINLINE void copy(void *restrict to, const void *restrict from, size_t size)
 {
@@ -142,13 +159,14 @@ static NOINLINE bool same_text(const char *a, const char *b)
 
 static NOINLINE Slot *claim(int use)
 {
-    size_t first = atomic_load(&hint);
-    for (size_t i = 0; i < SLOTS; i++) {
-        size_t place = (first + i) % SLOTS;
-        uintptr_t expected = FREE, used = (uintptr_t)&pool[place] + (uintptr_t)use;
-        if (atomic_load(&pool[place].use) == FREE && atomic_compare_exchange_strong(&pool[place].use, &expected, used)) {
-            atomic_store(&hint, (place + 1) % SLOTS);
-            return &pool[place];
+    size_t offset = atomic_load(&hint);
+    for (size_t seen = 0; seen < model.pool_size; seen += model.slot_size) {
+        Slot *slot = (Slot *)(void *)(model.pool + offset);
+        uintptr_t expected = FREE, used = (uintptr_t)slot + (uintptr_t)use;
+        offset = offset + model.slot_size < model.pool_size ? offset + model.slot_size : 0;
+        if (atomic_load(&slot->use) == FREE && atomic_compare_exchange_strong(&slot->use, &expected, used)) {
+            atomic_store(&hint, offset);
+            return slot;
         }
     }
     return NULL;
@@ -157,14 +175,14 @@ static NOINLINE Slot *claim(int use)
 static void release(Slot *slot)
 {
     atomic_store(&slot->use, FREE);
-    atomic_store(&hint, (size_t)(slot - pool));
+    atomic_store(&hint, (size_t)((unsigned char *)slot - model.pool));
 }
 
 /* The slot behind a pointer from outside; NULL if it is not one that is in use so, freed ones included. */
-static inline Slot *slot_of(void *pointer, int use)
+INLINE Slot *slot_of(void *pointer, int use)
 {
     uintptr_t address = (uintptr_t)pointer;
-    if (address - (uintptr_t)pool >= sizeof pool || address % 16) return NULL;
+    if (address - (uintptr_t)model.pool >= model.pool_size || address % 16) return NULL;
     return atomic_load_explicit(&((Slot *)pointer)->use, memory_order_acquire) == address + (uintptr_t)use ? pointer : NULL;
 }
 
@@ -211,7 +229,7 @@ static void put_real(Message *message, double value)
     if (value < 0) put(message, '-'), value = -value;
     if (value > 1.7e308) { put_text(message, "Inf"); return; }
     while (value >= 10) value /= 10, exponent++;
-    while (value && value < 1) value *= 10, exponent--;
+    while (value > 0 && value < 1) value *= 10, exponent--;
     int64_t digits = (int64_t)(value * 1e11 + 0.5);
     if (digits >= 1000000000000) digits /= 10, exponent++;
     bool plain = exponent >= -5 && exponent <= 11;
@@ -252,7 +270,9 @@ static NOINLINE void say(const Sink *sink, int status, const char *format, ...)
 
 static const char *state_name(const Slot *me)
 {
-    return STATE_NAMES[__builtin_ctz((unsigned)me->memory.mode)];
+    int place = 0;
+    while (!(me->memory.mode >> place & 1)) place++;
+    return STATE_NAMES[place];
 }
 
 static const char *const KIND_NAMES[] = {
@@ -264,14 +284,13 @@ static NOINLINE void comment(const Slot *me, int function, bool legal)
 {
     const char *name = LEGAL[function].name;
     if (legal) say(&me->sink, OK, "%s in state %s", name, state_name(me));
-    else if (LEGAL[function].modes && !(LEGAL[function].kinds & me->memory.kind))
+    else if (!(LEGAL[function].kinds & me->memory.kind))
         say(&me->sink, ERROR, "%s is not for %s, which this instance was made for.", name, KIND_NAMES[me->memory.kind]);
-    else if (LEGAL[function].modes) say(&me->sink, ERROR, "%s is not allowed in state %s.", name, state_name(me));
-    else say(&me->sink, ERROR, "%s belongs to an interface that this FMU does not offer.", name);
+    else say(&me->sink, ERROR, "%s is not allowed in state %s.", name, state_name(me));
 }
 
 /* The one check at the entry of every function: is this an instance, and may it be called now? */
-static Slot *enter(void *instance, int function)
+INLINE Slot *enter(void *instance, int function)
 {
     Slot *me = slot_of(instance, INSTANCE);
     if (!me) return NULL;
@@ -280,9 +299,11 @@ static Slot *enter(void *instance, int function)
     return legal ? me : NULL;
 }
 
+/* A function of an interface that is not offered. */
 static NOINLINE int absent(void *instance, int function)
 {
-    enter(instance, function);
+    Slot *me = slot_of(instance, INSTANCE);
+    if (me) say(&me->sink, ERROR, "%s belongs to an interface that this FMU does not offer.", LEGAL[function].name);
     return ERROR;
 }
 

@@ -20,7 +20,7 @@ static int set_time(Slot *me, int function, double t)
     return OK;
 }
 
-static double *states(Memory *memory) { return (double *)(memory->record + STATES); }
+static double *states(Slot *me) { return place_of(&me->memory, model.states); }
 
 /* Whether an array has one value for each of `count`. */
 static bool fits(const Slot *me, int function, const void *values, size_t size, size_t count)
@@ -30,8 +30,8 @@ static bool fits(const Slot *me, int function, const void *values, size_t size, 
 
 static int set_states(Slot *me, int function, const double values[], size_t size)
 {
-    if (!fits(me, function, values, size, STATE_COUNT)) return ERROR;
-    copy(states(&me->memory), values, sizeof(double) * STATE_COUNT);
+    if (!fits(me, function, values, size, model.state_count)) return ERROR;
+    copy(states(me), values, sizeof(double) * model.state_count);
     touch(me);
     return OK;
 }
@@ -39,29 +39,30 @@ static int set_states(Slot *me, int function, const double values[], size_t size
 /* In Initialization Mode states may follow from parameters and inputs, as derivatives always do. */
 static int get_states(Slot *me, int function, double values[], size_t size)
 {
-    if (!fits(me, function, values, size, STATE_COUNT) || settle(me) != OK) return ERROR;
-    copy(values, states(&me->memory), sizeof(double) * STATE_COUNT);
+    if (!fits(me, function, values, size, model.state_count) || settle(me) != OK) return ERROR;
+    copy(values, states(me), sizeof(double) * model.state_count);
     return OK;
 }
 
 static int get_derivatives(Slot *me, int function, double values[], size_t size)
 {
-    if (!fits(me, function, values, size, STATE_COUNT) || settle(me) != OK) return ERROR;
-    copy(values, me->memory.record + DERIVATIVES, sizeof(double) * STATE_COUNT);
+    if (!fits(me, function, values, size, model.state_count) || settle(me) != OK) return ERROR;
+    copy(values, place_of(&me->memory, model.derivatives_of_states), sizeof(double) * model.state_count);
     return OK;
 }
 
 static int get_nominals(Slot *me, int function, double values[], size_t size)
 {
-    if (!fits(me, function, values, size, STATE_COUNT)) return ERROR;
-    copy(values, NOMINALS, sizeof(double) * STATE_COUNT);
+    if (!fits(me, function, values, size, model.state_count)) return ERROR;
+    copy(values, model.nominals, sizeof(double) * model.state_count);
     return OK;
 }
 
 static int get_indicators(Slot *me, int function, double values[], size_t size)
 {
-    if (!fits(me, function, values, size, INDICATOR_COUNT) || settle(me) != OK) return ERROR;
-    for (int i = 0; i < INDICATOR_COUNT; i++) values[i] = *(const double *)(me->memory.record + INDICATORS[i]);
+    if (!fits(me, function, values, size, model.indicator_count) || settle(me) != OK) return ERROR;
+    for (uint32_t i = 0; i < model.indicator_count; i++)
+        values[i] = *(const double *)place_of(&me->memory, model.indicators[i]);
     return OK;
 }
 
@@ -77,48 +78,42 @@ typedef struct {
     size_t          tangent_count;
 } Direction;
 
-#if DIRECTIONAL
-int32_t component_tangent(void *record, void *tangents, double t, double tangent_of_t);
-int32_t component_first_tangent(void *record, void *tangents, double t, double tangent_of_t); /* of initialization */
-
 /* Whether a variable is given in the present state, and not computed. */
 static bool is_known(const Slot *me, const Field *field)
 {
-    bool is_state = field->offset >= STATES && field->offset < STATES + (int32_t)sizeof(double) * STATE_COUNT;
+    int32_t behind_states = model.states + (int32_t)(sizeof(double) * model.state_count);
+    bool is_state = field->offset >= model.states && field->offset < behind_states;
     if (field->offset == TIME || field->access == SIGNAL || field->access == TUNABLE || field->access == FIXED) return true;
     return me->memory.mode == INITIALIZATION ? field->access == EXACT : is_state;
 }
 
 static int differentiate(Slot *me, int function, const Direction *asked)
 {
-    Memory *at = &me->trial, *along = &me->tangents;
+    Memory *at = behind(me, 1), *along = behind(me, 2);
     if (!accessible(me, function, false, asked->unknowns, asked->unknown_count, asked->tangents, asked->tangent_count) ||
         !accessible(me, function, false, asked->knowns, asked->known_count, asked->seeds, asked->seed_count))
         return ERROR;
-    copy(at, &me->memory, sizeof(Memory));
-    for (size_t i = 0; i < sizeof(Memory); i++) ((unsigned char *)along)[i] = 0;
+    copy(at, &me->memory, memory_size());
+    for (size_t i = 0; i < memory_size(); i++) ((unsigned char *)along)[i] = 0;
     const double *seed = asked->seeds;
     for (size_t i = 0; i < asked->known_count; i++) {
-        const Field *field = &FIELDS[asked->knowns[i]];
+        const Field *field = &model.fields[asked->knowns[i]];
         if (!is_known(me, field)) {
-            say(&me->sink, ERROR, "%s: %s is not known in state %s, but computed.", LEGAL[function].name, NAMES + field->name,
+            say(&me->sink, ERROR, "%s: %s is not known in state %s, but computed.", LEGAL[function].name, field->name,
                 state_name(me));
             return ERROR;
         }
-        double *to = (double *)(along->record + field->offset);
+        double *to = place_of(along, field->offset);
         for (uint32_t j = 0; j < field->count; j++) *to++ = *seed++;
     }
     bool first = at->mode == INITIALIZATION;
-    int status = (first ? component_first_tangent : component_tangent)(at->record, along->record, at->time, along->time);
+    int status = (first ? model.first_tangent : model.tangent)(record_of(at), record_of(along), at->time, along->time);
     if (status != OK) return fail(me, function, "the component cannot be evaluated here.");
     double *tangent = asked->tangents;
     for (size_t i = 0; i < asked->unknown_count; i++) {
-        const Field *field = &FIELDS[asked->unknowns[i]];
-        const double *from = (const double *)(along->record + field->offset);
+        const Field *field = &model.fields[asked->unknowns[i]];
+        const double *from = place_of(along, field->offset);
         for (uint32_t j = 0; j < field->count; j++) *tangent++ = *from++;
     }
     return OK;
 }
-#else
-static int differentiate(Slot *me, int function, const Direction *asked) { return (void)me, (void)function, (void)asked, ERROR; }
-#endif

@@ -38,7 +38,7 @@
     X(fmi2CancelStep,                    CS,  0,                                            0)             \
     X(fmi2SetRealInputDerivatives,       CS,  0,                                            0)             \
     X(fmi2GetRealOutputDerivatives,      CS,  0,                                            0)             \
-    X(fmi2GetDirectionalDerivative,      ALL, DIRECTIONAL ? GETTABLE : 0,                   FLOAT64)       \
+    X(fmi2GetDirectionalDerivative,      ALL, GETTABLE,                                     FLOAT64)       \
     X(fmi2EnterEventMode,                ME,  EVENT | CONTINUOUS,                           0)             \
     X(fmi2NewDiscreteStates,             ME,  EVENT,                                        0)             \
     X(fmi2EnterContinuousTimeMode,       ME,  EVENT,                                        0)             \
@@ -67,158 +67,178 @@ static void send(const Sink *sink, int status, const char *category, const char 
     ((Logger)sink->logger)(sink->environment, sink->name, status, category, text);
 }
 
-EXPORT const char *fmi2GetTypesPlatform(void) { return "default"; }
-EXPORT const char *fmi2GetVersion(void) { return "2.0"; }
+EXPORT const char *NAME(fmi2GetTypesPlatform)(void) { return "default"; }
+EXPORT const char *NAME(fmi2GetVersion)(void) { return "2.0"; }
 
-EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const char *resources,
-                             const Callbacks *callbacks, int visible, int logging)
+EXPORT void *NAME(fmi2Instantiate)(const char *name, int type, const char *guid, const char *resources,
+                                   const Callbacks *callbacks, int visible, int logging)
 {
-    (void)resources, (void)visible;
-    Sink sink = {NULL, NULL, name ? name : MODEL, 0};
-    if (callbacks) sink.logger = (void *)callbacks->logger, sink.environment = callbacks->environment;
+    Sink sink = {NULL, NULL, name ? name : model.name, 0};
+    if (callbacks) sink.logger = (Function)callbacks->logger, sink.environment = callbacks->environment;
     return instantiate(sink, type == 1 ? CS : ME, guid, logging);
 }
 
-EXPORT void fmi2FreeInstance(void *instance)
+EXPORT void NAME(fmi2FreeInstance)(void *instance)
 {
     Slot *me = enter(instance, fmi2FreeInstance_number);
     if (me) release(me);
 }
 
-EXPORT int fmi2SetDebugLogging(void *instance, int on, size_t count, const char *const names[])
+EXPORT int NAME(fmi2SetDebugLogging)(void *instance, int on, size_t count, const char *const names[])
 {
     ENTER(fmi2SetDebugLogging);
     return set_logging(me, on, count, names);
 }
 
-EXPORT int fmi2SetupExperiment(void *instance, int tolerance_defined, double tolerance_, double start_time,
-                               int stop_defined, double stop_time)
+EXPORT int NAME(fmi2SetupExperiment)(void *instance, int tolerance_defined, double tolerance_, double start_time,
+                                     int stop_defined, double stop_time)
 {
-    (void)tolerance_defined, (void)tolerance_;
     ENTER(fmi2SetupExperiment);
     return define_experiment(me, start_time, stop_defined, stop_time) ? OK : ERROR;
 }
 
-EXPORT int fmi2EnterInitializationMode(void *instance)
+EXPORT int NAME(fmi2EnterInitializationMode)(void *instance)
 {
     ENTER(fmi2EnterInitializationMode);
     return enter_initialization(me);
 }
 
-EXPORT int fmi2ExitInitializationMode(void *instance)
+EXPORT int NAME(fmi2ExitInitializationMode)(void *instance)
 {
     ENTER(fmi2ExitInitializationMode);
     return exit_initialization(me);
 }
 
-EXPORT int fmi2Terminate(void *instance)
+EXPORT int NAME(fmi2Terminate)(void *instance)
 {
     ENTER(fmi2Terminate);
     return terminate(me);
 }
 
-EXPORT int fmi2Reset(void *instance)
+EXPORT int NAME(fmi2Reset)(void *instance)
 {
     ENTER(fmi2Reset);
     start(me);
     return OK;
 }
 
-EXPORT int fmi2DoStep(void *instance, double t, double h, int no_rollback)
+EXPORT int NAME(fmi2DoStep)(void *instance, double t, double h, int no_rollback)
 {
-    (void)no_rollback;
     ENTER(fmi2DoStep);
     return advance(me, t, h);
 }
 
 /* ------------------------------------------------------------------------------------------------------ variables */
 
-static NOINLINE int get(void *instance, int function, const uint32_t references[], size_t count, void *values)
+EXPORT int NAME(fmi2GetReal)(void *instance, const uint32_t references[], size_t count, double values[])
 {
-    Slot *me = enter(instance, function);
-    if (!me || !accessible(me, function, false, references, count, values, count) || settle(me) != OK) return ERROR;
+    Slot *me = reading(instance, fmi2GetReal_number, references, count, values, count);
+    if (!me) return ERROR;
+    for (size_t i = 0; i < count; i++)
+        values[i] = *(const double *)place_of(&me->memory, model.fields[references[i]].offset);
+    return OK;
+}
+
+EXPORT int NAME(fmi2SetReal)(void *instance, const uint32_t references[], size_t count, const double values[])
+{
+    Slot *me = writing(instance, fmi2SetReal_number, references, count, values, count);
+    if (!me) return ERROR;
+    for (size_t i = 0; i < count; i++)
+        *(double *)place_of(&me->memory, model.fields[references[i]].offset) = values[i];
+    return OK;
+}
+
+EXPORT int NAME(fmi2GetInteger)(void *instance, const uint32_t references[], size_t count, int values[])
+{
+    Slot *me = reading(instance, fmi2GetInteger_number, references, count, values, count);
+    if (!me) return ERROR;
     for (size_t i = 0; i < count; i++) {
-        const Field *field = &FIELDS[references[i]];
-        const unsigned char *from = me->memory.record + field->offset;
-        int64_t wide = 0;
-        switch (field->type) {
-        case FLOAT64: ((double *)values)[i] = *(const double *)from; break;
-        case INT32:   ((int32_t *)values)[i] = *(const int32_t *)from; break;
-        case BOOLEAN: ((int32_t *)values)[i] = *from != 0; break;
-        default:
-            wide = *(const int64_t *)from;
-            if (wide != (int32_t)wide) {
-                say(&me->sink, ERROR, "%s is %i, which does not fit the 32 bits of FMI 2.0. Use FMI 3.0.", NAMES + field->name, wide);
-                return ERROR;
-            }
-            ((int32_t *)values)[i] = (int32_t)wide;
+        const Field *field = &model.fields[references[i]];
+        const void *from = place_of(&me->memory, field->offset);
+        int64_t value = field->type == INT64 ? *(const int64_t *)from : *(const int32_t *)from;
+        values[i] = (int)value;
+        if (value != values[i]) {
+            say(&me->sink, ERROR, "%s is %i, which does not fit the 32 bits of FMI 2.0. Use FMI 3.0.", field->name, value);
+            return ERROR;
         }
     }
     return OK;
 }
 
-static NOINLINE int set(void *instance, int function, const uint32_t references[], size_t count, const void *values)
+EXPORT int NAME(fmi2SetInteger)(void *instance, const uint32_t references[], size_t count, const int values[])
 {
-    Slot *me = enter(instance, function);
-    if (!me || !accessible(me, function, true, references, count, values, count)) return ERROR;
+    Slot *me = writing(instance, fmi2SetInteger_number, references, count, values, count);
+    if (!me) return ERROR;
     for (size_t i = 0; i < count; i++) {
-        const Field *field = &FIELDS[references[i]];
-        unsigned char *to = me->memory.record + field->offset;
-        switch (field->type) {
-        case FLOAT64: *(double *)to = ((const double *)values)[i]; break;
-        case INT32:   *(int32_t *)to = ((const int32_t *)values)[i]; break;
-        case BOOLEAN: *to = ((const int32_t *)values)[i] != 0; break;
-        default:      *(int64_t *)to = ((const int32_t *)values)[i]; break;
-        }
+        const Field *field = &model.fields[references[i]];
+        void *to = place_of(&me->memory, field->offset);
+        if (field->type == INT64) *(int64_t *)to = values[i];
+        else *(int32_t *)to = values[i];
     }
-    touch(me);
     return OK;
 }
 
-#define ACCESSORS(Name, type)                                                                           \
-    EXPORT int fmi2Get##Name(void *instance, const uint32_t references[], size_t count, type values[])  \
-    { return get(instance, fmi2Get##Name##_number, references, count, values); }                        \
-    EXPORT int fmi2Set##Name(void *instance, const uint32_t references[], size_t count, const type values[]) \
-    { return set(instance, fmi2Set##Name##_number, references, count, values); }
-ACCESSORS(Real, double)
-ACCESSORS(Integer, int)
-ACCESSORS(Boolean, int)
-typedef const char *String;
-ACCESSORS(String, String)
+EXPORT int NAME(fmi2GetBoolean)(void *instance, const uint32_t references[], size_t count, int values[])
+{
+    Slot *me = reading(instance, fmi2GetBoolean_number, references, count, values, count);
+    if (!me) return ERROR;
+    for (size_t i = 0; i < count; i++)
+        values[i] = *(const unsigned char *)place_of(&me->memory, model.fields[references[i]].offset) != 0;
+    return OK;
+}
+
+EXPORT int NAME(fmi2SetBoolean)(void *instance, const uint32_t references[], size_t count, const int values[])
+{
+    Slot *me = writing(instance, fmi2SetBoolean_number, references, count, values, count);
+    if (!me) return ERROR;
+    for (size_t i = 0; i < count; i++)
+        *(unsigned char *)place_of(&me->memory, model.fields[references[i]].offset) = values[i] != 0;
+    return OK;
+}
+
+EXPORT int NAME(fmi2GetString)(void *instance, const uint32_t references[], size_t count, const char *values[])
+{
+    return get_none(instance, fmi2GetString_number, references, count, values, count);
+}
+
+EXPORT int NAME(fmi2SetString)(void *instance, const uint32_t references[], size_t count, const char *const values[])
+{
+    return set_none(instance, fmi2SetString_number, references, count, values, count);
+}
 
 /* --------------------------------------------------------------------------------------------------- saved states */
 
-EXPORT int fmi2GetFMUstate(void *instance, void **state)
+EXPORT int NAME(fmi2GetFMUstate)(void *instance, void **state)
 {
     ENTER(fmi2GetFMUstate);
     return save(me, state);
 }
 
-EXPORT int fmi2SetFMUstate(void *instance, void *state)
+EXPORT int NAME(fmi2SetFMUstate)(void *instance, void *state)
 {
     ENTER(fmi2SetFMUstate);
     return restore(me, state);
 }
 
-EXPORT int fmi2FreeFMUstate(void *instance, void **state)
+EXPORT int NAME(fmi2FreeFMUstate)(void *instance, void **state)
 {
     ENTER(fmi2FreeFMUstate);
     return drop(me, state);
 }
 
-EXPORT int fmi2SerializedFMUstateSize(void *instance, void *state, size_t *size)
+EXPORT int NAME(fmi2SerializedFMUstateSize)(void *instance, void *state, size_t *size)
 {
     ENTER(fmi2SerializedFMUstateSize);
     return serialized_size(me, state, size);
 }
 
-EXPORT int fmi2SerializeFMUstate(void *instance, void *state, char bytes[], size_t size)
+EXPORT int NAME(fmi2SerializeFMUstate)(void *instance, void *state, char bytes[], size_t size)
 {
     ENTER(fmi2SerializeFMUstate);
     return serialize(me, state, bytes, size);
 }
 
-EXPORT int fmi2DeSerializeFMUstate(void *instance, const char bytes[], size_t size, void **state)
+EXPORT int NAME(fmi2DeSerializeFMUstate)(void *instance, const char bytes[], size_t size, void **state)
 {
     ENTER(fmi2DeSerializeFMUstate);
     return deserialize(me, bytes, size, state);
@@ -235,24 +255,34 @@ static int unknown(Slot *me, int function, int kind)
     return DISCARD;
 }
 
-#define STATUS_FUNCTION(Name, type, kind, answer)                             \
-    EXPORT int fmi2Get##Name(void *instance, int asked, type *value)          \
-    {                                                                         \
-        ENTER(fmi2Get##Name);                                                 \
+#define STATUS_FUNCTION(Name, type, kind, answer)                                         \
+    EXPORT int NAME(fmi2Get##Name)(void *instance, int asked, type *value)                \
+    {                                                                                     \
+        ENTER(fmi2Get##Name);                                                             \
         if (asked != (kind) || !value) return unknown(me, fmi2Get##Name##_number, asked); \
-        *value = (answer);                                                    \
-        return OK;                                                            \
+        *value = (answer);                                                                \
+        return OK;                                                                        \
     }
 STATUS_FUNCTION(Status, int, DO_STEP_STATUS, me->memory.mode == STEP_FAILED ? DISCARD : OK)
 STATUS_FUNCTION(RealStatus, double, LAST_SUCCESSFUL_TIME, me->memory.time)
 STATUS_FUNCTION(BooleanStatus, int, TERMINATED_STATUS, 0)
 STATUS_FUNCTION(IntegerStatus, int, -1, 0)
-STATUS_FUNCTION(StringStatus, String, PENDING_STATUS, "")
+STATUS_FUNCTION(StringStatus, const char *, PENDING_STATUS, "")
 
 /* ------------------------------------------------------------------------------------------- interfaces not offered */
 
-ABSENT(fmi2CancelStep)
-ABSENT(fmi2SetRealInputDerivatives, const uint32_t *, size_t, const int *, const double *)
-ABSENT(fmi2GetRealOutputDerivatives, const uint32_t *, size_t, const int *, double *)
+EXPORT int NAME(fmi2CancelStep)(void *instance) { return absent(instance, fmi2CancelStep_number); }
+
+EXPORT int NAME(fmi2SetRealInputDerivatives)(void *instance, const uint32_t references[], size_t count, const int orders[],
+                                             const double values[])
+{
+    return absent(instance, fmi2SetRealInputDerivatives_number);
+}
+
+EXPORT int NAME(fmi2GetRealOutputDerivatives)(void *instance, const uint32_t references[], size_t count,
+                                              const int orders[], double values[])
+{
+    return absent(instance, fmi2GetRealOutputDerivatives_number);
+}
 
 #include "fmi2_exchange.h"

@@ -1,28 +1,28 @@
 /* Model Exchange and directional derivatives of FMI 2.0. Included by fmi2.c. */
 
-EXPORT int fmi2EnterContinuousTimeMode(void *instance)
+EXPORT int NAME(fmi2EnterContinuousTimeMode)(void *instance)
 {
     ENTER(fmi2EnterContinuousTimeMode);
     return enter_mode(me, CONTINUOUS);
 }
 
-EXPORT int fmi2EnterEventMode(void *instance)
+EXPORT int NAME(fmi2EnterEventMode)(void *instance)
 {
     ENTER(fmi2EnterEventMode);
     return enter_mode(me, EVENT);
 }
 
-EXPORT int fmi2SetTime(void *instance, double t)
+EXPORT int NAME(fmi2SetTime)(void *instance, double t)
 {
     ENTER(fmi2SetTime);
     return set_time(me, fmi2SetTime_number, t);
 }
 
-#define VECTOR_FUNCTION(Name, action, type)                                  \
-    EXPORT int fmi2##Name(void *instance, type values[], size_t size)       \
-    {                                                                        \
-        ENTER(fmi2##Name);                                                  \
-        return action(me, fmi2##Name##_number, values, size);               \
+#define VECTOR_FUNCTION(Name, action, type)                                   \
+    EXPORT int NAME(fmi2##Name)(void *instance, type values[], size_t size)   \
+    {                                                                         \
+        ENTER(fmi2##Name);                                                    \
+        return action(me, fmi2##Name##_number, values, size);                 \
     }
 VECTOR_FUNCTION(SetContinuousStates, set_states, const double)
 VECTOR_FUNCTION(GetContinuousStates, get_states, double)
@@ -35,7 +35,7 @@ typedef struct {
     double next_event;
 } EventInfo;
 
-EXPORT int fmi2NewDiscreteStates(void *instance, EventInfo *info)
+EXPORT int NAME(fmi2NewDiscreteStates)(void *instance, EventInfo *info)
 {
     ENTER(fmi2NewDiscreteStates);
     if (!info) return nowhere(me);
@@ -45,18 +45,20 @@ EXPORT int fmi2NewDiscreteStates(void *instance, EventInfo *info)
     return settle(me);
 }
 
-EXPORT int fmi2CompletedIntegratorStep(void *instance, int no_rollback, int *enter_event_mode, int *terminate_simulation)
+EXPORT int NAME(fmi2CompletedIntegratorStep)(void *instance, int no_rollback, int *enter_event_mode,
+                                             int *terminate_simulation)
 {
-    (void)no_rollback;
     ENTER(fmi2CompletedIntegratorStep);
     if (enter_event_mode) *enter_event_mode = 0;
     if (terminate_simulation) *terminate_simulation = 0;
     return settle(me);
 }
 
-EXPORT int fmi2GetDirectionalDerivative(void *instance, const uint32_t unknowns[], size_t unknown_count,
-                                        const uint32_t knowns[], size_t known_count, const double seeds[], double tangents[])
+EXPORT int NAME(fmi2GetDirectionalDerivative)(void *instance, const uint32_t unknowns[], size_t unknown_count,
+                                              const uint32_t knowns[], size_t known_count, const double seeds[],
+                                              double tangents[])
 {
+    if (!model.tangent) return absent(instance, fmi2GetDirectionalDerivative_number);
     ENTER(fmi2GetDirectionalDerivative);
     Direction asked = {unknowns, knowns, unknown_count, known_count, seeds, known_count, tangents, unknown_count};
     return differentiate(me, fmi2GetDirectionalDerivative_number, &asked);

@@ -3,27 +3,31 @@
 
 /* ------------------------------------------------------------------------------------------------ what is asked for */
 
+typedef void (*Update)(void *environment, double t, bool set_requested, bool get_allowed, bool step_finished,
+                       bool can_return_early, bool *early_return_requested, double *early_return_time);
+
 static bool are_possible(const Sink *sink, bool event_mode_used, const uint32_t references[], size_t count)
 {
-    if (event_mode_used && !PERIOD) {
-        say(sink, ERROR, "%s: has no Event Mode. Instantiate it without.", MODEL);
+    if (event_mode_used && !model.period) {
+        say(sink, ERROR, "%s: has no Event Mode. Instantiate it without.", model.name);
         return false;
     }
     for (size_t i = 0; i < count; i++) {
-        if (references && references[i] < FIELD_COUNT && FIELDS[references[i]].is_intermediate) continue;
-        say(sink, ERROR, "%s: value reference %i has no intermediateUpdate and cannot be required for it.", MODEL,
+        if (references && references[i] < model.field_count && model.fields[references[i]].is_intermediate) continue;
+        say(sink, ERROR, "%s: value reference %i has no intermediateUpdate and cannot be required for it.", model.name,
             references ? (int64_t)references[i] : -1);
         return false;
     }
     return true;
 }
 
-static void wish(Wishes *wishes, void *update, bool early_return, const uint32_t references[], size_t count)
+static void wish(Slot *me, Update update, bool early_return, const uint32_t references[], size_t count)
 {
-    wishes->update = update;
-    wishes->early_return = early_return;
-    for (size_t i = 0; i < sizeof wishes->variables / sizeof *wishes->variables; i++) wishes->variables[i] = 0;
-    for (size_t i = 0; i < count; i++) wishes->variables[references[i] / 32] |= 1u << references[i] % 32;
+    uint32_t *bits = wish_bits(me);
+    me->wishes.update = model.derivatives ? (Function)update : NULL;
+    me->wishes.early_return = early_return;
+    for (size_t i = 0; i <= model.field_count / 32; i++) bits[i] = 0;
+    for (size_t i = 0; i < count; i++) bits[references[i] / 32] |= 1u << references[i] % 32;
 }
 
 /* ------------------------------------------------------------------------------- Event Mode of a sampled component
@@ -32,27 +36,30 @@ static void wish(Wishes *wishes, void *update, bool early_return, const uint32_t
    initialization. Between events nothing changes. */
 
 /* When the present tick begins and when it publishes [ns]. */
-static int64_t tick_begin(const Memory *memory)
+static int64_t tick_begin(Memory *memory)
 {
-    return *(const int64_t *)(memory->record + BEGIN) + *(const int64_t *)(memory->record + TICK) * PERIOD;
+    const int64_t *begin = place_of(memory, model.begin), *tick = place_of(memory, model.tick);
+    return *begin + *tick * model.period;
 }
 
-static int64_t next_event(const Memory *memory) { return tick_begin(memory) + PERIOD; }
+static int64_t next_event(Memory *memory) { return tick_begin(memory) + model.period; }
+
+static double half_a_period(void) { return (double)model.period * 0.5e-9; } /* [s] */
 
 /* Whether t [s] has come to an instant [ns], or passed it: with the tolerance of the component's own counting, and so
    that an instant has come, and not passed, at the time that it is told with. */
 static bool has_come(double t, int64_t instant)
 {
-    return t >= (double)instant / 1e9 || t * 1e9 + 1e-6 * PERIOD >= (double)instant;
+    return t >= (double)instant / 1e9 || t * 1e9 + 1e-6 * (double)model.period >= (double)instant;
 }
 
 static bool has_passed(double t, int64_t instant)
 {
-    return t > (double)instant / 1e9 && t * 1e9 - 1e-6 * PERIOD > (double)instant;
+    return t > (double)instant / 1e9 && t * 1e9 - 1e-6 * (double)model.period > (double)instant;
 }
 
 /* Go to the next event or, if the importer does not want steps to end early, to the end: ticks before it happen inside. */
-static int advance_to_event(Slot *me, double t, double h, bool *event)
+static NOINLINE int advance_to_event(Slot *me, double t, double h, bool *event)
 {
     Memory *memory = &me->memory;
     int64_t instant = next_event(memory);
@@ -60,15 +67,16 @@ static int advance_to_event(Slot *me, double t, double h, bool *event)
     if (!step_is_possible(me, t, h)) return ERROR;
     double end = t + h;
     if (!me->wishes.early_return)
-        while (has_come(end, instant + PERIOD)) instant += PERIOD;
-    *event = has_come(end, instant) && (me->wishes.early_return || !has_passed(end, instant));
+        while (has_come(end, instant + model.period)) instant += model.period;
+    bool is_event = has_come(end, instant) && (me->wishes.early_return || !has_passed(end, instant));
 
     /* half a period before the event everything due before it has happened, and what is due at it has not */
-    double part = *event ? (double)(instant - PERIOD / 2) * 1e-9 - t : h;
-    int status = part > 0 ? component_advance(memory->record, t, part) : OK;
+    double part = is_event ? (double)(instant - model.period / 2) * 1e-9 - t : h;
+    int status = part > 0 ? model.step(record_of(memory), t, part) : OK;
     if (status != OK) status = conclude(me, status, t, part);
-    if (status < DISCARD) memory->time = *event && has_passed(end, instant) ? (double)instant / 1e9 : end;
-    else *event = false;
+    if (status >= DISCARD) return status;
+    memory->time = is_event && has_passed(end, instant) ? (double)instant / 1e9 : end;
+    if (event) *event = is_event;
     return status;
 }
 
@@ -78,7 +86,7 @@ static int enter_event(Slot *me)
     Memory *memory = &me->memory;
     int status = OK;
     if (memory->kind == EVENTFUL && has_come(memory->time, next_event(memory)))
-        status = component_advance(memory->record, memory->time, PERIOD * 0.5e-9); /* nothing else is due by then */
+        status = model.step(record_of(memory), memory->time, half_a_period()); /* nothing else is due by then */
     if (status != OK) status = conclude(me, status, memory->time, 0);
     if (status < DISCARD) return memory->mode = EVENT, status;
     if (status == DISCARD) memory->mode = FAILED; /* only a step can be discarded */
@@ -91,21 +99,18 @@ static double sample_inputs(Slot *me)
     Memory *memory = &me->memory;
     int64_t begin = tick_begin(memory);
     if (has_come(memory->time, begin) && !has_passed(memory->time, begin)) {
-        ((int64_t *)(memory->record + TICK))[1] = 0; /* not taken yet */
-        component_advance(memory->record, memory->time, PERIOD * 0.5e-9);
+        ((int64_t *)place_of(memory, model.tick))[1] = 0; /* not taken yet */
+        model.step(record_of(memory), memory->time, half_a_period());
     }
     return (double)next_event(memory) / 1e9;
 }
 
 /* ------------------------------------------------------------------- Intermediate Update Mode of a continuous component */
 
-typedef void (*Update)(void *environment, double t, bool set_requested, bool get_allowed, bool step_finished,
-                       bool can_return_early, bool *early_return_requested, double *early_return_time);
-
 /* Into how many equal substeps the component's method divides a step. */
 static int64_t count_substeps(double h)
 {
-    double ratio = SUBSTEP > 0 ? h / SUBSTEP - 1e-9 : 0;
+    double ratio = model.substep > 0 ? h / model.substep - 1e-9 : 0;
     int64_t count = (int64_t)ratio;
     count += (double)count < ratio;
     return count > 1 ? count : 1;
@@ -125,7 +130,7 @@ static double show(Slot *me, double end, bool is_last)
 }
 
 /* A step that does what `advance` does, to the bit, and shows the end of every substep. */
-static int advance_in_sight(Slot *me, double t, double h)
+static NOINLINE int advance_in_sight(Slot *me, double t, double h)
 {
     if (!step_is_possible(me, t, h)) return ERROR;
     Memory *memory = &me->memory;
@@ -137,8 +142,8 @@ static int advance_in_sight(Slot *me, double t, double h)
         double from = t + (double)i * part, size = part;
         is_last = i + 1 == count;
         if (end < t + h && end - from <= part) is_last = true, size = end - from; /* the importer wants it shorter */
-        int here = component_advance(memory->record, from, size);
-        if (is_last && here < DISCARD && component_derivatives(memory->record, end) != OK) here = ERROR;
+        int here = model.step(record_of(memory), from, size);
+        if (is_last && here < DISCARD && model.derivatives(record_of(memory), end) != OK) here = ERROR;
         if (here != OK) here = conclude(me, here, from, size);
         if (here > status) status = here;
         if (status >= DISCARD) return status;

@@ -9,7 +9,7 @@ import textwrap
 from types import FunctionType, ModuleType
 from typing import Any, Protocol
 
-from twin import slopes
+from twin.compiler import slopes
 
 RECORD, ACTIVE, PLAIN = "record", "active", "plain"  # kinds of argument: has tangents, has a tangent, has none
 ZERO = "0.0"
@@ -221,6 +221,15 @@ class Expressions:
         return None
 
     def _helper(self, node: ast.Call, called: FunctionType) -> Dual:
+        text, returns = self.helper_call(node, called)
+        self.count += 1
+        number = self.count
+        result = f"_v{number}, _d{number}" if returns else f"_v{number}"
+        self.emit(f"{result} = {text}")
+        return f"_v{number}", f"_d{number}" if returns else None
+
+    def helper_call(self, node: ast.Call, called: FunctionType) -> tuple[str, bool]:
+        """The call of a rewritten function, and whether it returns (value, tangent)."""
         values, tangents, kinds = [], [], []
         for argument in node.args:
             is_record = self.is_record(argument)
@@ -231,11 +240,7 @@ class Expressions:
         function, returns = self.library.rewrite(called, tuple(kinds))
         name = f"_{called.__name__}_{'_'.join(kinds)}"
         self.helpers[name] = function
-        self.count += 1
-        number = self.count
-        result = f"_v{number}, _d{number}" if returns else f"_v{number}"
-        self.emit(f"{result} = {name}({', '.join([*values, *tangents])})")
-        return f"_v{number}", f"_d{number}" if returns else None
+        return f"{name}({', '.join([*values, *tangents])})", returns
 
 
 def dot(name: str) -> str:

@@ -15,8 +15,9 @@ from dataclasses import dataclass, field
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
-from twin import slopes
-from twin.dual import ACTIVE, PLAIN, RECORD, ZERO, Dual, Expressions, UnknownError, dot
+from twin.compiler import slopes
+from twin.compiler.dual import ACTIVE, PLAIN, RECORD, ZERO, Dual, Expressions, UnknownError, dot
+from twin.generated import define
 from twin.variable import Float64
 
 if TYPE_CHECKING:
@@ -63,12 +64,12 @@ class _Rewriter(Expressions):
             self.lines, self.count = [], 0
             self.block(self.body)
         tangents = [dot(name) for name, kind in self.kinds.items() if kind != PLAIN]
-        head = f"def tangent({', '.join([*self.parameters, *tangents])}):"
+        name = f"{self.function.__name__.strip('_')}_tangent"
+        head = f"def {name}({', '.join([*self.parameters, *tangents])}):"
         scope = {**self.function.__globals__, **inspect.getclosurevars(self.function).nonlocals, **self.helpers}
         scope.update(slopes.CALLED)
-        name = f"<tangent of {self.function.__qualname__}>"
-        exec(compile("\n".join([head, *self.lines, "    pass"]), name, "exec"), scope)  # noqa: S102 - our own text
-        return scope["tangent"]
+        text = "\n".join([head, *self.lines, "    pass", ""])
+        return define(name, text, scope, f"tangent of {self.function.__qualname__}")
 
     # --------------------------------------------------------------------------------------------------- writing
 
@@ -130,7 +131,10 @@ class _Rewriter(Expressions):
             raise self.unknown(target, "takes a value that has a tangent, but is not Float64")
 
     def _write_expr(self, node: ast.Expr) -> None:
-        if self.touches(node):
+        called = self.called(node.value.func) if isinstance(node.value, ast.Call) else None
+        if self.touches(node) and isinstance(called, FunctionType) and isinstance(node.value, ast.Call):
+            self.emit(self.helper_call(node.value, called)[0])
+        elif self.touches(node):
             self.dual(node.value)
         elif isinstance(node.value, ast.Call):
             self.emit(ast.unparse(node))

@@ -1,0 +1,49 @@
+"""A component becomes C, and C becomes native code: the only package that knows a compiler.
+
+Stages: `resolve` (what names stand for), `infer` (types), `write` (text); `unit` puts a file together, `component` a
+component's header and source. `toolchain` calls clang and LLD; `native` keeps what they make.
+"""
+
+from twin.compiler.component import Sources, entries, translate
+from twin.compiler.content import content_hash
+from twin.compiler.native import (
+    compile_sources,
+    component_hash,
+    component_object,
+    is_translated,
+    load_component,
+    load_record_function,
+    load_symbols,
+    model_name,
+    problems,
+    sources,
+)
+from twin.compiler.toolchain import BARE, LIBM, PLATFORMS, archive, compile_c, host, link, load, side_by_side
+from twin.compiler.zig import put
+
+__all__ = [
+    "BARE",
+    "LIBM",
+    "PLATFORMS",
+    "Sources",
+    "archive",
+    "compile_c",
+    "compile_sources",
+    "component_hash",
+    "component_object",
+    "content_hash",
+    "entries",
+    "host",
+    "is_translated",
+    "link",
+    "load",
+    "load_component",
+    "load_record_function",
+    "load_symbols",
+    "model_name",
+    "problems",
+    "put",
+    "side_by_side",
+    "sources",
+    "translate",
+]

@@ -1,0 +1,122 @@
+"""Components as native code: their C, kept in `build/c`, its objects, and their addresses in this process."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from twin import source
+from twin.compiler import toolchain
+from twin.compiler.component import Sources, about, translate, translate_record
+from twin.compiler.content import content_hash, text_hash
+from twin.compiler.zig import put
+from twin.component import Component, PythonComponent, functions
+from twin.errors import BuildError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+EXPORTED = ("-fvisibility=default",)
+
+
+def model_name(cls: type[Component]) -> str:
+    """Name of the model: the component's folder in `fmus`, else the class."""
+    parts = cls.__module__.split(".")
+    return parts[1] if len(parts) == 3 and parts[0] == "fmus" and parts[2] == "model" else cls.__name__
+
+
+def component_hash(cls: type[Component], *more: str) -> str:
+    """Hash of what a component computes and of its memory; its tangents follow from the same functions."""
+    return content_hash(functions(cls), layout_text(cls), *more)
+
+
+def layout_text(cls: type[Component]) -> str:
+    """The record's fields, with those of a group's members."""
+    dtype = cls.layout.dtype
+    return str(dtype.descr if dtype.names is None else dtype.fields)
+
+
+def sources(cls: type[Component], name: str, build: Path) -> Sources:
+    """The C of a component, translated anew only if its Python, or the translator, is new."""
+    if issubclass(cls, PythonComponent):
+        raise BuildError(f"{cls.__name__}: is Python-side and cannot be compiled. Derive it from Component instead.")
+    header, text = (_place(cls, name, build) / f"{name}.{suffix}" for suffix in "hc")
+    try:
+        return Sources(name, header.read_text(encoding="utf-8"), text.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        if problems := source.check(cls):
+            raise BuildError("\n".join(problems)) from None
+        made = translate(cls, name)
+        put(text, made.source.encode())
+        put(header, made.header.encode())
+        return made
+
+
+def problems(cls: type[Component]) -> list[str]:
+    """What keeps a component from becoming C, one line each: what the linter sees, else what the translator does."""
+    found = source.check(cls)
+    if not found and not issubclass(cls, PythonComponent):
+        try:
+            translate(cls, model_name(cls))
+        except BuildError as error:
+            found = [str(error)]
+    return found
+
+
+def is_translated(cls: type[Component], build: Path) -> bool:
+    """Whether the C of a component is there."""
+    return _place(cls, model_name(cls), build).exists()
+
+
+def _place(cls: type[Component], name: str, build: Path) -> Path:
+    """Folder of a component's C, named by what it is made from."""
+    declared = [repr(variable) for variable in cls.variables]
+    start = {key: value.tolist() for key, value in _starts(cls).items()}
+    key = text_hash(functions(cls), layout_text(cls), name, about(cls, ""), *declared, repr(start))
+    return build / "c" / f"{name}-{key[:16]}"
+
+
+def _starts(cls: type[Component]) -> dict[str, Any]:
+    """Start values as arrays."""
+    import numpy as np
+
+    return {name: np.asarray(value) for name, value in cls.start_values().items()}
+
+
+def component_object(cls: type[Component], target: str, build: Path, name: str) -> bytes:
+    """Object file of a component for a platform: `NAME_init`, `NAME_start`, `NAME_step`, ..."""
+    made = sources(cls, name, build)
+    return compile_sources(made, target, build)
+
+
+def compile_sources(made: Sources, target: str, build: Path, options: tuple[str, ...] = ()) -> bytes:
+    """Object file of a component's C."""
+    headers = {f"{made.name}.h": made.header}
+    return toolchain.compile_c(made.source, target, build, headers=headers, options=options, name=f"{made.name}.c")
+
+
+def load_symbols(made: Sources, build: Path, symbols: tuple[str, ...]) -> tuple[int, ...]:
+    """Addresses of functions of a component's C in this process."""
+    code = compile_sources(made, toolchain.host(), build, EXPORTED)
+    return toolchain.load(toolchain.link(toolchain.host(), [code], build, keep=True, newest=True), build, symbols)
+
+
+@cache
+def load_component(cls: type[Component], build: Path) -> tuple[int, int]:
+    """Addresses of a component's compiled `start(record, t)` and `step(record, t, h)`."""
+    name = model_name(cls)
+    start, step = load_symbols(sources(cls, name, build), build, (f"{name}_start", f"{name}_step"))
+    return start, step
+
+
+def load_record_function(dtype: np.dtype[Any], name: str, function: Any, head: str, build: Path) -> int:
+    """Address of a function over a plain record, `int32_t NAME_run(record)`."""
+    key = text_hash((function,), str(dtype.descr), name, head)
+    path = build / "c" / f"{name}-{key[:16]}" / f"{name}.c"
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        text = translate_record(dtype, name, function, head)
+        put(path, text.encode())
+    return load_symbols(Sources(name, "", text), build, (f"{name}_run",))[0]

@@ -1,0 +1,141 @@
+"""First stage: from a function object to its syntax tree, with what its names stand for.
+
+Files are parsed once. Functions whose text the engine made (groups, tangents) are found as well: `generated` keeps it.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import io
+import linecache
+import sys
+import tokenize
+from dataclasses import dataclass
+from functools import lru_cache
+from types import FunctionType
+from typing import Any
+
+from twin.errors import BuildError
+
+SILENT = ("noqa", "type:", "fmt:", "pragma:", "!")  # comments for tools
+
+
+class TranslationError(BuildError):
+    """What cannot become C: the place, the construct, why, and what to write instead."""
+
+
+@dataclass(frozen=True, slots=True)
+class File:
+    """A parsed file: its functions by first line, its comments by line, its top-level assignments by name."""
+
+    name: str
+    functions: dict[int, ast.FunctionDef]
+    above: dict[int, str]
+    beside: dict[int, str]
+    assignments: dict[str, int]
+    imports: dict[str, tuple[str, str]]
+    is_made: bool  # text of the engine's, which nobody has as a file
+
+
+@lru_cache(maxsize=256)
+def _parse(path: str, text: str) -> File:
+    tree = ast.parse(text)
+    functions = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef):
+            functions[min([node.lineno, *(one.lineno for one in node.decorator_list)])] = node
+    above, beside = {}, {}
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type == tokenize.COMMENT:
+            comment = token.string.lstrip("#").strip()
+            if comment and not comment.startswith(SILENT):
+                alone = token.line[: token.start[1]].strip() == ""
+                (above if alone else beside)[token.start[0]] = comment.partition("  #")[0]
+    assignments, imports = {}, {}
+    for statement in tree.body:
+        if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name):
+            assignments[statement.targets[0].id] = statement.lineno
+        elif isinstance(statement, ast.ImportFrom) and statement.module:
+            imports.update({a.asname or a.name: (statement.module, a.name) for a in statement.names})
+    is_made = path.startswith("<")
+    short = path.rpartition(" ")[0] + ">" if is_made else "/".join(path.replace("\\", "/").split("/")[-2:])
+    return File(short, functions, above, beside, assignments, imports, is_made)
+
+
+def file_of(path: str) -> File:
+    """The parsed file at a path, or of text that `define` keeps."""
+    return _parse(path, "".join(linecache.getlines(path)))
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Source:
+    """A function: tree, file, and the values its free names have."""
+
+    function: FunctionType
+    tree: ast.FunctionDef
+    file: File
+    scope: dict[str, Any]
+    locals: frozenset[str]
+
+    @property
+    def parameters(self) -> list[str]:
+        """Names of its arguments."""
+        return [one.arg for one in self.tree.args.args]
+
+    def error(self, node: ast.AST, reason: str, remedy: str) -> TranslationError:
+        """The message for a construct."""
+        code = ast.unparse(node).partition("\n")[0]
+        code = code if len(code) <= 60 else f"{code[:57]}..."
+        line = getattr(node, "lineno", self.tree.lineno)
+        return TranslationError(f"({self.file.name}:{line}): `{code}` {reason}. {remedy}.")
+
+    def value(self, name: str) -> Any:
+        """What a free name stands for; KeyError if nothing does."""
+        if name in self.scope:
+            return self.scope[name]
+        if name in self.function.__globals__:
+            return self.function.__globals__[name]
+        return vars(builtins)[name]
+
+
+_sources: dict[FunctionType, Source] = {}
+
+
+def source_of(function: FunctionType) -> Source:
+    """The source of a function; TranslationError if it is not there."""
+    if function not in _sources:
+        _sources[function] = _find(function)
+    return _sources[function]
+
+
+def _find(function: FunctionType) -> Source:
+    code = function.__code__
+    file = file_of(code.co_filename)
+    tree = file.functions.get(code.co_firstlineno)
+    if tree is None or tree.name != code.co_name:
+        short = "/".join(code.co_filename.replace("\\", "/").split("/")[-2:])
+        raise TranslationError(
+            f"({short}:{code.co_firstlineno}): the source of `{function.__name__}` is not there. "
+            "Define it with `def` in a file, and start anew if the file has changed since it was imported."
+        )
+    cells = zip(code.co_freevars, function.__closure__ or (), strict=True)
+    scope = {name: cell.cell_contents for name, cell in cells}
+    names = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+    return Source(function, tree, file, scope, frozenset(names | {one.arg for one in tree.args.args}))
+
+
+def remark(source: Source, name: str) -> str:
+    """The comment beside a constant, where it is assigned."""
+    file = source.file
+    for _ in range(3):
+        if name in file.assignments:
+            return file.beside.get(file.assignments[name], "")
+        if name not in file.imports:
+            return ""
+        module, name = file.imports[name]
+        path = getattr(sys.modules.get(module), "__file__", None)
+        if not path:
+            return ""
+        file = file_of(path)
+    return ""

@@ -1,0 +1,121 @@
+"""C becomes objects, shared libraries, archives, and code in this process: the door to the C compiler.
+
+No library links a libc (decision 0014): nothing of one is ever built, and the first build takes as long as any other.
+What is made depends on the text, the target and the version of ziglang alone, to the byte.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, TypeVar
+
+from twin.compiler import libm, linkers, zig
+from twin.compiler.platforms import BARE, LIBM, PLATFORMS, host
+from twin.errors import BuildError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from pathlib import Path
+
+__all__ = ["BARE", "LIBM", "PLATFORMS", "archive", "compile_c", "host", "link", "load", "side_by_side"]
+
+T = TypeVar("T")
+
+# each line is one promise
+OPTIONS = (
+    "-std=c11", "-O3",
+    "-fno-math-errno",                                              # else no call of libm may be moved or left out
+    "-ffp-contract=off", "-mllvm", "-disable-fp-call-folding",      # rounded as Python does, by the libm that runs
+    "-fno-builtin-pow", "-include", "pure.h",                       # x**2.0 is not always x*x, nor 10.0**x exp10(x)
+    "-fwrapv", "-fno-strict-aliasing",                              # nothing a component does is undefined
+    "-mllvm", "-inline-threshold=2000",                             # an entry point holds what it reaches
+    "-mllvm", "-unroll-full-max-count=32",                          # long loops unrolled take a second to compile
+    "-mllvm", "-disable-loop-idiom-memset",                         # loops stay loops: there is no memset to call
+    "-mllvm", "-disable-loop-idiom-memcpy",
+    "-fno-builtin-memset", "-fno-builtin-memcpy", "-fno-builtin-memmove", "-fno-builtin-memcmp", "-fno-builtin-bcmp",
+    "-fno-builtin-strlen", "-fno-builtin-wcslen",
+    "-fvisibility=hidden", "-fno-stack-protector", "-fomit-frame-pointer",
+    "-g0", "-fno-ident",                                            # nothing of where it was made
+)  # fmt: skip
+
+# not a builtin, but still a function of its arguments alone: calls may be joined, and memory is kept in registers
+PURE = "double pow(double, double) __attribute__((const));\n"
+
+
+def compile_c(
+    text: str,
+    target: str,
+    build: Path,
+    *,
+    headers: Mapping[str, str] = {},
+    options: Sequence[str] = (),
+    name: str = "component.c",
+) -> bytes:
+    """Object file of one C file, from the cache in `build` where it holds it; messages call the file `name`.
+
+    `headers` lie beside the file. `options` come last, and win. Symbols are hidden but where the text says otherwise.
+    """
+    if target not in PLATFORMS and target not in BARE:
+        raise BuildError(f"platform {target!r} is not known. Use one of {', '.join([*PLATFORMS, *BARE])}.")
+    platform = PLATFORMS[target] if target in PLATFORMS else BARE[target]
+    files = {**headers, "pure.h": PURE, name: text}
+    command = ["-target", platform.triple, *OPTIONS, *platform.options, *options, "-c", name, "-o", "object.o"]
+    key = zig.digest(zig.version(), *command, *(part for file in sorted(files.items()) for part in file))
+
+    def compiled() -> bytes:
+        return zig.make(
+            target, build, files, "clang", "-nostdinc", "-isystem", str(zig.headers()), *command, out="object.o"
+        )
+
+    return zig.kept(build / "objects" / f"{key}.o", compiled)
+
+
+# --------------------------------------------------------------------------------------------------- objects to a library
+
+
+def link(target: str, objects: Sequence[bytes], build: Path, *, keep: bool = False, newest: bool = False) -> bytes:
+    """Shared library of object files, which exports what they do not hide; from the cache in `build` if it is to be kept.
+
+    `newest` is for a library that stays on this machine: glibc's newest versions of functions are its fastest.
+    """
+    if target not in PLATFORMS:
+        raise BuildError(f"platform {target!r} has no shared libraries. Use one of {', '.join(PLATFORMS)}.")
+    platform = PLATFORMS[target]
+    own = libm.newest() if newest and target == host() else None
+    named = {f"{number}.o": data for number, data in enumerate(objects)}
+
+    def linked() -> bytes:
+        return linkers.LINKERS[platform.format](target, named, build, own)
+
+    if not keep:
+        return linked()
+    libc = (os.confstr("CS_GNU_LIBC_VERSION") or "") if own else ""
+    key = zig.digest(linkers.SELF, zig.version(), target, libc, *objects)
+    return zig.kept(build / "libraries" / f"{key}{platform.suffix}", linked)
+
+
+def archive(target: str, objects: Mapping[str, bytes], build: Path) -> bytes:
+    """Static library of object files by their names, in their order."""
+    return zig.make(target, build, objects, "ar", "rcsD", "library.a", *objects, out="library.a")
+
+
+# ----------------------------------------------------------------------------------------------------- into this process
+
+
+def load(library: bytes, build: Path, symbols: tuple[str, ...]) -> tuple[int, ...]:
+    """Load a shared library into this process; addresses of its symbols, valid as long as the process."""
+    path = build.resolve() / "libraries" / f"{zig.digest(library)}{PLATFORMS[host()].suffix}"
+    if not path.exists():
+        zig.put(path, library)
+    loaded = ctypes.CDLL(str(path))
+    return tuple(ctypes.cast(loaded[symbol], ctypes.c_void_p).value or 0 for symbol in symbols)
+
+
+def side_by_side(tasks: Iterable[Callable[[], T]]) -> list[T]:
+    """Results of tasks in their order; as many run at a time as there are cores, since the tools are processes."""
+    waiting = list(tasks)
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    with ThreadPoolExecutor(max(1, min(cores, len(waiting)))) as pool:
+        return list(pool.map(lambda task: task(), waiting))

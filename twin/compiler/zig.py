@@ -1,0 +1,103 @@
+"""The tools inside the wheel `ziglang`: clang, LLD, and what makes archives; and the cache of what they made.
+
+Clang and LLD are called by their own names, which takes half the time of `zig cc` and needs no cache of zig's.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import re
+import subprocess
+import tempfile
+import threading
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from twin.errors import BuildError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+PLACED = re.compile(r"^(?:\./)?(?P<place>[^\s:]+:\d+):\d+: (?:fatal )?error: (?P<message>.*)$", re.MULTILINE)
+ERROR = re.compile(r"error: (?P<message>.*)$", re.MULTILINE)
+
+
+@cache
+def executable() -> Path:
+    """The one binary that holds all tools; the package is found, not imported."""
+    spec = importlib.util.find_spec("ziglang")
+    if spec is None or not spec.submodule_search_locations:
+        raise BuildError("ziglang, which holds the C compiler, is not installed. Run: pip install ziglang")
+    return Path(next(iter(spec.submodule_search_locations))) / ("zig.exe" if os.name == "nt" else "zig")
+
+
+@cache
+def version() -> str:
+    """Decides, with what the tools are given, what they make."""
+    return metadata.version("ziglang")
+
+
+def headers() -> Path:
+    """The folder of `stdint.h`, `stdbool.h`, `stddef.h`: clang's own, the same for all targets."""
+    return executable().parent / "lib" / "include"
+
+
+def make(where: str, build: Path, files: Mapping[str, str | bytes], *command: str, out: str) -> bytes:
+    """Run a tool in a folder of its own with these files; what it wrote to `out`. Its failure is one line."""
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        for name, content in files.items():
+            (place / name).write_bytes(content.encode() if isinstance(content, str) else content)
+        done = subprocess.run(
+            [str(executable()), *command], capture_output=True, cwd=place, env=_environment(build), check=False
+        )
+        if done.returncode:
+            raise BuildError(f"{where}: {_reason(done.stderr.decode(errors='replace'), done.returncode)}")
+        return (place / out).read_bytes()
+
+
+def _environment(build: Path) -> dict[str, str]:
+    """The least that a process needs: variables such as CPATH would decide what is made."""
+    passed = {name: os.environ[name] for name in ("PATH", "TMPDIR", "TEMP", "TMP", "SYSTEMROOT") if name in os.environ}
+    place = str(build.resolve() / "zig")  # zig cc has one; a home folder may be read-only
+    return {**passed, "ZIG_LOCAL_CACHE_DIR": place, "ZIG_GLOBAL_CACHE_DIR": place}
+
+
+def _reason(text: str, status: int) -> str:
+    """Why a tool failed: its first error, with its place where it has one."""
+    if found := PLACED.search(text):
+        return f"{found['place']}: {found['message'].strip()}"
+    if found := ERROR.search(text):
+        return found["message"].strip()
+    return (text.strip().splitlines() or [f"{executable().name} ended with status {status} and no message"])[0]
+
+
+def digest(*parts: str | bytes) -> str:
+    """Hash of a sequence of parts; no two sequences are joined to the same."""
+    whole = hashlib.sha256()
+    for part in parts:
+        data = part.encode() if isinstance(part, str) else part
+        whole.update(b"%d " % len(data) + data)
+    return whole.hexdigest()[:32]
+
+
+def put(path: Path, data: bytes) -> None:
+    """Write a file at once: others see none of it or all, and who is second replaces it by the same."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
+    partial.write_bytes(data)
+    partial.replace(path)
+
+
+def kept(path: Path, make_: Callable[[], bytes]) -> bytes:
+    """What a file of the cache holds, made if it is not there."""
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        data = make_()
+        put(path, data)
+        return data
