@@ -302,7 +302,9 @@ def test_objects_need_libm_and_the_compilers_runtime_alone(folder, target, machi
                     needed.add(symbol.name)
                 elif symbol.name and symbol["st_info"]["bind"] == "STB_GLOBAL":
                     defined.add(symbol.name)
-    assert defined == {f"sheath_{name}" for name in ("init", "start", "step", "derivatives", "tangent", "first_tangent")}
+    assert defined == {
+        f"sheath_{name}" for name in ("init", "start", "step", "derivatives", "tangent", "first_tangent")
+    }
     assert needed - defined <= compiler.LIBM | runtime
 
 

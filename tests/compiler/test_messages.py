@@ -1,8 +1,5 @@
 """What cannot become C is told in one line: component, file, line, construct, reason, remedy; nothing foreign shows."""
 
-import math
-
-import numpy as np
 import pytest
 
 from twin import compiler
@@ -19,7 +16,7 @@ def recursive(n):
     return recursive(n - 1) if n > 0 else 0
 
 
-def sometimes(x):
+def sometimes(x):  # noqa: RET503
     if x > 0.0:
         return 1.0
 
@@ -143,7 +140,7 @@ def test_the_line_is_that_of_the_file():
 
 def test_a_function_without_source_is_told():
     scope = {}
-    exec("def step(self, t, h):\n    self.y = t", scope)  # noqa: S102
+    exec("def step(self, t, h):\n    self.y = t", scope)
     cls = type("Part", (Component,), {"y": output("", "y"), "step": scope["step"], "__doc__": "A test."})
     with pytest.raises(BuildError, match=r"the source of `step` is not there\. Define it with `def` in a file"):
         compiler.translate(cls, "part")

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from tests.test_component import Everything
-from twin import catalog, compiler, source
+from twin import compiler, source
 from twin.component import Component, PythonComponent
 from twin.errors import BuildError
 from twin.noise import normal, seed_stream
@@ -83,7 +83,9 @@ def test_the_text_is_the_same_wherever_it_is_made(tmp_path):
     )
     texts = []
     for names in (["wall", "sheath"], ["sheath", "wall"]):
-        done = subprocess.run([sys.executable, "-c", program, *names], capture_output=True, text=True, check=True, cwd=tmp_path)
+        done = subprocess.run(
+            [sys.executable, "-c", program, *names], capture_output=True, text=True, check=True, cwd=tmp_path
+        )
         texts.append(done.stdout)
         shutil.rmtree(tmp_path / "build")
     assert texts[0] != texts[1]
@@ -143,7 +145,9 @@ def test_what_only_the_compiler_finds_is_named_too(tmp_path):
             self.y = w
 
     place = r"\(compiler/test_native\.py:\d+\)"
-    with pytest.raises(BuildError, match=rf"^Allocates {place}: `self\.z` is an array \[3\], not a number\. Loop over its elements\.$"):
+    with pytest.raises(
+        BuildError, match=rf"^Allocates {place}: `self\.z` is an array \[3\], not a number\. Loop over its elements\.$"
+    ):
         compiler.component_object(Allocates, "x86_64-linux", tmp_path, "allocates")
     wanted = rf"^Untyped {place}: `w` is 2 values here and a real number there\. Use two names\.$"
     with pytest.raises(BuildError, match=wanted):

@@ -3,9 +3,45 @@
 import ctypes
 import struct
 from math import (
-    acos, acosh, asin, asinh, atan, atan2, atanh, cbrt, ceil, copysign, cos, cosh, degrees, erf, erfc, exp, exp2, expm1,
-    fabs, floor, fmod, hypot, inf, isfinite, isinf, isnan, log, log1p, log2, log10, nan, pi, radians, sin, sinh, sqrt,
-    tan, tanh, trunc,
+    acos,
+    acosh,
+    asin,
+    asinh,
+    atan,
+    atan2,
+    atanh,
+    cbrt,
+    ceil,
+    copysign,
+    cos,
+    cosh,
+    degrees,
+    erf,
+    erfc,
+    exp,
+    exp2,
+    expm1,
+    fabs,
+    floor,
+    fmod,
+    hypot,
+    inf,
+    isfinite,
+    isinf,
+    isnan,
+    log,
+    log1p,
+    log2,
+    log10,
+    nan,
+    pi,
+    radians,
+    sin,
+    sinh,
+    sqrt,
+    tan,
+    tanh,
+    trunc,
 )  # fmt: skip
 
 import numpy as np
@@ -367,7 +403,7 @@ class Programs(Component):
             total += 0.5 * i
         self.r[7] = total
         last = -1
-        for last in range(self.n):
+        for last in range(self.n):  # noqa: B007
             pass
         self.r[8] = last
         for factor in FACTORS:
@@ -383,7 +419,7 @@ class Programs(Component):
             steps += 1
         self.r[10] = steps
         self.r[11] = scaled(FACTORS, x) - scaled(self.gains, x)
-        if x > 0.0 and counter(self) > 0 or counter(self) > 100:
+        if (x > 0.0 and counter(self) > 0) or counter(self) > 100:
             self.r[12] = self.count
         else:
             self.r[12] = -self.count

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import click
@@ -14,7 +14,6 @@ from twin import catalog
 from twin.errors import TwinError
 
 VERSIONS = {"2.0": ("2.0",), "3.0": ("3.0",), "all": ("2.0", "3.0")}
-WORKERS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +28,7 @@ class Outcome:
 
 
 def build_all(name: str, versions: tuple[str, ...], folder: Path, platforms: tuple[str, ...]) -> list[Outcome]:
-    """Build a component's FMUs in a worker process; the second one finds the first one's object file."""
+    """Build a component's FMUs; the second one finds the first one's C and object file."""
     return [build_one(name, version, folder, platforms) for version in versions]
 
 
@@ -43,15 +42,14 @@ def build_one(name: str, version: str, folder: Path, platforms: tuple[str, ...])
         cls = catalog.component(name)
         if issubclass(cls, PythonComponent):
             return Outcome()
-        expected = folder / version / f"{exporter.model_name(cls)}.fmu"
-        before = expected.stat().st_mtime_ns if expected.exists() else 0
-        path = exporter.build(cls, version, folder, tuple(exporter.TARGETS) if "all" in platforms else platforms)
+        wanted = tuple(exporter.TARGETS) if "all" in platforms else platforms
+        is_new = not exporter.is_built(cls, folder, version, wanted)
+        path = exporter.build(cls, version, folder, wanted)
     except TwinError as error:
         return Outcome(problem=str(error))
     except Exception as error:  # a component's module may fail in any way; the others are built all the same
         return Outcome(problem=f"{name}: {type(error).__name__}: {error}")
-    status = path.stat()
-    return Outcome(path, status.st_size, time.perf_counter() - begin, status.st_mtime_ns != before)
+    return Outcome(path, path.stat().st_size, time.perf_counter() - begin, is_new)
 
 
 def report(name: str, version: str, outcome: Outcome) -> None:
@@ -74,19 +72,23 @@ def report(name: str, version: str, outcome: Outcome) -> None:
     "--platform", "platforms", multiple=True, help="x86_64-windows and the like, or all; this machine if none."
 )
 def command(names: tuple[str, ...], version: str, folder: Path, platforms: tuple[str, ...]) -> None:
-    """Build components into FMUs: NAMES are folders of fmus/ or `module:Class`; all of fmus/ if none are given."""
+    """Build components into FMUs: NAMES are folders of fmus/ or `module:Class`; all of fmus/ if none are given.
+
+    Their C, which people read, is kept in build/c/.
+    """
+    from twin import compiler
+
     try:
         wanted = list(names) or catalog.names()
     except TwinError as error:
         raise click.ClickException(str(error)) from None
     problems: list[str] = []
-    with ProcessPoolExecutor(WORKERS) as pool:
-        tasks = {name: pool.submit(build_all, name, VERSIONS[version], folder, platforms) for name in wanted}
-        for name, task in tasks.items():
-            for one, outcome in zip(VERSIONS[version], task.result(), strict=True):
-                report(name, one, outcome)
-                if outcome.problem and outcome.problem not in problems:
-                    problems.append(outcome.problem)
+    tasks = (partial(build_all, name, VERSIONS[version], folder, platforms) for name in wanted)
+    for name, outcomes in zip(wanted, compiler.in_order(tasks), strict=True):
+        for one, outcome in zip(VERSIONS[version], outcomes, strict=True):
+            report(name, one, outcome)
+            if outcome.problem and outcome.problem not in problems:
+                problems.append(outcome.problem)
     for problem in problems:
         click.echo(problem, err=True)
     if problems:

@@ -34,8 +34,10 @@ PLATFORMS = ("x86_64-linux", "aarch64-linux", "x86_64-windows", "x86_64-darwin",
     type=click.Choice(("fmu", "c")),
     default="fmu",
     show_default=True,
-    help="An FMU, or a static C library with a header for Linux, Cortex-M7 and Cortex-A53.",
+    help="An FMU, or C: source, header, and static libraries for Linux, Cortex-M7 and Cortex-A53.",
 )
+@click.option("--sources", is_flag=True, help="Put the C into the FMU, for importers that compile it for their target.")
+@click.option("--line-directives", is_flag=True, help="C with #line, so that a debugger shows the Python.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="File, or folder for C [NAME.fmu, NAME].")
 @click.option("--force", is_flag=True, help="Replace the file if it is there.")
 @click.option(
@@ -47,31 +49,39 @@ PLATFORMS = ("x86_64-linux", "aarch64-linux", "x86_64-windows", "x86_64-darwin",
 )
 def command(
     what: str, members: str | None, named: str | None, variant: str | None, fmi: str, platforms: tuple[str, ...], target: str,
-    output: Path | None, force: bool, build: Path,
+    sources: bool, line_directives: bool, output: Path | None, force: bool, build: Path,
 ) -> None:  # fmt: skip
     """Write a component of fmus/, a module:Class, or part of a scenario as an FMU without Python inside.
 
     \b
     twin export sheath --platform all -o sheath.fmu
+    twin export pi_control --sources -o pi_control.fmu
     twin export pi_control --target c -o firmware
     twin export scenarios/heart_wall_force.yaml --variant PI+FF --members estimate,controller -o controller.fmu
     twin export scenarios/heart_wall_force.yaml --group plant --fmi 2.0 -o plant.fmu
     """
-    from twin.fmi import exporter
+    from twin import compiler
 
+    if target == "c" and sources:
+        raise TwinError("--sources is for FMUs: --target c writes the C anyway. Drop one of them.")
+    if target != "c" and line_directives:
+        raise TwinError("--line-directives is for C. Add --target c.")
     cls = component(what, members, named, variant)
     if target == "c":
         from twin import library
 
-        name = exporter.model_name(cls)
-        for path in library.export(cls, name, output or Path(name), build, tuple(library.TRIPLES), force):
+        name, targets = compiler.model_name(cls), tuple(library.TRIPLES)
+        paths = library.export(cls, name, output or Path(name), build, targets, force, line_directives=line_directives)
+        for path in paths:
             click.echo(f"{path}: {path.stat().st_size / 1000:.0f} kB")
         return
-    path = output or Path(f"{exporter.model_name(cls)}.fmu")
+    path = output or Path(f"{compiler.model_name(cls)}.fmu")
     if path.exists() and not force:
         raise TwinError(f"{path} is there already. Give --force to replace it, or another name with -o.")
     begin = time.perf_counter()
-    exporter.export(cls, fmi, path, build, tuple(PLATFORMS) if "all" in platforms else platforms)
+    from twin.fmi import exporter
+
+    exporter.export(cls, fmi, path, build, tuple(PLATFORMS) if "all" in platforms else platforms, sources=sources)
     click.echo(f"{path}: FMI {fmi}, {path.stat().st_size / 1000:.0f} kB, {time.perf_counter() - begin:.1f} s")
 
 

@@ -18,7 +18,7 @@ from twin.compiler.native import (
     problems,
     sources,
 )
-from twin.compiler.toolchain import BARE, LIBM, PLATFORMS, archive, compile_c, host, link, load, side_by_side
+from twin.compiler.toolchain import BARE, LIBM, PLATFORMS, archive, compile_c, host, in_order, link, load, side_by_side
 from twin.compiler.zig import put
 
 __all__ = [
@@ -34,6 +34,7 @@ __all__ = [
     "content_hash",
     "entries",
     "host",
+    "in_order",
     "is_translated",
     "link",
     "load",

@@ -13,17 +13,15 @@ import twin
 from twin.compiler import tangent
 from twin.compiler.resolve import TranslationError
 from twin.compiler.structs import (
-    Struct,
     block_comment,
     clean,
-    field_name,
     flat_struct,
     struct_of,
     struct_of_dtype,
     struct_text,
 )
-from twin.compiler.types import REAL
-from twin.compiler.unit import RECORD, Entry, Unit, braces
+from twin.compiler.types import REAL, Struct
+from twin.compiler.unit import RECORD, Entry, Unit
 from twin.compiler.write import number, wrapped
 from twin.component import Component, PythonComponent, evaluation, functions
 from twin.errors import BuildError
@@ -125,7 +123,12 @@ def translate(cls: type[Component], name: str, *, line_directives: bool = False)
     unit = Unit(record, public, line_directives=line_directives)
     own = entries(cls, name)
     try:
-        source = unit.text(own, about(cls, f"{name}.c"), [f'#include "{name}.h"', "", *INCLUDES, "", ROUNDING], [start_values(cls, name, record)])
+        source = unit.text(
+            own,
+            about(cls, f"{name}.c"),
+            [f'#include "{name}.h"', "", *INCLUDES, "", ROUNDING],
+            [start_values(cls, name, record)],
+        )
     except TranslationError as error:
         raise BuildError(f"{cls.__name__} {error}") from None
     return Sources(name, header(cls, name, public or record, own), source)
@@ -180,7 +183,11 @@ def _assignments(struct: Struct, record: Any, prefix: str) -> Iterator[str]:
             yield from _assignments(own.struct, record[key], f"{prefix}{own.name}.")
             continue
         values = np.asarray(record[key])
-        if not values.view(np.uint8).any() if values.flags.c_contiguous and values.ndim else not values.tobytes().strip(b"\0"):
+        if (
+            not values.view(np.uint8).any()
+            if values.flags.c_contiguous and values.ndim
+            else not values.tobytes().strip(b"\0")
+        ):
             continue
         for index in np.ndindex(values.shape):
             value = values[index].item()
@@ -198,6 +205,3 @@ def translate_record(dtype: np.dtype[Any], name: str, function: Any, head: str) 
         return unit.text((entry,), "\n".join(block_comment(head)), [*INCLUDES, "", struct_text(struct)])
     except TranslationError as error:
         raise BuildError(f"{name} {error}") from None
-
-
-__all__ = ["Sources", "braces", "entries", "field_name", "translate", "translate_record"]

@@ -22,7 +22,7 @@ ENGINE = Path(__file__).parent
 def engine() -> str:
     """Hash of the translator itself, so that nothing an older one wrote is taken for its work."""
     digest = hashlib.sha256(sysconfig.get_python_version().encode())
-    for file in sorted(ENGINE.glob("*.py")):
+    for file in sorted(ENGINE.rglob("*.py")):
         digest.update(file.read_bytes())
     return digest.hexdigest()
 

@@ -17,10 +17,11 @@ class Block:
 
     statements: list[ast.stmt]
     outer: Block | None
+    holder: ast.stmt | None  # the statement it belongs to
     is_loop: bool
 
     def around(self) -> list[Block]:
-        """This block and all around it, outermost first."""
+        """The block and all around it, outermost first."""
         return [*(self.outer.around() if self.outer else []), self]
 
 
@@ -38,8 +39,11 @@ class Places:
 
 @dataclass(slots=True)
 class _Use:
+    """Where a name stands: its block, its statement, and all statements around it."""
+
     block: Block
     statement: ast.stmt
+    around: frozenset[int]
 
 
 def stored(node: ast.AST) -> set[str]:
@@ -72,29 +76,33 @@ class Finder:
         self.tree, self.parameters, self.ranges = tree, set(parameters), ranges
         self.uses: dict[str, list[_Use]] = {}
         self.places = Places()
-        self._collect(Block(tree.body, None, is_loop=False))
+        self.stored = stored(tree)
+        self._collect(Block(tree.body, None, None, is_loop=False))
 
     def _collect(self, block: Block) -> None:
         for statement in block.statements:
-            inside = Block(inner_blocks(statement)[0][0], block, True) if isinstance(statement, ast.For) else block
+            inside = Block(statement.body, block, statement, True) if isinstance(statement, ast.For) else block
+            around = frozenset(id(one.holder) for one in block.around()) | {id(statement)}
             for head in heads(statement):
                 for node in ast.walk(head):
                     if isinstance(node, ast.Name):
                         # the target of a loop over elements is set in the loop's body
                         target = isinstance(statement, ast.For) and isinstance(node.ctx, ast.Store)
                         here = inside if target else block
-                        self.uses.setdefault(node.id, []).append(_Use(here, statement))
+                        self.uses.setdefault(node.id, []).append(_Use(here, statement, around))
                         if isinstance(node.ctx, ast.Load):
                             self.places.read.add(node.id)
             for body, is_loop in inner_blocks(statement):
-                self._collect(inside if isinstance(statement, ast.For) else Block(body, block, is_loop))
+                self._collect(inside if isinstance(statement, ast.For) else Block(body, block, statement, is_loop))
 
     def find(self) -> Places:
         """The decisions."""
         loops = [n for n in ast.walk(self.tree) if isinstance(n, ast.For)]
-        names = [name for name in self.uses if name in stored(self.tree) and name not in self.parameters]
+        names = [name for name in self.uses if name in self.stored and name not in self.parameters]
         for name in names:
-            counted = [n for n in loops if isinstance(n.target, ast.Name) and n.target.id == name and id(n) in self.ranges]
+            counted = [
+                n for n in loops if isinstance(n.target, ast.Name) and n.target.id == name and id(n) in self.ranges
+            ]
             if counted and name not in self.places.read and len(counted) == len(self.uses[name]):
                 continue  # only counts, and nobody asks
             if self._is_counter(name, loops):
@@ -172,7 +180,7 @@ class Finder:
 
     @staticmethod
     def _contains(statement: ast.stmt, use: _Use) -> bool:
-        return statement is use.statement or any(node is use.statement for node in ast.walk(statement))
+        return id(statement) in use.around
 
 
 def stored_by(statement: ast.stmt) -> set[str]:

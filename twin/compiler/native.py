@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -102,12 +101,16 @@ def load_symbols(made: Sources, build: Path, symbols: tuple[str, ...]) -> tuple[
     return toolchain.load(toolchain.link(toolchain.host(), [code], build, keep=True, newest=True), build, symbols)
 
 
-@cache
+_loaded: dict[tuple[type[Component], Path], tuple[int, int]] = {}  # classes do not change, code stays loaded
+
+
 def load_component(cls: type[Component], build: Path) -> tuple[int, int]:
     """Addresses of a component's compiled `start(record, t)` and `step(record, t, h)`."""
-    name = model_name(cls)
-    start, step = load_symbols(sources(cls, name, build), build, (f"{name}_start", f"{name}_step"))
-    return start, step
+    if (cls, build) not in _loaded:
+        name = model_name(cls)
+        start, step = load_symbols(sources(cls, name, build), build, (f"{name}_start", f"{name}_step"))
+        _loaded[cls, build] = start, step
+    return _loaded[cls, build]
 
 
 def load_record_function(dtype: np.dtype[Any], name: str, function: Any, head: str, build: Path) -> int:

@@ -45,7 +45,8 @@ def _parse(path: str, text: str) -> File:
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef):
             functions[min([node.lineno, *(one.lineno for one in node.decorator_list)])] = node
-    above, beside = {}, {}
+    above: dict[int, str] = {}
+    beside: dict[int, str] = {}
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if token.type == tokenize.COMMENT:
             comment = token.string.lstrip("#").strip()

@@ -8,13 +8,12 @@ group's record holds the structs of its members; the header shows the same memor
 from __future__ import annotations
 
 import textwrap
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin.compiler.names import safe
-from twin.compiler.types import STORAGE
+from twin.compiler.types import STORAGE, Field, Struct
 from twin.errors import BuildError
 from twin.variable import Role
 
@@ -41,35 +40,6 @@ ENGINE = {
     "_count": "communication points so far",
 }
 OVERLAYS = {"_x": "state_array", "_dx": "derivative_array"}  # all states and all derivatives as flat arrays
-
-
-@dataclass(frozen=True, slots=True)
-class Field:
-    """A field of a struct; `struct` where it is one itself."""
-
-    name: str
-    storage: str
-    shape: tuple[int, ...]
-    offset: int
-    size: int
-    comment: str = ""
-    role: Role | None = None
-    struct: Struct | None = None
-
-
-@dataclass(eq=False, slots=True)
-class Struct:
-    """A record's type in C: fields by the name they have in Python. `overlays` lie over them."""
-
-    name: str
-    size: int
-    fields: dict[str, Field] = field(default_factory=dict)
-    overlays: dict[str, Field] = field(default_factory=dict)
-
-    @property
-    def prefix(self) -> str:
-        """What the names of its functions begin with."""
-        return self.name.removesuffix("_t")
 
 
 def comment_of(variable: Variable) -> str:
@@ -152,7 +122,9 @@ def field_name(variable: Variable) -> str:
 def unique(struct: str, name: str, taken: set[str]) -> str:
     """The name, unless the struct has it already."""
     if name in taken:
-        raise BuildError(f"{struct}: two variables would be the C field {name!r}. Rename one, or a member of the group.")
+        raise BuildError(
+            f"{struct}: two variables would be the C field {name!r}. Rename one, or a member of the group."
+        )
     taken.add(name)
     return name
 
@@ -179,7 +151,11 @@ def block_comment(text: str, indent: str = "") -> list[str]:
     wrapped = textwrap.wrap(text, WIDTH - len(indent) - 6, break_long_words=False, break_on_hyphens=False) or [""]
     if len(wrapped) == 1:
         return [f"{indent}/* {wrapped[0]} */"]
-    return [f"{indent}/* {wrapped[0]}", *(f"{indent}   {line}" for line in wrapped[1:-1]), f"{indent}   {wrapped[-1]} */"]
+    return [
+        f"{indent}/* {wrapped[0]}",
+        *(f"{indent}   {line}" for line in wrapped[1:-1]),
+        f"{indent}   {wrapped[-1]} */",
+    ]
 
 
 def struct_text(struct: Struct) -> str:
@@ -190,7 +166,9 @@ def struct_text(struct: Struct) -> str:
         if own.offset > at:
             lines.append(f"    uint8_t hidden{gaps}[{own.offset - at}];")
             gaps += 1
-        now = "members" if own.struct else "the solver's own" if own.name.startswith("engine_") else TITLES.get(own.role)  # type: ignore[arg-type]
+        now = TITLES[own.role] if own.role is not None else "members" if own.struct else ""
+        if own.name.startswith("engine_"):
+            now = "the solver's own"
         if now and now != title:
             lines += [*([""] if lines else []), f"    /* {now} */"]
             title = now

@@ -16,10 +16,10 @@ from twin.compiler.platforms import BARE, LIBM, PLATFORMS, host
 from twin.errors import BuildError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-__all__ = ["BARE", "LIBM", "PLATFORMS", "archive", "compile_c", "host", "link", "load", "side_by_side"]
+__all__ = ["BARE", "LIBM", "PLATFORMS", "archive", "compile_c", "host", "in_order", "link", "load", "side_by_side"]
 
 T = TypeVar("T")
 
@@ -113,9 +113,17 @@ def load(library: bytes, build: Path, symbols: tuple[str, ...]) -> tuple[int, ..
     return tuple(ctypes.cast(loaded[symbol], ctypes.c_void_p).value or 0 for symbol in symbols)
 
 
-def side_by_side(tasks: Iterable[Callable[[], T]]) -> list[T]:
-    """Results of tasks in their order; as many run at a time as there are cores, since the tools are processes."""
+def in_order(tasks: Iterable[Callable[[], T]]) -> Iterator[T]:
+    """Results of tasks, each as soon as those before it are there.
+
+    One more runs at a time than there are cores: the tools are processes, Python has one core.
+    """
     waiting = list(tasks)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    with ThreadPoolExecutor(max(1, min(cores, len(waiting)))) as pool:
-        return list(pool.map(lambda task: task(), waiting))
+    with ThreadPoolExecutor(max(1, min(cores + 1, len(waiting)))) as pool:
+        yield from pool.map(lambda task: task(), waiting)
+
+
+def side_by_side(tasks: Iterable[Callable[[], T]]) -> list[T]:
+    """Results of tasks in their order."""
+    return list(in_order(tasks))

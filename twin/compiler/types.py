@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from twin.compiler.structs import Struct
+from twin.variable import Role
 
 
 class Kind(IntEnum):
@@ -34,6 +33,35 @@ class Array:
     storage: str
     shape: tuple[int, ...]
     constant: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """A field of a struct; `struct` where it is one itself."""
+
+    name: str
+    storage: str
+    shape: tuple[int, ...]
+    offset: int
+    size: int
+    comment: str = ""
+    role: Role | None = None
+    struct: Struct | None = None
+
+
+@dataclass(eq=False, slots=True)
+class Struct:
+    """A record's type in C: fields by the name they have in Python. `overlays` lie over them."""
+
+    name: str
+    size: int
+    fields: dict[str, Field] = field(default_factory=dict)
+    overlays: dict[str, Field] = field(default_factory=dict)
+
+    @property
+    def prefix(self) -> str:
+        """What the names of its functions begin with."""
+        return self.name.removesuffix("_t")
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,10 +13,10 @@ from lxml import etree
 
 import twin
 from twin import clock, unit
+from twin.compiler.tangent import Tangents, tangents
 from twin.component import evaluation
 from twin.dependencies import flow
 from twin.errors import BuildError
-from twin.compiler.tangent import Tangents, tangents
 from twin.variable import Boolean, Float64, Int64, Role, Variable
 
 if TYPE_CHECKING:

@@ -202,7 +202,9 @@ def _content(cls: type[Component], version: str, made: Plan, build: Path, target
     if f"{made.name}.h" in {file.name for file in FOLDER.iterdir()}:
         raise BuildError(f"{made.name}: this name is a file of the FMU's own. Rename the component.")
     own = compiler.sources(cls, made.name, build)
-    libraries = compiler.side_by_side(partial(library, made, words.source, own, platform, build) for platform in targets)
+    libraries = compiler.side_by_side(
+        partial(library, made, words.source, own, platform, build) for platform in targets
+    )
     places = [f"binaries/{words.folder(p)}/{made.name}{TARGETS[p].suffix}" for p in targets]
     return _archive({**made.files, **dict(zip(places, libraries, strict=True))})
 
