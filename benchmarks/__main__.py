@@ -18,7 +18,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import TextIO
 
-from benchmarks import export, force, group, hil, peers, rig, ring, startup
+from benchmarks import export, first_times, force, group, hil, peers, rig, ring, startup
 
 RESULTS = Path(__file__).parent / "results"
 PACKAGES = (
@@ -98,6 +98,7 @@ def main() -> None:
         ring.main()
         peers.compare()
         startup.measure()
+        first_times.main()
         group.main()
         hil.show(60.0)
         export.main()

@@ -1,5 +1,8 @@
 """What cannot become C is told in one line: component, file, line, construct, reason, remedy; nothing foreign shows."""
 
+import math  # noqa: F401 - the names of the cases
+
+import numpy as np  # noqa: F401
 import pytest
 
 from twin import compiler

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from twin.compiled import load_component
 
+from twin.compiler import load_component
 from twin.component import Component
 
 

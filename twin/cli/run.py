@@ -144,7 +144,7 @@ class progress_display:  # noqa: N801 - used like a function
         if self.bar is not None:
             self.bar.update(self.task, description=case, completed=part)
         elif self.shown and case != self.case:
-            click.echo(f"running {case}", err=True)
+            click.echo(case if case.startswith("building ") else f"running {case}", err=True)
         self.case = case
 
     def __exit__(self, *_: object) -> None:

@@ -274,7 +274,8 @@ class Writer(Calls):
         if step < 0 and end.text == "-1":
             symbol, end = ">=", Code("0")
         onward = {1: f"{counter}++", -1: f"{counter}--"}.get(step, f"{counter} += {step}")
-        self.emit_head(f"for (int64_t {counter} = {begin.text}; {counter} {symbol} {end.at(SHIFT)}; {onward}) {{", node)
+        head = f"for (int64_t {counter} = {begin.text}; {counter} {symbol} {end.at(SHIFT)}; {onward}) {{"
+        self.emit_head(head, node)
         if not is_counter and is_read:
             self.depth += 1
             self.store(node.target, Code(counter), INTEGER, node)
