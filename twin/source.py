@@ -18,29 +18,30 @@ from twin.errors import CouplingError
 from twin.variable import Role
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
     from twin.component import Component
 
-FORBIDDEN: dict[type[ast.AST], str] = {
-    ast.Raise:         "`raise` is lost in native code. Return a status (`-> int`, ERROR of twin.solver) instead",
-    ast.Try:           "`try` cannot be compiled. Test for the case before it happens",
-    ast.With:          "`with` cannot be compiled. Components do no I/O; use a PythonComponent",
-    ast.Assert:        "`assert` is lost in native code. Return a status instead",
-    ast.Import:        "`import` inside a function cannot be compiled. Import at the top of the module",
-    ast.ImportFrom:    "`import` inside a function cannot be compiled. Import at the top of the module",
-    ast.Global:        "`global` cannot be compiled. Declare a local() variable",
-    ast.Lambda:        "`lambda` cannot be compiled. Write a function in the module",
-    ast.ListComp:      "a list allocates. Declare an array with shape=... and loop over its elements",
-    ast.List:          "a list allocates. Declare an array with shape=..., or use a tuple of the module",
-    ast.Dict:          "a dict allocates. Declare variables instead",
-    ast.Set:           "a set allocates. Declare variables instead",
-    ast.DictComp:      "a dict allocates. Declare variables instead",
-    ast.SetComp:       "a set allocates. Declare variables instead",
-    ast.GeneratorExp:  "a generator cannot be compiled. Write the loop",
-    ast.JoinedStr:     "a string cannot be compiled. Publish a number instead",
-    ast.Yield:         "`yield` cannot be compiled. Use step(self, t, h)",
-    ast.Await:         "`await` cannot be compiled. Use a PythonComponent",
+# construct: why it cannot be, and what to write instead
+FORBIDDEN: dict[type[ast.AST], tuple[str, str]] = {
+    ast.Raise:        ("`raise` is lost in native code", "Return a status (`-> int`, ERROR of twin.solver) instead"),
+    ast.Try:          ("`try` cannot be compiled", "Test for the case before it happens"),
+    ast.With:         ("`with` cannot be compiled", "Components do no I/O; use a PythonComponent"),
+    ast.Assert:       ("`assert` is lost in native code", "Return a status instead"),
+    ast.Import:       ("`import` inside a function cannot be compiled", "Import at the top of the module"),
+    ast.ImportFrom:   ("`import` inside a function cannot be compiled", "Import at the top of the module"),
+    ast.Global:       ("`global` cannot be compiled", "Declare a local() variable"),
+    ast.Lambda:       ("`lambda` cannot be compiled", "Write a function in the module"),
+    ast.ListComp:     ("a list allocates", "Declare an array with shape=... and loop over its elements"),
+    ast.List:         ("a list allocates", "Declare an array with shape=..., or use a tuple of the module"),
+    ast.Dict:         ("a dict allocates", "Declare variables instead"),
+    ast.Set:          ("a set allocates", "Declare variables instead"),
+    ast.DictComp:     ("a dict allocates", "Declare variables instead"),
+    ast.SetComp:      ("a set allocates", "Declare variables instead"),
+    ast.GeneratorExp: ("a generator cannot be compiled", "Write the loop"),
+    ast.JoinedStr:    ("a string cannot be compiled", "Publish a number instead"),
+    ast.Yield:        ("`yield` cannot be compiled", "Use step(self, t, h)"),
+    ast.Await:        ("`await` cannot be compiled", "Use a PythonComponent"),
 }  # fmt: skip
 
 CALLS = {
@@ -103,7 +104,7 @@ def _problems(
     me = function.__code__.co_varnames[0] if function.__code__.co_argcount else "self"
     for node in ast.walk(tree):
         if type(node) in FORBIDDEN:
-            yield node, FORBIDDEN[type(node)]
+            yield node, ". ".join(FORBIDDEN[type(node)])
         elif isinstance(node, ast.Call):
             yield from _call_problems(node, function)
         elif owner and isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == me:
@@ -149,9 +150,9 @@ def _call_problems(node: ast.Call, function: FunctionType) -> Iterator[tuple[ast
             )
         elif isinstance(base, ast.Attribute) and base.attr in ("random", "linalg"):
             instead = "twin.noise" if base.attr == "random" else "a loop over the elements"
-            yield node, f"`{ast.unparse(called)}()` pulls Python in. Use {instead}"
+            yield node, f"`{ast.unparse(called)}()` has no form in C. Use {instead}"
         elif not module and called.attr in METHODS:
-            yield node, f"`.{called.attr}()` of an array pulls Python in. Write the loop over its elements"
+            yield node, f"`.{called.attr}()` of an array has no form in C. Write the loop over its elements"
 
 
 def _write_problems(
@@ -178,22 +179,6 @@ def _write_problems(
                 )
 
 
-def explain_symbols(where: str, foreign: list[str], entries: list[Callable[..., Any]]) -> str:
-    """Why compiled code still refers to Python: the symbols, and the lines that are likely to have brought them."""
-    reason = (
-        "an array is allocated or an exception can be raised"
-        if any("NRT" in s for s in foreign)
-        else "Python is called"
-    )
-    suspects: list[str] = []
-    seen: set[int] = set()
-    for entry in entries:
-        for function in _reachable(entry, seen):
-            suspects += _array_lines(function)
-    hint = f" Suspected: {'; '.join(suspects[:3])}." if suspects else ""
-    return f"{where}: {reason} ({', '.join(foreign[:3])}).{hint} Write loops over elements, with known bounds."
-
-
 def _reachable(function: Any, seen: set[int]) -> Iterator[FunctionType]:
     if not isinstance(function, FunctionType) or id(function) in seen:
         return
@@ -204,20 +189,3 @@ def _reachable(function: Any, seen: set[int]) -> Iterator[FunctionType]:
         scope[name] = cell.cell_contents
     for name in (*function.__code__.co_names, *function.__code__.co_freevars):
         yield from _reachable(scope.get(name), seen)
-
-
-def _array_lines(function: FunctionType) -> list[str]:
-    """Lines of a function that handle an array as a whole: slices, whole assignments, array arithmetic."""
-    if function.__module__ == "twin.solver":
-        return []
-    try:
-        lines, first = inspect.getsourcelines(function)
-    except OSError:
-        return []
-    found = []
-    for node in ast.walk(ast.parse(textwrap.dedent("".join(lines)))):
-        if (isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Slice)) or (
-            isinstance(node, ast.Attribute) and node.attr in METHODS
-        ):
-            found.append(f"line {first + node.lineno - 1} `{lines[node.lineno - 1].strip()}`")
-    return found

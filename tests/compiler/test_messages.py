@@ -28,6 +28,14 @@ def keyword(x, *, y):
     return x + y
 
 
+BIG = 2**64
+
+
+def effect(self):
+    self.y = 1.0
+    return 1
+
+
 def helper(x):
     return x
 
@@ -90,6 +98,9 @@ CASES = {
     "t + 1.0": ("computes what nobody takes", "Assign it, or drop it"),
     "w = print": ("gets no number", "Call functions by their own names"),
     "self.y = t if self.z else 0.0": ("is an array [3] and neither true nor false", "Compare numbers"),
+    "self.y = BIG": ("has more than 64 bits", "Use a smaller number, or a real one"),
+    "self.y = 18446744073709551616": ("has more than 64 bits", "Use a smaller number"),
+    "self.z[effect(self)] %= 2.0": ("calls a function for the place it changes", "Give the index a name first"),
     "self.y = '1'": ("is a number, but gets no number", "Give it a number"),
     "self.y = (t)(1.0)": ("calls what is no function", "Call functions by their names"),
 }  # fmt: skip

@@ -332,6 +332,28 @@ def limited(x, low=-1.0, high=1.0):
     return x
 
 
+def sorted_two(a, b):
+    """Results that are whole in one case and real in the other."""
+    if a > b:
+        return b, a
+    return 0, 1
+
+
+def chosen(x):
+    """Several results of one of two functions, and a pair that changes its kinds."""
+    pair = (1, x)
+    if x > 1.0:
+        pair = (x, 2)
+    if x > 0.0:
+        return turned(pair[0], pair[1])
+    return sorted_two(1.0, x)
+
+
+def applied(function, x):
+    """A function as an argument."""
+    return function(x, -0.25)
+
+
 def rotated(values, count):
     """Change an array, and tell what went out."""
     first = values[0]
@@ -365,7 +387,7 @@ class Programs(Component):
     x = input("", "x")
     n = input("", "how often", type=Int64)
     k = input("", "an index that may count from the end", type=Int64)
-    r = output("", "results", shape=(20,))
+    r = output("", "results", shape=(24,))
     count = local(0, "", "calls so far", type=Int64)
     line = local((1.0, 2.0, 3.0, 4.0), "", "values", shape=(4,))
     matrix = local(0.0, "", "rows", shape=(3, 2))
@@ -442,6 +464,11 @@ class Programs(Component):
         self.r[18] = max(counter(self), counter(self)) - min(2, self.count)
         u = v = x * 2.0
         self.r[19] = u + v
+        self.r[20], self.r[21] = chosen(x)
+        self.r[22] = applied(limited, x) + applied(max, x)
+        index = counter(self) % 3
+        self.matrix[index, 1] //= 2.0
+        self.r[23] = self.matrix[index, 1]
 
 
 @settings(deadline=None)

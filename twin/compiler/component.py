@@ -118,6 +118,8 @@ def translate(cls: type[Component], name: str, *, line_directives: bool = False)
     """A component as C; BuildError with file, line and remedy if it cannot be one."""
     if issubclass(cls, PythonComponent):
         raise BuildError(f"{cls.__name__}: is Python-side and cannot be compiled. Derive it from Component instead.")
+    if not name.isidentifier() or not name.isascii():
+        raise BuildError(f"{cls.__name__}: {name!r} is no name in C. Use letters a to z, digits and _.")
     record = struct_of(cls, name)
     public = flat_struct(cls, name) if getattr(cls, "parts", None) else None
     unit = Unit(record, public, line_directives=line_directives)

@@ -36,15 +36,22 @@ ENGINE = Path(__file__).parents[1]
 TEMPLATES = ENGINE / "templates"
 
 
-# the name FMI 2.0 gives a platform; FMI 3.0's where it has none
-FOLDERS_2 = {
-    "x86_64-linux":   "linux64",
-    "aarch64-linux":  "aarch64-linux",
-    "x86_64-windows": "win64",
-    "x86_64-darwin":  "darwin64",
-    "aarch64-darwin": "aarch64-darwin",
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A platform: how `zig cc -target` calls it, and its folder in FMI 2.0; FMI 3.0's name where that has none."""
+
+    triple: str
+    suffix: str
+    folder_2: str
+
+
+TARGETS = {
+    "x86_64-linux":   Target("x86_64-linux-gnu.2.17",  ".so",    "linux64"),
+    "aarch64-linux":  Target("aarch64-linux-gnu.2.17", ".so",    "aarch64-linux"),
+    "x86_64-windows": Target("x86_64-windows-gnu",     ".dll",   "win64"),
+    "x86_64-darwin":  Target("x86_64-macos.11.0",      ".dylib", "darwin64"),
+    "aarch64-darwin": Target("aarch64-macos.11.0",     ".dylib", "aarch64-darwin"),
 }  # fmt: skip
-TARGETS = {platform: compiler.PLATFORMS[platform] for platform in FOLDERS_2}
 
 # after what holds for components: a call must not become one of memcpy, and nothing gains from being unrolled
 STATE_MACHINE = ("-O2", "-fno-builtin", "-mllvm", "-inline-threshold=225")
@@ -68,7 +75,7 @@ VERSIONS = {
         "fmi2.c",
         description.expose_scalars,
         description.describe_2,
-        lambda p: FOLDERS_2[p],
+        lambda p: TARGETS[p].folder_2,
         False,
         terminals.none,
     ),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from twin import source
 from twin.compiler.infer.static import NotStaticError, Static
 from twin.compiler.types import (
     BOOLEAN,
@@ -72,12 +73,18 @@ class Expressions(Static):
     def constant(self, node: ast.Constant) -> Type:
         if isinstance(node.value, complex | bytes):
             raise self.error(node, "is no number of C", "Use real numbers")
-        return of_constant(node.value)
+        return self.of_object(node, node.value)
+
+    def of_object(self, node: ast.AST, value: Any) -> Type:
+        """The type of an object of the module; whole numbers of more than 64 bits are refused."""
+        if isinstance(value, int) and not -(2**63) <= value < 2**63:
+            raise self.error(node, "has more than 64 bits", "Use a smaller number, or a real one")
+        return of_constant(value)
 
     def name(self, node: ast.Name) -> Type:
         if node.id in self.source.locals:
             return self.function.locals.get(node.id, UNKNOWN)
-        return of_constant(self.free(node))
+        return self.of_object(node, self.free(node))
 
     def free(self, node: ast.Name) -> Any:
         """What a free name stands for."""
@@ -94,7 +101,7 @@ class Expressions(Static):
             return of_constant(getattr(np.empty(base.shape), node.attr))
         if isinstance(base, Known):
             try:
-                return of_constant(getattr(base.value, node.attr))
+                return self.of_object(node, getattr(base.value, node.attr))
             except AttributeError:
                 raise self.error(node, "does not exist", "Correct the name") from None
         raise self.error(node, f"asks {describe(base)} for `{node.attr}`", "Write a loop over the elements")
@@ -283,22 +290,10 @@ def element(array: Array, indices: int) -> Type:
     return Array(array.storage, rest, array.constant) if rest else COMPUTED[array.storage]
 
 
+# construct: what to write instead; those that the linter knows, and those that only matter here
 FORBIDDEN: dict[type[ast.AST], str] = {
-    ast.Raise: "Return a status (`-> int`, ERROR of twin.solver) instead",
-    ast.Try: "Test for the case before it happens",
-    ast.With: "Components do no I/O; use a PythonComponent",
-    ast.Assert: "Return a status instead",
-    ast.Import: "Import at the top of the module",
-    ast.ImportFrom: "Import at the top of the module",
-    ast.Global: "Declare a local() variable",
+    **{kind: remedy for kind, (_, remedy) in source.FORBIDDEN.items()},
     ast.FunctionDef: "Write the function in the module",
-    ast.Lambda: "Write a function in the module",
-    ast.ListComp: "Declare an array with shape=... and loop over its elements",
-    ast.List: "Declare an array with shape=..., or use a tuple of the module",
-    ast.Dict: "Declare variables instead",
-    ast.Set: "Declare variables instead",
-    ast.GeneratorExp: "Write the loop",
-    ast.JoinedStr: "Publish a number instead",
     ast.Match: "Use if and elif",
     ast.Delete: "Drop it",
     ast.NamedExpr: "Assign it in a line of its own",

@@ -95,6 +95,8 @@ class Inference(Calls):
 
     def augmented(self, node: ast.AugAssign) -> None:
         value = self.binary_type(node, self.expression(node.target), node.op, node.value)
+        if self.has_effect(node.target):
+            raise self.error(node, "calls a function for the place it changes", "Give the index a name first")
         self.store(node.target, value, None)
 
     def store(self, target: ast.expr, kind: Type, value: ast.expr | None) -> None:

@@ -30,7 +30,7 @@ def number(value: float) -> Code:
     if isinstance(value, int):
         if value == -(2**63):
             return Code("(-9223372036854775807 - 1)")
-        return Code(str(value), ATOM if value >= 0 else UNARY)
+        return Code(str(int(value)), ATOM if value >= 0 else UNARY)
     if isnan(value):
         return Code("(0.0 / 0.0)")
     if value in (float("inf"), float("-inf")):

@@ -72,7 +72,14 @@ class Expressions(Lines):
 
     def convert(self, code: Code, kind: Type, wanted: Type) -> Code:
         """A value as another type of number."""
-        if kind == wanted or not isinstance(kind, Scalar):
+        if kind == wanted:
+            return code
+        if isinstance(kind, Tuple) and isinstance(wanted, Tuple):
+            whole = self.keep(code, kind).text
+            pairs = zip(kind.items, wanted.items, strict=True)
+            parts = [self.convert(Code(f"{whole}.v{i}"), a, b).text for i, (a, b) in enumerate(pairs)]
+            return Code(f"({self.needs.c_type(wanted)}){{{', '.join(parts)}}}")
+        if not isinstance(kind, Scalar):
             return code
         if wanted == REAL:
             if code.text.lstrip("-").isdigit():
