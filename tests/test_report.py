@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import io
+import re
 import subprocess
 import sys
 from html.parser import HTMLParser
 from typing import TYPE_CHECKING
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 TIME = np.arange(5001) * 0.001
+SVG = "{http://www.w3.org/2000/svg}"
 
 
 def tables(*, complete: bool = True) -> dict[tuple[str, int], Signals]:
@@ -175,6 +178,44 @@ def test_points_are_marked_where_there_are_numbers() -> None:
     curve = Curve(expression.parse("a.y"), "y", expression.parse("a.x"))
     line, points = (plotting.draw(Plot("P", (curve,), points=flag), found) for flag in (False, True))
     assert points.count("<use ") - line.count("<use ") == 3
+
+
+def labels(svg: str) -> list[str]:
+    """All text of an SVG that people read."""
+    root = ElementTree.fromstring(svg.replace(' role="img"', "", 1))
+    return [(element.text or "").replace("\N{MINUS SIGN}", "-") for element in root.iter(f"{SVG}text")]
+
+
+def numbers(texts: Sequence[str]) -> list[float]:
+    """Those that are numbers."""
+    return [float(text) for text in texts if re.fullmatch(r"-?\d+(\.\d+)?", text)]
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.05, 4e-3, -4e-3, 3.7e-4])
+def test_ticks_and_legends_say_what_is_drawn(scale: float) -> None:
+    """Every tick stands where its number is, also where numbers need three digits and more behind the point."""
+    ramp = {("A", 1): Signals(TIME, {"a.x": scale * TIME / TIME[-1], "a.y": 0 * TIME}, {})}
+    curves = (Curve(expression.parse("a.x"), "limit 0.0362 m"), Curve(expression.parse("a.y"), 'at 1.2345 d="0.6789"'))
+    svg = plotting.draw(Plot("P", curves), ramp)
+    texts = labels(svg)
+    assert {"limit 0.0362 m", 'at 1.2345 d="0.6789"'} <= set(texts)
+
+    times = numbers(texts[: texts.index("time [s]")])
+    ticks = numbers(texts[texts.index("time [s]") :])
+    for axis in (times, ticks):
+        assert len(axis) == len(set(axis)) > 3, axis
+        assert np.diff(axis) == pytest.approx(np.diff(axis)[0], rel=1e-9)
+    assert max(map(abs, ticks)) == pytest.approx(abs(scale), rel=0.3)
+
+
+def test_places_in_plots_are_short_and_rounded() -> None:
+    """The path of a drawn line is at most half a hundredth of a point off."""
+    exact = '<path d="M 1.23456 -7.996 L 0.004 12 C 1.5e-05 2"/><text x="3.14159">3.14159 &lt;</text>'
+    short = '<path d="M 1.23 -8 L 0 12 C 1.5e-05 2"/><text x="3.14">3.14159 &lt;</text>'
+    assert plotting.shortened(exact) == short
+    svg = plotting.draw(PLOTS[1], tables())
+    paths = [element.get("d", "") for element in ElementTree.fromstring(svg).iter(f"{SVG}path")]
+    assert not re.search(r"\.\d{3}", " ".join(paths))
 
 
 def test_matplotlib_and_others_are_loaded_only_when_needed() -> None:

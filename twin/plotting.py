@@ -26,6 +26,11 @@ MARKS = ("o", "x", "^", "s", "+", "d")
 POINTS = 1400  # about twice the pixels across a panel: more cannot be seen
 WIDTH = 9.4  # [inch]
 
+# In SVG, `<` and `"` stand for themselves nowhere but in tags: what is between tags is what people read.
+TAG = re.compile(r"<[A-Za-z][^>]*>")
+PLACES = re.compile(r'(?<=\s)(?:d|x|y|points)="[^"]*"')
+DECIMAL = re.compile(r"-?\d+\.\d{3,}(?![\de])")
+
 STYLE: dict[str, Any] = {
     "font.family": ["sans-serif"], "font.sans-serif": ["Inter", "Helvetica Neue", "Arial", "DejaVu Sans"],
     "font.size": 9.5, "svg.fonttype": "none", "axes.spines.top": False, "axes.spines.right": False,
@@ -146,9 +151,17 @@ def as_svg(figure: Any) -> str:
     figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
     svg = text.getvalue()
     svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
-    # a hundredth of a point is enough, and halves the file
-    svg = re.sub(r"(\d\.\d\d)\d+", r"\1", svg)
-    return svg.replace("<svg ", '<svg role="img" ', 1)
+    return shortened(svg).replace("<svg ", '<svg role="img" ', 1)
+
+
+def shortened(svg: str) -> str:
+    """The same with places to a hundredth of a point, which halves the file; text that people read stays as it is."""
+    return TAG.sub(lambda tag: PLACES.sub(lambda places: DECIMAL.sub(rounded, places[0]), tag[0]), svg)
+
+
+def rounded(number: re.Match[str]) -> str:
+    """A decimal with at most two digits behind its point, the nearest one."""
+    return f"{float(number[0]):.2f}".rstrip("0").rstrip(".")
 
 
 def drawable(plot: Plot, tables: Tables, variant: str) -> bool:
