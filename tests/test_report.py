@@ -8,7 +8,7 @@ import subprocess
 import sys
 from html.parser import HTMLParser
 from typing import TYPE_CHECKING
-from xml.etree import ElementTree
+from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
@@ -182,7 +182,7 @@ def test_points_are_marked_where_there_are_numbers() -> None:
 
 def labels(svg: str) -> list[str]:
     """All text of an SVG that people read."""
-    root = ElementTree.fromstring(svg.replace(' role="img"', "", 1))
+    root = ET.fromstring(svg.replace(' role="img"', "", 1))
     return [(element.text or "").replace("\N{MINUS SIGN}", "-") for element in root.iter(f"{SVG}text")]
 
 
@@ -214,7 +214,7 @@ def test_places_in_plots_are_short_and_rounded() -> None:
     short = '<path d="M 1.23 -8 L 0 12 C 1.5e-05 2"/><text x="3.14">3.14159 &lt;</text>'
     assert plotting.shortened(exact) == short
     svg = plotting.draw(PLOTS[1], tables())
-    paths = [element.get("d", "") for element in ElementTree.fromstring(svg).iter(f"{SVG}path")]
+    paths = [element.get("d", "") for element in ET.fromstring(svg).iter(f"{SVG}path")]
     assert not re.search(r"\.\d{3}", " ".join(paths))
 
 

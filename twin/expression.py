@@ -15,7 +15,9 @@ import numpy as np
 from twin.errors import ScenarioError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
+
+Shape = tuple[int, ...]
 
 MAX_LENGTH = 400
 
@@ -61,6 +63,24 @@ class Expression:
         """The value at every sample; `values`: member.variable -> array (n, ...). KeyError: not recorded."""
         with np.errstate(all="ignore"):
             return evaluate(self.tree, values)
+
+    def shape(self, shapes: Mapping[str, Shape]) -> Shape:
+        """Shape of the value at one sample; `shapes`: of each signal. KeyError and IndexError: no such signal, element.
+
+        ScenarioError says which parts do not go together.
+        """
+        return shape(self.tree, shapes) or ()
+
+    def array_problem(self, shapes: Mapping[str, Shape]) -> str:
+        """Why the value at one sample is no single number, or nothing."""
+        try:
+            found = self.shape(shapes)
+        except ScenarioError as error:
+            return str(error)
+        if not found:
+            return ""
+        whole = f", or take norm({self.text})" if len(found) == 1 and self.single else ""
+        return f"{self.text} {sized(found)}, expected a single value. {elements(self.tree, shapes)}{whole}."
 
     @property
     def single(self) -> Signal | None:
@@ -144,3 +164,52 @@ def evaluate(node: ast.expr, values: Mapping[str, Any]) -> Any:
     signal = name_of(node)
     array = values[signal.name]
     return array[(slice(None), *(i - 1 for i in signal.index))] if signal.index else array
+
+
+def shape(node: ast.expr, shapes: Mapping[str, Shape]) -> Shape | None:
+    """Shape of a checked node at one sample; None: a number, which goes with any shape."""
+    match node:
+        case ast.Constant():
+            return None
+        case ast.UnaryOp(operand=operand):
+            return shape(operand, shapes)
+        case ast.BinOp(left=left, right=right):
+            return joined([left, right], node, shapes)
+        case ast.Call(func=ast.Name(id="norm"), args=[argument]):
+            inner = shape(argument, shapes)
+            return inner[:-1] if inner else inner
+        case ast.Call(args=arguments):
+            return joined(arguments, node, shapes)
+    signal = name_of(node)
+    found = shapes[signal.name]
+    if not signal.index:
+        return found
+    if len(signal.index) != len(found) or any(i > n for i, n in zip(signal.index, found, strict=True)):
+        raise IndexError(str(signal))
+    return ()
+
+
+def joined(parts: Sequence[ast.expr], node: ast.expr, shapes: Mapping[str, Shape]) -> Shape | None:
+    """The shape that all parts but numbers have; there is none for an array and a single value, or another array."""
+    found = {ast.unparse(part): (part, of) for part in parts if (of := shape(part, shapes)) is not None}
+    if len({of for _, of in found.values()}) > 1:
+        sizes = ", ".join(f"{text} {sized(of)}" for text, (_, of) in found.items())
+        raise ScenarioError(f"`{ast.unparse(node)}`: {sizes}, expected equal shapes. {elements(node, shapes)}.")
+    return next((of for _, of in found.values()), None)
+
+
+def sized(found: Shape) -> str:
+    """`is an array of 3`."""
+    return f"is an array of {' x '.join(map(str, found))}" if found else "is a single value"
+
+
+def elements(node: ast.expr, shapes: Mapping[str, Shape]) -> str:
+    """What to write instead of the arrays in a node: `Name one of a.x[1] to a.x[3]`."""
+    found: dict[str, Signal] = {}
+    check(node, ast.unparse(node), found)
+    spans = []
+    for signal in found.values():
+        if (of := shapes[signal.name]) and not signal.index:
+            ends = [f"{signal}[{','.join(map(str, index))}]" for index in ((1,) * len(of), of)]
+            spans.append(" to ".join(dict.fromkeys(ends)) if all(of) else f"no element of {signal}")
+    return f"Name one of {', one of '.join(spans)}"

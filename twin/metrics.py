@@ -195,10 +195,11 @@ def figure(metric: Metric, variant: str, tables: Mapping[tuple[str, int], Signal
     """A metric of a variant; without values if the variant has no such signal."""
     values: dict[int, float | None] = {}
     for (name, seed), signals in tables.items():
-        if name != variant or (found := signals.evaluate(metric.signal, metric.window)) is None:
+        if name != variant or not signals.has(metric.signal):
             continue
+        found = signals.evaluate(metric.signal, metric.window)
         with np.errstate(all="ignore"):
-            value = float(REDUCE[metric.reduce](found[1])) if len(found[1]) else np.nan
+            value = float(REDUCE[metric.reduce](found[1])) if found is not None and len(found[1]) else np.nan
         values[seed] = value if np.isfinite(value) else None
     return Figure(metric, variant, values, metric.paper.get(variant))
 
@@ -218,7 +219,7 @@ def judged(one: Figure, paper_applies: bool) -> Figure:
 
 
 def outcome(one: Expectation, figures: Iterable[Figure], tables: Mapping[tuple[str, int], Signals]) -> Outcome:
-    """What became of an expectation."""
+    """What became of an expectation. A case that has its signal but no sample to judge fails it."""
     own = {figure.variant: figure for figure in figures if figure.metric.name == one.metric}
     if one.ordered:
         return order(one, own)
@@ -231,7 +232,10 @@ def outcome(one: Expectation, figures: Iterable[Figure], tables: Mapping[tuple[s
             value = own[variant].values.get(seed) if variant in own else None
             if variant in own:
                 found.append((case, *((np.nan, np.nan) if value is None else (value, value)), ""))
-        elif (samples := signals.evaluate(one.signal, one.window)) is not None and len(samples[1]):
+        elif signals.has(one.signal):
+            samples = signals.evaluate(one.signal, one.window)
+            if samples is None or not len(samples[1]):
+                return unjudged(one, case, samples is None)
             low, high = int(np.argmin(samples[1])), int(np.argmax(samples[1]))
             worse = low if one.at_least is not None and not samples[1][low] >= one.at_least else high
             found.append((case, samples[1][low], samples[1][high], f" at {samples[0][worse]:.6g} s"))
@@ -241,15 +245,28 @@ def outcome(one: Expectation, figures: Iterable[Figure], tables: Mapping[tuple[s
     return limits(one, found)
 
 
-def limits(one: Expectation, found: list[tuple[str, float, float, str]]) -> Outcome:
-    """Whether every case keeps the limits; else by which case and value they are broken first."""
+def subject(one: Expectation) -> tuple[str, str, str]:
+    """What is judged, what is expected of it, and the name of an expectation of limits."""
     what = one.metric or (one.signal.text if one.signal else "")
     low, high = shown(one.at_least, one.unit), shown(one.at_most, one.unit)
     if one.at_least is not None and one.at_most is not None:
         expected = f"from {low} to {high}"
     else:
         expected = f"at most {high}" if one.at_least is None else f"at least {low}"
-    name = one.name or f"{what} {expected}"
+    return what, expected, one.name or f"{what} {expected}"
+
+
+def unjudged(one: Expectation, case: str, is_array: bool) -> Outcome:
+    """An expectation that says nothing about a case, though its signal is there."""
+    what, expected, name = subject(one)
+    reason = "is no single value" if is_array else f"has no sample{one.window.text}"
+    advice = "Name its elements." if is_array else "Change `from` and `to`, or record more often."
+    return Outcome(name, "fail", f"{what} {reason} in {case}; expected {expected}. {advice}")
+
+
+def limits(one: Expectation, found: list[tuple[str, float, float, str]]) -> Outcome:
+    """Whether every case keeps the limits; else by which case and value they are broken first."""
+    what, expected, name = subject(one)
     if not found:
         return Outcome(name, "skipped", f"{what} was not recorded in a complete run.")
     broken = []

@@ -75,10 +75,7 @@ def cells(one: Figure) -> dict[str, str]:
 
 def definition(one: Figure) -> str:
     """What the number is: `std of sensor.force - 0.2, from 4 s`."""
-    window = one.metric.window
-    text = f"{one.metric.reduce.replace('_', ' ')} of {one.metric.signal.text}"
-    text += f", from {clock.text(window.start_ns)}" if window.start_ns is not None else ""
-    return text + (f", to {clock.text(window.stop_ns)}" if window.stop_ns is not None else "")
+    return f"{one.metric.reduce.replace('_', ' ')} of {one.metric.signal.text}{one.metric.window.text}"
 
 
 def table(evaluation: Evaluation) -> Group:

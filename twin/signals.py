@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock, unit
-from twin.errors import CouplingError
+from twin.errors import CouplingError, ScenarioError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,6 +26,12 @@ class Window:
 
     start_ns: int | None = None
     stop_ns: int | None = None
+
+    @property
+    def text(self) -> str:
+        """`, from 4 s, to 5 s`."""
+        text = f", from {clock.text(self.start_ns)}" if self.start_ns is not None else ""
+        return text + (f", to {clock.text(self.stop_ns)}" if self.stop_ns is not None else "")
 
 
 WHOLE = Window()
@@ -53,12 +59,17 @@ class Signals:
         return result
 
     def evaluate(self, expression: Expression, window: Window = WHOLE) -> tuple[Any, Any] | None:
-        """(time, value) of an expression in a window, or None if a signal of it was not recorded or has no element."""
+        """(time, value) of an expression in a window.
+
+        None if a signal of it was not recorded or has no element, or if the expression is no single value.
+        """
         values = self.si({signal.name for signal in expression.signals})
         try:
-            value = expression.evaluate(values)
-        except (KeyError, IndexError):
+            if expression.shape({name: array.shape[1:] for name, array in values.items()}):
+                return None
+        except (KeyError, IndexError, ScenarioError):
             return None
+        value = expression.evaluate(values)
         value = np.broadcast_to(value, self.time.shape) if np.ndim(value) == 0 else value
         # by whole nanoseconds: a sample at exactly 4 s belongs to `from: 4 s`
         time = np.rint(self.time * clock.NANOSECONDS)
@@ -67,7 +78,11 @@ class Signals:
             inside &= time >= window.start_ns
         if window.stop_ns is not None:
             inside &= time <= window.stop_ns
-        return (self.time[inside], value[inside]) if np.ndim(value) == 1 else None
+        return self.time[inside], value[inside]
+
+    def has(self, expression: Expression) -> bool:
+        """Whether every signal of an expression was recorded."""
+        return all(signal.name in self.values for signal in expression.signals)
 
 
 @lru_cache(maxsize=256)

@@ -16,6 +16,7 @@ from twin.compiler.native import (
     load_symbols,
     model_name,
     problems,
+    source_hash,
     sources,
 )
 from twin.compiler.toolchain import BARE, LIBM, PLATFORMS, archive, compile_c, host, in_order, link, load, side_by_side
@@ -45,6 +46,7 @@ __all__ = [
     "problems",
     "put",
     "side_by_side",
+    "source_hash",
     "sources",
     "translate",
 ]

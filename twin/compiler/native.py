@@ -68,12 +68,16 @@ def is_translated(cls: type[Component], build: Path) -> bool:
     return _place(cls, model_name(cls), build).exists()
 
 
-def _place(cls: type[Component], name: str, build: Path) -> Path:
-    """Folder of a component's C, named by what it is made from."""
+def source_hash(cls: type[Component], name: str, *more: str) -> str:
+    """Hash of what a component's C is made from: functions with the files they stand in, declarations, start values."""
     declared = [repr(variable) for variable in cls.variables]
     start = {key: value.tolist() for key, value in _starts(cls).items()}
-    key = text_hash(functions(cls), layout_text(cls), name, about(cls, ""), *declared, repr(start))
-    return build / "c" / f"{name}-{key[:16]}"
+    return text_hash(functions(cls), layout_text(cls), name, about(cls, ""), *declared, repr(start), *more)
+
+
+def _place(cls: type[Component], name: str, build: Path) -> Path:
+    """Folder of a component's C, named by what it is made from."""
+    return build / "c" / f"{name}-{source_hash(cls, name)[:16]}"
 
 
 def _starts(cls: type[Component]) -> dict[str, Any]:

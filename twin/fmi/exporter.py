@@ -248,36 +248,49 @@ def export(
     return Path(path)
 
 
-_plans: dict[tuple[type[Component], str], Plan] = {}
+_keys: dict[tuple[type[Component], str], str] = {}  # classes do not change, and a scenario has each once per variant
 
 
-def _checked(cls: type[Component], version: str) -> Plan:
-    """The plan of a component without problems: a class does not change, and a scenario has it once per variant."""
-    if (cls, version) not in _plans:
-        if problems := source.check(cls):
-            raise BuildError("\n".join(problems))
-        _plans[cls, version] = plan(cls, version)
-    return _plans[cls, version]
+def made_from(cls: type[Component], version: str) -> str:
+    """Hash of all that an FMU is made from: engine, component with its files and README. Cheap: nothing is made."""
+    if (cls, version) not in _keys:
+        name = model_name(cls)
+        more = [version, _readme(cls), repr(cls.terminals), repr(cls.switches), repr(cls.period), repr(cls.method)]
+        _keys[cls, version] = compiler.source_hash(cls, name, _engine(), *more)
+    return _keys[cls, version]
+
+
+@cache
+def _engine() -> str:
+    """Hash of the engine's files, and of the compiler's version."""
+    digest = hashlib.sha256(metadata.version("ziglang").encode())
+    for file in sorted(path for path in ENGINE.rglob("*") if path.suffix in (".py", ".c", ".h", ".html")):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()
 
 
 def is_built(cls: type[Component], build: Path, version: str = "3.0", wanted: Sequence[str] = ()) -> bool:
     """Whether the component's FMU is there as it would be made now, with all binaries that are wanted."""
-    made = _checked(cls, version)
-    path = build / version / f"{made.name}.fmu"
+    path = build / version / f"{model_name(cls)}.fmu"
     note = path.with_suffix(".hash")
-    token, *present = note.read_text().split() if note.exists() and path.exists() else [""]
-    return token == made.token and set(wanted or (compiler.host(),)) <= set(present)
+    key, *present = note.read_text().split() if note.exists() and path.exists() else [""]
+    return key == made_from(cls, version) and set(wanted or (compiler.host(),)) <= set(present)
 
 
 def build(cls: type[Component], version: str, build: Path, targets: Sequence[str] = ()) -> Path:
     """The component's FMU in `build/<version>/`, made anew only if what it is made from, or a target, is new."""
-    made = _checked(cls, version)
+    if version not in VERSIONS:
+        raise BuildError(f"FMI version {version!r} is not offered. Use one of {', '.join(VERSIONS)}.")
+    if issubclass(cls, PythonComponent):
+        raise BuildError(f"{cls.__name__}: is Python-side and cannot be an FMU. Derive it from Component instead.")
     wanted = tuple(targets) or (compiler.host(),)
-    path = build / version / f"{made.name}.fmu"
+    path = build / version / f"{model_name(cls)}.fmu"
     if is_built(cls, build, version, wanted):
         return path
+    if problems := source.check(cls):
+        raise BuildError("\n".join(problems))
     note = path.with_suffix(".hash")
     note.unlink(missing_ok=True)
-    compiler.put(path, _content(cls, version, made, build, wanted))
-    compiler.put(note, f"{made.token} {' '.join(wanted)}\n".encode())
+    compiler.put(path, _content(cls, version, plan(cls, version), build, wanted))
+    compiler.put(note, f"{made_from(cls, version)} {' '.join(wanted)}\n".encode())
     return path

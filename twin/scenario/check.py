@@ -73,21 +73,27 @@ def references(scenario: Scenario, keys: ScenarioKeys, tree: Node) -> Iterable[t
     """(place, `member.variable`) of all that record, metrics, expectations and plots name."""
     for index, pattern in enumerate(keys.record.variables):
         yield str(tree.find(("record", "variables", index)).place), pattern
-    for where, expressions in figures_of(scenario):
-        for one in expressions:
-            yield from ((where, str(signal)) for signal in one.signals)
+    for where, one, _, _ in expressions_of(scenario):
+        yield from ((where, str(signal)) for signal in one.signals)
 
 
-def figures_of(scenario: Scenario) -> Iterable[tuple[str, list[Expression]]]:
-    """(place, expressions) of every analysis, metric, expectation and plot."""
+def expressions_of(scenario: Scenario) -> Iterable[tuple[str, Expression, tuple[str, ...], bool]]:
+    """(place, expression, variants, whether each must have it) of every analysis, metric, expectation and plot.
+
+    No variants: all that have its signals.
+    """
     for analysis in scenario.analyses:
-        yield analysis.where, list(analysis.inputs.values())
+        for one in analysis.inputs.values():
+            yield analysis.where, one, analysis.variants, True
     for metric in scenario.metrics.values():
-        yield metric.where, [metric.signal]
+        yield metric.where, metric.signal, metric.variants, True
     for expectation in scenario.expectations:
-        yield expectation.where, [expectation.signal] if expectation.signal else []
+        of = scenario.metrics.get(expectation.metric or "")
+        if signal := expectation.signal or (of.signal if of else None):
+            yield expectation.where, signal, expectation.variants or expectation.ordered, True
     for plot in scenario.plots:
-        yield plot.where, [one for curve in plot.curves for one in (curve.x, curve.signal) if one is not None]
+        for one in (one for curve in plot.curves for one in (curve.x, curve.signal) if one is not None):
+            yield plot.where, one, plot.variants, False
 
 
 def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
@@ -184,16 +190,36 @@ def check_against(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[s
 
 
 def check_names(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str]:
-    """What record, metrics and plots name must exist in one variant at least."""
+    """What record, metrics and plots name must exist in one variant at least, and be single values where it does."""
     problems: list[str] = []
-    wanted = [(scenario.record.where, pattern, ()) for pattern in scenario.record.patterns]
-    for where, expressions in figures_of(scenario):
-        wanted += [(where, signal.name, signal.index) for one in expressions for signal in one.signals]  # type: ignore[misc]
-    for where, name, index in wanted:
-        found = [problem_of(name, index, catalog) for catalog in catalogs.values()]
+    for pattern in scenario.record.patterns:
+        found = [problem_of(pattern, (), catalog) for catalog in catalogs.values()]
         if all(found):
-            problems.append(f"{where}: {found[0]}")
+            problems.append(f"{scenario.record.where}: {found[0]}")
+    for where, expression, variants, each in expressions_of(scenario):
+        named = {name: catalogs[name] for name in variants or catalogs}
+        missing = {
+            name: reason for name, catalog in named.items()
+            if (reason := next(filter(None, (problem_of(one.name, one.index, catalog) for one in expression.signals)), ""))
+        }  # fmt: skip
+        if len(missing) == len(named):
+            problems.append(f"{where}: {next(iter(missing.values()))}")
+        elif missing and variants and each:
+            name, reason = next(iter(missing.items()))
+            problems.append(f"{where}: in variant `{name}`: {reason}")
+        arrays = {
+            name: reason for name, catalog in named.items()
+            if name not in missing and (reason := array_problem(expression, catalog))
+        }  # fmt: skip
+        for name, reason in list(arrays.items())[:1]:
+            place = "" if len(arrays) + len(missing) == len(named) else f"in variant `{name}`: "
+            problems.append(f"{where}: {place}{reason}")
     return problems
+
+
+def array_problem(expression: Expression, catalog: Catalog) -> str:
+    """Why an expression is no single value, or nothing."""
+    return expression.array_problem({one.name: find(one.name, catalog)[0].shape for one in expression.signals})
 
 
 def problem_of(name: str, index: tuple[int, ...], catalog: Catalog) -> str:

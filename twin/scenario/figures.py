@@ -133,6 +133,14 @@ class Builder:
             self.problem((*path, "mean"), f"{what}: the mean is that of a metric within limits. Name a metric.")
         if metric is not None and (keys.start is not None or keys.stop is not None):
             self.problem(path, f"{what}: a metric has its own from and to. Give them there.")
+        if metric is not None and metric.variants:
+            key = "variants" if keys.variants else "ordered"
+            for name in keys.variants or keys.ordered or ():
+                if name in self.variants and name not in metric.variants:
+                    taken = ", ".join(metric.variants)
+                    self.problem(
+                        (*path, key), f"{what}: `{metric.name}` is not taken in `{name}`, only in {taken}. Add it there."
+                    )
         unit = self.unit((*path, "unit"), keys.unit, what) or (metric.unit if metric else "") or spelled(keys)
         low, high = keys.within or (keys.at_least, keys.at_most)
         at_least = self.si((*path, "within" if keys.within else "at_least"), low, unit, what)
