@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 ENGINE = Path(__file__).parents[1]
 TEMPLATES = ENGINE / "templates"
+DECISIVE = ("component.py", "dependencies.py", "generated.py", "group.py", "solver.py", "unit.py", "variable.py")
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,10 +263,12 @@ def made_from(cls: type[Component], version: str) -> str:
 
 @cache
 def _engine() -> str:
-    """Hash of the engine's files, and of the compiler's version."""
+    """Hash of the engine's files that decide what an FMU is, and of the compiler's version."""
     digest = hashlib.sha256(metadata.version("ziglang").encode())
-    for file in sorted(path for path in ENGINE.rglob("*") if path.suffix in (".py", ".c", ".h", ".html")):
-        digest.update(file.read_bytes())
+    folders = [path for name in ("fmi", "compiler", "templates") for path in (ENGINE / name).rglob("*")]
+    for file in sorted([*folders, *(ENGINE / name for name in DECISIVE)]):
+        if file.suffix in (".py", ".c", ".h", ".html"):
+            digest.update(file.read_bytes())
     return digest.hexdigest()
 
 
