@@ -64,6 +64,11 @@ class Expression:
         with np.errstate(all="ignore"):
             return evaluate(self.tree, values)
 
+    def magnitude(self, values: Mapping[str, Any]) -> Any:
+        """Size of the numbers that add up to the value at every sample: of `a.x - b.x`, that of `abs(a.x) + abs(b.x)`."""
+        with np.errstate(all="ignore"):
+            return magnitude(self.tree, values)
+
     def shape(self, shapes: Mapping[str, Shape]) -> Shape:
         """Shape of the value at one sample; `shapes`: of each signal. KeyError and IndexError: no such signal, element.
 
@@ -164,6 +169,22 @@ def evaluate(node: ast.expr, values: Mapping[str, Any]) -> Any:
     signal = name_of(node)
     array = values[signal.name]
     return array[(slice(None), *(i - 1 for i in signal.index))] if signal.index else array
+
+
+def magnitude(node: ast.expr, values: Mapping[str, Any]) -> Any:
+    """Size of what a checked node is made of."""
+    match node:
+        case ast.UnaryOp(operand=operand):
+            return magnitude(operand, values)
+        case ast.BinOp(left=left, op=operator, right=right):
+            first = magnitude(left, values)
+            if isinstance(operator, ast.Pow):
+                return np.power(first, evaluate(right, values))
+            combine = np.add if isinstance(operator, ast.Sub) else OPERATORS[type(operator)]
+            return combine(first, magnitude(right, values))
+        case ast.Call(func=ast.Name(id=name), args=arguments):
+            return FUNCTIONS[name][0](*(magnitude(argument, values) for argument in arguments))
+    return np.abs(evaluate(node, values))
 
 
 def shape(node: ast.expr, shapes: Mapping[str, Shape]) -> Shape | None:

@@ -126,6 +126,7 @@ class Figure:
     values: dict[int, float | None]
     paper: float | None
     verdict: str = "info"
+    scale: float = 0.0  # size of the numbers that the values were made of
 
     @property
     def mean(self) -> float | None:
@@ -194,6 +195,7 @@ def evaluate(
 def figure(metric: Metric, variant: str, tables: Mapping[tuple[str, int], Signals]) -> Figure:
     """A metric of a variant; without values if the variant has no such signal."""
     values: dict[int, float | None] = {}
+    scale = 0.0
     for (name, seed), signals in tables.items():
         if name != variant or not signals.has(metric.signal):
             continue
@@ -201,7 +203,8 @@ def figure(metric: Metric, variant: str, tables: Mapping[tuple[str, int], Signal
         with np.errstate(all="ignore"):
             value = float(REDUCE[metric.reduce](found[1])) if found is not None and len(found[1]) else np.nan
         values[seed] = value if np.isfinite(value) else None
-    return Figure(metric, variant, values, metric.paper.get(variant))
+        scale = max(scale, signals.scale(metric.signal) if found is not None else 0.0)
+    return Figure(metric, variant, values, metric.paper.get(variant), scale=scale)
 
 
 def judged(one: Figure, paper_applies: bool) -> Figure:
@@ -224,6 +227,7 @@ def outcome(one: Expectation, figures: Iterable[Figure], tables: Mapping[tuple[s
     if one.ordered:
         return order(one, own)
     found: list[tuple[str, float, float, str]] = []  # case, lowest and highest value, when the worse one was
+    scale = max((figure.scale for figure in own.values()), default=0.0)
     for (variant, seed), signals in tables.items():
         if one.variants and variant not in one.variants:
             continue
@@ -236,13 +240,14 @@ def outcome(one: Expectation, figures: Iterable[Figure], tables: Mapping[tuple[s
             samples = signals.evaluate(one.signal, one.window)
             if samples is None or not len(samples[1]):
                 return unjudged(one, case, samples is None)
+            scale = max(scale, signals.scale(one.signal))
             low, high = int(np.argmin(samples[1])), int(np.argmax(samples[1]))
             worse = low if one.at_least is not None and not samples[1][low] >= one.at_least else high
             found.append((case, samples[1][low], samples[1][high], f" at {samples[0][worse]:.6g} s"))
     if one.mean and found:
         mean = float(np.mean([row[1] for row in found]))
         found = [(f"the mean of {len(found)} runs", mean, mean, "")]
-    return limits(one, found)
+    return limits(one, found, scale)
 
 
 def subject(one: Expectation) -> tuple[str, str, str]:
@@ -259,13 +264,13 @@ def subject(one: Expectation) -> tuple[str, str, str]:
 def unjudged(one: Expectation, case: str, is_array: bool) -> Outcome:
     """An expectation that says nothing about a case, though its signal is there."""
     what, expected, name = subject(one)
-    reason = "is no single value" if is_array else f"has no sample{one.window.text}"
+    reason = "is no single value" if is_array else f"has no sample{one.window.text.replace(',', '')}"
     advice = "Name its elements." if is_array else "Change `from` and `to`, or record more often."
     return Outcome(name, "fail", f"{what} {reason} in {case}; expected {expected}. {advice}")
 
 
-def limits(one: Expectation, found: list[tuple[str, float, float, str]]) -> Outcome:
-    """Whether every case keeps the limits; else by which case and value they are broken first."""
+def limits(one: Expectation, found: list[tuple[str, float, float, str]], scale: float = 0.0) -> Outcome:
+    """Whether every case keeps the limits; else by which case and value they are broken first. `scale`: see `shown`."""
     what, expected, name = subject(one)
     if not found:
         return Outcome(name, "skipped", f"{what} was not recorded in a complete run.")
@@ -273,13 +278,13 @@ def limits(one: Expectation, found: list[tuple[str, float, float, str]]) -> Outc
     for case, least, most, when in found:
         below = one.at_least is not None and not least >= one.at_least
         if below or (one.at_most is not None and not most <= one.at_most):
-            broken.append((case, shown(least if below else most, one.unit), when))
+            broken.append((case, shown(least if below else most, one.unit, scale), when))
     if broken:
         case, value, when = broken[0]
         cases = f" Broken in {len(broken)} of {len(found)} runs" + f": {grouped(broken)}." if len(found) > 1 else ""
         return Outcome(name, "fail", f"{what} is {value}{when} in {case}; expected {expected}.{cases}")
     span = " to ".join(dict.fromkeys(
-        (shown(min(row[1] for row in found), one.unit), shown(max(row[2] for row in found), one.unit))
+        (shown(min(row[1] for row in found), one.unit, scale), shown(max(row[2] for row in found), one.unit, scale))
     ))  # fmt: skip
     return Outcome(name, "pass", f"{what} was {span}; expected {expected}.")
 
@@ -321,13 +326,14 @@ def order(one: Expectation, own: Mapping[str, Figure]) -> Outcome:
     """Whether the variants' means are in the expected order."""
     name = one.name or f"{one.metric} {'falls' if one.descending else 'rises'}: {', '.join(one.ordered)}"
     means = [(variant, own[variant].mean) for variant in one.ordered if variant in own]
+    scale = max((figure.scale for figure in own.values()), default=0.0)
     if len(means) < 2:
         return Outcome(name, "skipped", f"{one.metric} is known for fewer than two of the variants.")
-    parts = [f"{means[0][0]} {shown(means[0][1], one.unit)}"]
+    parts = [f"{means[0][0]} {shown(means[0][1], one.unit, scale)}"]
     holds = means[0][1] is not None
     for (_, before), (variant, after) in itertools.pairwise(means):
         right = before is not None and after is not None and (after < before if one.descending else after > before)
         sign = (">" if one.descending else "<") if right else "but not " + ("above" if one.descending else "below")
-        parts.append(f"{sign} {variant} {shown(after, one.unit)}")
+        parts.append(f"{sign} {variant} {shown(after, one.unit, scale)}")
         holds = holds and right
     return Outcome(name, "pass" if holds else "fail", f"{one.metric}: {' '.join(parts)}.")

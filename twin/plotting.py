@@ -75,6 +75,28 @@ def in_unit(values: Any, unit: str) -> Any:
     return (values - offset) / factor
 
 
+def kind(curve: Curve, tables: Tables) -> str:
+    """What a curve over time shows if not real numbers: `b` for a Boolean, `i` for a whole number."""
+    signal = curve.signal.single
+    if signal is None or curve.x is not None:
+        return ""
+    found = {of.values[signal.name].dtype.kind for of in tables.values() if signal.name in of.values}
+    return "b" if found == {"b"} else "i" if found and found <= set("biu") else ""
+
+
+def whole(axis: Any, kinds: set[str]) -> None:
+    """Ticks at whole numbers where nothing else is drawn, and both values of Booleans, also of those that stay."""
+    from matplotlib.ticker import MaxNLocator
+
+    if kinds == {"b"}:
+        axis.set_ylim(-0.1, 1.1)
+        axis.set_yticks([0, 1])
+    elif kinds and "" not in kinds:
+        low, high = axis.get_ylim()
+        axis.set_ylim(min(low, np.ceil(low) - 0.5), max(high, np.floor(high) + 0.5))
+        axis.yaxis.set_major_locator(MaxNLocator(integer=True))
+
+
 def axis_label(label: str, unit: str) -> str:
     """`force [N]`."""
     return f"{label} [{unit}]" if label and unit else label or unit
@@ -127,6 +149,8 @@ def draw(plot: Plot, tables: Tables, events: Sequence[float] = (), salt: str = "
                 axis.set_title(names[0])
             if not is_loop:
                 mark(axis, plot, events)
+        if not plot.band and not plot.lines and not plot.unit:
+            whole(axes[0], {kind(curve, chosen) for curve in plot.curves})
         finish(figure, grid, plot, is_loop)
         return as_svg(figure)
 
@@ -203,7 +227,7 @@ def panel(axis: Any, plot: Plot, tables: Tables, names: Sequence[str]) -> None:
             if plot.points:
                 style = MARKS[number % len(MARKS)]
             axis.plot(
-                x, y, style, color=color, label=label if is_first else None, alpha=1.0 if is_first else 0.22,
+                x, y, style, drawstyle="steps-post" if kind(curve, tables) else "default", color=color, label=label if is_first else None, alpha=1.0 if is_first else 0.22,
                 linewidth=1.2 if is_first else 0.7, markersize=4, markerfacecolor="none", zorder=3 if is_first else 2,
             )  # fmt: skip
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -15,11 +16,15 @@ from twin.signals import coherent, shown
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from rich.console import Group
+    from rich.console import Console, ConsoleOptions, Group, RenderableType
+    from rich.table import Table
+    from rich.text import Text
 
     from twin.scenario import Case
     from twin.scenario.names import Catalog
     from twin.signals import Signals
+
+UNLIMITED = 10_000  # columns
 
 VERDICTS = {  # word in the table, color in the terminal
     "pass":    ("pass", "green"),
@@ -65,7 +70,8 @@ def cells(one: Figure) -> dict[str, str]:
     tolerance = one.metric.tolerance
     return {
         "metric": one.metric.name, "variant": one.variant, "verdict": one.verdict,
-        "paper": shown(one.paper, symbol), "mean": shown(one.mean, symbol), "worst": shown(one.worst, symbol),
+        "paper": shown(one.paper, symbol), "mean": "no value" if one.verdict == "none" else shown(one.mean, symbol, one.scale),
+        "worst": shown(one.worst, symbol, one.scale),
         "ratio": "-" if one.ratio is None else f"{one.ratio:.2f}",
         "tolerance": f"± {100 * tolerance:g} %" if tolerance is not None and one.paper is not None else "-",
         "description": one.metric.description,
@@ -79,39 +85,112 @@ def definition(one: Figure) -> str:
 
 
 def table(evaluation: Evaluation) -> Group:
-    """Figures beside the paper's, and what became of the expectations, for a terminal of 100 columns."""
-    from rich import box
+    """Figures beside the paper's, and what became of the expectations, for a terminal of any width."""
     from rich.console import Group
-    from rich.table import Table
     from rich.text import Text
 
-    parts: list[Any] = []
-    if evaluation.figures:
-        rows = [cells(one) for one in evaluation.figures]
-        compared = any(row["paper"] != "-" for row in rows)
-        grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
-        grid.add_column("metric")
-        grid.add_column("variant")
-        shown_keys = ("paper", "mean", "worst", "ratio", "tolerance") if compared else ("mean", "worst")
-        for name in shown_keys:
-            grid.add_column("twin" if name == "mean" and compared else name, justify="right", no_wrap=True)
-        if compared:
-            grid.add_column("verdict")
-        before = ""
-        for row in rows:
-            if before and before != row["metric"]:
-                grid.add_section()
-            values = [row["metric"] if row["metric"] != before else "", row["variant"]]
-            values += [row[key] for key in shown_keys]
-            word, color = VERDICTS[row["verdict"]]
-            grid.add_row(*(Text(value) for value in values), *([Text(word, color)] if compared else []))
-            before = row["metric"]
-        parts.append(grid)
+    parts: list[Any] = [Figures([cells(one) for one in evaluation.figures])] if evaluation.figures else []
     for one in evaluation.outcomes:
         word, color = VERDICTS[one.verdict]
         name = f"{one.name}: " if named(one) else ""
         parts.append(Text.assemble((f"{word:<8}", color), name, one.detail))
     return Group(*parts)
+
+
+class Figures:
+    """Rows of `cells` in the widest layout that the terminal has columns for: no name and no number is ever shortened.
+
+    One row for each variant, beside its metric; below its metric; as a sentence below its metric.
+    """
+
+    def __init__(self, rows: list[dict[str, str]]) -> None:
+        self.rows = rows
+        self.compared = any(row["paper"] != "-" for row in rows)
+        keys = ("paper", "mean", "worst", "ratio", "tolerance") if self.compared else ("mean", "worst")
+        self.titles = {key: "twin" if key == "mean" and self.compared else key for key in keys}
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> Iterable[RenderableType]:
+        """What rich calls to print it."""
+        for grid in (self.beside(), self.below()):
+            if console.measure(grid, options=options.update(max_width=UNLIMITED)).maximum <= options.max_width:
+                yield grid
+                return
+        yield self.sentences(options.max_width)
+
+    def verdict(self, row: dict[str, str]) -> Text:
+        """The verdict in its color."""
+        from rich.text import Text
+
+        return Text(*VERDICTS[row["verdict"]])
+
+    def grouped(self) -> dict[str, list[dict[str, str]]]:
+        """The rows of each metric."""
+        found: dict[str, list[dict[str, str]]] = {}
+        for row in self.rows:
+            found.setdefault(row["metric"], []).append(row)
+        return found
+
+    def beside(self) -> Table:
+        """Metric and variant in columns of their own."""
+        from rich import box
+        from rich.table import Table
+        from rich.text import Text
+
+        grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
+        for title in ("metric", "variant"):
+            grid.add_column(title, no_wrap=True)
+        for title in self.titles.values():
+            grid.add_column(title, justify="right", no_wrap=True)
+        if self.compared:
+            grid.add_column("verdict", no_wrap=True)
+        for name, rows in self.grouped().items():
+            for row in rows:
+                texts = [name if row is rows[0] else "", row["variant"], *(row[key] for key in self.titles)]
+                grid.add_row(*map(Text, texts), *([self.verdict(row)] if self.compared else []))
+            grid.add_section()
+        return grid
+
+    def below(self) -> Table:
+        """The metric on a line of its own, its variants below it."""
+        from rich.table import Table
+        from rich.text import Text
+
+        widths = {key: max(len(row[key]) for row in [self.titles, *self.rows]) for key in self.titles}
+        first = max(len(row["variant"]) for row in self.rows) + 2
+
+        def line(variant: str, texts: Iterable[str]) -> str:
+            places = [text.rjust(width) for text, width in zip(texts, widths.values(), strict=True)]
+            return "  ".join([variant.ljust(first), *places])
+
+        grid = Table.grid()
+        grid.add_column(no_wrap=True)
+        grid.add_row("")
+        grid.add_row(Text(line("", self.titles.values()) + "  verdict" * self.compared, "bold"))
+        for name, rows in self.grouped().items():
+            grid.add_row(Text(name))
+            for row in rows:
+                text = Text(line(f"  {row['variant']}", (row[key] for key in self.titles)))
+                grid.add_row(Text.assemble(text, "  ", self.verdict(row)) if self.compared else text)
+        grid.add_row("")
+        return grid
+
+    def sentences(self, width: int) -> Group:
+        """`PI: paper 0.0362 N, twin 0.0357 N, ...`, broken between values."""
+        from rich.console import Group
+        from rich.text import Text
+
+        parts: list[Text] = [Text("")]
+        for name, rows in self.grouped().items():
+            parts.append(Text(name, overflow="fold"))
+            for row in rows:
+                values = [f"{title} {row[key]}" for key, title in self.titles.items() if row[key] != "-"]
+                # textwrap does not break at these blanks
+                text = ", ".join(value.replace(" ", "\N{NO-BREAK SPACE}") for value in values)
+                lines = textwrap.wrap(text, max(width - 4, 1), break_on_hyphens=False)
+                title = Text(f"  {row['variant']}", overflow="fold")
+                parts.append(Text.assemble(title, ": ", self.verdict(row)) if self.compared else title)
+                parts += [Text("    " + one.replace("\N{NO-BREAK SPACE}", " "), overflow="fold") for one in lines]
+        return Group(*parts, Text(""))
 
 
 def named(one: Outcome) -> bool:

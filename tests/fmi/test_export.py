@@ -57,6 +57,16 @@ def test_unchanged_components_are_left_alone_and_exports_are_equal_to_the_byte(f
     assert second.read_bytes() == first.read_bytes()
 
 
+def test_a_damaged_fmu_is_made_anew(tmp_path):
+    path = exporter.build(Stiff, "3.0", tmp_path)
+    whole = path.read_bytes()
+    for damage in (whole[:-100], b"", whole[:500] + b"x" + whole[501:]):
+        path.write_bytes(damage)
+        assert exporter.build(Stiff, "3.0", tmp_path).read_bytes() == whole
+    path.with_suffix(".hash").write_text("x")
+    assert exporter.build(Stiff, "3.0", tmp_path).read_bytes() == whole
+
+
 def test_an_export_says_what_it_was_made_from(fmus, build, tmp_path):
     path = exporter.export(Stiff, "3.0", tmp_path / "a.fmu", build / "tests")
     with zipfile.ZipFile(path) as archive:

@@ -101,7 +101,7 @@ def test_the_state_machine_is_compiled_once_for_all_components(build, tmp_path):
         if part is Follower:
             first = kept
     machine = exporter.state_machine("x86_64-linux", "fmi3.c", tmp_path)
-    same = [name for name in kept if (places / name).read_bytes() == machine]
+    same = [name for name in kept if (places / name).read_bytes().startswith(machine)]
     assert len(same) == 1
     assert kept[same[0]] == first[same[0]]
 

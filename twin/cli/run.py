@@ -156,9 +156,10 @@ def show(outcome: Outcome, report: bool) -> None:
     """The table of metrics, then where everything lies."""
     from rich.console import Console
 
-    from twin.report import table
+    from twin.report import UNLIMITED, table
 
-    console = Console(width=None if sys.stdout.isatty() else 110)
+    # a terminal wraps; a file or a pipe gets whole lines, to be searched
+    console = Console(width=None if sys.stdout.isatty() else UNLIMITED)
     console.print(outcome.scenario.title, style="bold", highlight=False, markup=False)
     if outcome.scenario.overrides:
         console.print(f"set: {', '.join(outcome.scenario.overrides)}", highlight=False, markup=False)

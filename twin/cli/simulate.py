@@ -154,10 +154,11 @@ def summarize(results: Results) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    table = Table("variable", *(), box=None)
+    table = Table(box=None)
+    table.add_column("variable", overflow="fold")
     for title in ("min", "max", "final"):
-        table.add_column(title, justify="right")
-    table.add_column("unit")
+        table.add_column(title, justify="right", overflow="fold")
+    table.add_column("unit", overflow="fold")
     for name, variable, column in results.columns():
         show: Callable[[Any], str] = str if variable.dtype.kind == "O" else lambda value: f"{value:.6g}"
         ends = ("", "") if variable.dtype.kind == "O" else (show(column.min()), show(column.max()))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +10,7 @@ from twin import source
 from twin.compiler import toolchain
 from twin.compiler.component import Sources, about, translate, translate_record
 from twin.compiler.content import content_hash, text_hash
-from twin.compiler.zig import put
+from twin.compiler.zig import digest, kept, put
 from twin.component import Component, PythonComponent, functions
 from twin.errors import BuildError
 
@@ -40,16 +41,18 @@ def sources(cls: type[Component], name: str, build: Path) -> Sources:
     """The C of a component, translated anew only if its Python, or the translator, is new."""
     if issubclass(cls, PythonComponent):
         raise BuildError(f"{cls.__name__}: is Python-side and cannot be compiled. Derive it from Component instead.")
-    header, text = (_place(cls, name, build) / f"{name}.{suffix}" for suffix in "hc")
-    try:
-        return Sources(name, header.read_text(encoding="utf-8"), text.read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        if problems := source.check(cls):
-            raise BuildError("\n".join(problems)) from None
-        made = translate(cls, name)
-        put(text, made.source.encode())
-        put(header, made.header.encode())
-        return made
+    place = _place(cls, name, build)
+    with contextlib.suppress(FileNotFoundError):
+        header, text = ((place / f"{name}.{suffix}").read_text(encoding="utf-8") for suffix in "hc")
+        if (place / "hash").read_text() == digest(header, text):  # a file that somebody changed is no longer ours
+            return Sources(name, header, text)
+    if problems := source.check(cls):
+        raise BuildError("\n".join(problems))
+    made = translate(cls, name)
+    for file, content in ((f"{name}.c", made.source), (f"{name}.h", made.header)):
+        put(place / file, content.encode())
+    put(place / "hash", digest(made.header, made.source).encode())
+    return made
 
 
 def problems(cls: type[Component]) -> list[str]:
@@ -65,7 +68,7 @@ def problems(cls: type[Component]) -> list[str]:
 
 def is_translated(cls: type[Component], build: Path) -> bool:
     """Whether the C of a component is there."""
-    return _place(cls, model_name(cls), build).exists()
+    return (_place(cls, model_name(cls), build) / "hash").exists()
 
 
 def source_hash(cls: type[Component], name: str, *more: str) -> str:
@@ -121,9 +124,7 @@ def load_record_function(dtype: np.dtype[Any], name: str, function: Any, head: s
     """Address of a function over a plain record, `int32_t NAME_run(record)`."""
     key = text_hash((function,), str(dtype.descr), name, head)
     path = build / "c" / f"{name}-{key[:16]}" / f"{name}.c"
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        text = translate_record(dtype, name, function, head)
+    text = kept(path.with_suffix(".kept"), lambda: translate_record(dtype, name, function, head).encode()).decode()
+    if not path.exists():
         put(path, text.encode())
     return load_symbols(Sources(name, "", text), build, (f"{name}_run",))[0]

@@ -107,10 +107,15 @@ def archive(target: str, objects: Mapping[str, bytes], build: Path) -> bytes:
 
 def load(library: bytes, build: Path, symbols: tuple[str, ...]) -> tuple[int, ...]:
     """Load a shared library into this process; addresses of its symbols, valid as long as the process."""
-    path = build.resolve() / "libraries" / f"{zig.digest(library)}{PLATFORMS[host()].suffix}"
-    if not path.exists():
+    path = build.resolve() / "loaded" / f"{zig.digest(library)}{PLATFORMS[host()].suffix}"
+    if not path.exists() or path.read_bytes() != library:
         zig.put(path, library)
-    loaded = ctypes.CDLL(str(path))
+    try:
+        loaded = ctypes.CDLL(str(path))
+    except OSError as error:
+        raise BuildError(
+            f"{path}: cannot be loaded: {error}. Give --build a folder that programs may run in."
+        ) from None
     return tuple(ctypes.cast(loaded[symbol], ctypes.c_void_p).value or 0 for symbol in symbols)
 
 

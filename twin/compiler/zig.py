@@ -5,6 +5,7 @@ Clang and LLD are called by their own names, which takes half the time of `zig c
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import importlib.util
 import os
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
 PLACED = re.compile(r"^(?:\./)?(?P<place>[^\s:]+:\d+):\d+: (?:fatal )?error: (?P<message>.*)$", re.MULTILINE)
+HASH = 32  # bytes of a hash at the end of a kept file
 ERROR = re.compile(r"error: (?P<message>.*)$", re.MULTILINE)
 
 
@@ -94,10 +96,12 @@ def put(path: Path, data: bytes) -> None:
 
 
 def kept(path: Path, make_: Callable[[], bytes]) -> bytes:
-    """What a file of the cache holds, made if it is not there."""
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        data = make_()
-        put(path, data)
-        return data
+    """What a file of the cache holds, made if it is not there, or is not what was once written: its hash ends it."""
+    with contextlib.suppress(FileNotFoundError):
+        whole = path.read_bytes()
+        data = whole[:-HASH]
+        if whole[-HASH:] == hashlib.sha256(data).digest():
+            return data
+    data = make_()
+    put(path, data + hashlib.sha256(data).digest())
+    return data

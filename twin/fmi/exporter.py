@@ -276,8 +276,11 @@ def is_built(cls: type[Component], build: Path, version: str = "3.0", wanted: Se
     """Whether the component's FMU is there as it would be made now, with all binaries that are wanted."""
     path = build / version / f"{model_name(cls)}.fmu"
     note = path.with_suffix(".hash")
-    key, *present = note.read_text().split() if note.exists() and path.exists() else [""]
-    return key == made_from(cls, version) and set(wanted or (compiler.host(),)) <= set(present)
+    words = note.read_text(errors="replace").split() if note.exists() and path.exists() else []
+    key, content, *present = words if len(words) > 1 else ["", ""]
+    if key != made_from(cls, version) or not set(wanted or (compiler.host(),)) <= set(present):
+        return False
+    return content == hashlib.sha256(path.read_bytes()).hexdigest()  # a damaged file is made anew
 
 
 def build(cls: type[Component], version: str, build: Path, targets: Sequence[str] = ()) -> Path:
@@ -294,6 +297,8 @@ def build(cls: type[Component], version: str, build: Path, targets: Sequence[str
         raise BuildError("\n".join(problems))
     note = path.with_suffix(".hash")
     note.unlink(missing_ok=True)
-    compiler.put(path, _content(cls, version, plan(cls, version), build, wanted))
-    compiler.put(note, f"{made_from(cls, version)} {' '.join(wanted)}\n".encode())
+    content = _content(cls, version, plan(cls, version), build, wanted)
+    compiler.put(path, content)
+    words = made_from(cls, version), hashlib.sha256(content).hexdigest(), *wanted
+    compiler.put(note, f"{' '.join(words)}\n".encode())
     return path

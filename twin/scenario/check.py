@@ -77,23 +77,24 @@ def references(scenario: Scenario, keys: ScenarioKeys, tree: Node) -> Iterable[t
         yield from ((where, str(signal)) for signal in one.signals)
 
 
-def expressions_of(scenario: Scenario) -> Iterable[tuple[str, Expression, tuple[str, ...], bool]]:
-    """(place, expression, variants, whether each must have it) of every analysis, metric, expectation and plot.
+def expressions_of(scenario: Scenario) -> Iterable[tuple[str, Expression, tuple[str, ...], tuple[str, ...]]]:
+    """(place, expression, variants, those that must have it) of every analysis, metric, expectation and plot.
 
     No variants: all that have its signals.
     """
     for analysis in scenario.analyses:
         for one in analysis.inputs.values():
-            yield analysis.where, one, analysis.variants, True
+            yield analysis.where, one, analysis.variants, analysis.variants
     for metric in scenario.metrics.values():
-        yield metric.where, metric.signal, metric.variants, True
+        own = [one for one in scenario.expectations if one.metric == metric.name]
+        judged = tuple(dict.fromkeys(name for one in own for name in (*one.variants, *one.ordered)))
+        yield metric.where, metric.signal, metric.variants, metric.variants or judged
     for expectation in scenario.expectations:
-        of = scenario.metrics.get(expectation.metric or "")
-        if signal := expectation.signal or (of.signal if of else None):
-            yield expectation.where, signal, expectation.variants or expectation.ordered, True
+        if expectation.signal is not None:
+            yield expectation.where, expectation.signal, expectation.variants, expectation.variants
     for plot in scenario.plots:
         for one in (one for curve in plot.curves for one in (curve.x, curve.signal) if one is not None):
-            yield plot.where, one, plot.variants, False
+            yield plot.where, one, plot.variants, ()
 
 
 def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
@@ -196,7 +197,7 @@ def check_names(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str
         found = [problem_of(pattern, (), catalog) for catalog in catalogs.values()]
         if all(found):
             problems.append(f"{scenario.record.where}: {found[0]}")
-    for where, expression, variants, each in expressions_of(scenario):
+    for where, expression, variants, needed in expressions_of(scenario):
         named = {name: catalogs[name] for name in variants or catalogs}
         missing = {
             name: reason for name, catalog in named.items()
@@ -204,9 +205,8 @@ def check_names(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str
         }  # fmt: skip
         if len(missing) == len(named):
             problems.append(f"{where}: {next(iter(missing.values()))}")
-        elif missing and variants and each:
-            name, reason = next(iter(missing.items()))
-            problems.append(f"{where}: in variant `{name}`: {reason}")
+        elif gaps := [name for name in needed if name in missing]:
+            problems.append(f"{where}: in variant `{gaps[0]}`: {missing[gaps[0]]}")
         arrays = {
             name: reason for name, catalog in named.items()
             if name not in missing and (reason := array_problem(expression, catalog))

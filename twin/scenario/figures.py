@@ -139,7 +139,8 @@ class Builder:
                 if name in self.variants and name not in metric.variants:
                     taken = ", ".join(metric.variants)
                     self.problem(
-                        (*path, key), f"{what}: `{metric.name}` is not taken in `{name}`, only in {taken}. Add it there."
+                        (*path, key),
+                        f"{what}: `{metric.name}` is not taken in `{name}`, only in {taken}. Add it there.",
                     )
         unit = self.unit((*path, "unit"), keys.unit, what) or (metric.unit if metric else "") or spelled(keys)
         low, high = keys.within or (keys.at_least, keys.at_most)
