@@ -1,14 +1,24 @@
 """Shared by all tests: one build folder, so that nothing is compiled twice; what runs on one core, and in which order.
 
+Property tests draw the same every time. `HYPOTHESIS_PROFILE=random` lets them search: what that finds becomes an
+`@example` where it was found, so that the verdict on a fresh machine is never a lottery. `--hypothesis-seed` repeats it.
+
 xdist's own way to group tests writes into node IDs, which newer versions of pytest do not let it.
 """
 
+import os
 import re
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import settings
 from xdist.scheduler import LoadScopeScheduling
+
+# no deadlines: cores are shared, and the first call of a component compiles it
+settings.register_profile("repeatable", derandomize=True, deadline=None, print_blob=True)
+settings.register_profile("random", derandomize=False, deadline=None, print_blob=True)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 # begun in this order: what compiles the components that others need, then what takes long; the others fill the end
 ORDER = ("conformance/test_components.py", "conformance/test_symbols.py", "conformance/test_scenarios.py", "test_docs.py",

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from twin import expression
 from twin.errors import ScenarioError
 from twin.metrics import REDUCE, Expectation, Metric, evaluate
+from twin.report import cells
 from twin.signals import Signals, Window, shown
 
 TIME = np.arange(1001) * 0.01
@@ -200,6 +201,68 @@ def test_expectations(expectation: Expectation, verdict: str, detail: str) -> No
     assert evaluation.passed is (verdict != "fail")
 
 
+@pytest.mark.parametrize(
+    ("text", "window", "detail"),
+    [
+        ("a.x", Window(), "a.x is no single value in A, seed 0; expected at most 1 N. Name its elements."),
+        ("a.x + a.force", Window(), "a.x + a.force is no single value in A, seed 0;"),
+        (
+            "a.force",
+            Window(4_001_000_000, 4_009_000_000),
+            "a.force has no sample from 4.001 s to 4.009 s in A, seed 0;",
+        ),
+        ("a.force", Window(11 * 10**9), "a.force has no sample from 11 s in A, seed 0;"),
+    ],
+)
+def test_what_judges_no_sample_fails(text: str, window: Window, detail: str) -> None:
+    """Neither an expectation of a signal nor a metric and what is expected of it."""
+    signal = expression.parse(text)
+    found = evaluate(
+        {"m": metric(text, window=window)},
+        [
+            Expectation("", signal=signal, at_most=1.0, window=window, unit="N"),
+            Expectation("", metric="m", at_most=1.0),
+            Expectation("", metric="m", at_most=1.0, mean=True),
+            Expectation("", metric="m", ordered=("A", "B")),
+        ],
+        tables(1.0, 0.5),
+    )
+    assert [one.verdict for one in found.outcomes] == ["fail"] * 4
+    assert found.outcomes[0].detail.startswith(detail), found.outcomes[0].detail
+    assert [one.verdict for one in found.figures] == ["none", "none"]
+
+
+def test_one_case_without_a_sample_fails() -> None:
+    """A variant that is shorter than the others: what is expected at the end is not known of it."""
+    short = Signals(TIME[:500], {"a.force": FORCE[:500]}, {"a.force": "N"})
+    late = Expectation("", signal=expression.parse("a.force"), at_most=1.0, window=Window(6 * 10**9))
+    (outcome,) = evaluate({}, [late], {("A", 1): signals(), ("B", 1): short}).outcomes
+    assert outcome.verdict == "fail"
+    assert "in B, seed 1" in outcome.detail
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.recursive(
+    st.sampled_from(["a.n", "a.v", "a.w", "a.m", "a.v[2]", "a.m[2,1]", "2"]),
+    lambda inner: st.builds("({} {} {})".format, inner, st.sampled_from("+*-/"), inner)
+    | st.builds("{}({})".format, st.sampled_from(["norm", "abs", "-"]), inner)
+    | st.builds("max({}, {})".format, inner, inner),
+    max_leaves=6,
+))  # fmt: skip
+def test_the_shape_of_an_expression_is_that_of_its_value(text: str) -> None:
+    """What the check knows of an expression is what comes out after the run; what it refuses has no meaning."""
+    parsed = expression.parse(text)
+    shapes: dict[str, tuple[int, ...]] = {"a.n": (), "a.v": (3,), "a.w": (2,), "a.m": (2, 3)}
+    try:
+        expected = parsed.shape(shapes)
+    except ScenarioError:
+        assert "expected equal shapes. Name one of" in parsed.array_problem(shapes)
+        return
+    value = parsed.evaluate({name: np.ones((7, *shape)) for name, shape in shapes.items()})
+    assert np.shape(value) in ((7, *expected), expected)
+    assert bool(expected) == bool(parsed.array_problem(shapes))
+
+
 def test_nan_breaks_a_limit() -> None:
     broken = {("A", 1): Signals(TIME, {"a.force": np.where(TIME > 3, np.nan, 0.2)})}
     (outcome,) = evaluate({}, [Expectation("", signal=expression.parse("a.force"), at_most=1.0)], broken).outcomes
@@ -213,6 +276,37 @@ def test_shown() -> None:
         "-",
         "2",
     ]
+
+
+@pytest.mark.parametrize(
+    ("text", "reduce", "scale", "expected"),
+    [
+        ("a.x", "mean", 1e-2, "0 mm"),
+        ("a.x - a.y", "max_abs", 1.0, "0 mm"),
+        ("0.1 * a.k * a.x", "mean", 1e6, "0 mm"),
+        ("a.y * 1e-15", "max", 1.0, "1e-12 mm"),
+        ("a.y - a.x / 2", "final", 1.0, "250 mm"),
+        ("a.k", "std", 1.0, "0 mm"),
+    ],
+)
+def test_what_rounding_leaves_of_zero_is_shown_as_zero(text: str, reduce: str, scale: float, expected: str) -> None:
+    """Small beside the numbers it is made of, that is; a small number stays."""
+    x = scale * np.sin(2 * np.pi * np.arange(10_001) / 10_000)
+    x[-1] = scale / 2
+    x[0] = -x[-1]
+    values = {"a.x": x, "a.y": x + np.where(np.arange(10_001) == 10_000, 0, np.spacing(x)), "a.k": np.full(10_001, 0.1)}
+    if "1e-15" in text:
+        values["a.y"] = np.full(10_001, scale)
+    cases = {("A", 1): Signals(np.arange(10_001) * 1e-3, values, {})}
+    limit = Expectation("", metric="m", at_most=1.0, unit="mm")
+    found = evaluate({"m": metric(text, reduce, unit="mm")}, [limit], cases)
+    assert cells(found.figures[0])["mean"] == expected
+    assert cells(found.figures[0])["worst"] == expected
+    assert found.outcomes[0].detail.startswith(f"m was {expected};")
+
+
+def test_zero_in_a_unit_with_an_offset() -> None:
+    assert shown(273.15 + 1e-13, "degC") == "0 degC"
 
 
 def test_a_unit_that_nobody_knows_stays_as_it_is() -> None:

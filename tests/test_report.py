@@ -19,7 +19,7 @@ from rich.console import Console
 
 from twin import expression, plotting, report, results
 from twin.metrics import Curve, Evaluation, Expectation, Metric, Plot, evaluate
-from twin.signals import Signals
+from twin.signals import Signals, Window
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -86,6 +86,60 @@ def test_table_is_plain_text_within_100_columns() -> None:
     assert "other settings" in text(judged(applies=False))
     assert "paper" not in text(evaluate({"m": Metric("m", FORCE, "mean")}, [], tables()))
     assert not text(Evaluation()).strip()
+
+
+LONG = (
+    "force_error_std",
+    "force_error_max",
+    "force_error_mean",
+    "a_metric_whose_name_alone_takes_more_than_40_columns",
+)
+SEVERAL = ("PI", "PI+FF", "PI+FF+BW")
+
+
+@pytest.mark.parametrize("compared", [True, False])
+@pytest.mark.parametrize("names", [LONG[:3], LONG])
+@pytest.mark.parametrize("width", [140, 100, 90, 80, 60, 40])
+def test_no_name_and_no_number_is_shortened(width: int, names: tuple[str, ...], compared: bool) -> None:
+    cases = {(variant, 1): tables()["PI", 1] for variant in SEVERAL}
+    paper = dict.fromkeys(SEVERAL, 0.0362) if compared else {}
+    metrics = {name: Metric(name, METRIC.signal, "std", unit="mN", paper=paper, tolerance=0.2) for name in names}
+    evaluation = evaluate(metrics, [LIMIT], cases)
+    found = text(evaluation, width)
+    assert max(map(len, found.splitlines())) <= width
+    assert "\N{HORIZONTAL ELLIPSIS}" not in found
+    whole = "".join(found.split())
+    for one in evaluation.figures:
+        assert whole.count(one.metric.name) == 1
+        mean = f"{1000 * (one.mean or 0):.4g}mN"
+        assert whole.count(mean) == 2 * len(names) * len(SEVERAL)
+    for variant in SEVERAL:
+        rows = [line for line in found.splitlines() if variant in line.replace(":", " ").split()]
+        assert len(rows) == len(names)
+        assert all("pass" in row or "FAIL" in row for row in rows) is compared
+
+
+def test_a_metric_without_a_value_says_so_without_a_paper() -> None:
+    late = Metric("m", FORCE, "mean", Window(6 * 10**9))
+    assert text(evaluate({"m": late}, [], tables())).count("no value") == 2
+
+
+def test_piped_output_has_whole_sentences(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever the terminal of who started it is like: a file is searched by lines."""
+    from twin.cli.run import show
+    from twin.run import Outcome as Ran
+    from twin.scenario import parse_scenario
+
+    monkeypatch.setenv("COLUMNS", "40")
+    limits = [Expectation("long " * 30 + "name", signal=FORCE, at_least=0.1, unit="N")]
+    evaluation = evaluate({"error_std": METRIC}, limits, tables())
+    scenario = parse_scenario("{title: T, stop_time: 1, members: {heart: {component: heart}}}", tmp_path / "s.yaml")
+    show(Ran(scenario, {}, results.Run("x"), evaluation=evaluation, folder=tmp_path), report=True)
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.startswith("pass    long ") and line.endswith("expected at least 0.1 N.") for line in lines)
+    assert any(line.split()[:2] == ["error_std", "PI"] for line in lines)
 
 
 class Tags(HTMLParser):
@@ -206,6 +260,24 @@ def test_ticks_and_legends_say_what_is_drawn(scale: float) -> None:
         assert len(axis) == len(set(axis)) > 3, axis
         assert np.diff(axis) == pytest.approx(np.diff(axis)[0], rel=1e-9)
     assert max(map(abs, ticks)) == pytest.approx(abs(scale), rel=0.3)
+
+
+@pytest.mark.parametrize("value", [True, False])
+def test_a_boolean_is_drawn_between_its_values(value: bool) -> None:
+    steady = {("A", 1): Signals(TIME, {"a.on": np.full(len(TIME), value), "a.n": np.full(len(TIME), 3)}, {})}
+    axis = labels(plotting.draw(Plot("P", (Curve(expression.parse("a.on"), "on"),)), steady))
+    assert axis[axis.index("time [s]") + 1 :] == ["0", "1", "on"]
+    axis = labels(plotting.draw(Plot("P", (Curve(expression.parse("a.n"), "n"),)), steady))
+    assert axis[axis.index("time [s]") + 1 :] == ["3", "n"]
+
+
+def test_a_boolean_is_drawn_with_steps() -> None:
+    """A sample holds until the next one: no slope that never was."""
+    few = {("A", 1): Signals(np.arange(4.0), {"a.on": np.array([False, True, True, False])}, {})}
+    svg = plotting.draw(Plot("P", (Curve(expression.parse("a.on"), "on"),)), few)
+    drawn = [element.get("d", "") for element in ET.fromstring(svg).iter(f"{SVG}path") if "clip-path" in element.attrib]
+    points = np.array([text.split() for text in re.split("[ML]", drawn[-1])[1:]], float)
+    assert np.all(np.min(np.abs(np.diff(points, axis=0)), axis=1) < 0.02)
 
 
 def test_places_in_plots_are_short_and_rounded() -> None:

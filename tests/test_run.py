@@ -60,6 +60,19 @@ def test_a_member_that_fails_ends_the_run_and_keeps_what_was_recorded(tmp_path: 
     assert signals.time.tolist() == [0.0, 0.1, 0.2, 0.3]
 
 
+def test_an_expectation_without_a_sample_fails_the_run(tmp_path: Path, build: Path) -> None:
+    outcome, _ = run(f"""
+        stop_time: 1 s
+        record: {{every: 100 ms}}
+        members: {{puck: {{component: "{PARTS}:Puck"}}}}
+        expect: [{{signal: puck.position, at_most: 1 m, from: 0.41 s, to: 0.49 s}}]
+        """, tmp_path, build)  # fmt: skip
+    assert not outcome.passed
+    assert outcome.summary["status"] == "completed"
+    (one,) = outcome.evaluation.outcomes
+    assert one.detail.startswith("puck.position has no sample from 410 ms to 490 ms in base, seed 0; expected at most")
+
+
 def test_a_member_that_cannot_be_closed_is_noted(tmp_path: Path, build: Path) -> None:
     outcome, _ = run(f'{{stop_time: 10 ms, members: {{b: {{component: "{PARTS}:BusGone"}}}}}}', tmp_path, build)
     assert outcome.passed

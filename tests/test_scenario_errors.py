@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.scenario_texts import BASE, against, changed, problems
+from tests.scenario_texts import BASE, against, catalog, changed, problems, variable
 from twin.errors import ScenarioError
-from twin.scenario import load_scenario
+from twin.scenario import check_against, load_scenario, parse_scenario
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -225,8 +225,89 @@ def test_nothing_wrong_against_the_members() -> None:
         ("record: [sensor.force", "record: [sensor.z*", "s.yaml:19: sensor.z* matches no variable."),
         ("record: [sensor.force", "record: [servo.log", "s.yaml:19: servo.log is String: only numbers are recorded."),
         ("signal: sensor.force - 0.2", "signal: 'servo.x[3]'", "s.yaml:21: servo.x has no element [3]: its size is 2"),
+        (
+            "signal: sensor.force - 0.2",
+            "signal: servo.x",
+            "s.yaml:21: servo.x is an array of 2, expected a single value. Name one of servo.x[1] to servo.x[2], or take norm(servo.x).",
+        ),
+        (
+            "signal: sensor.force - 0.2",
+            "signal: 2 * servo.x - 1",
+            "s.yaml:21: 2 * servo.x - 1 is an array of 2, expected a single value. Name one of servo.x[1] to servo.x[2].",
+        ),
+        (
+            "signal: sensor.force - 0.2",
+            "signal: servo.x + sensor.force",
+            (
+                "s.yaml:21: `servo.x + sensor.force`: servo.x is an array of 2, sensor.force is a single value, expected equal shapes. "
+                "Name one of servo.x[1] to servo.x[2]."
+            ),
+        ),
+        (
+            "signal: sensor.force - 0.2",
+            "signal: 'max(servo.x, servo.r, 1)'",
+            (
+                "s.yaml:21: `max(servo.x, servo.r, 1)`: servo.x is an array of 2, servo.r is an array of 3, expected equal shapes. "
+                "Name one of servo.x[1] to servo.x[2], one of servo.r[1] to servo.r[3]."
+            ),
+        ),
+        ("{signal: sensor.force, within", "{signal: servo.r, within", "s.yaml:24: servo.r is an array of 3, expected"),
+        (
+            "signals: [sensor.force]",
+            "signals: [sensor.force, servo.x]",
+            "s.yaml:26: servo.x is an array of 2, expected",
+        ),
+        ("signals: [sensor.force]", "xy: [servo.x, sensor.force]", "s.yaml:26: servo.x is an array of 2, expected"),
     ],
 )
 def test_problem_against_the_members(old: str, new: str, expected: str) -> None:
     lines = against(changed(old, new))
     assert any(line.startswith(expected) for line in lines), lines
+
+
+@pytest.mark.parametrize(
+    "text", ["servo.x[2]", "norm(servo.x - 2 * servo.x)", "sqrt(norm(servo.r)) + sensor.force", "0.5"]
+)
+def test_single_values_of_arrays(text: str) -> None:
+    assert against(changed("signal: sensor.force - 0.2", f"signal: '{text}'")) == []
+
+
+@pytest.mark.parametrize(
+    ("item", "expected"),
+    [
+        ("{signal: other.force, at_most: 1, variants: [PI]}", "s.yaml:25: there is no member `other`"),
+        (
+            "{signal: other.force, at_most: 1, variants: [PI, PI+FF]}",
+            "s.yaml:25: in variant `PI`: there is no member `other`",
+        ),
+        ("{signal: other.force, at_most: 1}", ""),
+        ("{signal: other.force, at_most: 1, variants: [PI+FF]}", ""),
+    ],
+)
+def test_what_is_expected_of_a_variant_must_be_there(item: str, expected: str) -> None:
+    """Else the expectation would be skipped in a complete run, or judge less than it names."""
+    text = changed("plots:\n", f"  - {item}\nplots:\n").replace(
+        "  PI+FF: {", "  PI+FF: {members: {other: {component: force_sensor}}, "
+    )
+    scenario = parse_scenario(text, "s.yaml")
+    known = {case.variant: catalog() for case in scenario.variants}
+    known["PI+FF"]["other"] = known["PI+FF"]["sensor"]
+    lines = check_against(scenario, known)
+    assert len(lines) == bool(expected)
+    assert "".join(lines).startswith(expected)
+
+
+def test_an_array_in_one_variant() -> None:
+    scenario = parse_scenario(BASE, "s.yaml")
+    known = {case.variant: catalog() for case in scenario.variants}
+    known["PI+FF"]["sensor"]["force"] = variable("force", "output", "N", shape=(3,))
+    lines = check_against(scenario, known)
+    assert "s.yaml:24: in variant `PI+FF`: sensor.force is an array of 3, expected a single value." in " ".join(lines)
+
+
+@pytest.mark.parametrize("keys", ["ordered: [PI, PI+FF]", "at_most: 1 N, variants: [PI+FF]"])
+def test_an_expectation_of_variants_in_which_its_metric_is_not_taken(keys: str) -> None:
+    text = changed("{metric: error, ordered: [PI, PI+FF]}", f"{{metric: error, {keys}}}")
+    text = text.replace("tolerance: 20 %}", "tolerance: 20 %, variants: PI}")
+    (line,) = problems(text)
+    assert line.startswith("s.yaml:23: expect: `error` is not taken in `PI+FF`, only in PI. Add it there.")

@@ -94,7 +94,7 @@ def whole(axis: Any, kinds: set[str]) -> None:
     elif kinds and "" not in kinds:
         low, high = axis.get_ylim()
         axis.set_ylim(min(low, np.ceil(low) - 0.5), max(high, np.floor(high) + 0.5))
-        axis.yaxis.set_major_locator(MaxNLocator(integer=True))
+        axis.yaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
 
 
 def axis_label(label: str, unit: str) -> str:

@@ -25,7 +25,7 @@ UNMODIFIED, CALIBRATED = 0, 1
 ACCEPTED, Y_OUTSIDE, Z_OUTSIDE, NEEDLE_OUTSIDE, NOT_REACHABLE, NO_MODE = 0, 1, 2, 3, 4, 5
 HALVINGS = 40  # 9 mm / 2^40: the rounding of the actuators' steps is coarser by far
 REACTION = 3  # periods until a slide that was sent away says that it moves
-NEAR = 1e-6  # advance [mm] below which a target is not a move
+NEAR = 1e-6  # advance [mm] against the last direction up to which the handle stays
 
 
 class CoordinateFeedforward(Component):
@@ -167,9 +167,12 @@ def move(self: CoordinateFeedforward) -> int:
         self.needle, self.needle_back, self.needle_turn, self.needle_slide, self.pull, pull, self.needle_set
     )
     self.pull = pull
-    self.tip_advance = advance
-    self.tension_share = share
-    self.handle = (advance - share * self.reversal_offset) / (1.0 + self.slope)
+
+    # what is not a move must not move the handle: one such target after the other would creep into the play
+    if share != self.tension_share or (advance - self.tip_advance) * (1.0 - 2.0 * share) > 0.0:
+        self.tip_advance = advance
+        self.tension_share = share
+        self.handle = (advance - share * self.reversal_offset) / (1.0 + self.slope)
     return ACCEPTED
 
 

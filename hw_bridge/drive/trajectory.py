@@ -24,8 +24,9 @@ class Trajectory:
 
     @property
     def end(self) -> int:
-        """When it is over [ns]."""
-        return self.start + ceil(self._length * SECOND)
+        """When it is over [ns]; whoever is not there yet needs a time, also where the least durations underflow to 0."""
+        there = (self.position, self.velocity) == (self.target, self.velocity_end)
+        return self.start + max(ceil(self._length * SECOND), not there)
 
     @property
     def _length(self) -> float:

@@ -38,6 +38,6 @@ class Timing:
         return {
             "cycles": len(late), "cycle": self.cycle / 1e9, "overruns": self.overruns,
             "jitter_std": float(np.std(self.jitter)), "jitter_median": float(np.median(jitter)),
-            "jitter_99": float(np.quantile(jitter, 0.99)), "jitter_max": float(jitter.max()),
-            "lateness_99": float(np.quantile(late, 0.99)), "lateness_max": float(late.max()),
+            "jitter_99": float(np.quantile(jitter, 0.99)), "jitter_max": float(np.max(jitter)),
+            "lateness_99": float(np.quantile(late, 0.99)), "lateness_max": float(np.max(late)),
         }  # fmt: skip

@@ -137,6 +137,43 @@ def test_interpolation(gain: Path) -> None:
     assert table[1:, 3] == pytest.approx(2 * table[1:, 1])
 
 
+@pytest.mark.parametrize("late", [1.0, -1.0])
+@pytest.mark.parametrize("kind", ["product", "sum", "single"])
+def test_rows_whose_times_are_not_quite_those_of_the_steps(gain: Path, kind: str, late: float) -> None:
+    """Held or jumping, a row acts in the step that it is meant for, and not one later."""
+    count = 8
+    times = {
+        "product": np.arange(count) * 0.1 * (1 + late * 1e-15),
+        "sum": np.cumsum([0.0, *[0.1] * (count - 1)]) * (1 + late * 1e-15),
+        "single": np.float32(np.arange(count) * 0.1).astype(float) * (1 + late * 5e-8),
+    }[kind]
+    assert list(times) != [k / 10 for k in range(count)]
+    held = "".join(f"{time!r},{k},{k}\n" for k, time in enumerate(times.tolist()))
+    Path("in.csv").write_text(f"time,u,n\n{held}")
+    run(gain, "-i", "in.csv", "--stop-time", 0.8, "--step-size", 0.1, "-r", "u", "-r", "n")
+    table = np.array(rows("Gain_out.csv")[1], float)
+    assert table[1:, 2].tolist() == list(range(count))
+    assert table[1:, 1].tolist() == list(range(count))
+
+    jump = float(times[3])
+    Path("in.csv").write_text(f"time,u,n\n0,0,0\n{jump!r},0,0\n{jump!r},5,5\n1,5,5\n")
+    run(gain, "-i", "in.csv", "--stop-time", 0.8, "--step-size", 0.1, "-r", "u", "-r", "n")
+    table = np.array(rows("Gain_out.csv")[1], float)
+    assert table[1:, 1].tolist() == table[1:, 2].tolist() == [0, 0, 0, 5, 5, 5, 5, 5]
+
+
+@given(st.lists(st.integers(0, 40_000), min_size=1, max_size=30), st.integers(-20_000, 20_000))
+def test_rows_keep_their_order_and_their_times(ticks: list[int], start: int) -> None:
+    """Only what is within a thousandth of a step is moved, and the steps' own times are met exactly."""
+    times = np.array(sorted(ticks)) * 1e-9
+    moved = Inputs(times).on_steps(start, 1000, 12).times
+    assert (np.diff(moved) >= 0).all()
+    assert np.abs(moved - times).max() <= 1.0000001e-9
+    for k in range(12):
+        t = (start + k * 1000) / 1e9
+        assert all(one == t for one in moved if abs(one - t) < 0.9e-9)
+
+
 def test_units(native: Path, tmp_path: Path) -> None:
     xml = NATIVE_XML.replace('causality="parameter" variability="fixed" start="1 2"', 'causality="input" start="1 2"')
     path = native_fmu(tmp_path, xml)

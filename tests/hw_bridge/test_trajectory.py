@@ -3,7 +3,7 @@
 import itertools
 
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from hw_bridge.drive.trajectory import to_position, to_velocity
@@ -12,6 +12,7 @@ PLACE = st.floats(-1.0, 1.0)
 SPEED = st.floats(-2.0, 2.0)
 RATE = st.floats(0.1, 50.0)
 TINY = 1e-9
+LEAST = 5e-324  # with these rates the speed to come so far, and the duration to stop from it, underflow to 0
 
 
 def samples(motion):
@@ -21,6 +22,8 @@ def samples(motion):
 
 
 @given(PLACE, SPEED, PLACE, st.floats(0.01, 2.0), RATE, RATE)
+@example(LEAST, 0.0, 0.0, 1.0, 0.1, 0.1)
+@example(0.0, LEAST, 0.0, 1.0, 50.0, 50.0)
 def test_to_position(x, v, target, speed, up, down):
     motion = to_position(1000, x, v, target, speed, up, down)
     assert motion.at(1000) == (x, v)
@@ -34,8 +37,10 @@ def test_to_position(x, v, target, speed, up, down):
 
 
 @given(PLACE, SPEED, SPEED, RATE, RATE)
+@example(0.0, 0.0, LEAST, 50.0, 50.0)
 def test_to_velocity(x, v, target, up, down):
     motion = to_velocity(0, x, v, target, up, down)
+    assert motion.at(0) == (x, v)
     assert motion.at(motion.end)[1] == pytest.approx(target, abs=1e-6)
     rows = samples(motion)
     for (t0, _, v0), (t1, _, v1) in itertools.pairwise(rows):

@@ -19,13 +19,26 @@ from twin.compiler.native import (
     source_hash,
     sources,
 )
-from twin.compiler.toolchain import BARE, LIBM, PLATFORMS, archive, compile_c, host, in_order, link, load, side_by_side
+from twin.compiler.toolchain import (
+    BARE,
+    LIBM,
+    PLATFORMS,
+    SYNTAX,
+    archive,
+    compile_c,
+    host,
+    in_order,
+    link,
+    load,
+    side_by_side,
+)
 from twin.compiler.zig import put
 
 __all__ = [
     "BARE",
     "LIBM",
     "PLATFORMS",
+    "SYNTAX",
     "Sources",
     "archive",
     "compile_c",

@@ -39,6 +39,11 @@ def layout_text(cls: type[Component]) -> str:
 
 def sources(cls: type[Component], name: str, build: Path) -> Sources:
     """The C of a component, translated anew only if its Python, or the translator, is new."""
+    with toolchain.SYNTAX:
+        return _sources(cls, name, build)
+
+
+def _sources(cls: type[Component], name: str, build: Path) -> Sources:
     if issubclass(cls, PythonComponent):
         raise BuildError(f"{cls.__name__}: is Python-side and cannot be compiled. Derive it from Component instead.")
     place = _place(cls, name, build)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, TypeVar
 
@@ -19,9 +20,24 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-__all__ = ["BARE", "LIBM", "PLATFORMS", "archive", "compile_c", "host", "in_order", "link", "load", "side_by_side"]
+__all__ = [
+    "BARE",
+    "LIBM",
+    "PLATFORMS",
+    "SYNTAX",
+    "archive",
+    "compile_c",
+    "host",
+    "in_order",
+    "link",
+    "load",
+    "side_by_side",
+]
 
 T = TypeVar("T")
+
+# who works with syntax trees holds it: CPython 3.11 counts the depth of all threads' trees in one place, and fails then
+SYNTAX = threading.RLock()
 
 # each line is one promise
 OPTIONS = (

@@ -293,11 +293,13 @@ def build(cls: type[Component], version: str, build: Path, targets: Sequence[str
     path = build / version / f"{model_name(cls)}.fmu"
     if is_built(cls, build, version, wanted):
         return path
-    if problems := source.check(cls):
-        raise BuildError("\n".join(problems))
+    with compiler.SYNTAX:
+        if problems := source.check(cls):
+            raise BuildError("\n".join(problems))
+        made = plan(cls, version)
     note = path.with_suffix(".hash")
     note.unlink(missing_ok=True)
-    content = _content(cls, version, plan(cls, version), build, wanted)
+    content = _content(cls, version, made, build, wanted)
     compiler.put(path, content)
     words = made_from(cls, version), hashlib.sha256(content).hexdigest(), *wanted
     compiler.put(note, f"{' '.join(words)}\n".encode())

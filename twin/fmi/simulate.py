@@ -273,7 +273,7 @@ def simulate(
         member.instantiate()
         sampler = Sampler(member, plan.record, plan.steps // plan.every + 3)
         outcome = Outcome(sampler.results(), [*member.notes, *plan.notes])
-        feed = Feeder(member, inputs) if inputs else None
+        feed = Feeder(member, inputs.on_steps(plan.start, plan.step, plan.steps)) if inputs else None
         begin = clock.seconds(plan.start)
         member.enter_initialization(begin, clock.seconds(plan.stop))
         if feed:

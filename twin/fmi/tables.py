@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 WITH_UNIT = re.compile(r"(.*\S)\s+\[([^\]]*)\]")  # `x [mm]`; without the blank it is an element, `u[1]`
 FORMATS = (".csv", ".parquet")
+MEETS = 1e-3  # of a step: a row's time that is not farther from it is meant to be the step's
 
 
 @dataclass
@@ -45,6 +46,17 @@ class Inputs:
 
     times: np.ndarray[Any, Any]
     columns: list[Column] = field(default_factory=list)
+
+    def on_steps(self, start: int, step: int, count: int) -> Inputs:
+        """The same with rows that nearly meet a step at its very time; `start`, `step`: of the steps [ns].
+
+        Added up or written as single precision, a time is a little beside what was meant, and its row must not be
+        held a step late for that. Rows keep their order.
+        """
+        nearest = np.rint((self.times * clock.NANOSECONDS - start) / step)
+        met = np.array([clock.seconds(start + int(k) * step) for k in np.clip(nearest, 0, count)])
+        close = np.abs(self.times - met) <= MEETS * clock.seconds(step)
+        return Inputs(np.where(close, met, self.times), self.columns)
 
     def at(self, column: Column, t: float) -> np.ndarray[Any, Any]:
         """Flat value of a column at a time [s]."""
