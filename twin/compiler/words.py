@@ -155,19 +155,20 @@ return result;
 /* as Python: both legs are scaled, squared and summed in twice the digits; then one step of Newton's method */
 const double split = 134217729.0; /* 2^27 + 1 */
 const double far_power = 4.149515568880993e180; /* 2^600 */
-double legs[2] = {fabs(a), fabs(b)};
-double longest = real_max(legs[0], legs[1]);
+double one = fabs(a);
+double other = fabs(b);
+double longest = real_max(one, other);
 double unit = 1.0;
-if (real_isinf(a) || real_isinf(b)) {
-    return real_isinf(a) ? legs[0] : legs[1];
-}
-if (a != a || b != b || longest == 0.0) {
-    return legs[0] + legs[1];
-}
-if (longest < 1e-150 || longest > 1e150) {
+if (!(longest >= 1e-150 && longest <= 1e150 && other <= 1e150)) {
+    if (real_isinf(a) || real_isinf(b)) {
+        return real_isinf(a) ? one : other;
+    }
+    if (a != a || b != b || longest == 0.0) {
+        return one + other;
+    }
     unit = longest < 1.0 ? 1.0 / far_power : far_power;
-    legs[0] /= unit;
-    legs[1] /= unit;
+    one /= unit;
+    other /= unit;
     longest /= unit;
 }
 union {
@@ -175,29 +176,31 @@ union {
     uint64_t bits;
 } scale = {longest};
 scale.bits = (2045U - (scale.bits >> 52)) << 52; /* the power of 2 that brings the longest leg to 0.5 to 1 */
-double sum = 1.0;
-double low = 0.0;
-double lost = 0.0;
-double root = 0.0;
-for (int i = 0; i < 3; i++) {
-    const double x = i < 2 ? legs[i] * scale.value : -root;
-    const double y = i < 2 ? x : root;
-    const double x_high = x * split - (x * split - x);
-    const double y_high = y * split - (y * split - y);
-    const double x_low = x - x_high;
-    const double y_low = y - y_high;
-    const double cross = x_high * y_low + x_low * y_high;
-    const double square = x_high * y_high + cross;
-    const double next = sum + square;
-    low += x_high * y_high - square + cross + x_low * y_low;
-    lost += square - (next - sum);
-    sum = next;
-    if (i == 1) {
-        root = sqrt(sum - 1.0 + (low + lost));
-    }
-}
-root += (sum - 1.0 + (low + lost)) / (2.0 * root);
-return unit * (root / scale.value);
+const double x = one * scale.value;
+const double x_high = x * split - (x * split - x);
+const double x_low = x - x_high;
+const double x_cross = x_high * x_low + x_low * x_high;
+const double x_square = x_high * x_high + x_cross;
+const double x_rest = x_high * x_high - x_square + x_cross + x_low * x_low;
+const double y = other * scale.value;
+const double y_high = y * split - (y * split - y);
+const double y_low = y - y_high;
+const double y_cross = y_high * y_low + y_low * y_high;
+const double y_square = y_high * y_high + y_cross;
+const double y_rest = y_high * y_high - y_square + y_cross + y_low * y_low;
+const double first = 1.0 + x_square;
+const double sum = first + y_square;
+double low = x_rest + y_rest;
+double lost = (x_square - (first - 1.0)) + (y_square - (sum - first));
+const double root = sqrt(sum - 1.0 + (low + lost));
+const double r_high = root * split - (root * split - root);
+const double r_low = root - r_high;
+const double r_cross = -(r_high * r_low + r_low * r_high);
+const double r_square = -(r_high * r_high) + r_cross;
+low += -(r_high * r_high) - r_square + r_cross - r_low * r_low;
+const double last = sum + r_square;
+lost += r_square - (last - sum);
+return unit * ((root + (last - 1.0 + (low + lost)) / (2.0 * root)) / scale.value);
 """,
         needs=("fabs", "sqrt", "real_max", "real_isinf"),
     ),
