@@ -39,6 +39,11 @@ RETRACTION = (9.821, -2.132, 0.3162, 0.04756, -0.02998, -0.04206)
 INCREMENT = 1.0  # step of the pull in the paper's deflection experiment [mm]
 
 
+def length(x: float, y: float) -> float:
+    """Length of a vector, of operations that IEEE 754 rounds: the same with every Python and libm, as hypot is not."""
+    return sqrt(x * x + y * y)
+
+
 def power(base: float, exponent: int) -> float:
     """Whole power by multiplication: the same bits on every platform."""
     result = 1.0

@@ -1,7 +1,6 @@
 """Sequence of injections along the border of an infarct."""
 
-from math import hypot
-
+from fmus.injection import length
 from twin.component import Component
 from twin.variable import Boolean, Int32, Int64, input, local, output, parameter
 
@@ -242,7 +241,7 @@ def after_approach(self: InjectionSequence) -> int:
     if self.state == POSITION:
         if not rests:
             return POSITION
-        off = hypot(self.measured_x - self.x, self.measured_y - self.y)
+        off = length(self.measured_x - self.x, self.measured_y - self.y)
         if off <= self.position_tolerance:
             return APPROACH
         self.missed += 1
@@ -324,7 +323,7 @@ def move_across(self: InjectionSequence, h: float) -> bool:
     """A step toward the target on the straight line to it; whether it is reached."""
     x = self.border_x[self.number - 1]
     y = self.border_y[self.number - 1]
-    left = hypot(x - self.x, y - self.y)
+    left = length(x - self.x, y - self.y)
     way = self.speed_across * h
     if left <= way:
         self.x = x

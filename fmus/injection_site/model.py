@@ -1,7 +1,8 @@
 """Where the needle enters the wall, and where its dose goes."""
 
-from math import cos, floor, hypot
+from math import cos, floor
 
+from fmus.injection import length
 from twin.component import Component
 from twin.variable import Boolean, input, local, output, parameter
 
@@ -54,7 +55,7 @@ class InjectionSite(Component):
             self.start_x = self.tip_x
             self.start_y = self.tip_y
         else:
-            self.farthest = max(self.farthest, hypot(self.tip_x - self.start_x, self.tip_y - self.start_y))
+            self.farthest = max(self.farthest, length(self.tip_x - self.start_x, self.tip_y - self.start_y))
 
         volume = self.flow * h
         place = floor(depth_now(self) / self.layer)

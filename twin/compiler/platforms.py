@@ -28,9 +28,9 @@ class Bare:
     options: tuple[str, ...]
 
 
-# libraries may lie anywhere; their code must not call helpers for atomics, which are a compiler's runtime library;
-# Windows cannot walk a stack without tables
-SHARED = ("-fPIC", "-fno-asynchronous-unwind-tables", "-fno-unwind-tables")
+# libraries may lie anywhere; libm is called at once, not by way of a table of jumps; code must not call helpers for
+# atomics, which are a compiler's runtime library; Windows cannot walk a stack without tables
+SHARED = ("-fPIC", "-fno-plt", "-fno-asynchronous-unwind-tables", "-fno-unwind-tables")
 INLINE = (*SHARED, "-mno-outline-atomics")
 TABLES = ("-fasynchronous-unwind-tables",)
 
