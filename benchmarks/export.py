@@ -9,11 +9,10 @@ import tempfile
 import time
 from pathlib import Path
 
-from twin import catalog
-from twin.export import group
+from twin.component import catalog
 from twin.fmi import exporter
 from twin.run import prepare
-from twin.scenario import load_scenario
+from twin.scenario import group, load_scenario
 
 SCENARIO = Path("scenarios/heart_wall_force.yaml")
 

@@ -20,7 +20,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from twin import catalog, compiler
+from twin import compiler
+from twin.component import catalog
 from twin.fmi import exporter
 
 REPEATS = 3

@@ -19,14 +19,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from twin.algorithm.cosimulation import CoSimulation
-from twin.members import Form
+from twin.coupling import CoSimulation
 from twin.run import prepare, simulation
-from twin.scenario import load_scenario
+from twin.scenario import Form, load_scenario
 
 if TYPE_CHECKING:
-    from twin.scenario.names import Catalog
-    from twin.scenario.spec import Case
+    from twin.coupling import Catalog
+    from twin.scenario import Case
 
 BUILD = Path("build")
 SCENARIO = Path("scenarios/heart_wall_force.yaml")

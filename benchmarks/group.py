@@ -11,12 +11,10 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from twin.algorithm.cosimulation import CoSimulation
-from twin.export import group
+from twin.coupling import CoSimulation
 from twin.fmi import exporter
-from twin.members import Form, make
 from twin.run import prepare, simulation
-from twin.scenario import load_scenario
+from twin.scenario import Form, group, load_scenario, make
 
 if TYPE_CHECKING:
     from collections.abc import Callable

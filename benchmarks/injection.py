@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from twin.members import Form
 from twin.run import analyzed, prepare, run_case, signals, silent, simulation
-from twin.scenario import Scenario, load_scenario
+from twin.scenario import Form, Scenario, load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

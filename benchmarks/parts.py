@@ -1,7 +1,6 @@
 """The cheap component of the ring benchmark."""
 
-from twin.component import Component
-from twin.variable import input, output, parameter
+from twin.component import Component, input, output, parameter
 
 
 class Relay(Component):

@@ -64,9 +64,8 @@ def references(fmu: Path) -> dict[str, int]:
 
 def ours(fmu: Path, members: int, steps: int) -> Result:
     """Our loop; records every output at every step, in memory."""
-    from twin.algorithm.cosimulation import CoSimulation
-    from twin.fmi.importer import FMUMember
-    from twin.system import Connection, System
+    from twin.coupling import Connection, CoSimulation, System
+    from twin.fmi import FMUMember
 
     parts = {f"m{i}": FMUMember(f"m{i}", fmu, {} if i else {"offset": OFFSET}) for i in range(members)}
     wires = [Connection(f"m{source(i, members)}.y", f"m{i}.u") for i in range(members)]
@@ -105,8 +104,8 @@ def container(fmu: Path, members: int, steps: int, *, recording: bool = False) -
 
 def whole(path: Path, outputs: list[str], steps: int, recording: bool) -> Result:
     """The ring as one FMU, by our loop."""
-    from twin.algorithm.cosimulation import CoSimulation
-    from twin.fmi.importer import FMUMember
+    from twin.coupling import CoSimulation
+    from twin.fmi import FMUMember
 
     inner = 1 if recording else math.gcd(1000, steps)
     record = [("ring", name) for name in outputs] if recording else []
@@ -122,8 +121,8 @@ def whole(path: Path, outputs: list[str], steps: int, recording: bool) -> Result
 
 def group(_: Path, members: int, steps: int, *, recording: bool = False) -> Result:
     """Our compiled group: the ring's members made into one FMU, called as the container is."""
-    from twin.export import group as grouped
     from twin.run import prepare
+    from twin.scenario import group as grouped
     from twin.scenario import parse_scenario
 
     lines = ["stop_time: 1 s", "step: 1 ms", "members:"]

@@ -12,9 +12,8 @@ import statistics
 from pathlib import Path
 
 from benchmarks.force import figures, one_core, stepping
-from twin.members import Form
 from twin.run import prepare
-from twin.scenario import load_scenario
+from twin.scenario import Form, load_scenario
 
 RIG = Path("scenarios/racs.yaml")
 LONG = Path("scenarios/dynamic_regripping.yaml")

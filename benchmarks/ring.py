@@ -17,11 +17,8 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from benchmarks.parts import Relay
-from twin.algorithm.cosimulation import CoSimulation
-from twin.fmi import exporter
-from twin.fmi.archive import unpack
-from twin.fmi.importer import FMUMember
-from twin.system import Connection, System
+from twin.coupling import Connection, CoSimulation, System
+from twin.fmi import FMUMember, exporter, unpack
 
 BUILD = Path("build")
 REPEATS = 15

@@ -38,11 +38,11 @@ def run_until_first_step(begin: float, arguments: list[str]) -> None:
     import twin.cli.run
     import twin.fmi.exporter
     import twin.fmi.importer
-    import twin.run
-    from twin.algorithm.cosimulation import CoSimulation
+    import twin.run.cases
+    from twin.coupling import CoSimulation
 
     marks.append(time.monotonic())
-    simulation = twin.run.simulation
+    simulation = twin.run.cases.simulation
 
     def noted(*given, **named):
         marks.append(time.monotonic())
@@ -53,7 +53,7 @@ def run_until_first_step(begin: float, arguments: list[str]) -> None:
         print(json.dumps([after - before for before, after in itertools.pairwise(marks)]), flush=True)
         sys.exit(0)
 
-    twin.run.simulation = noted
+    twin.run.cases.simulation = noted
     CoSimulation.advance = first_step  # type: ignore[method-assign]
     sys.argv = ["twin", *arguments]
     twin.cli.main()

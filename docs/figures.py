@@ -16,12 +16,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
-from twin import plotting
-from twin.component import Component
-from twin.members import Form
+from twin.component import Component, input, output  # noqa: A004 - FMI's own word
+from twin.results import plotting
 from twin.run import Outcome, run_scenario
-from twin.scenario import load_scenario, parse_scenario
-from twin.variable import input, output  # noqa: A004 - FMI's own word
+from twin.scenario import Form, load_scenario, parse_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -9,8 +9,7 @@ would hide the paper's numbers. Variables of the components are in m; the factor
 
 from __future__ import annotations
 
-from twin.component import Component
-from twin.variable import local, parameter
+from twin.component import Component, local, parameter
 
 MILLIMETER = 1e-3
 

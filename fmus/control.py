@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from twin.component import Component
-from twin.variable import input, local, output, parameter, terminal
+from twin.component import Component, input, local, output, parameter, terminal
 
 
 class ForceControl(Component):

@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import exp, sqrt
 from typing import Any
 
-from twin.noise import normal
+from twin.component import normal
 
 MILLIMETER = 1e-3
 

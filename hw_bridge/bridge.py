@@ -20,20 +20,16 @@ from hw_bridge.hardware import overloaded
 from hw_bridge.keys import ContactKeys
 from hw_bridge.profiles import profile
 from hw_bridge.session import Session, beginning
-from twin import catalog
-from twin.component import Component, PythonComponent
+from twin.component import Component, Float64, PythonComponent, Role, catalog
+from twin.component import input as input_variable
+from twin.coupling import nearest
 from twin.errors import CouplingError, ScenarioError
-from twin.metrics import Ending
-from twin.scenario.spec import ConnectionSpec, MemberSpec
-from twin.scenario.tree import read
-from twin.system import nearest
-from twin.variable import Float64, Role
-from twin.variable import input as input_variable
+from twin.results import Ending
+from twin.scenario import ConnectionSpec, MemberSpec, read
 
 if TYPE_CHECKING:
     from hw_bridge.keys import FaultKeys, HardwareKeys
-    from twin.scenario import Scenario
-    from twin.scenario.spec import Case
+    from twin.scenario import Case, Scenario
 
 KEPT = (Role.input, Role.output, Role.parameter)
 NEEDED = ("target_velocity", "position_actual_value")
@@ -287,7 +283,7 @@ class Hardware:
         jitter = self.jitter()
         if not len(jitter):
             return []
-        from twin.plotting import histogram
+        from twin.results import histogram
 
         note = f"periods between SYNCs minus {self.keys.cycle / 1e6:g} ms, {len(jitter)} of them"
         return [{"title": "Jitter of the cycle", "svg": histogram(1e3 * jitter, "period - cycle [ms]"), "note": note}]

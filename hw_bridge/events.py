@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from hw_bridge.keys import HardwareKeys
-    from twin.scenario.spec import FaultSpec
+    from twin.scenario import FaultSpec
 
 
 def planned(faults: Sequence[FaultSpec], keys: HardwareKeys) -> tuple[list[FaultKeys], list[str]]:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Protocol, cast
 from hw_bridge.agenda import MILLISECOND, NEVER
 from hw_bridge.bus import Disturbance, Kind
 from hw_bridge.slave.nmt import RESET_NODE
+from twin.coupling import nearest
 from twin.errors import SimulationError
-from twin.system import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable

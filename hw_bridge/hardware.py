@@ -23,11 +23,9 @@ from hw_bridge.keys import (
 )
 from hw_bridge.outputs import OUTPUTS
 from hw_bridge.profiles import MODULES, profile
+from twin.coupling import nearest
 from twin.errors import ScenarioError
-from twin.scenario.message import dotted, quoted
-from twin.scenario.model import Keys
-from twin.scenario.tree import Node, read
-from twin.system import nearest
+from twin.scenario import Keys, Node, dotted, quoted, read
 
 if TYPE_CHECKING:
     from pathlib import Path

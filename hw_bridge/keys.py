@@ -11,8 +11,7 @@ from hw_bridge.agenda import NEVER
 from hw_bridge.fault import Cause, Fault
 from hw_bridge.outputs import output_bits
 from twin.errors import CouplingError
-from twin.scenario.model import Keys, Period, Reference, Text, Time
-from twin.scenario.value import duration, number, short
+from twin.scenario import Keys, Period, Reference, Text, Time, duration, number, short
 
 SOFTWARE = ("virtual", "udp_multicast")  # interfaces of python-can without any hardware
 MILLISECOND = 1_000_000

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from twin import members as forms
+from twin.component import Boolean, Variable
+from twin.component import input as input_variable
+from twin.coupling import READABLE, find
 from twin.errors import CouplingError
-from twin.scenario.model import reference
-from twin.scenario.value import short
-from twin.system import READABLE, find
-from twin.variable import Boolean, Variable
-from twin.variable import input as input_variable
+from twin.scenario import members as forms
+from twin.scenario import reference, short
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from twin.component import Component
-    from twin.scenario.spec import MemberSpec
+    from twin.scenario import MemberSpec
 
 OUTPUTS, LEVELS, MASK = 0x60FE, 1, 2
 WORD = 0x60FE0120  # of the mapping

@@ -10,7 +10,7 @@ from hw_bridge.cia402 import State
 from hw_bridge.drive.drive import Drive
 from hw_bridge.drive.motor import Motor, MotorModel
 from hw_bridge.profiles import profile
-from twin.variable import Float64, Role
+from twin.component import Float64, Role
 
 if TYPE_CHECKING:
     from collections.abc import Callable

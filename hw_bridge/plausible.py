@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 from hw_bridge.outputs import OUTPUTS
 from hw_bridge.profiles import profile
 from twin.errors import CouplingError
-from twin.scenario.value import number
+from twin.scenario import number
 
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Entry
     from hw_bridge.keys import HardwareKeys, NodeKeys
     from hw_bridge.profile import Profile
-    from twin.scenario.tree import Node
+    from twin.scenario import Node
 
 MILLISECOND = 1_000_000
 SLOWEST = 255 * MILLISECOND  # 60C2h.1 has a byte

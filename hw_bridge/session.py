@@ -22,7 +22,7 @@ from hw_bridge.profiles import device, profile
 from hw_bridge.shadow import Shadow
 from hw_bridge.trace.watch import Watch
 from twin.errors import SimulationError
-from twin.metrics import Ending
+from twin.results import Ending
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

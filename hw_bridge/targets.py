@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from hw_bridge.keys import LimitKeys
     from hw_bridge.profile import Profile
     from twin.component import Component
-    from twin.scenario.spec import Case
+    from twin.scenario import Case
 
 CYCLIC = {8: Mode.CSP, 9: Mode.CSV, 10: Mode.CST}
 FORCE, TORQUE = "target_force", "target_torque"  # of a rod; of a motor, before its gear

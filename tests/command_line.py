@@ -9,7 +9,7 @@ from pathlib import Path
 SERVER = """
 import json, os, sys
 import matplotlib.pyplot, fmpy, pyarrow.parquet
-import twin.fmi.importer, twin.report, twin.run
+import twin.fmi.importer, twin.run
 from twin.cli import main
 
 for line in sys.stdin:

@@ -1,7 +1,6 @@
 """Components with arrays, for overrides of single elements."""
 
-from twin.component import Component
-from twin.variable import Boolean, input, output
+from twin.component import Boolean, Component, input, output
 
 
 class Source(Component):

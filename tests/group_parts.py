@@ -1,7 +1,6 @@
 """Members for tests of groups."""
 
-from twin.component import Component, PythonComponent
-from twin.variable import input, output, parameter
+from twin.component import Component, PythonComponent, input, output, parameter
 
 
 class Gain(Component):

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pymunk
 
-from twin.component import PythonComponent
-from twin.variable import input, output, parameter
+from twin.component import PythonComponent, input, output, parameter
 
 
 class Puck(PythonComponent):

@@ -9,7 +9,7 @@ from math import copysign, exp
 import numpy as np
 
 from fmus.regripping_sequencer.model import RegrippingSequencer
-from twin.solver import OK
+from twin.component import OK
 
 STROKE = 50e-3
 TRUE_GRIP = 3.8e-3  # extension from which the model's sleeves really hold [m]

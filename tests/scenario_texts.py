@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from twin.coupling import MemberVariable
 from twin.errors import ScenarioError
-from twin.member import MemberVariable
-from twin.scenario import check_against, parse_scenario
+from twin.scenario import parse_scenario
+from twin.scenario.check import check_against
 
 BASE = """\
 title: Contact force

@@ -4,12 +4,11 @@ import sys
 
 import pytest
 
-from twin import catalog
+from twin.component import catalog
 from twin.errors import DeclarationError
 
 MODEL = '''
-from twin.component import Component
-from twin.variable import output
+from twin.component import Component, output
 
 class Spring(Component):
     """A spring."""

@@ -5,9 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from twin.component import Component
+from twin.component import Boolean, Component, Int32, Int64, Role, input, local, output, parameter, state
 from twin.errors import DeclarationError
-from twin.variable import Boolean, Int32, Int64, Role, input, local, output, parameter, state
 
 
 class Everything(Component):

@@ -2,10 +2,19 @@
 
 from math import exp
 
-from twin.component import Component, PythonComponent
-from twin.dependencies import dependencies, flow
-from twin.noise import normal, seed_stream
-from twin.variable import Int64, input, local, output, parameter, state
+from twin.compiler import dependencies, flow
+from twin.component import (
+    Component,
+    Int64,
+    PythonComponent,
+    input,
+    local,
+    normal,
+    output,
+    parameter,
+    seed_stream,
+    state,
+)
 
 
 def shift(buffer, value):

@@ -8,13 +8,11 @@ import yaml
 from fmpy import simulate_fmu
 from fmpy.validation import validate_fmu
 
-from twin.dependencies import dependencies
+from twin.compiler import dependencies
 from twin.errors import CouplingError, ScenarioError
-from twin.export import group
 from twin.fmi import exporter
-from twin.members import Form
 from twin.run import prepare, run_scenario
-from twin.scenario import load_scenario, parse_scenario
+from twin.scenario import Form, group, load_scenario, parse_scenario
 
 SCENARIO = """
 stop_time: 0.5 s

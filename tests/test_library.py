@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 from elftools.elf.elffile import ELFFile
 
-from twin import catalog, compiler, library
-from twin.component import Component
+from twin import compiler
+from twin.compiler import library
+from twin.component import Component, catalog, input, output, parameter
 from twin.errors import BuildError, TwinError
-from twin.export import group
 from twin.run import prepare
-from twin.scenario import load_scenario
-from twin.variable import input, output, parameter
+from twin.scenario import group, load_scenario
 
 BARE = Path(__file__).with_name("bare")
 ZIG = [sys.executable, "-m", "ziglang"]

@@ -7,11 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from twin import expression
 from twin.errors import ScenarioError
-from twin.metrics import REDUCE, Expectation, Metric, evaluate
-from twin.report import cells
-from twin.signals import Signals, Window, shown
+from twin.results import Expectation, Metric, Signals, Window, evaluate, expression, shown
+from twin.results.metrics import REDUCE
+from twin.run.report import cells
 
 TIME = np.arange(1001) * 0.01
 FORCE = 0.2 + 0.05 * np.sin(TIME)

@@ -17,9 +17,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from twin import expression, plotting, report, results
-from twin.metrics import Curve, Evaluation, Expectation, Metric, Plot, evaluate
-from twin.signals import Signals, Window
+from twin.results import Curve, Evaluation, Expectation, Metric, Plot, Signals, Window, evaluate, expression, plotting
+from twin.results import recording as results
+from twin.run import report
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -291,7 +291,7 @@ def test_places_in_plots_are_short_and_rounded() -> None:
 
 
 def test_matplotlib_and_others_are_loaded_only_when_needed() -> None:
-    code = "import sys, twin.scenario, twin.metrics, twin.results, twin.report, twin.cli.check; print(*sys.modules)"
+    code = "import sys, twin.scenario, twin.results, twin.run, twin.cli.check; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert {"matplotlib", "pyarrow", "jinja2", "rich", "pint"}.isdisjoint(done.stdout.split())
 
@@ -301,7 +301,7 @@ def test_check_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.chdir(tmp_path)
     (tmp_path / "own.py").write_text(
-        "from twin.component import Component\nfrom twin.variable import input, output, parameter\n\n\n"
+        "from twin.component import Component, input, output, parameter\n\n\n"
         "class Gain(Component):\n    '''Gain.'''\n    u = input('N', 'in')\n    y = output('N', 'out')\n"
         "    k = parameter(2.0, '', 'gain')\n\n    def step(self, t, h):\n        self.y = self.k * self.u\n"
     )

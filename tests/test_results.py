@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 
-from twin import expression, results
 from twin.errors import CouplingError, TwinError
-from twin.metrics import Expectation, Metric, evaluate
-from twin.results import Column, Run, SignalFile
-from twin.signals import Signals
+from twin.results import Expectation, Metric, Signals, evaluate, expression
+from twin.results import recording as results
+from twin.results.recording import Column, Run, SignalFile
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -16,11 +16,10 @@ import pytest
 
 from tests.fmi.third_party import native_fmu
 from twin.errors import ScenarioError
-from twin.members import Form
-from twin.results import read_signals
+from twin.results import Signals
+from twin.results.recording import read_signals
 from twin.run import Outcome, run_scenario
-from twin.scenario import parse_scenario
-from twin.signals import Signals
+from twin.scenario import Form, parse_scenario
 
 PARTS = "tests.pymunk_parts"
 ROOT = Path(__file__).parents[1]

@@ -8,7 +8,8 @@ import pytest
 
 from tests.scenario_texts import BASE, catalog, changed, problems
 from twin.errors import ScenarioError
-from twin.scenario import EventSpec, load_scenario, member_seed, parse_scenario, tree, value
+from twin.scenario import load_scenario, parse_scenario, tree, value
+from twin.scenario.spec import EventSpec, member_seed
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,7 +8,8 @@ import pytest
 
 from tests.scenario_texts import BASE, against, catalog, changed, problems, variable
 from twin.errors import ScenarioError
-from twin.scenario import check_against, load_scenario, parse_scenario
+from twin.scenario import load_scenario, parse_scenario
+from twin.scenario.check import check_against
 
 if TYPE_CHECKING:
     from pathlib import Path

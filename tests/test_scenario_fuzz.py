@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from tests.scenario_texts import BASE, catalog
 from twin.errors import ScenarioError, TwinError
-from twin.scenario import check_against, parse_scenario, value
+from twin.scenario import parse_scenario, value
+from twin.scenario.check import check_against
 
 
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -5,9 +5,7 @@ from math import cos, log2, sin
 import numpy as np
 import pytest
 
-from twin import solver
-from twin.component import Component
-from twin.variable import input, output, state
+from twin.component import Component, input, output, solver, state
 
 
 def oscillator(method_):

@@ -6,10 +6,8 @@ import math
 
 import pytest
 
-from twin import catalog, source
-from twin.component import Component, functions
+from twin.component import Component, catalog, functions, local, output, source, state
 from twin.errors import DeclarationError
-from twin.variable import local, output, state
 
 
 class NoDerivative(Component):

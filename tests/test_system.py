@@ -4,10 +4,9 @@ import pytest
 
 from tests.algorithm.parts import Gain, Lag, Millimeters
 from tests.test_component import Everything
+from twin.coupling import Connection, RecordMember, System
 from twin.errors import CouplingError
 from twin.graph import ordered_groups
-from twin.member import RecordMember
-from twin.system import Connection, System
 
 
 def system(*connections):

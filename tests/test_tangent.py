@@ -33,10 +33,9 @@ from math import (
 import numpy as np
 import pytest
 
-from twin import catalog, compiler
+from twin import compiler
 from twin.compiler import slopes, tangent
-from twin.component import Component
-from twin.variable import Int64, Role, input, local, output, parameter, state
+from twin.component import Component, Int64, Role, catalog, input, local, output, parameter, state
 
 TABLE = (0.3, -0.7, 1.1)
 DIFFERENCES = ((4 / 5, 1), (-1 / 5, 2), (4 / 105, 3), (-1 / 280, 4))

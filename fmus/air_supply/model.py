@@ -10,8 +10,7 @@ from fmus.pneumatic_cylinder.model import (
     flow_shape,
     mass_flow,
 )
-from twin.component import Component
-from twin.variable import Boolean, input, local, output, parameter
+from twin.component import Boolean, Component, input, local, output, parameter
 
 VALVES = 2
 

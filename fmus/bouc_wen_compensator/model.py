@@ -1,7 +1,7 @@
 """Compensation of the hysteresis in a position."""
 
 from fmus.bouc_wen import BoucWenInverse, advance_inverse, initialize_inverse
-from twin.variable import input, output
+from twin.component import input, output
 
 
 class BoucWenCompensator(BoucWenInverse):

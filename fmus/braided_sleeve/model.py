@@ -2,9 +2,7 @@
 
 from math import asin, cos, expm1, pi, sin, sqrt
 
-from twin.component import Component
-from twin.noise import normal, seed_stream
-from twin.variable import Boolean, Int32, Int64, input, local, output, parameter
+from twin.component import Boolean, Component, Int32, Int64, input, local, normal, output, parameter, seed_stream
 
 
 class BraidedSleeve(Component):

@@ -3,9 +3,7 @@
 from math import floor
 
 from fmus.injection import MILLIMETER
-from twin.component import Component
-from twin.noise import seed_stream, uniform
-from twin.variable import Boolean, Int32, Int64, input, local, output, parameter
+from twin.component import Boolean, Component, Int32, Int64, input, local, output, parameter, seed_stream, uniform
 
 STEPPERS, LINEAR, DEFLECTION, COUPLING, NEEDLE = 0, 1, 2, 3, 4
 SPEEDS = 10

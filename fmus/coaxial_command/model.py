@@ -4,8 +4,7 @@ from math import sqrt
 
 from fmus.dead_zone import beyond
 from fmus.travel_command.model import travel_speed, travelled
-from twin.component import Component
-from twin.variable import Int32, input, local, output, parameter
+from twin.component import Component, Int32, input, local, output, parameter
 
 # phases:  wire, catheter: share of `increment` or, in the last two, of `distance`
 LEAD = (1.0, 0.0)  # the wire goes ahead

@@ -1,7 +1,6 @@
 """Friction between a catheter and the guidewire in it."""
 
-from twin.component import Component
-from twin.variable import input, local, output, parameter
+from twin.component import Component, input, local, output, parameter
 
 
 class CoaxialFriction(Component):

@@ -18,8 +18,7 @@ from fmus.injection import (
     needle_after,
     retraction,
 )
-from twin.component import Component
-from twin.variable import Boolean, Int32, Int64, input, local, output, parameter
+from twin.component import Boolean, Component, Int32, Int64, input, local, output, parameter
 
 UNMODIFIED, CALIBRATED = 0, 1
 ACCEPTED, Y_OUTSIDE, Z_OUTSIDE, NEEDLE_OUTSIDE, NOT_REACHABLE, NO_MODE = 0, 1, 2, 3, 4, 5

@@ -2,9 +2,7 @@
 
 from math import floor
 
-from twin.component import Component
-from twin.noise import seed_stream, uniform
-from twin.variable import Int32, Int64, local, output, parameter
+from twin.component import Component, Int32, Int64, local, output, parameter, seed_stream, uniform
 
 RANDOM, NEEDLE_TABLE = 0, 1
 PULLS, LENGTHS = 5, 3

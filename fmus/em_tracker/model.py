@@ -1,8 +1,6 @@
 """Electromagnetic tracker."""
 
-from twin.component import Component
-from twin.noise import normal, seed_stream
-from twin.variable import Int64, input, local, output, parameter
+from twin.component import Component, Int64, input, local, normal, output, parameter, seed_stream
 
 
 class EMTracker(Component):

@@ -2,10 +2,7 @@
 
 from math import floor, pi, sqrt
 
-from twin.component import Component
-from twin.noise import normal, seed_stream
-from twin.solver import ERROR, OK
-from twin.variable import Int64, input, local, output, parameter
+from twin.component import ERROR, OK, Component, Int64, input, local, normal, output, parameter, seed_stream
 
 LINE = 64
 

@@ -2,10 +2,20 @@
 
 from math import floor
 
-from twin.component import Component
-from twin.noise import normal, seed_stream, uniform
-from twin.solver import ERROR, OK
-from twin.variable import Boolean, Int64, input, local, output, parameter
+from twin.component import (
+    ERROR,
+    OK,
+    Boolean,
+    Component,
+    Int64,
+    input,
+    local,
+    normal,
+    output,
+    parameter,
+    seed_stream,
+    uniform,
+)
 
 LINE = 64
 

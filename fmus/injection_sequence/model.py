@@ -1,8 +1,7 @@
 """Sequence of injections along the border of an infarct."""
 
 from fmus.injection import length
-from twin.component import Component
-from twin.variable import Boolean, Int32, Int64, input, local, output, parameter
+from twin.component import Boolean, Component, Int32, Int64, input, local, output, parameter
 
 TARGETS = 8
 

@@ -3,8 +3,7 @@
 from math import cos, floor
 
 from fmus.injection import length
-from twin.component import Component
-from twin.variable import Boolean, input, local, output, parameter
+from twin.component import Boolean, Component, input, local, output, parameter
 
 BINS = 12
 

@@ -3,8 +3,7 @@
 from math import ceil, exp, pi, sqrt
 
 from fmus.dead_zone import beyond
-from twin.component import Component
-from twin.variable import input, local, output, parameter
+from twin.component import Component, input, local, output, parameter
 
 GRIPPERS = 2
 

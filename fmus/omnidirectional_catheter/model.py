@@ -20,9 +20,7 @@ from fmus.injection import (
     wander,
 )
 from fmus.omnidirectional import WIRES, needle_pull, pair, radial, single_pull
-from twin.component import Component
-from twin.noise import seed_stream
-from twin.variable import Int64, input, local, output, parameter
+from twin.component import Component, Int64, input, local, output, parameter, seed_stream
 
 PLAYS = 3
 PULL_MAXIMUM = 9.0  # longest pull that eqs. (4) and (5) hold for [mm]

@@ -19,8 +19,7 @@ from fmus.injection import (
     retraction,
 )
 from fmus.omnidirectional import WIRES, needle_pull, periodic, pull_for
-from twin.component import Component
-from twin.variable import Boolean, Int32, Int64, input, local, output, parameter
+from twin.component import Boolean, Component, Int32, Int64, input, local, output, parameter
 
 DIASTOLE, CHOSEN, INTERPOLATED = 0, 1, 2
 ACCEPTED, ACROSS_OUTSIDE, Z_OUTSIDE, NEEDLE_OUTSIDE, NOT_REACHABLE, NO_MODEL = 0, 1, 2, 3, 4, 5

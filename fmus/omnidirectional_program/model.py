@@ -2,9 +2,7 @@
 
 from math import cos, floor, pi, sin, sqrt
 
-from twin.component import Component
-from twin.noise import seed_stream, uniform
-from twin.variable import Int64, local, output, parameter
+from twin.component import Component, Int64, local, output, parameter, seed_stream, uniform
 
 
 class OmnidirectionalProgram(Component):

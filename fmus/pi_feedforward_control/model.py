@@ -1,7 +1,7 @@
 """PI force control with feedforward of the heart motion."""
 
 from fmus.control import ForceControl, control_velocity
-from twin.variable import local
+from twin.component import local
 
 
 class PIFeedforwardControl(ForceControl):

@@ -3,8 +3,7 @@
 from math import ceil, exp, pi, sqrt
 
 from fmus.dead_zone import beyond
-from twin.component import Component
-from twin.variable import Boolean, input, local, output, parameter
+from twin.component import Boolean, Component, input, local, output, parameter
 
 GAS_CONSTANT = 287.06  # [J/(kg K)], dry air
 HEAT_VOLUME = 2.5 * GAS_CONSTANT  # [J/(kg K)], specific heat at constant volume

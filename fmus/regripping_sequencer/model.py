@@ -14,9 +14,7 @@ from fmus.regripping_sequencer.rules import (
     step_shown,
     switches_valve,
 )
-from twin.component import Component
-from twin.solver import ERROR, OK
-from twin.variable import Boolean, Int32, input, local, output, parameter
+from twin.component import ERROR, OK, Boolean, Component, Int32, input, local, output, parameter
 
 # bits of `violation`
 NOT_HELD = 1

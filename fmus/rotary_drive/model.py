@@ -4,9 +4,7 @@ from math import exp, floor, pi
 
 from fmus.dead_zone import beyond
 from fmus.servo import CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_TORQUE, driven, follow_velocity, hold_current
-from twin.component import Component
-from twin.solver import ERROR, OK
-from twin.variable import Int32, input, local, output, parameter
+from twin.component import ERROR, OK, Component, Int32, input, local, output, parameter
 
 # substeps of the mechanics per sample of the drive
 SUBSTEPS = 10

@@ -2,8 +2,7 @@
 
 from math import pi, sqrt
 
-from twin.component import Component
-from twin.variable import Int32, output, parameter
+from twin.component import Component, Int32, output, parameter
 
 
 class RotationCommand(Component):

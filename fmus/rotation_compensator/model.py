@@ -2,8 +2,7 @@
 
 from math import copysign
 
-from twin.component import Component
-from twin.variable import input, local, output, parameter
+from twin.component import Component, input, local, output, parameter
 
 
 class RotationCompensator(Component):

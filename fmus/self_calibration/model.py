@@ -4,8 +4,7 @@ from math import hypot, sqrt
 
 from fmus.injection import BEND_Y, BEND_Z, COMPRESSION, DEAD_BAND, MILLIMETER, TENSION, bend
 from fmus.omnidirectional import WIRES, pair, radial, single_pull
-from twin.component import Component
-from twin.variable import Boolean, Int64, input, local, output, parameter
+from twin.component import Boolean, Component, Int64, input, local, output, parameter
 
 STATES = 5  # gain x, gain y, offset x, y, z
 DIFFERENCE = 1e-4  # of a gain, for the slope of the model

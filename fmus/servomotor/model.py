@@ -4,9 +4,7 @@ from math import copysign, exp, floor, sqrt
 
 from fmus.dead_zone import beyond
 from fmus.servo import CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_TORQUE, driven, follow_velocity, hold_current
-from twin.component import Component
-from twin.solver import ERROR, OK
-from twin.variable import Boolean, Int32, input, local, output, parameter, terminal
+from twin.component import ERROR, OK, Boolean, Component, Int32, input, local, output, parameter, terminal
 
 # voltage amplitude between two phases for one ampere (rms) through one ohm between them; the same factor is between the
 # force constant [N/A] and the amplitude of the back-EMF [V*s/m], since electrical and mechanical power are the same

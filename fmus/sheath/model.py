@@ -3,9 +3,7 @@
 from math import pi
 
 from fmus.dead_zone import beyond
-from twin import solver
-from twin.component import Component
-from twin.variable import input, local, output, parameter, state, terminal
+from twin.component import Component, input, local, output, parameter, solver, state, terminal
 
 NODES = 3
 

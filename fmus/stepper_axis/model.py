@@ -3,9 +3,7 @@
 from math import ceil, floor, pi, sin, sqrt
 
 from fmus.injection import wander
-from twin.component import Component
-from twin.noise import normal, seed_stream
-from twin.variable import Boolean, Int64, input, local, output, parameter
+from twin.component import Boolean, Component, Int64, input, local, normal, output, parameter, seed_stream
 
 SUBSTEP = 50e-6  # longest step of the rotor's motion [s]; it swings at about 300 Hz
 FULL_STEPS = 200  # per revolution

@@ -1,7 +1,6 @@
 """Supervisor of the rig."""
 
-from twin.component import Component
-from twin.variable import Boolean, Int32, input, local, output, parameter
+from twin.component import Boolean, Component, Int32, input, local, output, parameter
 
 GRIPPERS = 2
 

@@ -2,8 +2,7 @@
 
 from math import sqrt
 
-from twin.component import Component
-from twin.variable import output, parameter
+from twin.component import Component, output, parameter
 
 
 class TravelCommand(Component):

@@ -2,9 +2,7 @@
 
 from math import sqrt
 
-from twin import solver
-from twin.component import Component
-from twin.variable import input, local, output, parameter, state, terminal
+from twin.component import Component, input, local, output, parameter, solver, state, terminal
 
 
 class Wall(Component):

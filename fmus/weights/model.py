@@ -1,8 +1,6 @@
 """Weights in a box on a cable."""
 
-from twin.component import Component
-from twin.noise import normal, seed_stream
-from twin.variable import Boolean, Int32, Int64, input, local, output, parameter
+from twin.component import Boolean, Component, Int32, Int64, input, local, normal, output, parameter, seed_stream
 
 GRAVITY = 9.80665  # [m/s2]
 

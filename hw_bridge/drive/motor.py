@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hw_bridge.agenda import MILLISECOND
-from twin import catalog, clock, members
+from twin import clock
+from twin.component import OK, catalog
+from twin.coupling import RecordMember
 from twin.errors import SimulationError
-from twin.member import RecordMember
-from twin.members import Form
-from twin.solver import OK
+from twin.scenario import Form, members
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -5,8 +5,8 @@ from __future__ import annotations
 import importlib
 
 from hw_bridge.profile import Device, Profile
+from twin.coupling import nearest
 from twin.errors import DeclarationError
-from twin.system import nearest
 
 MODULES = {
     "faulhaber_v3": "FAULHABER Motion Control V3.0 (MC 5005 and relatives) with a linear motor LM 2070",

@@ -17,11 +17,10 @@ from hw_bridge.outputs import inputs
 from hw_bridge.session import beginning
 from hw_bridge.trace.decoder import Decoder
 from hw_bridge.trace.files import read
-from twin.component import PythonComponent
+from twin.component import Int32, PythonComponent
+from twin.component import output as output_variable
 from twin.errors import SimulationError
-from twin.metrics import Ending
-from twin.variable import Int32
-from twin.variable import output as output_variable
+from twin.results import Ending
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,7 +28,7 @@ if TYPE_CHECKING:
     from hw_bridge.keys import HardwareKeys, NodeKeys
     from hw_bridge.trace.decoder import Line
     from twin.component import Component
-    from twin.scenario.spec import Case
+    from twin.scenario import Case
 
 POSITION, VELOCITY, STATUSWORD = "position_actual_value", "velocity_actual_value", "statusword"
 CURRENTS = ("torque_actual_value", "current_actual_values_actual", "current_actual_value")

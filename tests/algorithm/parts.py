@@ -4,12 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from twin import compiler, solver
-from twin.algorithm.cosimulation import Algorithm, CoSimulation
-from twin.component import Component, PythonComponent
-from twin.member import RecordMember
-from twin.system import Connection, System
-from twin.variable import Float64, Int32, input, local, output, parameter, state
+from twin import compiler
+from twin.component import Component, Float64, Int32, PythonComponent, input, local, output, parameter, solver, state
+from twin.coupling import Algorithm, Connection, CoSimulation, RecordMember, System
 
 
 class Lag(Component):

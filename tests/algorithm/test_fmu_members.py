@@ -6,13 +6,9 @@ import pytest
 from tests.algorithm.parts import Clock
 from tests.test_component import Everything
 from twin import compiler
-from twin.algorithm.cosimulation import CoSimulation
-from twin.component import Component
-from twin.fmi import exporter
-from twin.fmi.importer import FMUMember
-from twin.member import RecordMember
-from twin.system import Connection, System
-from twin.variable import input, output
+from twin.component import Component, input, output
+from twin.coupling import Connection, CoSimulation, RecordMember, System
+from twin.fmi import FMUMember, exporter
 
 MS = 1_000_000
 

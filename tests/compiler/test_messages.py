@@ -6,10 +6,8 @@ import numpy as np  # noqa: F401
 import pytest
 
 from twin import compiler
-from twin.component import Component
+from twin.component import Component, Int64, define, input, local, output, parameter
 from twin.errors import BuildError
-from twin.generated import define
-from twin.variable import Int64, input, local, output, parameter
 
 TABLE = (1.0, 2.0)
 RAGGED = ((1.0,), (2.0, 3.0))

@@ -8,11 +8,20 @@ import sys
 import pytest
 
 from tests.test_component import Everything
-from twin import compiler, source
-from twin.component import Component, PythonComponent
+from twin import compiler
+from twin.component import (
+    Component,
+    Int64,
+    PythonComponent,
+    input,
+    local,
+    normal,
+    output,
+    parameter,
+    seed_stream,
+    source,
+)
 from twin.errors import BuildError
-from twin.noise import normal, seed_stream
-from twin.variable import Int64, input, local, output, parameter
 
 
 class Noisy(Component):
@@ -95,7 +104,7 @@ def test_platforms_share_one_c_file(tmp_path):
 def test_the_text_is_the_same_wherever_it_is_made(tmp_path):
     """Also in another process, which meets the components in another order."""
     program = (
-        "import sys, pathlib; from twin import catalog, compiler\n"
+        "import sys, pathlib; from twin import compiler\nfrom twin.component import catalog\n"
         "for name in sys.argv[1:]: print(compiler.sources(catalog.component(name), name, pathlib.Path('build')).source)"
     )
     texts = []

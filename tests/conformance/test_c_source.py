@@ -6,9 +6,9 @@ import subprocess
 
 import pytest
 
-from twin import catalog, compiler
+from twin import compiler
 from twin.compiler import zig
-from twin.component import PythonComponent
+from twin.component import PythonComponent, catalog
 
 CLEAN = ["-Wall", "-Wextra", "-Wconversion", "-pedantic", "-std=c11", "-Werror"]
 CLANG = [str(zig.executable()), "clang", "-nostdinc", "-isystem", str(zig.headers())]

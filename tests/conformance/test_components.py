@@ -2,7 +2,8 @@
 
 import pytest
 
-from twin import catalog, conformance
+from twin.component import catalog
+from twin.conformance import agreement as conformance
 
 CASES = [(name, check) for name in catalog.names() for check in conformance.checks(catalog.component(name))]
 

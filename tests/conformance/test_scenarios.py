@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from fmus.bouc_wen_compensator.identify import Constants, simulate
-from twin import catalog
-from twin.members import Form
+from twin.component import catalog
 from twin.run import run_scenario
-from twin.scenario import load_scenario
+from twin.scenario import Form, load_scenario
 
 ROOT = Path(__file__).parent.parent.parent
 ALL = {path: load_scenario(path) for path in sorted((ROOT / "scenarios").glob("*.yaml"))}

@@ -5,10 +5,11 @@ import zipfile
 import pytest
 
 from tests.fmi.loaded import symbols
-from twin import catalog, compiler, conformance, reference
-from twin.component import Component
+from twin import compiler
+from twin.component import Component, catalog, input, local, output
+from twin.conformance import agreement as conformance
+from twin.conformance import reference
 from twin.fmi import exporter
-from twin.variable import input, local, output
 
 LINUX = pytest.mark.skipif(compiler.host() != "x86_64-linux", reason="reads the symbols of a Linux library")
 LONG, SHORT = 300, 40

@@ -2,10 +2,7 @@
 
 from math import exp
 
-from twin import solver
-from twin.component import Component
-from twin.noise import normal, seed_stream
-from twin.variable import Int32, Int64, input, local, output, parameter, state
+from twin.component import Component, Int32, Int64, input, local, normal, output, parameter, seed_stream, solver, state
 
 
 class Masses(Component):

@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 
 from tests.fmi.third_party import NATIVE_XML, archive
 from twin.errors import FMUError
+from twin.fmi import FMUMember, unpack
 from twin.fmi import archive as archives
-from twin.fmi.archive import unpack
-from twin.fmi.importer import FMUMember
 
 BINARY = "binaries/x86_64-linux/Native.so"
 GOOD = {"modelDescription.xml": NATIVE_XML.encode(), BINARY: b"\x7fELF" + bytes(100), "resources/a.txt": b"a" * 5000}

@@ -12,11 +12,9 @@ from fmpy.validation import validate_fmu
 
 from tests.fmi.loaded import VERSIONS, Fmu
 from tests.fmi.parts import Failing, Masses, Sampler, Stiff
-from twin import catalog
-from twin.component import Component, PythonComponent
+from twin.component import Component, PythonComponent, catalog, input, local, output, state
 from twin.errors import DeclarationError
 from twin.fmi import exporter
-from twin.variable import input, local, output, state
 
 CONTINUOUS = [
     name

@@ -16,7 +16,7 @@ from fmpy.validation import validate_fmu
 
 from tests.fmi.loaded import VERSIONS, Fmu, reference_outputs, symbols
 from tests.fmi.parts import PARTS, Failing, Masses, Sampler, Stiff
-from twin import dependencies
+from twin.compiler import dependencies
 from twin.component import PythonComponent
 from twin.errors import BuildError
 from twin.fmi import exporter
@@ -152,8 +152,8 @@ def test_structure_names_what_outputs_follow(fmus):
     description = read_model_description(str(fmus[Masses, "3.0"][0]))
     follows = {u.variable.name: {d.name for d in u.dependencies} for u in description.outputs}
     assert follows == {"total": {"x"}, "acceleration": {"push", "pushes", "x"}}
-    assert dependencies.dependencies(Masses) == {"total": (), "acceleration": ("push", "pushes")}
-    assert dependencies.dependencies(Sampler)["y"] == ("u",)
+    assert dependencies(Masses) == {"total": (), "acceleration": ("push", "pushes")}
+    assert dependencies(Sampler)["y"] == ("u",)
     states = {v.name: v.initial for v in read_model_description(str(fmus[Stiff, "2.0"][0])).modelVariables}
     assert (states["x"], states["y"]) == ("calculated", "calculated")  # `initialize` sets x
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from tests.fmi.third_party import FMI2, FMI3, NATIVE, NATIVE_XML, archive, native_fmu, python_fmu
-from twin import machine
+from twin.compiler import machine
 from twin.errors import CouplingError, FMUError, SimulationError
-from twin.fmi.importer import FMUMember
+from twin.fmi import FMUMember
 
 REFERENCE = Path(os.environ.get("REFERENCE_FMUS", "reference-fmus"), "fmus")  # see CONTRIBUTING.md
 

@@ -20,12 +20,11 @@ import numpy as np
 import pytest
 
 from tests.fmi.loaded import VERSIONS, symbols
-from twin import catalog, compiler
-from twin.export import group
+from twin import compiler
+from twin.component import Float64, catalog
 from twin.fmi import exporter
 from twin.run import prepare
-from twin.scenario import load_scenario
-from twin.variable import Float64
+from twin.scenario import group, load_scenario
 
 pytestmark = pytest.mark.slow
 

@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from tests.fmi.third_party import FMI2, NATIVE, NATIVE_XML, native_fmu, python_fmu
 from twin.cli.simulate import Bar, command, summarize
+from twin.coupling import MemberVariable
 from twin.errors import FMUError, SimulationError, TwinError
-from twin.fmi.importer import FMUMember
-from twin.fmi.simulate import decimal_step, plan, simulate
+from twin.fmi import FMUMember, plan, simulate
+from twin.fmi.simulate import decimal_step
 from twin.fmi.tables import Column, Inputs, read_inputs
-from twin.member import MemberVariable
 
 REFERENCE = Path(os.environ.get("REFERENCE_FMUS", "reference-fmus")).absolute()  # see CONTRIBUTING.md
 

@@ -15,11 +15,10 @@ from fmpy.validation import validate_fmu
 from tests.fmi.loaded import VERSIONS
 from tests.fmi.parts import PARTS
 from twin import compiler
-from twin.component import Component
+from twin.component import Component, Int32, input, output, parameter
 from twin.errors import BuildError
 from twin.fmi import exporter, table
 from twin.fmi.sources import FOLDER
-from twin.variable import Int32, input, output, parameter
 
 CLEAN = ("-Wall", "-Wextra", "-Wconversion", "-pedantic", "-std=c11", "-Werror", "-O2")
 COMPILERS = {"gcc": ("gcc",), "clang": (sys.executable, "-m", "ziglang", "cc")}

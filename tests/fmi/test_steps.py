@@ -9,11 +9,9 @@ from fmpy.fmi1 import FMICallException
 
 from tests.fmi.loaded import Fmu, reference_outputs
 from tests.fmi.parts import Failing, Masses, Sampler, Stiff
-from twin import catalog
-from twin.component import Component
+from twin.component import OK, Component, Int32, catalog, input, output
+from twin.component.solver import DISCARD
 from twin.fmi import exporter
-from twin.solver import DISCARD, OK
-from twin.variable import Int32, input, output
 
 PERIOD = Sampler.period
 

@@ -8,13 +8,11 @@ import fmpy
 import pytest
 from lxml import etree
 
-from twin import catalog
-from twin.component import Component, PythonComponent
+from twin.component import Component, PythonComponent, catalog, input, local, output, terminal
 from twin.errors import DeclarationError
 from twin.fmi import exporter
 from twin.fmi.terminals import PLACE
 from twin.scenario import load_scenario
-from twin.variable import input, local, output, terminal
 
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
 WITH = [n for n in catalog.names() if catalog.component(n).terminals]

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from twin.compiler import load_component
+from twin.compiler.native import load_component
 from twin.component import Component
 
 

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 import fmus
-from twin import reference, source, unit
-from twin.catalog import component
-from twin.variable import Float64, Role
+from twin.component import Float64, Role, catalog, source, unit
+from twin.conformance import reference
 
 FOLDER = Path(fmus.__path__[0])
 NAMES = (
@@ -20,12 +19,12 @@ NAMES = (
 
 @pytest.mark.parametrize("name", NAMES)
 def test_source_is_fit_for_compilation(name):
-    assert source.check(component(name)) == []
+    assert source.check(catalog.component(name)) == []
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_expected_is_reproduced_to_the_bit(name, native):
-    cls = component(name)
+    cls = catalog.component(name)
     expected = reference.read(FOLDER / name / "expected.csv", cls)
     assert reference.differences(expected, reference.replay(cls, expected)) == {}
     assert reference.differences(expected, reference.replay(reference.InstanceTarget(native(cls)), expected)) == {}
@@ -33,7 +32,7 @@ def test_expected_is_reproduced_to_the_bit(name, native):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_expected_exercises_every_output(name):
-    cls = component(name)
+    cls = catalog.component(name)
     expected = reference.read(FOLDER / name / "expected.csv", cls)
     types = {element: variable.type for variable in cls.variables for element in variable.elements()}
     for column, output in enumerate(expected.outputs, 1 + len(expected.inputs)):
@@ -44,7 +43,7 @@ def test_expected_exercises_every_output(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_units_exist_and_every_parameter_has_a_source(name):
     text = (FOLDER / name / "README.md").read_text()
-    for variable in component(name).variables:
+    for variable in catalog.component(name).variables:
         unit.conversion(variable.unit, variable.display_unit, variable.name)
         unit.describe(variable.unit)
         if variable.role is Role.parameter:
@@ -54,7 +53,7 @@ def test_units_exist_and_every_parameter_has_a_source(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_initialization_can_be_repeated(name):
-    instance = component(name)()
+    instance = catalog.component(name)()
     instance.start(0.0)
     first = instance.record.copy()
     instance.advance(0.0, 0.025)

@@ -12,13 +12,12 @@ import fmus
 from fmus.coordinate_feedforward import record, statistics
 from fmus.coordinate_feedforward.model import CoordinateFeedforward
 from fmus.coordinate_program.model import CoordinateProgram
-from twin import compiler, library, unit
-from twin.catalog import component
+from twin import compiler
+from twin.compiler import library
+from twin.component import Role, catalog, unit
 from twin.errors import TwinError
-from twin.members import Form
 from twin.run import run_scenario
-from twin.scenario import load_scenario
-from twin.variable import Role
+from twin.scenario import Form, load_scenario
 
 FOLDER = Path(fmus.__path__[0])
 NAMES = (
@@ -132,7 +131,7 @@ def test_the_needle_table_has_15_cases():
 @pytest.mark.parametrize("name", NAMES)
 def test_units_exist_and_every_parameter_has_a_source(name):
     text = (FOLDER / name / "README.md").read_text()
-    for variable in component(name).variables:
+    for variable in catalog.component(name).variables:
         unit.conversion(variable.unit, variable.display_unit, variable.name)
         if variable.role is Role.parameter:
             assert variable.source, variable.name
@@ -142,7 +141,7 @@ def test_units_exist_and_every_parameter_has_a_source(name):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_initialization_can_be_repeated(name):
-    instance = component(name)()
+    instance = catalog.component(name)()
     instance.start(0.0)
     first = instance.record.copy()
     instance.advance(0.0, 0.1)

@@ -1,9 +1,8 @@
 import pytest
 
-from twin import reference
-from twin.component import Component
+from twin.component import Component, Int32, input, output
+from twin.conformance import reference
 from twin.errors import DeclarationError, SimulationError
-from twin.variable import Int32, input, output
 
 
 class Mixed(Component):
@@ -65,7 +64,7 @@ def test_own_stimulus_and_differences():
 def test_stale_file_says_what_to_do(tmp_path):
     path = tmp_path / "expected.csv"
     path.write_text("time,x\n0.0,1.0\n")
-    with pytest.raises(DeclarationError, match=r"python -m twin\.reference"):
+    with pytest.raises(DeclarationError, match=r"twin reference"):
         reference.read(path, Mixed)
 
 

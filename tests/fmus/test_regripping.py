@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from fmus.regripping_sequencer.model import RegrippingSequencer
 from fmus.regripping_sequencer.rules import FAULT, IDLE, RUNNING, STANDING
 from tests.rails import make
-from twin.solver import ERROR
+from twin.component import ERROR
 
 SPEEDS = [0.005, 0.01, 0.02, 0.03, 0.04]
 IDLE_STEP, LAST_STEP = 1, 9

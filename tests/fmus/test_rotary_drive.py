@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fmus.rotary_drive.model import RotaryDrive
-from twin.solver import ERROR, OK
+from twin.component import ERROR, OK
 
 H = 1e-3
 

@@ -4,7 +4,7 @@ import pytest
 from fmus.em_tracker.model import EMTracker
 from fmus.force_sensor.model import ForceSensor
 from fmus.heart_estimate.model import HeartEstimate
-from twin.solver import ERROR
+from twin.component import ERROR
 
 
 def sampled(member, output, count, h):

@@ -2,9 +2,7 @@
 
 from math import pi, sin
 
-from twin.component import Component
-from twin.solver import OK
-from twin.variable import input, output, parameter
+from twin.component import OK, Component, input, output, parameter
 
 
 class Spring(Component):

@@ -7,7 +7,7 @@ import pytest
 
 from hw_bridge.load import load
 from tests.hw_bridge.axis import Rig, node
-from twin import catalog
+from twin.component import catalog
 from twin.run import run_scenario
 from twin.scenario import load_scenario, parse_scenario
 

@@ -7,9 +7,8 @@ import pytest
 from hw_bridge.fault import Cause
 from hw_bridge.load import load
 from twin.errors import ScenarioError, SimulationError
-from twin.members import Form
 from twin.run import run_scenario
-from twin.scenario import load_scenario, parse_scenario
+from twin.scenario import Form, load_scenario, parse_scenario
 
 ROOT = Path(__file__).parents[2]
 SCENARIO = ROOT / "scenarios/drive_faults.yaml"

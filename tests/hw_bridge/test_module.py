@@ -34,9 +34,8 @@ from hw_bridge.trace.decoder import Decoder
 from hw_bridge.trace.files import read
 from hw_bridge.wire import Wire
 from twin.errors import ScenarioError, SimulationError
-from twin.members import Form
 from twin.run import run_scenario
-from twin.scenario import load_scenario, parse_scenario
+from twin.scenario import Form, load_scenario, parse_scenario
 
 ROOT = Path(__file__).parents[2]
 BENCHES = ROOT / "hw_bridge/benches"

@@ -7,7 +7,7 @@ import pytest
 
 from hw_bridge.drive.motor import CYCLE, Motor
 from hw_bridge.profiles import profile
-from twin.members import Form
+from twin.scenario import Form
 
 LM2070, EC_I_40 = profile("faulhaber_v3").motor, profile("epos4").motor
 

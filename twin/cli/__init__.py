@@ -23,6 +23,7 @@ COMMANDS = {
     "simulate":  "run any single FMU and write its outputs",
     "build":     "build all components of fmus/ as FMUs",
     "test":      "check that a component does the same interpreted, compiled and as FMU",
+    "reference": "write the trajectory that a component must reproduce",
     "export":    "a component, or any part of a scenario, as one FMU",
     "calibrate": "readings of a bench, as CSV files, to the parameters of a component",
     "new":       "write a new component folder that builds and passes its tests",
@@ -57,7 +58,7 @@ class Commands(click.Group):
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the command, or name the nearest one."""
         if args and args[0] not in self.list_commands(ctx) and not args[0].startswith("-"):
-            from twin.system import nearest
+            from twin.coupling import nearest
 
             ctx.fail(f"no command {args[0]!r}. {nearest(args[0], self.list_commands(ctx))}")
         return super().resolve_command(ctx, args)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import click
 
-from twin import catalog
+from twin.component import catalog
 from twin.errors import TwinError
 
 VERSIONS = {"2.0": ("2.0",), "3.0": ("3.0",), "all": ("2.0", "3.0")}

@@ -22,8 +22,8 @@ def command(name: str, tables: tuple[str, ...], output: Path | None, force: bool
     twin calibrate coordinate_feedforward
     twin calibrate coordinate_feedforward linear=moves.csv deflection=pulls.csv -o my_catheter.yaml
     """
-    from twin import calibration, catalog
-    from twin.results import write_text
+    from twin.component import catalog
+    from twin.results import calibration, write_text
 
     cls = catalog.component(name)
     if not tables:

@@ -48,8 +48,7 @@ def command(files: tuple[str, ...], overrides: tuple[str, ...], hardware_file: P
 
 def examine(file: str, overrides: tuple[str, ...] = (), hardware: Hardware | None = None) -> tuple[list[str], str]:
     """(problems of a file, or what it has)."""
-    from twin.scenario import load_scenario
-    from twin.scenario.lookup import look_up
+    from twin.scenario import load_scenario, look_up
 
     try:
         scenario = load_scenario(file, overrides)

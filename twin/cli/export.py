@@ -68,7 +68,7 @@ def command(
         raise TwinError("--line-directives is for C. Add --target c.")
     cls = component(what, members, named, variant)
     if target == "c":
-        from twin import library
+        from twin.compiler import library
 
         name, targets = compiler.model_name(cls), tuple(library.TRIPLES)
         paths = library.export(cls, name, output or Path(name), build, targets, force, line_directives=line_directives)
@@ -87,16 +87,14 @@ def command(
 
 def component(what: str, members: str | None, named: str | None, variant: str | None) -> type[Component]:
     """The component to export."""
-    from twin import catalog
+    from twin.component import catalog
 
     if not what.endswith((".yaml", ".yml")):
         if members or named or variant:
             raise TwinError(f"{what}: --members, --group and --variant belong to a scenario file. Give SCENARIO.yaml.")
         return catalog.component(what)
-    from twin.export import group
     from twin.run import prepare
-    from twin.scenario import load_scenario
-    from twin.scenario.merge import nearest
+    from twin.scenario import group, load_scenario, nearest
 
     scenario = load_scenario(what)
     if bool((members or "").strip(", ")) == bool(named):

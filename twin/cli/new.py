@@ -36,7 +36,7 @@ def command(name: str, folder: Path) -> None:
         raise TwinError(f"{name!r} is a component already. Choose another name, or it would hide that one here.")
     title = name.replace("_", " ").capitalize()
     class_name = "".join(part.capitalize() for part in name.split("_"))
-    templates = resources.files("twin") / "templates"
+    templates = resources.files("twin.cli") / "templates"
     files = {
         "__init__.py": "",
         "model.py": (templates / "model.py.txt").read_text().format(title=title, class_name=class_name),
@@ -48,7 +48,7 @@ def command(name: str, folder: Path) -> None:
     for file, text in files.items():
         (place / file).write_text(text)
 
-    from twin import reference
+    from twin.conformance import reference
 
     reference.regenerate(written(place, class_name), place / "expected.csv")
     shown = name if folder.name == "fmus" or place.is_absolute() else f"{'.'.join(place.parts)}.model:{class_name}"
@@ -57,7 +57,7 @@ def command(name: str, folder: Path) -> None:
 
 def known() -> list[str]:
     """Components that there are."""
-    from twin import catalog
+    from twin.component import catalog
     from twin.errors import DeclarationError
 
     try:

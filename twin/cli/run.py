@@ -86,9 +86,8 @@ def command(
     twin run scenarios/heart_wall_force.yaml --variant PI --seed 1 --set heart.rate="1.4 Hz"
     twin run scenarios/heart_wall_force.yaml --hardware hw_bridge/benches/simulated_force.yaml
     """
-    from twin.members import Form
     from twin.run import run_scenario
-    from twin.scenario import load_scenario
+    from twin.scenario import Form, load_scenario
 
     scenario = load_scenario(file, overrides)
     if (trace is not None or replay is not None) and hardware_file is None:
@@ -156,7 +155,7 @@ def show(outcome: Outcome, report: bool) -> None:
     """The table of metrics, then where everything lies."""
     from rich.console import Console
 
-    from twin.report import UNLIMITED, table
+    from twin.run import UNLIMITED, table
 
     # a terminal wraps; a file or a pipe gets whole lines, to be searched
     console = Console(width=None if sys.stdout.isatty() else UNLIMITED)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from rich.progress import Progress
 
-    from twin.fmi.tables import Results
+    from twin.fmi import Results
 
 PATIENCE = 1.0  # a bar appears after this time [s]
 
@@ -100,9 +100,7 @@ def command(
 
     The folder it is unpacked to is removed at the end.
     """  # fmt: skip
-    from twin.fmi import tables
-    from twin.fmi.importer import FMUMember
-    from twin.fmi.simulate import plan, simulate
+    from twin.fmi import FMUMember, plan, simulate, tables
 
     target = output or Path(f"{fmu.stem}_out.csv")
     tables.check_output(target)

@@ -17,9 +17,10 @@ def command(names: tuple[str, ...], build: Path) -> None:
     """Check components: all of fmus/, or those named.
 
     Source, documentation, outputs written, and that interpreted, compiled, FMI 2.0 and FMI 3.0 FMU all reproduce
-    expected.csv to the bit. After a wanted change of behavior: python -m twin.reference NAME writes it anew.
+    expected.csv to the bit. After a wanted change of behavior: twin reference NAME writes it anew.
     """
-    from twin import catalog, conformance
+    from twin.component import catalog
+    from twin.conformance import agreement as conformance
 
     failed = 0
     for name in names or catalog.names():

@@ -4,8 +4,26 @@ Stages: `resolve` (what names stand for), `infer` (types), `write` (text); `unit
 component's header and source. `toolchain` calls clang and LLD; `native` keeps what they make.
 """
 
+from twin.compiler import library, machine, tangent
 from twin.compiler.component import Sources, entries, translate
 from twin.compiler.content import content_hash
+from twin.compiler.dependencies import dependencies, flow
+from twin.compiler.machine import (
+    call_access,
+    call_step,
+    read8,
+    read16,
+    read32,
+    read64,
+    read_float,
+    read_float32,
+    write8,
+    write16,
+    write32,
+    write64,
+    write_float,
+    write_float32,
+)
 from twin.compiler.native import (
     compile_sources,
     component_hash,
@@ -19,6 +37,7 @@ from twin.compiler.native import (
     source_hash,
     sources,
 )
+from twin.compiler.tangent import Tangents, tangents
 from twin.compiler.toolchain import (
     BARE,
     LIBM,
@@ -40,26 +59,47 @@ __all__ = [
     "PLATFORMS",
     "SYNTAX",
     "Sources",
+    "Tangents",
     "archive",
+    "call_access",
+    "call_step",
     "compile_c",
     "compile_sources",
     "component_hash",
     "component_object",
     "content_hash",
+    "dependencies",
     "entries",
+    "flow",
     "host",
     "in_order",
     "is_translated",
+    "library",
     "link",
     "load",
     "load_component",
     "load_record_function",
     "load_symbols",
+    "machine",
     "model_name",
     "problems",
     "put",
+    "read8",
+    "read16",
+    "read32",
+    "read64",
+    "read_float",
+    "read_float32",
     "side_by_side",
     "source_hash",
     "sources",
+    "tangent",
+    "tangents",
     "translate",
+    "write8",
+    "write16",
+    "write32",
+    "write64",
+    "write_float",
+    "write_float32",
 ]

@@ -12,14 +12,7 @@ import numpy as np
 import twin
 from twin.compiler import tangent
 from twin.compiler.resolve import TranslationError
-from twin.compiler.structs import (
-    block_comment,
-    clean,
-    flat_struct,
-    struct_of,
-    struct_of_dtype,
-    struct_text,
-)
+from twin.compiler.structs import block_comment, clean, flat_struct, struct_of, struct_of_dtype, struct_text
 from twin.compiler.types import REAL, Struct
 from twin.compiler.unit import RECORD, Entry, Unit
 from twin.compiler.write import number, wrapped

@@ -6,12 +6,11 @@ import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin import source
 from twin.compiler import toolchain
 from twin.compiler.component import Sources, about, translate, translate_record
 from twin.compiler.content import content_hash, text_hash
 from twin.compiler.zig import digest, kept, put
-from twin.component import Component, PythonComponent, functions
+from twin.component import Component, PythonComponent, functions, source
 from twin.errors import BuildError
 
 if TYPE_CHECKING:

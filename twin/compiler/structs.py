@@ -14,12 +14,11 @@ import numpy as np
 
 from twin.compiler.names import safe
 from twin.compiler.types import STORAGE, Field, Struct
+from twin.component import Role
 from twin.errors import BuildError
-from twin.variable import Role
 
 if TYPE_CHECKING:
-    from twin.component import Component
-    from twin.variable import Variable
+    from twin.component import Component, Variable
 
 WIDTH = 120
 SIZES = {"double": 8, "int64_t": 8, "int32_t": 4, "int8_t": 1, "bool": 1}

@@ -17,8 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.compiler import slopes
 from twin.compiler.dual import ACTIVE, PLAIN, RECORD, ZERO, Dual, Expressions, UnknownError, dot
-from twin.generated import define
-from twin.variable import Float64
+from twin.component import Float64, define
 
 if TYPE_CHECKING:
     from twin.component import Component

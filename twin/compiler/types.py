@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from twin.variable import Role
+from twin.component import Role
 
 
 class Kind(IntEnum):

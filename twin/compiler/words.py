@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from twin import machine
+from twin.compiler import machine
 from twin.compiler.types import BOOLEAN, INTEGER, NOTHING, REAL, Scalar, Type
 
 

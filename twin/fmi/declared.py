@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
+from twin.coupling import DTYPES, MemberVariable
 from twin.errors import CouplingError, FMUError
 from twin.fmi import values
-from twin.member import DTYPES, MemberVariable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -12,12 +12,10 @@ from typing import TYPE_CHECKING, Any
 from lxml import etree
 
 import twin
-from twin import clock, unit
-from twin.compiler.tangent import Tangents, tangents
-from twin.component import evaluation
-from twin.dependencies import flow
+from twin import clock
+from twin.compiler import Tangents, flow, tangents
+from twin.component import Boolean, Float64, Int64, Role, Variable, evaluation, unit
 from twin.errors import BuildError
-from twin.variable import Boolean, Float64, Int64, Role, Variable
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

@@ -18,23 +18,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import twin
-from twin import compiler, source
+from twin import compiler
 from twin.compiler import model_name, tangent
-from twin.component import Component, PythonComponent
+from twin.component import Component, PythonComponent, Role, source
 from twin.errors import BuildError
 from twin.fmi import description, terminals
 from twin.fmi.description import Exposed
 from twin.fmi.sources import FOLDER, listed, source_files, to_compile
 from twin.fmi.table import model_c, source_code
 from twin.revision import revision
-from twin.variable import Role
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 ENGINE = Path(__file__).parents[1]
-TEMPLATES = ENGINE / "templates"
-DECISIVE = ("component.py", "dependencies.py", "generated.py", "group.py", "solver.py", "unit.py", "variable.py")
+DECISIVE = ("component", "compiler", "coupling/group.py", "fmi")  # what decides what an FMU is
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +115,7 @@ def _page() -> Any:
     """The template of the documentation, compiled once."""
     import jinja2
 
-    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True)
+    environment = jinja2.Environment(loader=jinja2.FileSystemLoader(ENGINE / "fmi"), autoescape=True, trim_blocks=True)
     return environment.get_template("documentation.html")
 
 
@@ -265,8 +263,7 @@ def made_from(cls: type[Component], version: str) -> str:
 def _engine() -> str:
     """Hash of the engine's files that decide what an FMU is, and of the compiler's version."""
     digest = hashlib.sha256(metadata.version("ziglang").encode())
-    folders = [path for name in ("fmi", "compiler", "templates") for path in (ENGINE / name).rglob("*")]
-    for file in sorted([*folders, *(ENGINE / name for name in DECISIVE)]):
+    for file in sorted(path for name in DECISIVE for path in (ENGINE / name, *(ENGINE / name).rglob("*"))):
         if file.suffix in (".py", ".c", ".h", ".html"):
             digest.update(file.read_bytes())
     return digest.hexdigest()

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from fmpy.fmi1 import FMICallException
 
+from twin.coupling import Access, Member, MemberVariable
 from twin.errors import CouplingError, FMUError, SimulationError
 from twin.fmi import binary, values
 from twin.fmi import declared as declarations
 from twin.fmi.archive import share
-from twin.member import Access, Member, MemberVariable
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -13,18 +13,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin import clock, machine
+from twin import clock
+from twin.compiler import machine
+from twin.coupling import nearest
 from twin.errors import CouplingError, FMUError, SimulationError
 from twin.fmi import binary
 from twin.fmi.tables import Column, Results
-from twin.system import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from twin.coupling import Access, MemberVariable
     from twin.fmi.importer import FMUMember
     from twin.fmi.tables import Inputs
-    from twin.member import Access, MemberVariable
 
 POINTS = 500  # steps where the FMU suggests no step size
 SCALARS = 200_000_000  # largest number of recorded scalars

@@ -9,8 +9,8 @@ import uuid
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from twin.component import Role
 from twin.fmi import description
-from twin.variable import Role
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -9,15 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin import clock, unit
+from twin import clock
+from twin.component import unit
 from twin.errors import FMUError, TwinError
 from twin.fmi import values
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from twin.coupling import MemberVariable
     from twin.fmi.importer import FMUMember
-    from twin.member import MemberVariable
 
 WITH_UNIT = re.compile(r"(.*\S)\s+\[([^\]]*)\]")  # `x [mm]`; without the blank it is an element, `u[1]`
 FORMATS = (".csv", ".parquet")

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.coupling import nearest
 from twin.errors import FMUError
-from twin.system import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from twin.member import MemberVariable
+    from twin.coupling import MemberVariable
 
 TRUTH = {"true": True, "1": True, "false": False, "0": False}
 ELEMENT = re.compile(r"(.+)\[\s*(\d+(?:\s*,\s*\d+)*)\s*\]")  # A[1,2], counted from 1

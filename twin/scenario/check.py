@@ -19,9 +19,9 @@ from twin.scenario.spec import SETTABLE
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from twin.expression import Expression
+    from twin.coupling import Catalog
+    from twin.results import Expression
     from twin.scenario.model import ScenarioKeys
-    from twin.scenario.names import Catalog
     from twin.scenario.spec import Case, EventSpec, MemberSpec, Scenario
     from twin.scenario.tree import Node
 
@@ -58,7 +58,7 @@ def check(scenario: Scenario, keys: ScenarioKeys, tree: Node, trees: dict[str, N
 
 def check_sets(tree: Node, trees: dict[str, Node]) -> list[str]:
     """Parameter sets for components that do not exist; those that no member has are fine."""
-    from twin import catalog
+    from twin.component import catalog
 
     roots = [one.entries["parameter_sets"] for one in (tree, *trees.values()) if "parameter_sets" in one.entries]
     places = {name: node.place for sets in roots for one in sets.items for name, node in one.entries.items()}

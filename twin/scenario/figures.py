@@ -5,13 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
-from twin.analysis import Analysis
 from twin.errors import CouplingError
-from twin.metrics import Curve, Expectation, Metric, Plot
+from twin.results import Analysis, Curve, Expectation, Metric, Plot, Window
 from twin.scenario import value
 from twin.scenario.merge import nearest
 from twin.scenario.model import RunKeys
-from twin.signals import Window
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

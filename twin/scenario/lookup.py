@@ -11,15 +11,15 @@ from twin.scenario.check import check_against
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from twin.member import MemberVariable
-    from twin.scenario.names import Catalog, Variables
+    from twin.coupling import Catalog, MemberVariable
+    from twin.scenario.names import Variables
     from twin.scenario.spec import MemberSpec, Scenario
 
 
 def look_up(scenario: Scenario) -> tuple[dict[str, Catalog], list[str]]:
     """(variant -> member -> variables, every problem that can be found without running)."""
-    from twin import members
-    from twin.system import Connection, System
+    from twin.coupling import Connection, System
+    from twin.scenario import members
 
     known: dict[str, Mapping[str, MemberVariable]] = {}  # by component, and by what changes its shapes
     problems: dict[str, None] = {}

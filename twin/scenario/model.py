@@ -7,9 +7,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 
-from twin import expression
 from twin.errors import CouplingError, ScenarioError
-from twin.expression import Expression
+from twin.results import Expression, expression
 from twin.scenario.value import duration, number, raw, short
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")

@@ -12,10 +12,9 @@ from twin.scenario.merge import nearest
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from twin.member import MemberVariable
+    from twin.coupling import Catalog, MemberVariable
 
     Variables = Mapping[str, MemberVariable]  # of one member
-    Catalog = Mapping[str, Variables]  # member -> its variables
 
 ELEMENT = re.compile(r"(.+?)\[(\d+(?:\s*,\s*\d+)*)\]")
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError, TwinError
-from twin.export import group
+from twin.scenario.grouping import group
 from twin.scenario.lookup import look_up
 from twin.scenario.merge import members, nearest
 

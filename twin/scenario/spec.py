@@ -24,10 +24,10 @@ from twin.scenario.tree import FLOAT, Node
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from twin.analysis import Analysis
     from twin.component import Component
-    from twin.metrics import Expectation, Metric, Plot
-    from twin.scenario.names import Catalog, Variables
+    from twin.coupling import Catalog
+    from twin.results import Analysis, Expectation, Metric, Plot
+    from twin.scenario.names import Variables
 
 SETTABLE = ("parameter", "structuralParameter", "input")
 STARTABLE = ("exact", "approx")  # FMI's `initial`: a state's or an output's start value may be set

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin import signals, unit
+from twin.component import unit
 from twin.errors import CouplingError
+from twin.results import signals
 
 if TYPE_CHECKING:
-    from twin.member import MemberVariable
+    from twin.coupling import MemberVariable
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
 # A unit starts with a letter or as `1/s`. Powers have one digit: pint would compute `m**9**9**9` forever.

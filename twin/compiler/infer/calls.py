@@ -11,19 +11,7 @@ import numpy as np
 
 from twin.compiler import words
 from twin.compiler.infer.expressions import Expressions
-from twin.compiler.types import (
-    BOOLEAN,
-    INTEGER,
-    REAL,
-    UNKNOWN,
-    Array,
-    Known,
-    Tuple,
-    Type,
-    Unknown,
-    join,
-    of_constant,
-)
+from twin.compiler.types import BOOLEAN, INTEGER, REAL, UNKNOWN, Array, Known, Tuple, Type, Unknown, join, of_constant
 from twin.compiler.words import Word
 
 if TYPE_CHECKING:

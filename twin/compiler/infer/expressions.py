@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from twin import source
 from twin.compiler.infer.static import NotStaticError, Static
 from twin.compiler.types import (
     BOOLEAN,
@@ -27,6 +26,7 @@ from twin.compiler.types import (
     join,
     of_constant,
 )
+from twin.component import source
 
 if TYPE_CHECKING:
     from collections.abc import Callable

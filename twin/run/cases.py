@@ -10,21 +10,16 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from twin import members, results
-from twin.algorithm.cosimulation import Algorithm, CoSimulation
-from twin.catalog import component
+from twin.component import catalog
+from twin.coupling import Algorithm, Connection, CoSimulation, System, find
 from twin.errors import CouplingError, ScenarioError, SimulationError, TwinError
-from twin.members import Form
-from twin.metrics import Ending, Evaluation, evaluate
-from twin.scenario import Scenario
-from twin.scenario.lookup import look_up
-from twin.signals import Signals
-from twin.system import Connection, System, find
+from twin.results import Ending, Evaluation, Signals, evaluate
+from twin.results import recording as results
+from twin.scenario import Form, Scenario, look_up, members
 
 if TYPE_CHECKING:
-    from twin.member import Member
-    from twin.scenario.names import Catalog
-    from twin.scenario.spec import Case
+    from twin.coupling import Catalog, Member
+    from twin.scenario import Case
 
 Progress = Callable[[str, float], object]  # name of the case, part of it that is done (0 to 1)
 
@@ -279,7 +274,7 @@ def sources(cases: Iterable[Case]) -> dict[str, str]:
                 found.update(
                     {
                         f"{name}.{v.name}": v.source
-                        for v in (spec.made or component(spec.component)).variables
+                        for v in (spec.made or catalog.component(spec.component)).variables
                         if v.source
                     }
                 )
@@ -291,7 +286,7 @@ def write(outcome: Outcome, cases: Sequence[Case], report: bool, pictures: Seque
     outcome.summary = results.summary(outcome.run, outcome.evaluation, outcome.tables, outcome.endings)
     results.write_summary(outcome.folder / "summary.json", outcome.summary)
     if report:
-        from twin import report as page
+        from twin.run import report as page
 
         distinct = list({case.variant: case for case in cases}.values())
         text = page.html(

@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock, compiler
-from twin.algorithm import initialization, loop
-from twin.algorithm.plan import Key, Place, Plan, bits, kind, merged, view
+from twin.coupling import initialization, loop
+from twin.coupling.member import RecordMember
+from twin.coupling.plan import Key, Place, Plan, bits, kind, merged, view
+from twin.coupling.system import Link, stepping_order
 from twin.errors import CouplingError, SimulationError
-from twin.member import RecordMember
-from twin.system import Link, stepping_order
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
     from pathlib import Path
 
-    from twin.member import Member
+    from twin.coupling.member import Member
 
 CHUNK_SECONDS = 0.05  # wall-clock length of one native call: how fast Ctrl-C and the progress bar react
 BUFFER_BYTES = 64 << 20  # recording buffer, touched before the loop runs: no page faults in it

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.algorithm import loop
-from twin.system import Link
+from twin.coupling import loop
+from twin.coupling.system import Link
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from twin.member import Access, Member, MemberVariable
+    from twin.coupling.member import Access, Member, MemberVariable
 
 Key = tuple[str, str]
 Place = tuple[str, int, int, int]

@@ -12,10 +12,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from twin import unit
+from twin.component import unit
+from twin.coupling.member import MemberVariable
 from twin.errors import CouplingError
 from twin.graph import ordered_groups
-from twin.member import MemberVariable
 
 Catalog = Mapping[str, Mapping[str, MemberVariable]]
 

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin import expression
 from twin.errors import ScenarioError
-from twin.metrics import Curve, Plot
-from twin.signals import coherent
+from twin.results import expression
+from twin.results.metrics import Curve, Plot
+from twin.results.signals import coherent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from twin.signals import Signals
+    from twin.results.signals import Signals
 
     Tables = Mapping[tuple[str, int], Signals]
 

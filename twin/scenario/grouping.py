@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from twin import catalog
-from twin.algorithm.cosimulation import Algorithm
+from twin.component import catalog
+from twin.coupling import Algorithm, Connection, Link, Part, System, compose, direct_followers, nearest, stepping_order
 from twin.errors import CouplingError
 from twin.graph import ordered_groups, reached
-from twin.group import Part, compose
-from twin.system import Connection, Link, System, direct_followers, nearest, stepping_order
 
 if TYPE_CHECKING:
     from twin.component import Component
-    from twin.scenario.names import Catalog
+    from twin.coupling import Catalog
     from twin.scenario.spec import Case
 
 

@@ -9,16 +9,15 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin import catalog, compiler
-from twin.component import Component, PythonComponent
+from twin import compiler
+from twin.component import Component, PythonComponent, Role, catalog
+from twin.coupling import Member, MemberVariable, RecordMember, declared_variables
 from twin.errors import CouplingError, TwinError, described
-from twin.member import Member, MemberVariable, RecordMember, declared_variables
-from twin.variable import Role
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
-    from twin.fmi.importer import FMUMember
+    from twin.fmi import FMUMember
 
 
 class Form(StrEnum):
@@ -35,7 +34,7 @@ def variables(component: str | type[Component], sizes: Mapping[str, Any] | None 
     `sizes`: values of structural parameters, on which the shapes of others depend.
     """
     if isinstance(component, str) and component.endswith(".fmu"):
-        from twin.fmi.importer import FMUMember
+        from twin.fmi import FMUMember
 
         member = FMUMember("member", component, dict(sizes or {}))
         member.close()
@@ -109,6 +108,6 @@ def instance(name: str, cls: type[Component], values: Mapping[str, Any]) -> Comp
 
 def imported(name: str, path: Path, values: Mapping[str, Any]) -> FMUMember:
     """Any FMU as a member."""
-    from twin.fmi.importer import FMUMember
+    from twin.fmi import FMUMember
 
     return FMUMember(name, path, dict(values))

@@ -12,14 +12,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin import compiler, machine, reference
-from twin.component import Component, PythonComponent, functions
+from twin import compiler
+from twin.compiler import machine
+from twin.component import Component, Float64, PythonComponent, Role, functions
+from twin.conformance import reference
+from twin.coupling import Member, RecordMember
 from twin.errors import TwinError
-from twin.member import Member, RecordMember
-from twin.variable import Float64, Role
 
 if TYPE_CHECKING:
-    from twin.reference import Trajectory, Value
+    from twin.conformance.reference import Trajectory, Value
 
 VERSIONS = ("2.0", "3.0")
 
@@ -102,7 +103,7 @@ def check_source(cls: type[Component], _build: Path) -> None:
 
 def check_documentation(cls: type[Component], _build: Path) -> None:
     """Docstring and descriptions are there, units are coherent SI, parameters name their source."""
-    from twin import unit
+    from twin.component import unit
 
     if not (cls.__doc__ or "").strip():
         raise ConformanceError(f"{cls.__name__}: has no docstring. Say what it is and where the equations come from.")
@@ -156,8 +157,7 @@ def check_fmu(cls: type[Component], build: Path) -> None:
     """As FMI 2.0 and as FMI 3.0 FMU, the component reproduces expected.csv to the bit and passes FMPy's validation."""
     from fmpy.validation import validate_fmu
 
-    from twin.fmi import exporter
-    from twin.fmi.importer import FMUMember
+    from twin.fmi import FMUMember, exporter
 
     wanted = expected(cls)
     for version in VERSIONS:

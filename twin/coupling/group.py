@@ -13,14 +13,25 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from twin import solver
-from twin.component import CONNECTABLE, Component, PythonComponent, functions, inputs_of
-from twin.dependencies import dependencies, flow
+from twin.compiler import dependencies, flow
+from twin.component import (
+    CONNECTABLE,
+    Component,
+    Int64,
+    Layout,
+    PythonComponent,
+    Role,
+    Terminal,
+    Variable,
+    define,
+    functions,
+    inputs_of,
+    layout,
+    solver,
+)
+from twin.coupling.system import Link, is_real
 from twin.errors import CouplingError
-from twin.generated import define
 from twin.graph import ordered_groups, reached
-from twin.system import Link, is_real
-from twin.variable import Int64, Layout, Role, Terminal, Variable, layout
 
 Key = tuple[str, str]
 

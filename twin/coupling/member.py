@@ -13,11 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin import machine, solver
-from twin.component import Component, PythonComponent
-from twin.dependencies import dependencies
+from twin.compiler import dependencies, machine
+from twin.component import Component, PythonComponent, Role, Variable, solver
 from twin.errors import CouplingError, SimulationError, TwinError, described
-from twin.variable import Role, Variable
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
+from twin.coupling import MemberVariable
 from twin.errors import ScenarioError, TwinError
-from twin.member import MemberVariable
-from twin.signals import WHOLE, Signals, Window
+from twin.results.signals import WHOLE, Signals, Window
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from twin.expression import Expression
+    from twin.results.expression import Expression
 
 
 @dataclass(frozen=True)

@@ -30,9 +30,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from twin import clock, solver
+from twin import clock
+from twin.component import solver
+from twin.component.variable import Float64, Layout, Role, Terminal, Variable, derivative, layout
 from twin.errors import DeclarationError
-from twin.variable import Float64, Layout, Role, Terminal, Variable, derivative, layout
 
 RESERVED = {"start", "advance", "views", "record", "layout", "variables", "method", "period", "period_ns", "icon"}
 RESERVED |= {"initialize", "step", "derivatives", "close", "start_values", "switches", "terminals"}

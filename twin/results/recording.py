@@ -22,15 +22,16 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 import twin
-from twin import clock, unit
+from twin import clock
+from twin.component import unit
 from twin.errors import TwinError
-from twin.metrics import Ending, Evaluation, Figure
-from twin.signals import coherent
+from twin.results.metrics import Ending, Evaluation, Figure
+from twin.results.signals import coherent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from twin.signals import Signals
+    from twin.results.signals import Signals
 
 FLOAT: np.dtype[Any] = np.dtype(np.float64)
 PACKAGES = ("numpy", "ziglang", "fmpy", "pyarrow", "pint", "pydantic")
@@ -168,7 +169,7 @@ def read_signals(path: str | Path) -> tuple[dict[tuple[str, int], Signals], dict
     """Signals of every case of a signals.parquet, arrays as single elements, and the file's metadata."""
     from pyarrow import parquet
 
-    from twin.signals import Signals
+    from twin.results.signals import Signals
 
     table = parquet.read_table(path)
     units = {one.name: (one.metadata or {}).get(b"unit", b"").decode() for one in table.schema}

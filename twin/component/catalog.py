@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from twin.component import Component
+from twin.component.component import Component
 from twin.errors import DeclarationError, TwinError, described
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ def _folders() -> list[Path]:
     All of them count, with or without `__init__.py`: a person's own components stand beside the project's.
     """
     here = Path.cwd()
-    roots = [here, *(Path(entry or here) for entry in sys.path), Path(__file__).parents[1]]
+    roots = [here, *(Path(entry or here) for entry in sys.path), Path(__file__).parents[2]]
     found = list(dict.fromkeys(str(place) for root in roots if (place := root.absolute() / "fmus").is_dir()))
     try:
         if found and "fmus" not in sys.modules and str(Path(found[-1]).parent) not in sys.path:

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.signals import WHOLE, Signals, Window, shown
+from twin.results.signals import WHOLE, Signals, Window, shown
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
-    from twin.expression import Expression
+    from twin.results.expression import Expression
 
 REDUCE: dict[str, Callable[[np.ndarray[Any, Any]], Any]] = {
     "mean":         np.mean,

@@ -13,14 +13,14 @@ import textwrap
 from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any
 
-from twin import unit
+from twin.component import unit
+from twin.component.variable import Role
 from twin.errors import CouplingError
-from twin.variable import Role
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from twin.component import Component
+    from twin.component.component import Component
 
 # construct: why it cannot be, and what to write instead
 FORBIDDEN: dict[type[ast.AST], tuple[str, str]] = {
@@ -149,7 +149,7 @@ def _call_problems(node: ast.Call, function: FunctionType) -> Iterator[tuple[ast
                 f"`{ast.unparse(called)}()` allocates an array. Declare a local() with shape=... and loop over it",
             )
         elif isinstance(base, ast.Attribute) and base.attr in ("random", "linalg"):
-            instead = "twin.noise" if base.attr == "random" else "a loop over the elements"
+            instead = "normal of twin.component" if base.attr == "random" else "a loop over the elements"
             yield node, f"`{ast.unparse(called)}()` has no form in C. Use {instead}"
         elif not module and called.attr in METHODS:
             yield node, f"`.{called.attr}()` of an array has no form in C. Write the loop over its elements"

@@ -14,8 +14,8 @@ from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
 
+from twin.component import Role
 from twin.graph import reached
-from twin.variable import Role
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator

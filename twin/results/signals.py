@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin import clock, unit
+from twin import clock
+from twin.component import unit
 from twin.errors import CouplingError, ScenarioError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from twin.expression import Expression
+    from twin.results.expression import Expression
 
 COMMON = "1 - m s kg N rad A V K Hz Pa W J T ohm m/s m/s^2 m/s**2 rad/s N/m N*m N*s/m 1/s 1/m"
 # What float64 leaves of a zero, as part of the largest number that it was made of: a mean of 5.8e-15 mm is none.

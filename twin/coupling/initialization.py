@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.coupling.system import Link, direct_followers, is_real
 from twin.errors import SimulationError
 from twin.graph import ordered_groups
-from twin.system import Link, direct_followers, is_real
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from twin.member import Member
+    from twin.coupling.member import Member
 
 Key = tuple[str, str]
 

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from twin.machine import (
+from twin.compiler import (
     call_access,
     call_step,
     read8,

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.metrics import Ending, Evaluation, Figure, Outcome, Plot
-from twin.signals import coherent, shown
+from twin.results import Ending, Evaluation, Figure, Outcome, Plot, coherent, shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -20,9 +19,9 @@ if TYPE_CHECKING:
     from rich.table import Table
     from rich.text import Text
 
+    from twin.coupling import Catalog
+    from twin.results import Signals
     from twin.scenario import Case
-    from twin.scenario.names import Catalog
-    from twin.signals import Signals
 
 UNLIMITED = 10_000  # columns
 
@@ -276,10 +275,10 @@ def html(
     """
     import jinja2
 
-    from twin import plotting
+    from twin.results import plotting
 
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("twin"), autoescape=True, trim_blocks=True, lstrip_blocks=True,
+        loader=jinja2.PackageLoader("twin.run", ""), autoescape=True, trim_blocks=True, lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )  # fmt: skip
     times = [clock.seconds(row.time_ns) for row in events]

@@ -4,14 +4,13 @@ A file has one column per scalar: `time`, the inputs, the outputs; one row per c
 initialization with that row's inputs; the outputs of a later row are what one step from the row before it gave, with
 that row's inputs. The stimulus stands in the file, numbers are written so that they read back to the bit.
 
-    python -m twin.reference NAME ...        writes expected.csv of these components anew, under the stimulus it has
+    twin reference NAME ...        writes expected.csv of these components anew, under the stimulus it has
 """
 
 from __future__ import annotations
 
 import csv
 import inspect
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import pi, sin
@@ -20,10 +19,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from twin import clock, solver
-from twin.component import Component
+from twin import clock
+from twin.component import Boolean, Component, Float64, Role, Type, Variable, solver
 from twin.errors import DeclarationError, SimulationError
-from twin.variable import Boolean, Float64, Role, Type, Variable
 
 STEPS = 100
 STEP = 1_000_000  # communication step [ns]
@@ -200,7 +198,7 @@ def command(cls: type[Component]) -> str:
     package, _, rest = cls.__module__.partition(".")
     name, _, module = rest.partition(".")
     shown = name if (package, module) == ("fmus", "model") else f"{cls.__module__}:{cls.__name__}"
-    return f"python -m twin.reference {shown}"
+    return f"twin reference {shown}"
 
 
 def regenerate(cls: type[Component], path: Path | None = None) -> Path:
@@ -222,10 +220,3 @@ def kept_stimulus(path: Path, cls: type[Component]) -> Sequence[Row] | None:
     types = {name: variable.type for variable in cls.variables for name in variable.elements()}
     convert = [PARSERS[types.get(name, Float64)] for name in names[: 1 + len(inputs)]]
     return tuple(tuple(parse(text) for parse, text in zip(convert, line, strict=False)) for line in lines)
-
-
-if __name__ == "__main__":
-    from twin import catalog
-
-    for argument in sys.argv[1:]:
-        print(regenerate(catalog.component(argument)))

@@ -1,1 +1,0 @@
-"""Co-simulation algorithms: the compiled loop, the table it walks, and the one who fills the table."""

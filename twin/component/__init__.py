@@ -1,0 +1,67 @@
+"""What an author touches: variables with units, components in plain Python, solvers, noise, the linter, the catalog."""
+
+from twin.component import catalog, solver, source, unit
+from twin.component.component import CONNECTABLE, Component, PythonComponent, evaluation, functions, inputs_of
+from twin.component.generated import define
+from twin.component.noise import normal, seed_stream, uniform
+from twin.component.solver import DISCARD, ERROR, FATAL, OK, WARNING, euler, heun, rk4, ros2
+from twin.component.variable import (
+    Boolean,
+    Float64,
+    Int32,
+    Int64,
+    Layout,
+    Role,
+    Terminal,
+    Type,
+    Variable,
+    input,
+    layout,
+    local,
+    output,
+    parameter,
+    state,
+    terminal,
+)
+
+__all__ = [
+    "CONNECTABLE",
+    "DISCARD",
+    "ERROR",
+    "FATAL",
+    "OK",
+    "WARNING",
+    "Boolean",
+    "Component",
+    "Float64",
+    "Int32",
+    "Int64",
+    "Layout",
+    "PythonComponent",
+    "Role",
+    "Terminal",
+    "Type",
+    "Variable",
+    "catalog",
+    "define",
+    "euler",
+    "evaluation",
+    "functions",
+    "heun",
+    "input",
+    "inputs_of",
+    "layout",
+    "local",
+    "normal",
+    "output",
+    "parameter",
+    "rk4",
+    "ros2",
+    "seed_stream",
+    "solver",
+    "source",
+    "state",
+    "terminal",
+    "uniform",
+    "unit",
+]
