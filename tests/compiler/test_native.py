@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from tests.test_component import Everything
+from tests.component.test_component import Everything
 from twin import compiler
 from twin.component import (
     Component,

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from fmus.bouc_wen_compensator.identify import Constants, simulate
+
 from twin.component import catalog
 from twin.run import run_scenario
 from twin.scenario import Form, load_scenario

@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-
 from fmus.air_supply.model import AirSupply
 
 H = 1e-3

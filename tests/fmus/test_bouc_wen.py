@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-
 from fmus.bouc_wen_compensator.identify import PAPER, Constants, identify, simulate
 from fmus.bouc_wen_compensator.model import BoucWenCompensator
 

@@ -2,12 +2,12 @@ from math import cos, sin, tan
 
 import numpy as np
 import pytest
+from fmus.braided_sleeve.model import BraidedSleeve
+from fmus.pneumatic_cylinder.model import PneumaticCylinder
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fmus.braided_sleeve.model import BraidedSleeve
-from fmus.pneumatic_cylinder.model import PneumaticCylinder
-from tests.instruments import guidewire
+from tests.fmus.instruments import guidewire
 
 ANGLE = 0.6109
 EXACT = {"friction_scatter": 0.0, "open_stiffness": 0.0}

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
-
-from fmus import injection
 from fmus.coordinate_feedforward import calibrate
 from fmus.coordinate_feedforward.model import CoordinateFeedforward
 from fmus.pull_wire_catheter.model import PullWireCatheter
+
+from fmus import injection
 from twin.cli.calibrate import command
 from twin.cli.check import examine
 from twin.errors import TwinError

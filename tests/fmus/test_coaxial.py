@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from fmus.coaxial_command.model import CoaxialCommand
 from fmus.coaxial_friction.model import CoaxialFriction
 

@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-
 from fmus.pi_bouc_wen_control.model import PIBoucWenControl
 from fmus.pi_control.model import PIControl
 from fmus.pi_feedforward_control.model import PIFeedforwardControl

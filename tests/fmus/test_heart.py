@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-
 from fmus.heart.model import Heart
 
 R = np.array([4, 2, 0.4, 0.1, 0.005, 0.001, 0.0005]) * 1e-3

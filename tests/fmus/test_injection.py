@@ -5,15 +5,15 @@ from math import nan
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
-
-from fmus import injection
 from fmus.camera_tracker.model import CameraTracker
 from fmus.coordinate_feedforward import model as feedforward
 from fmus.coordinate_feedforward.model import CoordinateFeedforward
 from fmus.pull_wire_catheter.model import PullWireCatheter
 from fmus.stepper_axis.model import StepperAxis
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from fmus import injection
 
 QUIET = {"deviation_y": 0.0, "deviation_z": 0.0, "deviation_needle": 0.0, "wire_play": 0.0}
 MM = 1e-3

@@ -4,13 +4,12 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
 from fmus.injection_sequence import model
 from fmus.injection_sequence.model import ACTIONS, InjectionSequence
 from fmus.injection_site.dose import profile
 from fmus.injection_site.model import InjectionSite
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 FAST = {"settle": 0.1, "speed_inject": 3e-3, "home_time": 0.6, "target_count": 3}
 HOME = -2e-3

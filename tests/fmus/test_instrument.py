@@ -5,12 +5,12 @@ from math import exp, pi
 
 import numpy as np
 import pytest
+from fmus.instrument.model import Instrument
+from fmus.sheath.model import Sheath
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fmus.instrument.model import Instrument
-from fmus.sheath.model import Sheath
-from tests.instruments import guidewire
+from tests.fmus.instruments import guidewire
 
 H = 1e-3
 HELD = {

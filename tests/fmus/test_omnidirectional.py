@@ -4,17 +4,17 @@ from math import cos, hypot, pi, sin
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
 from fmus.heart_phase.model import HeartPhase
 from fmus.image_position.model import ImagePosition
-from fmus.omnidirectional import pair
 from fmus.omnidirectional_catheter.model import OmnidirectionalCatheter
 from fmus.omnidirectional_feedforward import model as feedforward
 from fmus.omnidirectional_feedforward.model import OmnidirectionalFeedforward
 from fmus.pull_wire_catheter.model import PullWireCatheter
 from fmus.self_calibration.model import SelfCalibration
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fmus.omnidirectional import pair
 
 QUIET = {"deviation_across": 0.0, "deviation_z": 0.0, "deviation_needle": 0.0, "wire_play": 0.0}
 RATIO = 2.0 / 3.5

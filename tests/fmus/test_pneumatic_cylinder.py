@@ -2,12 +2,12 @@ from math import pi, sqrt
 
 import numpy as np
 import pytest
+from fmus.braided_sleeve.model import BraidedSleeve
+from fmus.pneumatic_cylinder.model import LAMINAR, PneumaticCylinder, flow_shape, mass_flow
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fmus.braided_sleeve.model import BraidedSleeve
-from fmus.pneumatic_cylinder.model import LAMINAR, PneumaticCylinder, flow_shape, mass_flow
-from tests.instruments import guidewire
+from tests.fmus.instruments import guidewire
 
 H = 1e-3
 AMBIENT = 101325.0

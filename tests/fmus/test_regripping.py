@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from fmus.regripping_sequencer.model import RegrippingSequencer
+from fmus.regripping_sequencer.rules import FAULT, IDLE, RUNNING, STANDING
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from fmus.regripping_sequencer.model import RegrippingSequencer
-from fmus.regripping_sequencer.rules import FAULT, IDLE, RUNNING, STANDING
-from tests.rails import make
+from tests.fmus.rails import make
 from twin.component import ERROR
 
 SPEEDS = [0.005, 0.01, 0.02, 0.03, 0.04]

@@ -1,17 +1,17 @@
 """The regripping sequencer with the real servomotors and cylinders, judged from their true positions and extensions."""
 
 import pytest
-from hypothesis import HealthCheck, Phase, given, settings
-from hypothesis import strategies as st
-
 from fmus.pneumatic_cylinder.model import PneumaticCylinder
 from fmus.regripping_sequencer.model import RegrippingSequencer
 from fmus.servomotor.model import Servomotor
-from tests.rails import TRUE_GRIP, Judge, Rig
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis import strategies as st
+
+from tests.fmus.rails import TRUE_GRIP, Judge, Rig
 
 
 class PartsRail:
-    """As `tests.rails.Rail`, made of components. A lost drive has no current; lost air is that of the cylinders."""
+    """As `tests.fmus.rails.Rail`, made of components. A lost drive has no current; lost air is that of the cylinders."""
 
     def __init__(self, native, load=0.0):
         self.load = load  # of the instrument on the grippers that hold it [N]

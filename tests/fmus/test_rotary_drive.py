@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
+from fmus.rotary_drive.model import RotaryDrive
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fmus.rotary_drive.model import RotaryDrive
 from twin.component import ERROR, OK
 
 H = 1e-3

@@ -4,14 +4,13 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
-from hypothesis import strategies as st
-
 from fmus.em_pose.evaluate import averaged, distance, loop_width, resting, rotation, travelled_angle, travelled_distance
 from fmus.em_pose.model import EMPose
 from fmus.rotation_command.model import RotationCommand
 from fmus.rotation_compensator.identify import analysis, gain, identify, simulate
 from fmus.rotation_compensator.model import RotationCompensator
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
 
 H = 1e-3
 DEGREE = np.pi / 180.0

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
-
 from fmus.em_tracker.model import EMTracker
 from fmus.force_sensor.model import ForceSensor
 from fmus.heart_estimate.model import HeartEstimate
+
 from twin.component import ERROR
 
 

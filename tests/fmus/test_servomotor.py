@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
-
 from fmus.servomotor.model import Servomotor
+
 from twin.component import ERROR, OK
 
 H = 1e-3

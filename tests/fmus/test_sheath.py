@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
+from fmus.sheath.model import Sheath
 
 from fmus.dead_zone import beyond
-from fmus.sheath.model import Sheath
 
 H = 1e-3
 

@@ -1,9 +1,6 @@
 import itertools
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-
 from fmus.supervisor.model import (
     AIR,
     BACK_ONLY,
@@ -18,6 +15,8 @@ from fmus.supervisor.model import (
     SLIP,
     Supervisor,
 )
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 H = 5e-3
 SPEED = 0.02

@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-
 from fmus.travel_command.model import TravelCommand
 
 

@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-
 from fmus.wall.model import Wall
 
 H = 1e-3

@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-
 from fmus.weights.model import Weights
 from fmus.weights.trials import over_diameter, over_pressure
 

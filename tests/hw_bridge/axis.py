@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from fmus.servomotor.model import Servomotor
+
 from hw_bridge.bridge import Hardware
 from hw_bridge.keys import HardwareKeys
 

@@ -4,8 +4,8 @@ import dataclasses
 import struct
 
 import pytest
-
 from fmus.rotary_drive.model import RotaryDrive
+
 from hw_bridge import plant
 from hw_bridge.agenda import MILLISECOND
 from hw_bridge.cia402 import Mode, State

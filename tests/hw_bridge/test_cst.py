@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from fmus.rotary_drive.model import RotaryDrive
+
 from hw_bridge.agenda import MILLISECOND
 from hw_bridge.cia402 import Mode, State
 from hw_bridge.load import load

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
-
 from fmus.servomotor.model import Servomotor
+
 from hw_bridge.load import load
 from hw_bridge.trace.files import read
 from hw_bridge.trace.replay import Replay, replay

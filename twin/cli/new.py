@@ -43,8 +43,6 @@ def command(name: str, folder: Path) -> None:
         "README.md": (templates / "component.md").read_text().format(title=title),
     }
     place.mkdir(parents=True)
-    if not (folder / "__init__.py").exists():
-        (folder / "__init__.py").write_text('"""Components, one folder each."""\n')
     for file, text in files.items():
         (place / file).write_text(text)
 

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
 def _folders() -> list[Path]:
     """Folders of the `fmus` package: that of the current directory first, then those on the path, then the project's.
 
-    All of them count, with or without `__init__.py`: a person's own components stand beside the project's.
+    All of them count, with or without `__init__.py`: a person's own components stand beside the project's. So do folders
+    in them that hold components of one kind.
     """
     here = Path.cwd()
     roots = [here, *(Path(entry or here) for entry in sys.path), Path(__file__).parents[2]]
@@ -30,7 +31,8 @@ def _folders() -> list[Path]:
         package = importlib.import_module("fmus")
     except ModuleNotFoundError:
         raise DeclarationError(f"There is no folder `fmus` in {here}. Run this from the project's folder.") from None
-    package.__path__ = list(dict.fromkeys([*found, *package.__path__]))
+    kinds = [str(model.parents[1]) for root in found for model in sorted(Path(root).glob("*/*/model.py"))]
+    package.__path__ = list(dict.fromkeys([*found, *kinds, *package.__path__]))
     return [Path(place) for place in package.__path__]
 
 

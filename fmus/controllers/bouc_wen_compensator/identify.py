@@ -1,0 +1,144 @@
+"""Identification of the Bouc-Wen constants from sampled gripper and tip positions, by least squares.
+
+Al-Ahmad et al. (RACS), section IV.B. The valley is flat: tracker noise alone moves gamma between 2 and 5 and beta by a
+factor of four at the same residual. Judge a fit by its residual and by the tracking it gives, not by its constants.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil, log
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from fmus.bouc_wen import MILLIMETER
+from scipy.optimize import least_squares
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+LONGEST = 0.15  # longest step of x_in in the integration of h [mm]
+LARGEST = 50.0  # bound of |h| while the search tries constants that do not saturate [mm]
+
+
+class Constants(NamedTuple):
+    """Constants of eqs. (1) and (2), for positions in mm."""
+
+    alpha_x: float
+    alpha: float
+    beta: float
+    delta: float
+    gamma: float
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """Result of an identification. `offset` [m]: of the tip's frame; `residual` [m]: root mean square."""
+
+    constants: Constants
+    standard_errors: Constants
+    offset: float
+    residual: float
+
+
+PAPER = Constants(1.91, 1.57, 0.0132, -0.0055, 2.56)
+
+#                   alpha_x alpha  beta   delta  gamma  offset [mm]
+LOWER = np.array((     0.2,  0.0,   0.0,  -2.0,   0.5, -20.0))  # fmt: skip
+UPPER = np.array((     5.0,  5.0,   5.0,   2.0,   6.0,  20.0))  # fmt: skip
+SCALE = np.array((     1.0,  1.0,   0.1,   0.1,   1.0,   1.0))  # fmt: skip
+
+# the paper's, and shapes from round to sharp
+STARTS = (
+    PAPER,
+    Constants(1.2, 1.1, 0.1, 0.0, 1.5),
+    Constants(1.0, 0.9, 0.3, -0.05, 1.2),
+    Constants(1.0, 0.8, 0.4, 0.2, 1.0),
+)
+
+
+def simulate(constants: Iterable[float], x_in: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Tip position x_out [m] over samples of the gripper position x_in [m], from h = 0."""
+    c = Constants(*constants)
+    h, _ = _hysteresis(c, x_in / MILLIMETER)
+    return c.alpha_x * x_in - MILLIMETER * h
+
+
+def identify(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> Fit:
+    """Fit the constants and an offset of the tip's frame to samples [m] that begin with the instrument relaxed."""
+    gripper, tip = x_in / MILLIMETER, x_out / MILLIMETER
+    known: dict[bytes, tuple[NDArray[np.float64], NDArray[np.float64]]] = {}
+
+    def model(p: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        if p.tobytes() not in known:
+            known.clear()
+            h, slopes = _hysteresis(Constants(*p[:5]), gripper)
+            jacobian = np.column_stack((gripper, -slopes, np.ones_like(gripper)))
+            known[p.tobytes()] = (p[0] * gripper - h + p[5] - tip, jacobian)
+        return known[p.tobytes()]
+
+    starts = [np.array((*start, 0.0)) for start in STARTS]
+    for start in starts:
+        start[5] = np.clip(-np.mean(model(start)[0]), LOWER[5], UPPER[5])
+    starts.sort(key=lambda start: float(np.sum(model(start)[0] ** 2)))
+    solutions = [
+        least_squares(lambda p: model(p)[0], start, lambda p: model(p)[1], (LOWER, UPPER), x_scale=SCALE, max_nfev=100)
+        for start in starts[:2]
+    ]
+    best = min(solutions, key=lambda solution: float(solution.cost))
+    freedom = max(tip.size - best.x.size, 1)
+
+    # pseudo-inverse, since constants of a start that never saturates cannot be told apart
+    covariance = np.linalg.pinv(best.jac.T @ best.jac) * 2.0 * best.cost / freedom
+    errors = np.sqrt(np.diag(covariance))
+    residual = float(np.sqrt(2.0 * best.cost / tip.size))
+    return Fit(Constants(*map(float, best.x[:5])), Constants(*map(float, errors[:5])),
+               MILLIMETER * float(best.x[5]), MILLIMETER * residual)  # fmt: skip
+
+
+def analysis(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> dict[str, float | NDArray[np.float64]]:
+    """The identification for a scenario: constants, residual, and what the fitted model answers to x_in."""
+    fit = identify(x_in, x_out)
+    model = simulate(fit.constants, x_in) + fit.offset
+    return {**fit.constants._asdict(), "residual": fit.residual, "offset": fit.offset, "x_model": model}
+
+
+analysis.outputs = {  # type: ignore[attr-defined]
+    **dict.fromkeys(Constants._fields, ""), "residual": "m", "offset": "m", "x_model": "m",
+}  # fmt: skip
+
+
+def _hysteresis(c: Constants, x_in: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """State h [mm] over x_in [mm], and its sensitivities to alpha, beta, delta, gamma; integrated over x_in, not over time."""
+    _, alpha, beta, delta, gamma = c
+    h = s_alpha = s_beta = s_delta = s_gamma = 0.0
+    rows = [(0.0,) * 5]
+    path = x_in.tolist()
+    for last, now in pairwise(path):
+        count = max(1, ceil(abs(now - last) / LONGEST))
+        dx = (now - last) / count
+        for _ in range(count):
+            size = abs(h)
+            power = size**gamma
+            sign = 1.0 if (h < 0.0) == (dx < 0.0) else -1.0
+            saturation = beta * sign + delta
+
+            # derivatives of dh/dx by h and by gamma
+            by_h = by_gamma = 0.0
+            if size > 1e-9:
+                by_h = -saturation * gamma * power / h
+                by_gamma = -saturation * power * log(size)
+            s_alpha += dx * (1.0 + by_h * s_alpha)
+            s_beta += dx * (by_h * s_beta - sign * power)
+            s_delta += dx * (by_h * s_delta - power)
+            s_gamma += dx * (by_h * s_gamma + by_gamma)
+            h += dx * (alpha - saturation * power)
+            if abs(h) > LARGEST:
+                h = LARGEST if h > 0.0 else -LARGEST
+                s_alpha = s_beta = s_delta = s_gamma = 0.0
+        rows.append((h, s_alpha, s_beta, s_delta, s_gamma))
+    table = np.array(rows)
+    return table[:, 0], table[:, 1:]

@@ -1,0 +1,80 @@
+"""FMUs in the loop: what the tables keep for their setters."""
+
+import numpy as np
+import pytest
+
+from tests.component.test_component import Everything
+from tests.coupling.parts import Clock
+from twin import compiler
+from twin.component import Component, input, output
+from twin.coupling import Connection, CoSimulation, RecordMember, System
+from twin.fmi import FMUMember, exporter
+
+MS = 1_000_000
+
+
+class Echo(Component):
+    """Shows its array input."""
+
+    u = input("s", "in", start=(1.0, 2.0, 3.0))
+    y = output("s", "out", shape=(3,))
+
+    def step(self, t, h):
+        for i in range(3):
+            self.y[i] = self.u[i]
+
+
+@pytest.fixture(params=["2.0", "3.0"])
+def echo(request, build):
+    version = request.param
+    path = exporter.build(Echo, version, build / "tests")
+    clock = RecordMember("clock", Clock(), compiler.load_component(Clock, build))
+    members = {"clock": clock, "echo": FMUMember("echo", path)}
+    system = System({name: m.variables for name, m in members.items()}, [Connection("clock.y", "echo.u[2]")])
+    simulation = CoSimulation(members, system.links(), MS, build=build)
+    yield simulation, version
+    simulation.terminate()
+
+
+def values(simulation, version):
+    signals = simulation.recording().signals
+    return signals["echo.y"] if version == "3.0" else np.column_stack([signals[f"echo.y[{i}]"] for i in (1, 2, 3)])
+
+
+def test_unconnected_elements_of_an_input_keep_their_values(echo):
+    simulation, version = echo
+    simulation.initialize(0, 10 * MS)
+    simulation.advance(5 * MS)
+    if version == "3.0":
+        simulation.set(("echo", "u"), np.array([7.0, 0.0, 9.0]))
+    simulation.advance(10 * MS)
+    found = values(simulation, version)
+    np.testing.assert_allclose(found[5], [1.0, 0.004, 3.0])
+    np.testing.assert_allclose(found[-1], [7.0, 0.009, 9.0] if version == "3.0" else [1.0, 0.009, 3.0])
+
+
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_every_type_and_shape_passes_through_an_fmu(version, build):
+    names = {"toggles": [False, True, True], "vector": [0.1, 0.2, 0.3], "flag": True, "number": 5}
+    plain, member = Everything(), FMUMember("it", exporter.build(Everything, version, build / "tests"))
+    member.instantiate()
+    for name, value in names.items():
+        setattr(plain, name, value)
+        elements = [name] if version == "3.0" or not isinstance(value, list) else [f"{name}[{i}]" for i in (1, 2, 3)]
+        for element, one in zip(elements, [value] if len(elements) == 1 else value, strict=True):
+            member.set(element, one)
+    plain.start()
+    member.enter_initialization(0.0, None)
+    member.exit_initialization()
+    found = member.get("toggled") if version == "3.0" else [member.get(f"toggled[{i}]") for i in (1, 2, 3)]
+    assert [bool(one) for one in found] == plain.toggled.tolist() == [True, False, False]
+    assert member.get("y") == plain.y == 0.0
+    member.close()
+
+
+def test_a_member_that_cannot_be_read_is_named(echo, monkeypatch):
+    simulation, _ = echo
+    monkeypatch.setattr(FMUMember, "access", lambda *_: (_ for _ in ()).throw(ValueError("no getter")))
+    with pytest.raises(ValueError, match="no getter"):
+        simulation.initialize(0, 10 * MS)
+    assert len(simulation.recording().time) == 0

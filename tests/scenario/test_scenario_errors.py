@@ -1,0 +1,314 @@
+"""One line for everything that can be wrong with a scenario file."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.scenario.texts import BASE, against, catalog, changed, problems, variable
+from twin.errors import ScenarioError
+from twin.scenario import load_scenario, parse_scenario
+from twin.scenario.check import check_against
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+# --- errors of the file
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("", "s.yaml: is empty."),
+        ("# nothing\n", "s.yaml: is empty."),
+        ("- a\n", "s.yaml:1: a scenario is a list of `key: value` lines."),
+        ("a: [1\nb: 2\n", "s.yaml:2: not YAML:"),
+        ("a: 1\n\tb: 2\n", "s.yaml:2: not YAML:"),
+        ("a: 1\nb: \x07\n", "s.yaml:2: not YAML:"),
+        ("a: 1\nb: 2\na: 3\n", "s.yaml:3: `a` is given twice, first on line 1. Keep one."),
+        ("a: 1\n---\nb: 2\n", "s.yaml:2: a second document begins."),
+        (
+            "a: !!python/object:os.system x\n",
+            "s.yaml:1: the tag tag:yaml.org,2002:python/object:os.system is not supported.",
+        ),
+        ("a: &x 1\nb: {<<: *x}\n", "s.yaml:2: `<<` is not supported."),
+        ("a: *x\n", "s.yaml:1: nothing is called &x above this line."),
+        ("a: &x [*x]\n", "s.yaml:1: nothing is called &x above this line."),
+        (
+            "a: {b: x[3], c: 1}\n",
+            "s.yaml:1: not YAML: did not find expected ',' or '}' while parsing a flow mapping. Put names",
+        ),
+        ("{[1]: 2}\n", "s.yaml:1: a key must be a name."),
+        ("a: " + "[" * 100, "s.yaml:1: nested more than 24 deep."),
+        ("extends: nowhere.yaml\n", "s.yaml:1: extends: there is no file nowhere.yaml."),
+        ("extends: [a]\n", "s.yaml:1: extends: expected the path of one scenario"),
+    ],
+)
+def test_text_that_is_no_scenario(text: str, expected: str) -> None:
+    (line,) = problems(text)
+    assert line.startswith(expected), line
+
+
+def test_alias_bomb() -> None:
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 10)}]" for i in range(1, 12)]
+    (line,) = problems("\n".join(lines))
+    assert "more than 50000 values, aliases counted" in line
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    cases = {
+        "folder": "is a folder", "nothing.yaml": "cannot be read (No such file", "latin.yaml": ":2: byte 0xe9 is not UTF-8",
+        "large.yaml": "is larger than 2 MB", "round.yaml": ":1: extends: round.yaml extends this file again",
+    }  # fmt: skip
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "latin.yaml").write_bytes(b"a: 1\nb: caf\xe9\n")
+    (tmp_path / "large.yaml").write_bytes(b"#" * 2_000_001)
+    (tmp_path / "round.yaml").write_text("extends: round.yaml\n")
+    for name, expected in cases.items():
+        with pytest.raises(ScenarioError) as caught:
+            load_scenario(tmp_path / name)
+        assert str(caught.value).startswith(f"{tmp_path / name}")
+        assert expected in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("connections:", "conections:", "s.yaml:9: unknown key `conections`. Did you mean `connections`?"),
+        ("stop_time: 10 s", "start_time: 0", "s.yaml: `stop_time` is missing."),
+        ("stop_time: 10 s", "stop_time: 10 N", "s.yaml:3: stop_time: 10 N is not a time: use s, ms, us, ns, min or h."),
+        ("stop_time: 10 s", "stop_time: .nan", "s.yaml:3: stop_time: nan is not a time."),
+        ("stop_time: 10 s", "stop_time: -1 s", "s.yaml:3: stop_time -1 s is not after start_time 0 s."),
+        ("stop_time: 10 s", "stop_time: 10.0005 s", "s.yaml:3: the run of 10.0005 s is not a multiple of step 1 ms."),
+        ("stop_time: 10 s", "stop_time: 0.1234567891 s", "s.yaml:3: stop_time: 0.1234567891 s is not a whole number of nanos"),
+        ("stop_time: 10 s", "stop_time: [1]", "s.yaml:3: stop_time: expected a time, such as 1 ms, not a list."),
+        ("stop_time: 10 s", "stop_time: true", "s.yaml:3: stop_time: expected a time, such as 1 ms, not True."),
+        ("title: Contact force", "step: -1 ms", "s.yaml:1: step: expected a time above zero, not -1 ms."),
+        ("title: Contact force", "algorithm: jakobi", "s.yaml:1: algorithm: `jakobi` is not known. Did you mean `jacobi`?"),
+        ("seeds: [1, 2]", "seeds: [1, 1]", "s.yaml:4: seed 1 is given twice."),
+        ("seeds: [1, 2]", "seeds: [1, x]", "s.yaml:4: seeds[2]: expected a whole number, not `x`."),
+        ("seeds: [1, 2]", "seeds: []", "s.yaml:4: seeds: list should have at least 1 item"),
+        ("seeds: [1, 2]", "seeds: [1]\nseed: 2", "s.yaml:5: seed and seeds are both given."),
+        ("{component: force_sensor}", "{componet: force_sensor}", "s.yaml:7: members.sensor: unknown key `componet`."),
+        ("{component: force_sensor}", "{}", "s.yaml:7: member `sensor` has no component."),
+        ("{component: force_sensor}", "{component: x.fmu}", "s.yaml:7: member `sensor`: there is no file"),
+        ("{component: force_sensor}", "{component: a, period: 0 s}", "s.yaml:7: members.sensor.period: expected a time above"),
+        ("{component: force_sensor}", "{component: a, parameters: {b: .inf}}", "s.yaml:7: members.sensor.parameters.b: inf is"),
+        ("{component: force_sensor}", "{component: a, parameters: {b: {c: 1}}}", "s.yaml:7: members.sensor.parameters.b: exp"),
+        ("{component: force_sensor}", "5", "s.yaml:7: members.sensor: expected a group of `key: value` lines, not 5."),
+        ("  sensor:", "  sen-sor: {component: a}\n  sensor:", "s.yaml:7: member `sen-sor`: use letters, digits and _ only."),
+        ("controller.command -> servo.command", "controler.command -> servo.command", "s.yaml:10: there is no member `controler`"),
+        ("controller.command -> servo.command", "controller.command", "s.yaml:10: connections[1]: expected a group of `key"),
+        ("controller.command -> servo.command", "controller -> servo.command", "s.yaml:10: connections[1].from: expected memb"),
+        ("{from: sensor.force, to:", "{form: sensor.force, to:", "s.yaml:11: connections[2]: unknown key `form`. Did you mean `f"),
+        ("at: 6 s", "at: 11 s", "s.yaml:16: event at 11 s is outside the run, 0 s to 10 s."),
+        ("at: 6 s", "at: 6.0001 s", "s.yaml:16: event at 6.0001 s is no multiple of step 1 ms."),
+        ("{at: 6 s, override", "{override", "s.yaml:16: events[1]: `at` is missing. Add it, such as `at: 5 s`."),
+        ("override: {sensor.force: 0 N}", "overide: {sensor.force: 0 N}", "s.yaml:16: events[1]: unknown key `overide`. Did you"),
+        ("override: {sensor.force: 0 N}", "override: {sensr.force: 0 N}", "s.yaml:16: there is no member `sensr`. Did you mean"),
+        ("override: {sensor.force: 0 N}", "override: {force: 0 N}", "s.yaml:16: events[1].override.force: expected member.var"),
+        ("release: sensor.force", "release: servo.load", "s.yaml:17: servo.load is released but was not overridden before 7 s."),
+        ("record: [sensor.force", "record: [sensr.force", "s.yaml:19: there is no member `sensr`. Did you mean `sensor`?"),
+        ("record: [sensor.force", "record: [a b", "s.yaml:19: record.variables[1]: expected member.variable or member.*"),
+        ("record: [sensor.force, servo.*]", "record: {every: 1.5 ms}", "s.yaml:19: every 1.5 ms is not a multiple of step 1 ms."),
+        ("signal: sensor.force - 0.2", "signal: sensr.force", "s.yaml:21: there is no member `sensr`. Did you mean `sensor`?"),
+        ("signal: sensor.force - 0.2", "signal: open('x')", "s.yaml:21: metrics.error.signal: `open('x')`: `open('x')` cannot be"),
+        ("signal: sensor.force - 0.2", "signal: sensor.force -", "s.yaml:21: metrics.error.signal: `sensor.force -` is not an exp"),
+        ("signal: sensor.force - 0.2, ", "", "s.yaml:21: metrics.error: `signal` is missing."),
+        ("reduce: std", "reduce: std, variants: PJ", "s.yaml:21: metrics.error.variants: there is no variant `PJ`."),
+        ("reduce: std", "reduce: sdt", "s.yaml:21: metrics.error.reduce: `sdt` is not known. Did you mean `std`?"),
+        ("from: 4 s, unit", "from: 40 s, unit", "s.yaml:21: metrics.error: from 40 s lies outside the run, 0 s to 10 s."),
+        ("unit: mN", "unit: fork", "s.yaml:21: metrics.error: unit `fork` is not known."),
+        ("paper: {PI: 36.2 mN", "paper: {PJ: 36.2 mN", "s.yaml:21: metrics.error.paper: there is no variant `PJ`."),
+        ("paper: {PI: 36.2 mN", "paper: {PI: 36.2 mm", "s.yaml:21: metrics.error.paper: `36.2 mm` does not convert to mN."),
+        ("tolerance: 20 %", "tolerance: -20 %", "s.yaml:21: metrics.error.tolerance: expected a ratio between 0 and 10"),
+        ("metric: error, ordered", "metric: eror, ordered", "s.yaml:23: expect: no metric `eror`. Did you mean `error`?"),
+        ("ordered: [PI, PI+FF]", "ordered: [PI, FF]", "s.yaml:23: expect: there is no variant `FF`."),
+        ("ordered: [PI, PI+FF]", "ordered: [PI, PI]", "s.yaml:23: expect: variant `PI` is given twice."),
+        (", ordered: [PI, PI+FF]", "", "s.yaml:23: expect: nothing is expected."),
+        ("within: [0.1 N, 0.4 N]", "within: [0.4 N, 0.1 N]", "s.yaml:24: expect: the lower limit is above the upper one."),
+        ("within: [0.1 N, 0.4 N]", "within: [0.1 N]", "s.yaml:24: expect[2].within: list should have at least 2 items"),
+        ("signals: [sensor.force]", "xy: [sensor.force]", "s.yaml:26: plots[1].xy: list should have at least 2 items"),
+        ("signals: [sensor.force], ", "", "s.yaml:26: plot `Force`: give either `signals` or `xy: [x, y]`."),
+        ("signals: [sensor.force]", "signals: [sensor.force, {signal: sensor.force, x: servo.x}]",
+         "s.yaml:26: plot `Force`: some signals have an `x`. Give all of them one, or none."),
+        ("per: variant", "per: seed", "s.yaml:26: plots[1].per: `seed` is not known."),
+    ],
+)  # fmt: skip
+def test_one_problem_is_one_line(old: str, new: str, expected: str) -> None:
+    lines = problems(changed(old, new))
+    assert any(line.startswith(expected) for line in lines), lines
+
+
+def test_all_problems_at_once_in_the_order_of_lines() -> None:
+    text = (
+        changed("reduce: std", "reduce: sdt")
+        .replace("step", "stp")
+        .replace("at: 6 s", "at: 60 s")
+        .replace("seeds", "sedes")
+    )
+    lines = problems(text, "srvo.mass=1")
+    assert [line.split(": ")[0] for line in lines] == [
+        "--set srvo.mass=1",
+        "s.yaml:4",
+        "s.yaml:16",
+        "s.yaml:17",
+        "s.yaml:21",
+    ]
+
+
+# --- against the members' variables
+
+
+def test_nothing_wrong_against_the_members() -> None:
+    assert against(BASE) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("mass: 0.65 kg", "mas: 0.65 kg", "s.yaml:6: servo has no variable `mas`. Did you mean `mass`?"),
+        ("mass: 0.65 kg", "mass: 0.65 N", "s.yaml:6: servo.mass: `0.65 N` does not convert to kg."),
+        ("mass: 0.65 kg", "mass: 0.65 fork", "s.yaml:6: servo.mass: unit `fork` is not known."),
+        ("mass: 0.65 kg", "mass: heavy", "s.yaml:6: servo.mass: `heavy` is not a quantity."),
+        ("mass: 0.65 kg", "mass: 9**9**9**9", "s.yaml:6: servo.mass: `9**9**9**9` is not a quantity."),
+        ("mass: 0.65 kg", "mass: 1 m**9**9**9", "s.yaml:6: servo.mass: `1 m**9**9**9` is not a quantity."),
+        ("mass: 0.65 kg", "mass: 1e999 kg", "s.yaml:6: servo.mass: `1e999 kg` is not a finite number."),
+        ("mass: 0.65 kg", "mass: true", "s.yaml:6: servo.mass: expected a number in kg, not True."),
+        ("mass: 0.65 kg", "mass: [1, 2]", "s.yaml:6: servo.mass: expected one value, not a list of 2."),
+        ("mass: 0.65 kg", "r: [1, 2]", "s.yaml:6: servo.r: expected 3 values or one for all, not 2."),
+        ("mass: 0.65 kg", "'r[4]': 2", "s.yaml:6: servo.r has no element [4]: its size is 3, counted from 1."),
+        ("mass: 0.65 kg", "'mass[1]': 2", "s.yaml:6: servo.mass is a single value: it has no element [1]."),
+        ("mass: 0.65 kg", "on: 1", "s.yaml:6: servo.on: expected true or false, not 1."),
+        ("mass: 0.65 kg", "count: 1.5", "s.yaml:6: servo.count: expected a whole number (Int64), not 1.5."),
+        (
+            "mass: 0.65 kg",
+            "position: 1",
+            "s.yaml:6: servo.position is an output. Only parameters and inputs can be set.",
+        ),
+        (
+            "set: {controller.setpoint: 0.3 N}",
+            "set: {controller.setpiont: 1}",
+            "s.yaml:18: controller has no variable `setpiont`.",
+        ),
+        (
+            "set: {controller.setpoint: 0.3 N}",
+            "set: {controller.setpoint: 1 m}",
+            "s.yaml:18: controller.setpoint: `1 m` does not",
+        ),
+        (
+            "set: {controller.setpoint: 0.3 N}",
+            "set: {servo.mass: 1 kg}",
+            "s.yaml:18: servo.mass is fixed. Set it in members.",
+        ),
+        (
+            "set: {controller.setpoint: 0.3 N}",
+            "set: {servo.position: 1}",
+            "s.yaml:18: servo.position is output, not a parameter",
+        ),
+        (
+            "set: {controller.setpoint: 0.3 N}",
+            "set: {controller.force: 1}",
+            "s.yaml:18: controller.force is connected and would",
+        ),
+        (
+            "override: {sensor.force: 0 N}",
+            "override: {servo.log: a, sensor.force: 0}",
+            "s.yaml:16: servo.log is String: only numbers",
+        ),
+        (
+            "record: [sensor.force",
+            "record: [sensor.forc",
+            "s.yaml:19: sensor has no variable `forc`. Did you mean `force`?",
+        ),
+        ("record: [sensor.force", "record: [sensor.z*", "s.yaml:19: sensor.z* matches no variable."),
+        ("record: [sensor.force", "record: [servo.log", "s.yaml:19: servo.log is String: only numbers are recorded."),
+        ("signal: sensor.force - 0.2", "signal: 'servo.x[3]'", "s.yaml:21: servo.x has no element [3]: its size is 2"),
+        (
+            "signal: sensor.force - 0.2",
+            "signal: servo.x",
+            "s.yaml:21: servo.x is an array of 2, expected a single value. Name one of servo.x[1] to servo.x[2], or take norm(servo.x).",
+        ),
+        (
+            "signal: sensor.force - 0.2",
+            "signal: 2 * servo.x - 1",
+            "s.yaml:21: 2 * servo.x - 1 is an array of 2, expected a single value. Name one of servo.x[1] to servo.x[2].",
+        ),
+        (
+            "signal: sensor.force - 0.2",
+            "signal: servo.x + sensor.force",
+            (
+                "s.yaml:21: `servo.x + sensor.force`: servo.x is an array of 2, sensor.force is a single value, expected equal shapes. "
+                "Name one of servo.x[1] to servo.x[2]."
+            ),
+        ),
+        (
+            "signal: sensor.force - 0.2",
+            "signal: 'max(servo.x, servo.r, 1)'",
+            (
+                "s.yaml:21: `max(servo.x, servo.r, 1)`: servo.x is an array of 2, servo.r is an array of 3, expected equal shapes. "
+                "Name one of servo.x[1] to servo.x[2], one of servo.r[1] to servo.r[3]."
+            ),
+        ),
+        ("{signal: sensor.force, within", "{signal: servo.r, within", "s.yaml:24: servo.r is an array of 3, expected"),
+        (
+            "signals: [sensor.force]",
+            "signals: [sensor.force, servo.x]",
+            "s.yaml:26: servo.x is an array of 2, expected",
+        ),
+        ("signals: [sensor.force]", "xy: [servo.x, sensor.force]", "s.yaml:26: servo.x is an array of 2, expected"),
+    ],
+)
+def test_problem_against_the_members(old: str, new: str, expected: str) -> None:
+    lines = against(changed(old, new))
+    assert any(line.startswith(expected) for line in lines), lines
+
+
+@pytest.mark.parametrize(
+    "text", ["servo.x[2]", "norm(servo.x - 2 * servo.x)", "sqrt(norm(servo.r)) + sensor.force", "0.5"]
+)
+def test_single_values_of_arrays(text: str) -> None:
+    assert against(changed("signal: sensor.force - 0.2", f"signal: '{text}'")) == []
+
+
+@pytest.mark.parametrize(
+    ("item", "expected"),
+    [
+        ("{signal: other.force, at_most: 1, variants: [PI]}", "s.yaml:25: there is no member `other`"),
+        (
+            "{signal: other.force, at_most: 1, variants: [PI, PI+FF]}",
+            "s.yaml:25: in variant `PI`: there is no member `other`",
+        ),
+        ("{signal: other.force, at_most: 1}", ""),
+        ("{signal: other.force, at_most: 1, variants: [PI+FF]}", ""),
+    ],
+)
+def test_what_is_expected_of_a_variant_must_be_there(item: str, expected: str) -> None:
+    """Else the expectation would be skipped in a complete run, or judge less than it names."""
+    text = changed("plots:\n", f"  - {item}\nplots:\n").replace(
+        "  PI+FF: {", "  PI+FF: {members: {other: {component: force_sensor}}, "
+    )
+    scenario = parse_scenario(text, "s.yaml")
+    known = {case.variant: catalog() for case in scenario.variants}
+    known["PI+FF"]["other"] = known["PI+FF"]["sensor"]
+    lines = check_against(scenario, known)
+    assert len(lines) == bool(expected)
+    assert "".join(lines).startswith(expected)
+
+
+def test_an_array_in_one_variant() -> None:
+    scenario = parse_scenario(BASE, "s.yaml")
+    known = {case.variant: catalog() for case in scenario.variants}
+    known["PI+FF"]["sensor"]["force"] = variable("force", "output", "N", shape=(3,))
+    lines = check_against(scenario, known)
+    assert "s.yaml:24: in variant `PI+FF`: sensor.force is an array of 3, expected a single value." in " ".join(lines)
+
+
+@pytest.mark.parametrize("keys", ["ordered: [PI, PI+FF]", "at_most: 1 N, variants: [PI+FF]"])
+def test_an_expectation_of_variants_in_which_its_metric_is_not_taken(keys: str) -> None:
+    text = changed("{metric: error, ordered: [PI, PI+FF]}", f"{{metric: error, {keys}}}")
+    text = text.replace("tolerance: 20 %}", "tolerance: 20 %, variants: PI}")
+    (line,) = problems(text)
+    assert line.startswith("s.yaml:23: expect: `error` is not taken in `PI+FF`, only in PI. Add it there.")

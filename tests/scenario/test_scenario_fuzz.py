@@ -1,0 +1,90 @@
+"""Whatever comes as a scenario loads, or is refused with a message."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Any
+
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tests.scenario.texts import BASE, catalog
+from twin.errors import ScenarioError, TwinError
+from twin.scenario import parse_scenario, value
+from twin.scenario.check import check_against
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.text(max_size=200))
+def test_any_text_loads_or_says_why(text: str) -> None:
+    with contextlib.suppress(ScenarioError):
+        parse_scenario(text)
+
+
+PIECES = [
+    "- ",
+    "{",
+    "}",
+    "[",
+    "]",
+    ": ",
+    "~",
+    "null",
+    "-1 s",
+    "*",
+    ".nan",
+    "'",
+    "&a ",
+    "*a",
+    "\t",
+    "\n  ",
+    "\n",
+    "5",
+    "->",
+    "[[1]]",
+]
+
+
+@settings(max_examples=250, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.integers(0, len(BASE)), st.integers(0, 30), st.sampled_from(PIECES))
+def test_any_change_loads_or_says_why(start: int, length: int, piece: str) -> None:
+    with contextlib.suppress(ScenarioError, KeyError):  # KeyError: a member that this catalog does not have
+        scenario = parse_scenario(BASE[:start] + piece + BASE[start + length :])
+        parse_scenario(scenario.frozen())
+        check_against(scenario, {case.variant: catalog() for case in scenario.variants})
+
+
+SCALARS = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8)
+TREES = st.recursive(
+    SCALARS, lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3)
+)
+KEYS = [
+    "members",
+    "connections",
+    "variants",
+    "events",
+    "record",
+    "metrics",
+    "expect",
+    "plots",
+    "seeds",
+    "seed",
+    "step",
+    "stop_time",
+]
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.dictionaries(st.sampled_from(KEYS), TREES, max_size=4))
+def test_any_structure_loads_or_says_why(data: dict[str, Any]) -> None:
+    import yaml
+
+    text = yaml.safe_dump(yaml.safe_load(BASE) | data, allow_unicode=True)
+    with contextlib.suppress(ScenarioError):
+        parse_scenario(text)
+
+
+@given(st.text(max_size=30))
+def test_any_value_resolves_or_says_why(text: str) -> None:
+    with contextlib.suppress(TwinError):
+        value.number(text, "N", "x")
