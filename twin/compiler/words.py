@@ -207,9 +207,9 @@ return unit * ((root + (last - 1.0 + (low + lost)) / (2.0 * root)) / scale.value
     _helper(
         "double power(double base, double exponent)",
         """
-/* through a pointer that compilers cannot see through: they would make x * x of pow(x, 2.0), which rounds otherwise */
-static double (*const volatile function)(double, double) = pow;
-return function(base, exponent);
+/* an exponent that compilers cannot know: they would make x * x of pow(x, 2.0), which rounds otherwise */
+const volatile double unknown = exponent;
+return pow(base, unknown);
 """,
         needs=("pow",),
     ),

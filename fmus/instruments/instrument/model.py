@@ -267,7 +267,7 @@ def relax(self: Instrument, i: int, dt: float) -> float:
     torque = self.twist_torque[i] - self.twist_torque[i + 1]
     drag = self.drag_free
     limit = torque_limit = stiffness = torsional_stiffness = 0.0
-    if i == 0:
+    if i <= 0:
         for g in range(GRIPPERS):
             load_grip(self, g)
             force += self.grip_force[g]
@@ -303,7 +303,7 @@ def relax(self: Instrument, i: int, dt: float) -> float:
 
 def load_section(self: Instrument, i: int) -> None:
     """Thrust and torque that node i gets from the one before it; beyond the tip: the loads."""
-    if i == 0:
+    if i <= 0:
         return
     if i == NODES:
         self.thrust[i] = self.tip_force
