@@ -1,6 +1,8 @@
-"""The cheap component of the ring benchmark."""
+"""Components of benchmarks: the cheap one of the ring, and one that tells the time of the wall clock."""
 
-from twin.component import Component, input, output, parameter
+import time
+
+from twin.component import Component, PythonComponent, input, output, parameter
 
 
 class Relay(Component):
@@ -16,3 +18,16 @@ class Relay(Component):
 
     def step(self, t, h):
         self.y = self.gain * self.u + self.offset
+
+
+class WallClock(PythonComponent):
+    """The time of the wall clock when it is stepped; slow enough for a run that is to be killed."""
+
+    period = 1e-3
+
+    now = output("s", "time since 1970")
+    pause = parameter(0.0005, "s", "wait in every step", source="assumed")
+
+    def step(self, t, h):
+        time.sleep(float(self.pause))
+        self.now = time.time()

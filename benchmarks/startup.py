@@ -12,6 +12,10 @@ members       opening the FMUs, coupling, InitializationMode, the compiled loop
 `whole_run` is the whole command with the 22 s of the scenario, results and metrics and no report; `outside` is that
 less the wall time it reports for the simulation. The packages' figures are their modules' own times by -X importtime,
 which makes importing slower.
+
+`chain` is a command that has nearly nothing to simulate: eight FMUs 2.0 that hand on what they get, 10 s at 1 ms, every
+output recorded at every step; `container` has the same FMUs in a container of fmu-manipulation-toolbox, which FMPy
+simulates in a process of its own and then drops what it recorded, where `twin run` writes its folder. They take turns.
 """
 
 from __future__ import annotations
@@ -24,6 +28,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from pathlib import Path
 
 SCENARIO = "scenarios/heart_wall_force.yaml"
 ARGUMENTS = ("run", SCENARIO, "--variant", "PI", "--seed", "1", "--no-report", "--runs")
@@ -36,13 +41,12 @@ def run_until_first_step(begin: float, arguments: list[str]) -> None:
     """The command line with the times of its phases printed at the first step, where the process ends."""
     marks = [begin, time.monotonic()]
     import twin.cli.run
-    import twin.fmi.exporter
     import twin.fmi.importer
-    import twin.run.cases
+    import twin.run.work
     from twin.coupling import CoSimulation
 
     marks.append(time.monotonic())
-    simulation = twin.run.cases.simulation
+    simulation = twin.run.work.simulation
 
     def noted(*given, **named):
         marks.append(time.monotonic())
@@ -53,7 +57,7 @@ def run_until_first_step(begin: float, arguments: list[str]) -> None:
         print(json.dumps([after - before for before, after in itertools.pairwise(marks)]), flush=True)
         sys.exit(0)
 
-    twin.run.cases.simulation = noted
+    twin.run.work.simulation = noted
     CoSimulation.advance = first_step  # type: ignore[method-assign]
     sys.argv = ["twin", *arguments]
     twin.cli.main()
@@ -87,6 +91,73 @@ def packages(folder: str) -> Counter[str]:
     return result
 
 
+CHAIN = 8
+FMPY = """
+import sys
+from fmpy import simulate_fmu
+found = simulate_fmu(sys.argv[1], stop_time=10.0, step_size=1e-3, output_interval=1e-3)
+print(float(found["y7"][-1]))
+"""
+
+
+def chain(folder: Path, fmu: Path) -> list[str]:
+    """A command of ours that runs the chain and prints its summary."""
+    lines = ["stop_time: 10 s", "step: 1 ms", "members:"]
+    lines += [f"  m{i}: {{component: {fmu}}}" for i in range(CHAIN)]
+    lines += ["connections:", *(f"  - m{i}.y -> m{i + 1}.u" for i in range(CHAIN - 1))]
+    lines += ["metrics: {last: {signal: m7.y, reduce: final}}", ""]
+    (folder / "chain.yaml").write_text("\n".join(lines))
+    words = ["run", str(folder / "chain.yaml"), "--no-report", "--json", "--runs", str(folder / "runs")]
+    return [sys.executable, "-c", "from twin.cli import main; main()", *words]
+
+
+def container(folder: Path, fmu: Path) -> list[str]:
+    """A command that runs it as a container in FMPy and prints the last output."""
+    from fmu_manipulation_toolbox.assembly import AssemblyNode
+
+    path = folder / "chain.fmu"
+    node = AssemblyNode(str(path), step_size=1e-3, auto_link=False, auto_input=False, auto_output=False)
+    for i in range(CHAIN):
+        node.add_fmu(f"m{i}.fmu", str(fmu))
+        node.add_output(f"m{i}.fmu", "y", f"y{i}")
+    for i in range(CHAIN - 1):
+        node.add_link(f"m{i}.fmu", "y", f"m{i + 1}.fmu", "u")
+    node.make_fmu(folder)
+    return [sys.executable, "-c", FMPY, str(path)]
+
+
+def timed(command: list[str]) -> tuple[float, str]:
+    """Wall time of a process [s], and what it printed."""
+    begin = time.monotonic()
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    return time.monotonic() - begin, done.stdout
+
+
+def compare(repeats: int) -> None:
+    """Print the chain's figures."""
+    from benchmarks import ring
+    from benchmarks.parts import Relay
+    from twin.fmi import exporter
+
+    with tempfile.TemporaryDirectory() as name:
+        folder, fmu = Path(name), exporter.build(Relay, "2.0", ring.BUILD).absolute()
+        ours = chain(folder, fmu)
+        own = json.loads(timed(ours)[1])["metrics"]["last"]["variants"]["base"]["worst"]
+        try:
+            theirs = container(folder, fmu)
+        except ImportError as error:
+            print(f"startup_chain_container: not available ({error})")
+            theirs = ours
+        else:
+            if float(timed(theirs)[1].split()[-1]) != own:
+                raise RuntimeError("the container's last output is another one")
+        pairs = [(timed(ours)[0], timed(theirs)[0]) for _ in range(repeats)]
+    print(f"startup_chain_s: {statistics.median(a for a, _ in pairs):.3f}")
+    if theirs is not ours:
+        print(f"startup_chain_container_s: {statistics.median(b for _, b in pairs):.3f}")
+        print(f"startup_chain_ratio: {statistics.median(a / b for a, b in pairs):.2f}")
+
+
 STANDARD = sys.stdlib_module_names
 
 
@@ -105,6 +176,7 @@ def measure(repeats: int = REPEATS) -> None:
     medians = Counter({name: int(statistics.median(one[name] for one in imported)) for name in imported[0]})
     for name, microseconds in medians.most_common(PACKAGES):
         print(f"startup_import_{name.replace(' ', '_')}_s: {1e-6 * microseconds:.3f}", flush=True)
+    compare(repeats)
 
 
 def main() -> None:

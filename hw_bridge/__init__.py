@@ -1,1 +1,1 @@
-"""Drives on a CAN bus: simulated ones here, the bridge to real ones beside them."""
+"""Drives on a CAN bus: simulated ones, and the bridge to them and to real ones."""

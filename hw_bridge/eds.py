@@ -11,15 +11,14 @@ from typing import TYPE_CHECKING
 from canopen import objectdictionary
 from canopen.objectdictionary import ODRecord, ODVariable, eds
 
-from hw_bridge.abort import Abort
-from hw_bridge.dictionary import TEXT, TYPES, Dictionary, Entry, NodeId, Value
+from hw_bridge.dictionary import TEXT, TYPES, Abort, Dictionary, Entry, NodeId, Value
 from twin.errors import DeclarationError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-    from hw_bridge.profile import Device, Profile
+    from hw_bridge.profiles import Device, Profile
 
 ACCESS = ("ro", "wo", "rw", "const")
 LONGEST = 160  # characters of what a parser says

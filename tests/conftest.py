@@ -22,11 +22,11 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 # begun in this order: what compiles the components that others need, then what takes long; the others fill the end
 ORDER = ("conformance/test_components.py", "conformance/test_symbols.py", "conformance/test_scenarios.py", "test_docs.py",
-         "hw_bridge/test_command.py", "hw_bridge/test_bridge_force.py", "fmus/test_regripping.py", "fmi/test_export.py",
+         "hw_bridge/command/test_command.py", "hw_bridge/bridge/test_bridge_force.py", "fmus/test_regripping.py", "fmi/test_export.py",
          "fmi/test_calls.py")  # fmt: skip
 BY_CASE = ("conformance/", "test_docs.py")
-MULTICAST = ("hw_bridge/test_command.py", "hw_bridge/test_control.py", "hw_bridge/test_module.py",
-             "hw_bridge/test_bridge_processes.py", "hw_bridge/test_base_node402_process.py", "hw_bridge/test_three_axes.py")  # fmt: skip
+MULTICAST = ("hw_bridge/command/test_command.py", "hw_bridge/command/test_control.py", "hw_bridge/device/test_module.py",
+             "hw_bridge/bridge/test_bridge_processes.py", "hw_bridge/test_base_node402_process.py", "hw_bridge/bridge/test_three_axes.py")  # fmt: skip
 
 
 @pytest.fixture(scope="session")

@@ -4,7 +4,7 @@ A page is a sequence of fenced blocks:
 
 - bash      each line runs; `# exit code 1` behind a line says that it fails. Lines that begin with `python3 -m venv`
             install: they are compared with .ci/run, and of them only a last `twin run` is executed.
-- python    runs
+- python    runs; on a page that says so, blocks are the cells of one notebook and run after the other blocks
 - yaml      a scenario, or a patch of the force scenario: `twin check` must accept it
 - csv       is only saved
 - text      nothing
@@ -34,6 +34,8 @@ BLOCK = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 SAVED = re.compile(r"Save this as\s+`([^`]+)`:\s*$")
 LINK = re.compile(r"\]\(([^)#\s]*)[^)]*\)|src=\"([^\"]+)\"")
 EXIT = re.compile(r"# exit code (\d+)")
+
+NOTEBOOK = "<!-- the python blocks of this page are the cells of one notebook -->"
 
 MAIN = "twin run scenarios/heart_wall_force.yaml"
 TEST = (ROOT / ".ci" / "run").read_text().splitlines()[-1].replace("exec ", "")
@@ -114,6 +116,7 @@ def folder(tmp_path, built):
 def test_blocks_run(page, folder, command_line):
     text = page.read_text()
     command_line = None if page.name == "README.md" else command_line  # one page as it is, from the start
+    cells = []
     for block in BLOCK.finditer(text):
         language, content = block.groups()
         saved = SAVED.search(text[: block.start()])
@@ -123,12 +126,19 @@ def test_blocks_run(page, folder, command_line):
         elif language == "bash":
             for line in content.splitlines():
                 run_line(line, folder, command_line)
+        elif language == "python" and NOTEBOOK in text:
+            cells.append(content)
         elif language == "python":
             (folder / "block.py").write_text(content)
             done = execute(["python", "block.py"], folder, command_line)
             assert done.returncode == 0, f"{content}\n{done.stderr}"
         elif language == "yaml":
             run_yaml(content, folder)
+    if cells:
+        (folder / "cells.json").write_text(json.dumps(cells))
+        done = execute(["python", str(ROOT / "tests" / "notebook.py"), "cells.json"], folder, command_line)
+        assert done.returncode == 0, done.stderr
+        assert not done.stderr
     if page.name == "README.md":
         check_table(text, folder)
 
@@ -147,7 +157,15 @@ def check_table(text, folder):
 def test_links_lead_somewhere(page):
     for match in LINK.finditer(page.read_text()):
         target = match[1] or match[2] or ""
-        assert not target or (page.parent / target).exists(), f"{named(page)}: {target}"
+        assert not target or target.startswith("https://") or (page.parent / target).exists(), f"{named(page)}: {target}"
+
+
+def test_the_rooms_are_drawn_as_they_are():
+    spec = importlib.util.spec_from_file_location("rooms", ROOT / "docs" / "rooms.py")
+    rooms = importlib.util.module_from_spec(spec)
+    sys.modules["rooms"] = rooms  # dataclasses look there
+    spec.loader.exec_module(rooms)
+    assert rooms.PICTURE.read_text() == rooms.draw(), "run `python docs/rooms.py`"
 
 
 def test_figures_are_small():

@@ -10,6 +10,7 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 EARLIER = ("variable.py", "solver.py", "noise.py")  # modules of the engine under the names they had once
+COMMAND_LINES = (("twin", "cli"), ("hw_bridge", "command"))  # entered by name: a command is a file
 
 COMMANDS = {
     "format": ["-m", "ruff", "format", "--check", "."],
@@ -25,18 +26,31 @@ def test_house(name):
     assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
 
 
+def imports(path):
+    """Line, module and names of each import in a file; no names where it is of a module."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            yield node.lineno, node.module or "", [alias.name for alias in node.names]
+        elif isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name, []) for alias in node.names)
+
+
 def test_rooms_are_entered_by_their_doors():
-    """Outside a room of the engine, only the names of its face are imported, from its face."""
-    rooms = {place.parent.name: importlib.import_module(f"twin.{place.parent.name}").__all__
-             for place in ROOT.glob("twin/*/__init__.py") if place.parent.name != "cli"}  # fmt: skip
+    """Outside a room of the engine or of the bridge, only the names of its face are imported, from its face."""
+    places = [
+        place.parent.relative_to(ROOT) for tree in ("twin", "hw_bridge") for place in ROOT.glob(f"{tree}/*/__init__.py")
+    ]
+    rooms = {".".join(place.parts): importlib.import_module(".".join(place.parts)).__all__
+             for place in places if place.parts not in COMMAND_LINES}  # fmt: skip
+    assert {"twin.coupling", "hw_bridge.bus"} <= rooms.keys()
     wrong = []
     for path in [*ROOT.glob("twin/**/*.py"), *ROOT.glob("hw_bridge/**/*.py"), *ROOT.glob("fmus/**/*.py")]:
-        own = path.relative_to(ROOT).parts[1]
-        for node in ast.walk(ast.parse(path.read_text())):
-            if not isinstance(node, ast.ImportFrom) or not (node.module or "").startswith("twin."):
-                continue
-            _, room, *rest = node.module.split(".")
-            if room in rooms and room != own and own not in EARLIER:
-                strange = rest or [alias.name for alias in node.names if alias.name not in rooms[room]]
-                wrong += [f"{path.relative_to(ROOT)}:{node.lineno}: {node.module}: {name}" for name in strange]
+        own = ".".join(path.relative_to(ROOT).parts[:2])
+        if path.name in EARLIER and path.parent == ROOT / "twin":
+            continue
+        for line, module, names in imports(path):
+            room, rest = ".".join(module.split(".")[:2]), module.split(".")[2:]
+            if room in rooms and room != own:
+                strange = rest or [name for name in names if name not in rooms[room]]
+                wrong += [f"{path.relative_to(ROOT)}:{line}: {module}: {name}" for name in strange]
     assert wrong == []

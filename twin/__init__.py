@@ -1,3 +1,27 @@
-"""Digital twins of robotic catheters: components, native FMUs and a compiled co-simulation loop."""
+"""Digital twins of robotic catheters: components, native FMUs and a compiled co-simulation loop.
+
+    scenario = twin.load("scenarios/heart_wall_force.yaml")
+    run = scenario.set("heart.rate", "1.4 Hz").run(variants=["PI"], seeds=[1])
+    run.metrics; run["sensor.measured_force"]; run.plot("Contact force")
+
+What the command line does, as objects; `twin.face` has them. Nothing is imported before it is used.
+"""
+
+from typing import TYPE_CHECKING
+
+from twin import late
+
+if TYPE_CHECKING:
+    from twin.errors import TwinError
+    from twin.face import Run, Scenario, Simulation, System, export, load, open_run, simulate
 
 __version__ = "0.1.0"
+
+__all__ = ["Run", "Scenario", "Simulation", "System", "TwinError", "export", "load", "open_run", "simulate"]
+
+if not TYPE_CHECKING:  # else any name would be one
+    __getattr__ = late.names(__name__, {name: "errors" if name == "TwinError" else "face" for name in __all__})
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

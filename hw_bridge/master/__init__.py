@@ -1,1 +1,18 @@
 """The master side of the bus: what makes a drive do what a member of the co-simulation says."""
+
+from hw_bridge.master.master import Master
+from hw_bridge.master.node import Node, constant_of
+from hw_bridge.master.sdo import SdoClient, SilentError
+from hw_bridge.master.vendor import SPEED, TRANSMIT, VENDORS, receive
+
+__all__ = [
+    "SPEED",
+    "TRANSMIT",
+    "VENDORS",
+    "Master",
+    "Node",
+    "SdoClient",
+    "SilentError",
+    "constant_of",
+    "receive",
+]

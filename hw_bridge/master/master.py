@@ -13,15 +13,11 @@ from contextlib import contextmanager, suppress
 from math import copysign
 from typing import TYPE_CHECKING, Any
 
-from hw_bridge.agenda import MILLISECOND
-from hw_bridge.cia402 import BIT_12, BIT_13, TARGET_REACHED, TYPICAL, Command, Mode, State
-from hw_bridge.frame import Frame, bit_count
+from hw_bridge.bus import MILLISECOND, Frame, bit_count, never
+from hw_bridge.dictionary import Command, Mode, State, cia301, cia402
 from hw_bridge.master import setup
 from hw_bridge.master.module import ModuleNode
-from hw_bridge.master.network import never
 from hw_bridge.master.node import AT_REST, Node
-from hw_bridge.master.sdo import REQUEST as SDO_REQUEST
-from hw_bridge.master.sdo import RESPONSE as SDO_RESPONSE
 from hw_bridge.master.timing import Timing
 from hw_bridge.profiles import device, profile
 from twin.errors import SimulationError
@@ -30,12 +26,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
     from collections.abc import Set as AbstractSet
 
-    from hw_bridge.keys import HardwareKeys
-    from hw_bridge.master.network import Condition, Network
+    from hw_bridge.bus import Condition, Network
+    from hw_bridge.hardware import HardwareKeys
     from hw_bridge.master.sdo import SdoClient
 
-START, PRE_OPERATIONAL, STOP = 1, 128, 2  # NMT
-SYNC, ERROR_CONTROL = 0x080, 0x700
 ALIVE = 0x05  # the state that this program's heartbeat tells: Operational
 BOOT = 500 * MILLISECOND  # longest time that a drive takes to answer after power-on [ns]
 RAMP_UP = 2_000 * MILLISECOND  # longest time to Operation enabled
@@ -76,10 +70,10 @@ class Master:
     # ------------------------------------------------------------------------------------------------------- frames
 
     def _hear(self, frame: Frame) -> None:
-        if frame.id == ERROR_CONTROL + self.keys.master:
+        if frame.id == cia301.ERROR_CONTROL + self.keys.master:
             self._twin_master = True
         node = self._by_number.get(frame.id & 0x7F)
-        if self._asked is not None and frame.id == SDO_RESPONSE + self._asked.node:
+        if self._asked is not None and frame.id == cia301.SDO_RESPONSE + self._asked.node:
             self._asked.heard(frame.data)
             return
         if node is not None and frame.id > 0x7F and not frame.remote:
@@ -103,7 +97,7 @@ class Master:
         network = self.network
         while True:
             if self._beating and network.now >= self._beat_due:
-                network.send(Frame(ERROR_CONTROL + self.keys.master, bytes([ALIVE])))
+                network.send(Frame(cia301.ERROR_CONTROL + self.keys.master, bytes([ALIVE])))
                 self._beat_due = network.now + min(one.keys.heartbeat.every for one in self.stations.values())
             network.advance(min(until, self._beat_due) if self._beating else until, done)
             if network.now >= until or (done is not never and done()):
@@ -123,7 +117,7 @@ class Master:
             for frame in station.frames():
                 self.network.send(frame)
         self.network.advance(self.network.now + self.window)
-        self.network.send(Frame(SYNC))
+        self.network.send(Frame(cia301.SYNC))
 
     def run_cycle(self) -> None:
         """One cycle outside of a run: while drives are brought up or stopped."""
@@ -155,14 +149,14 @@ class Master:
             )
         self.running = True
         for node in self.nodes.values():
-            self.nmt(PRE_OPERATIONAL, node.number)
+            self.nmt(cia301.PRE_OPERATIONAL, node.number)
             setup.configure(node, self.cycle, self.keys.master)
         for module in self.modules.values():
-            self.nmt(PRE_OPERATIONAL, module.number)
+            self.nmt(cia301.PRE_OPERATIONAL, module.number)
             module.configure(self.keys.master)
         self._beating, self._beat_due = True, self.network.now
         for station in self.stations.values():
-            self.nmt(START, station.number)
+            self.nmt(cia301.START, station.number)
             station.heard_at = self.network.now
         for _ in range(3):
             self.run_cycle()
@@ -215,7 +209,7 @@ class Master:
         setup.put(node, 0x6099, 1, max(speed, 1))
         setup.put(node, 0x6099, 2, max(speed // 2, 1))
         node.homing, node.goal = True, State.ENABLED
-        attained = BIT_12 | TARGET_REACHED
+        attained = cia402.BIT_12 | cia402.TARGET_REACHED
         what = f"{node.name}: homing by method {keys.method}"
         self._until(lambda: node.state is State.ENABLED, RAMP_UP, lambda: f"{what}: {node.state}")
         for _ in range(4):
@@ -224,7 +218,7 @@ class Master:
         def done() -> bool:
             if node.state is not State.ENABLED:
                 raise SimulationError(f"{what} was left: {node.state}.{self._told()}")
-            if node.word & BIT_13:
+            if node.word & cia402.BIT_13:
                 raise SimulationError(f"{what} ended with an error.{self._told()}")
             return node.word & attained == attained
 
@@ -308,7 +302,7 @@ class Master:
         for node in self.nodes.values():
             node.homing = False
             if node.silent >= SILENT_CYCLES:  # perhaps it is Stopped, where it takes no SDO either
-                self.nmt(PRE_OPERATIONAL, node.number)
+                self.nmt(cia301.PRE_OPERATIONAL, node.number)
         self._order(State.QUICK_STOP)
         self._cycles_until(lambda node: node.state in (*AT_REST, State.QUICK_STOP) and self._stands(node))
         self._order(State.DISABLED)
@@ -328,7 +322,7 @@ class Master:
                     f"{node.name}: did not confirm that it is disabled (last state: {state}). Check it before you touch it."
                 )
         self.notes += [text for module in self.modules.values() if (text := module.release())]
-        self.nmt(PRE_OPERATIONAL)
+        self.nmt(cia301.PRE_OPERATIONAL)
         self.wait(self.cycle)
         self._beating = False
 
@@ -336,8 +330,8 @@ class Master:
         """A goal for all nodes, at once and by SDO too: process data may wait for a SYNC that does not come."""
         for node in self.nodes.values():
             node.goal = goal
-            word = 0 if goal is State.DISABLED else TYPICAL[Command.QUICK_STOP]
-            self.network.send(Frame(SDO_REQUEST + node.number, struct.pack("<BHBHxx", 0x2B, 0x6040, 0, word)))
+            word = 0 if goal is State.DISABLED else cia402.TYPICAL[Command.QUICK_STOP]
+            self.network.send(Frame(cia301.SDO_REQUEST + node.number, struct.pack("<BHBHxx", 0x2B, 0x6040, 0, word)))
 
     def _lost(self, node: Node | ModuleNode) -> bool:
         return self.network.now - node.heard_at > node.keys.heartbeat.lost_after

@@ -5,17 +5,17 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-from hw_bridge.frame import Frame
+from hw_bridge.bus import Frame
+from hw_bridge.dictionary import cia401
 from hw_bridge.master import setup
 from hw_bridge.master.station import Station
-from hw_bridge.profiles.cia401 import DIGITAL_OUTPUTS, ERROR_MODE, ERROR_VALUE, INPUTS, OUTPUTS
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
-    from hw_bridge.keys import ModuleKeys
-    from hw_bridge.master.network import Network
+    from hw_bridge.bus import Network
+    from hw_bridge.hardware import ModuleKeys
     from hw_bridge.master.station import Waiting
-    from hw_bridge.profile import Device
+    from hw_bridge.profiles import Device
 
 MODULE = 401  # device profile: the lower half of 1000h
 OUTPUT_PDO, INPUT_PDO = 0x200, 0x180
@@ -51,9 +51,9 @@ class ModuleNode(Station):
         """Every difference between the module that answers and the one that the hardware file expects."""
         keys, where = self.keys, f"{self.name}: node {self.number}"
         device = struct.unpack("<I", self.sdo.read(0x1000))[0]
-        if device & 0xFFFF != MODULE or not device & DIGITAL_OUTPUTS:
+        if device & 0xFFFF != MODULE or not device & cia401.DIGITAL_OUTPUTS:
             return [f"{where} is no module with digital outputs: 1000h is {device:08X}h. Check the node-ID."]
-        if (count := self.sdo.read(OUTPUTS)[0]) < self.size:
+        if (count := self.sdo.read(cia401.OUTPUTS)[0]) < self.size:
             return [f"{where} has {8 * count} outputs, the hardware file uses {8 * self.size}. Correct `outputs`."]
         expected = {1: keys.vendor, 2: keys.product, 4: keys.serial}
         found = {
@@ -69,20 +69,20 @@ class ModuleNode(Station):
         """Safe outputs first, then what makes them safe without a master, then process data; each value read back."""
         self.make_safe()
         for block, safe in enumerate(self.safe_outputs.to_bytes(self.size, "little"), 1):
-            setup.write(self, ERROR_VALUE, block, safe)
-            setup.write(self, ERROR_MODE, block, 0xFF)
+            setup.write(self, cia401.ERROR_VALUE, block, safe)
+            setup.write(self, cia401.ERROR_MODE, block, 0xFF)
         for (index, sub), value in self.keys.objects.items():
             setup.write(self, index, sub, value)
         setup.heartbeat(self, master)
         blocks = range(1, self.size + 1)
-        written = tuple(OUTPUTS << 16 | block << 8 | 8 for block in blocks)
+        written = tuple(cia401.OUTPUTS << 16 | block << 8 | 8 for block in blocks)
         setup.map_pdo(self, 0x1400, OUTPUT_PDO + self.number, written, AT_SYNC)
-        setup.map_pdo(self, 0x1800, INPUT_PDO + self.number, (INPUTS << 16 | 1 << 8 | 8,), AT_SYNC)
+        setup.map_pdo(self, 0x1800, INPUT_PDO + self.number, (cia401.INPUTS << 16 | 1 << 8 | 8,), AT_SYNC)
 
     def make_safe(self) -> None:
         """Safe outputs by SDO, read back."""
         for block, safe in enumerate(self.safe_outputs.to_bytes(self.size, "little"), 1):
-            setup.write(self, OUTPUTS, block, safe)
+            setup.write(self, cia401.OUTPUTS, block, safe)
 
     def release(self) -> str:
         """After an orderly end: safe outputs, no heartbeat is expected any more. What could not be confirmed."""

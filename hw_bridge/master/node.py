@@ -7,18 +7,17 @@ from collections import deque
 from math import degrees
 from typing import TYPE_CHECKING
 
-from hw_bridge import cia402
-from hw_bridge.cia402 import Mode, State, state_of
-from hw_bridge.frame import Frame
+from hw_bridge.bus import Frame
+from hw_bridge.dictionary import Mode, State, cia402, state_of
 from hw_bridge.master.station import Station
 from hw_bridge.master.vendor import SUBSTITUTES, VENDORS, current_unit
 from hw_bridge.profiles import profile
 
 if TYPE_CHECKING:
-    from hw_bridge.keys import NodeKeys
-    from hw_bridge.master.network import Network
+    from hw_bridge.bus import Network
+    from hw_bridge.hardware import NodeKeys
     from hw_bridge.master.station import Waiting
-    from hw_bridge.profile import Profile
+    from hw_bridge.profiles import Profile
 
 TARGET_PDO, CONTROL_PDO, FORCE_PDO = 0x200, 0x300, 0x400
 STATE_PDO, SPEED_PDO = 0x180, 0x280

@@ -5,17 +5,15 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-from hw_bridge.abort import Code
-from hw_bridge.agenda import MILLISECOND
-from hw_bridge.frame import Frame
+from hw_bridge.bus import MILLISECOND, Frame
+from hw_bridge.dictionary import cia301, told
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hw_bridge.master.network import Condition
+    from hw_bridge.bus import Condition
 
-REQUEST, RESPONSE = 0x600, 0x580
 TIMEOUT = 300 * MILLISECOND  # longest time to a response [ns]; a drive that writes flash takes that long
 ATTEMPTS = 2  # a frame may be lost
 
@@ -32,14 +30,6 @@ class SilentError(SimulationError):
     """A node did not answer."""
 
 
-def told(code: int) -> str:
-    """An abort code in words."""
-    try:
-        return Code(code).name.lower().replace("_", " ")
-    except ValueError:
-        return "no code of CiA 301"
-
-
 class SdoClient:
     """The requests of a master to one node. `wait(duration, done)` lets time pass, and frames come."""
 
@@ -47,6 +37,7 @@ class SdoClient:
         self.node, self.send, self.wait = node, send, wait
         self.answers: list[bytes] = []
         self.attempts = ATTEMPTS
+        self.sized = True  # whether the last answer told how many bytes there are; else it is all four
 
     def heard(self, data: bytes) -> None:
         """A response arrived."""
@@ -55,6 +46,7 @@ class SdoClient:
     def read(self, index: int, sub: int = 0, timeout: int = TIMEOUT) -> bytes:
         """The bytes of an entry."""
         answer = self._ask(struct.pack("<BHB4x", 0x40, index, sub), index, sub, 0x40, timeout)
+        self.sized = not answer[0] & 0x02 or bool(answer[0] & 0x01)
         if answer[0] & 0x02:
             return answer[4 : 8 - (answer[0] >> 2 & 3 if answer[0] & 1 else 0)]
         data, toggle = b"", 0
@@ -77,7 +69,7 @@ class SdoClient:
     def _ask(self, request: bytes, index: int, sub: int, expected: int, timeout: int, segment: bool = False) -> bytes:
         for _ in range(1 if segment else self.attempts):
             self.answers.clear()
-            self.send(Frame(REQUEST + self.node, request))
+            self.send(Frame(cia301.SDO_REQUEST + self.node, request))
             self.wait(timeout, lambda: any(self._fits(one, index, sub, expected, segment) for one in self.answers))
             for answer in self.answers:
                 if self._fits(answer, index, sub, expected, segment):

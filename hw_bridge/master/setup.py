@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import struct
 from math import ceil
 from typing import TYPE_CHECKING
 
-from hw_bridge.abort import Abort
-from hw_bridge.agenda import MILLISECOND
-from hw_bridge.cia402 import Mode, State, state_of
+from hw_bridge.bus import MILLISECOND
+from hw_bridge.dictionary import Mode, State, cia301, cia402, state_of
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.vendor import SPEED, TRANSMIT, receive
-from hw_bridge.outputs import LEVELS, MASK, OUTPUTS
 from hw_bridge.profiles import MODULES, identity
-from hw_bridge.slave.pdo import INVALID
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -28,54 +24,43 @@ KNOWN = {(one[1], one[2]) for one in map(identity, MODULES)}  # vendor and produ
 SCALING = (0x2350, 0x3001, 0x3010, 0x608F, 0x6075, 0x6091, 0x6092, 0x60A9)  # what units follow from
 
 
-def read(node: Station, index: int, sub: int = 0) -> int:
-    """Read a number by its type in the vendor's dictionary, and remember it."""
-    entry = node.mirror.entry(index, sub)
+def ask(node: Station, index: int, sub: int = 0) -> bytes:
+    """A number as the node has it: how many bytes there are is for the node to say, not for the profile."""
     data = node.sdo.read(index, sub)
-    try:
-        value = entry.decode(data)
-    except Abort:
-        raise SimulationError(
-            f"{node.name}: {index:04X}h.{sub} has {len(data)} bytes, {node.profile.title} has {entry.type.size}. "
-            f"Check the profile."
-        ) from None
-    assert isinstance(value, int)
-    node.mirror.values[index, sub] = value
+    known = node.mirror.objects.get(index, {}).get(sub)
+    if not node.sdo.sized and known is not None:
+        data = data[: known.type.size or LONGEST]
+    node.sizes[index, sub] = len(data)
+    return data
+
+
+def read(node: Station, index: int, sub: int = 0) -> int:
+    """Read a number, with the sign that the profile has for it, and remember it."""
+    signed = node.mirror.entry(index, sub).type.signed
+    value = node.mirror.values[index, sub] = int.from_bytes(ask(node, index, sub), "little", signed=signed)
     return value
 
 
 def write(node: Station, index: int, sub: int, value: int) -> None:
-    """Write a number and read it back."""
-    if sub not in node.mirror.objects.get(index, {}):
-        raise SimulationError(
-            f"{node.name}: {node.profile.title} has no {index:04X}h.{sub}. Correct the hardware file."
-        )
-    entry = node.mirror.entry(index, sub)
+    """Write a number in as many bytes as the node has for it, and read it back."""
+    known = node.mirror.objects.get(index, {}).get(sub)
+    signed = value < 0 if known is None else known.type.signed
     try:
-        data = entry.encode(value)
-    except struct.error:
-        raise SimulationError(f"{node.name}: {index:04X}h.{sub} cannot hold {value}: {entry.type.name}.") from None
-    try:
-        node.sdo.write(index, sub, data)
-    except SdoError as error:
-        raise SdoError(f"{node.name}: {error} It was to become {value}.", error.code) from None
-    if (found := read(node, index, sub)) != value:
-        raise SimulationError(f"{node.name}: {index:04X}h.{sub} reads {found} after {value} was written.")
-
-
-def write_unknown(node: Station, index: int, sub: int, value: int) -> None:
-    """Write a number that the profile does not know, in as many bytes as the drive gives it, and read it back."""
-    signed = value < 0
-    try:
-        size = len(node.sdo.read(index, sub))
-        if not 1 <= size <= LONGEST:
+        size = node.sizes.get((index, sub)) or len(ask(node, index, sub))
+        if size > LONGEST:
             raise OverflowError  # noqa: TRY301
         node.sdo.write(index, sub, value.to_bytes(size, "little", signed=signed))
+        found = int.from_bytes(ask(node, index, sub), "little", signed=signed)
     except OverflowError:
-        raise SimulationError(f"{node.name}: {index:04X}h.{sub} cannot hold {value}: it has {size} bytes.") from None
+        raise SimulationError(
+            f"{node.name}: {index:04X}h.{sub} cannot hold {value}: it has {size} bytes, "
+            f"{'signed' if signed else 'unsigned'}. Check the value and the profile."
+        ) from None
     except SdoError as error:
         raise SdoError(f"{node.name}: {error} It was to become {value}.", error.code) from None
-    if (found := int.from_bytes(node.sdo.read(index, sub), "little", signed=signed)) != value:
+    if known is not None:
+        node.mirror.values[index, sub] = found
+    if found != value:
         raise SimulationError(f"{node.name}: {index:04X}h.{sub} reads {found} after {value} was written.")
 
 
@@ -112,7 +97,7 @@ def configure(node: Node, cycle: int, master: int) -> None:
     for index, sub, value in node.vendor.setup:
         write(node, index, sub, value)
     for (index, sub), value in node.keys.objects.items():
-        (write if sub in entries.get(index, {}) else write_unknown)(node, index, sub, value)
+        write(node, index, sub, value)
     for index in SCALING:
         for entry in entries.get(index, {}).values():
             if entry.readable and entry.sub:
@@ -189,7 +174,7 @@ def mapping(node: Node) -> None:
 def map_pdo(node: Station, index: int, identifier: int, words: tuple[int, ...], kind: int) -> None:
     """Take a PDO out of use, map it anew, and use it again if it has anything to carry."""
     flags = read(node, index, 1) & 0x40000000
-    write(node, index, 1, INVALID | flags | identifier)
+    write(node, index, 1, cia301.INVALID | flags | identifier)
     if not words:
         return
     write(node, index, 2, kind)
@@ -203,13 +188,18 @@ def map_pdo(node: Station, index: int, identifier: int, words: tuple[int, ...], 
 def make_safe(node: Node) -> None:
     """Digital outputs as the hardware file wants them when nothing moves."""
     if node.keys.safe_outputs is not None:
-        write(node, OUTPUTS, LEVELS, node.keys.safe_outputs)
+        write(node, cia402.OUTPUTS, cia402.LEVELS, node.keys.safe_outputs)
 
 
 def unmask(node: Node) -> None:
     """Let the bits act that follow signals, where the drive has a mask; only after they are safe."""
-    if node.keys.outputs and MASK in node.mirror.objects[OUTPUTS]:
-        write(node, OUTPUTS, MASK, read(node, OUTPUTS, MASK) | sum(1 << bit for bit in node.keys.outputs))
+    if node.keys.outputs and cia402.MASK in node.mirror.objects[cia402.OUTPUTS]:
+        write(
+            node,
+            cia402.OUTPUTS,
+            cia402.MASK,
+            read(node, cia402.OUTPUTS, cia402.MASK) | sum(1 << bit for bit in node.keys.outputs),
+        )
 
 
 def release(node: Node) -> State:

@@ -11,10 +11,9 @@ from hw_bridge.master.sdo import SdoClient
 if TYPE_CHECKING:
     from typing import Protocol
 
-    from hw_bridge.frame import Frame
-    from hw_bridge.keys import ModuleKeys, NodeKeys
-    from hw_bridge.master.network import Condition, Network
-    from hw_bridge.profile import Device, Profile
+    from hw_bridge.bus import Condition, Frame, Network
+    from hw_bridge.hardware import ModuleKeys, NodeKeys
+    from hw_bridge.profiles import Device, Profile
 
     class Waiting(Protocol):
         """Lets time pass, and frames come, until a condition holds."""
@@ -35,6 +34,7 @@ class Station:
         self.name, self.keys, self.profile = name, keys, profile
         self.number = keys.node
         self.mirror = Dictionary(profile.objects, keys.node)  # what the node is known to hold
+        self.sizes: dict[tuple[int, int], int] = {}  # bytes of its numbers as the node has them, not as the profile
         self.sdo = SdoClient(keys.node, network.send, wait)
         self.heard_at = 0  # last heartbeat [ns]
         self.emergencies: list[tuple[int, int]] = []  # time [ns], code

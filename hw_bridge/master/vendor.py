@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from hw_bridge.cia402 import Mode
-from hw_bridge.outputs import WORD
+from hw_bridge.dictionary import Mode, cia402
 
 if TYPE_CHECKING:
-    from hw_bridge.profile import Units
+    from hw_bridge.profiles import Units
 
 QUICK_STOP_WHEN_LOST = (0x6007, 0, 3)
 
@@ -58,7 +57,7 @@ SUBSTITUTES = {Mode.CSP: Mode.PP, Mode.CSV: Mode.PV}
 
 def receive(outputs: bool, force: bool) -> tuple[tuple[int, ...], ...]:
     """Mapping of four RPDOs; digital outputs that follow signals find room beside the target."""
-    return ((*TARGET, WORD) if outputs else TARGET, CONTROL, FORCE if force else (), ())
+    return ((*TARGET, cia402.LEVELS_WORD) if outputs else TARGET, CONTROL, FORCE if force else (), ())
 
 
 def current_unit(vendor: Vendor, units: Units) -> float:

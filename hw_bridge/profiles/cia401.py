@@ -6,21 +6,15 @@ Polarity (6202h), filter (6208h) and interrupt masks (6005h to 6008h) are option
 
 from __future__ import annotations
 
-from hw_bridge.abort import Code
-from hw_bridge.dictionary import TEXT, U8, U16, U32, NodeId, record, sub, var
-from hw_bridge.profile import Device, Fault, Reaction
+from hw_bridge.dictionary import TEXT, U8, U16, U32, Code, NodeId, cia301, cia401, record, sub, var
+from hw_bridge.profiles.description import Device, Fault, Reaction, Rules
 from hw_bridge.profiles.rows import joined, pdo
-from hw_bridge.slave.pdo import INVALID, Rules
 
-DIGITAL_INPUTS, DIGITAL_OUTPUTS = 1 << 16, 1 << 17  # of 1000h
-BYTES = 4  # of outputs, and of inputs
-BLOCKS = range(1, BYTES + 1)
-OUTPUTS, ERROR_MODE, ERROR_VALUE, INPUTS = 0x6200, 0x6206, 0x6207, 0x6000
-WRITTEN = tuple(OUTPUTS << 16 | block << 8 | 8 for block in BLOCKS)
-READ = tuple(INPUTS << 16 | block << 8 | 8 for block in BLOCKS)
+WRITTEN = tuple(cia401.OUTPUTS << 16 | block << 8 | 8 for block in cia401.BLOCKS)
+READ = tuple(cia401.INPUTS << 16 | block << 8 | 8 for block in cia401.BLOCKS)
 
 OBJECTS = joined(
-    var(0x1000, "Device type", U32, "const", DIGITAL_OUTPUTS | DIGITAL_INPUTS | 401),
+    var(0x1000, "Device type", U32, "const", cia401.DIGITAL_OUTPUTS | cia401.DIGITAL_INPUTS | 401),
     var(0x1001, "Error register", U8, "ro", pdo=True),
     record(0x1003, "Pre-defined error field", sub(0, "Number of errors", U8, "rw", 0),
            *(sub(n, f"Standard error field {n}", U32, "ro") for n in range(1, 5))),
@@ -35,16 +29,17 @@ OBJECTS = joined(
            sub(3, "Revision number", U32, "const", 1), sub(4, "Serial number", U32, "const", 1)),
     record(0x1029, "Error behavior", sub(1, "Communication error", U8, "rw", 0, 0, 2)),
     pdo(1, 0x200, WRITTEN, receive=True, objects=8),
-    *(pdo(n, 0x100 + 0x100 * n, (), receive=True, objects=8, flags=INVALID) for n in range(2, 5)),
+    *(pdo(n, 0x100 + 0x100 * n, (), receive=True, objects=8, flags=cia301.INVALID) for n in range(2, 5)),
     pdo(1, 0x180, READ, receive=False, objects=8, inhibit=0, event=0),
-    *(pdo(n, 0x080 + 0x100 * n, (), receive=False, objects=8, flags=INVALID, inhibit=0, event=0) for n in range(2, 5)),
-    record(INPUTS, "Read input 8-bit", *(sub(n, f"Inputs {8 * n - 7} to {8 * n}", U8, "ro", pdo=True) for n in BLOCKS)),
-    record(OUTPUTS, "Write output 8-bit",
-           *(sub(n, f"Outputs {8 * n - 7} to {8 * n}", U8, "rw", pdo=True) for n in BLOCKS)),
-    record(ERROR_MODE, "Error mode output 8-bit",
-           *(sub(n, f"Error mode of outputs {8 * n - 7} to {8 * n}", U8, "rw", 0xFF) for n in BLOCKS)),
-    record(ERROR_VALUE, "Error value output 8-bit",
-           *(sub(n, f"Error value of outputs {8 * n - 7} to {8 * n}", U8, "rw", 0) for n in BLOCKS)),
+    *(pdo(n, 0x080 + 0x100 * n, (), receive=False, objects=8, flags=cia301.INVALID, inhibit=0, event=0) for n in range(2, 5)),
+    record(cia401.INPUTS, "Read input 8-bit",
+           *(sub(n, f"Inputs {8 * n - 7} to {8 * n}", U8, "ro", pdo=True) for n in cia401.BLOCKS)),
+    record(cia401.OUTPUTS, "Write output 8-bit",
+           *(sub(n, f"Outputs {8 * n - 7} to {8 * n}", U8, "rw", pdo=True) for n in cia401.BLOCKS)),
+    record(cia401.ERROR_MODE, "Error mode output 8-bit",
+           *(sub(n, f"Error mode of outputs {8 * n - 7} to {8 * n}", U8, "rw", 0xFF) for n in cia401.BLOCKS)),
+    record(cia401.ERROR_VALUE, "Error value output 8-bit",
+           *(sub(n, f"Error value of outputs {8 * n - 7} to {8 * n}", U8, "rw", 0) for n in cia401.BLOCKS)),
 )  # fmt: skip
 
 FAULTS = {

@@ -8,14 +8,27 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hw_bridge.abort import Code
-from hw_bridge.cia402 import Mode, supported
-from hw_bridge.dictionary import I8, I16, I32, TEXT, U8, U16, U32, NodeId, record, sub, var
-from hw_bridge.drive.motor import MotorModel
-from hw_bridge.drive.moves import BLOCKS_FAULHABER, METHODS
-from hw_bridge.profile import Currents, Fault, Profile, Reaction, Units
+from hw_bridge.dictionary import (
+    BLOCKS_FAULHABER,
+    I8,
+    I16,
+    I32,
+    METHODS,
+    TEXT,
+    U8,
+    U16,
+    U32,
+    Code,
+    Mode,
+    NodeId,
+    record,
+    sub,
+    supported,
+    var,
+)
+from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
+from hw_bridge.profiles.motor import MotorModel
 from hw_bridge.profiles.rows import joined, pdo
-from hw_bridge.slave.pdo import Rules
 
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Dictionary

@@ -8,14 +8,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hw_bridge.abort import Code
-from hw_bridge.cia402 import Mode, supported
-from hw_bridge.dictionary import I8, I16, I32, TEXT, U8, U16, U32, NodeId, record, sub, var
-from hw_bridge.drive.moves import METHODS
-from hw_bridge.profile import Currents, Fault, Profile, Reaction, Units
+from hw_bridge.dictionary import (
+    I8,
+    I16,
+    I32,
+    METHODS,
+    TEXT,
+    U8,
+    U16,
+    U32,
+    Code,
+    Mode,
+    NodeId,
+    record,
+    sub,
+    supported,
+    var,
+)
+from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.faulhaber_v3 import INCREMENT, LM2070
 from hw_bridge.profiles.rows import joined, pdo
-from hw_bridge.slave.pdo import Rules
 
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Dictionary

@@ -6,9 +6,8 @@ import struct
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from hw_bridge.cia402 import state_of
+from hw_bridge.dictionary import cia301, state_of
 from hw_bridge.profiles import MODULES, identity, profile
-from hw_bridge.slave.nmt import RESET_COMMUNICATION, RESET_NODE
 from hw_bridge.trace import names
 from hw_bridge.trace.party import Party, Route
 from hw_bridge.trace.transfer import Transfer
@@ -16,10 +15,9 @@ from hw_bridge.trace.transfer import Transfer
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from hw_bridge.frame import Frame
-    from hw_bridge.keys import HardwareKeys
+    from hw_bridge.bus import Frame
+    from hw_bridge.hardware import HardwareKeys
 
-SYNC, TIME, EMCY, RESPONSE, REQUEST, ERROR_CONTROL = 0x080, 0x100, 0x080, 0x580, 0x600, 0x700
 IDENTITY = ((0x1018, 1), (0x1018, 2))
 
 
@@ -71,22 +69,22 @@ class Decoder:
         node = identifier & 0x7F
         if identifier == 0:
             return self._command(time, frame)
-        if identifier == SYNC:
+        if identifier == cia301.SYNC:
             return Line(time, frame, 0, "SYNC", f"counter {data[0]}" if data else "")
-        if identifier == TIME:
+        if identifier == cia301.TIME:
             return Line(time, frame, 0, "TIME", "time stamp")
         for party in self.parties.values():
             if (route := party.routes.get(identifier)) is not None:
                 return self._process(time, frame, party, route)
-        if EMCY < identifier < EMCY + 0x80:
+        if cia301.EMCY < identifier < cia301.EMCY + 0x80:
             return self._emergency(time, frame, self.party(node))
-        if RESPONSE < identifier < RESPONSE + 0x80:
+        if cia301.SDO_RESPONSE < identifier < cia301.SDO_RESPONSE + 0x80:
             return self._answer(time, frame, node)
-        if REQUEST < identifier < REQUEST + 0x80:
+        if cia301.SDO_REQUEST < identifier < cia301.SDO_REQUEST + 0x80:
             return Line(time, frame, node, "SDO", f"{self.party(node).name}: {self._transfer(node).request(data)}")
-        if ERROR_CONTROL < identifier < ERROR_CONTROL + 0x80:
+        if cia301.ERROR_CONTROL < identifier < cia301.ERROR_CONTROL + 0x80:
             return self._alive(time, frame, self.party(node))
-        if 0x180 <= identifier < RESPONSE and node:
+        if 0x180 <= identifier < cia301.SDO_RESPONSE and node:
             title = f"TPDO{identifier - 0x80 >> 8}" if identifier & 0x80 else f"RPDO{identifier - 0x100 >> 8}"
             return Line(time, frame, node, "PDO", f"{self.party(node).name} {title}: mapping not in the trace")
         return Line(time, frame, 0, "OTHER", "no identifier of CANopen's predefined connection set")
@@ -99,9 +97,9 @@ class Decoder:
             return Line(time, frame, 0, "NMT", f"command of {len(frame.data)} bytes, 2 expected", {}, notable=True)
         command, node = frame.data
         named = names.COMMANDS.get(command, f"unknown command {command:02X}h")
-        if command in (RESET_NODE, RESET_COMMUNICATION):
+        if command in (cia301.RESET_NODE, cia301.RESET_COMMUNICATION):
             for one in [node] if node else list(self.parties):
-                self.resetting[one] = command == RESET_NODE
+                self.resetting[one] = command == cia301.RESET_NODE
         whom = self.party(node).name if node else "all nodes"
         return Line(time, frame, node, "NMT", f"{whom}: {named}", {}, notable=True)
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from hw_bridge import cia402
-from hw_bridge.cia402 import Command, Mode, command_of, state_of
-from hw_bridge.slave.nmt import PRE_OPERATIONAL, RESET_COMMUNICATION, RESET_NODE, START, STOP
-from hw_bridge.slave.port import NmtState
+from hw_bridge.dictionary import Command, Mode, NmtState, cia301, cia402, command_of, state_of
 
 COMMANDS = {
-    START: "start", STOP: "stop", PRE_OPERATIONAL: "enter pre-operational", RESET_NODE: "reset node",
-    RESET_COMMUNICATION: "reset communication",
+    cia301.START: "start", cia301.STOP: "stop", cia301.PRE_OPERATIONAL: "enter pre-operational",
+    cia301.RESET_NODE: "reset node", cia301.RESET_COMMUNICATION: "reset communication",
 }  # fmt: skip
 
 STATES = {

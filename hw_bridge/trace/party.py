@@ -5,17 +5,14 @@ from __future__ import annotations
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
-from hw_bridge.abort import Abort
-from hw_bridge.cia402 import Mode
-from hw_bridge.dictionary import Dictionary, Entry, Value
-from hw_bridge.master.vendor import SPEED, TRANSMIT, VENDORS, receive
+from hw_bridge.dictionary import Abort, Dictionary, Entry, Mode, Value, cia301
+from hw_bridge.master import SPEED, TRANSMIT, VENDORS, receive
 from hw_bridge.profiles import DEVICES, MODULES, device, profile
-from hw_bridge.slave.pdo import INVALID
 from hw_bridge.trace import names
 
 if TYPE_CHECKING:
-    from hw_bridge.keys import NodeKeys
-    from hw_bridge.profile import Profile, Units
+    from hw_bridge.hardware import NodeKeys
+    from hw_bridge.profiles import Profile, Units
 
 POSITIONS = (0x6062, 0x6064, 0x6065, 0x6067, 0x607A, 0x607C, 0x607D, 0x60B0, 0x60F4)
 VELOCITIES = (0x606B, 0x606C, 0x607F, 0x6080, 0x6081, 0x6099, 0x60B1, 0x60FF)
@@ -108,7 +105,7 @@ class Party:
         ):  # fmt: skip
             for number in range(PDOS):
                 words = maps[number] if number < len(maps) else ()
-                flags = 0 if words else INVALID
+                flags = 0 if words else cia301.INVALID
                 values[start + number, 1] = flags | base + 0x100 * number + self.node
                 values[start + number + 0x200, 0] = len(words)
                 values.update({(start + number + 0x200, place): word for place, word in enumerate(words, 1)})
@@ -154,8 +151,8 @@ class Party:
         found = {}
         for letter, start in (("R", 0x1400), ("T", 0x1800)):
             for number in range(PDOS):
-                identifier = self.dictionary.get(start + number, 1, missing=INVALID)
-                if identifier & INVALID:
+                identifier = self.dictionary.get(start + number, 1, missing=cia301.INVALID)
+                if identifier & cia301.INVALID:
                     continue
                 count = self.dictionary.get(start + number + 0x200)
                 words = [self.dictionary.get(start + number + 0x200, sub + 1) for sub in range(count)]

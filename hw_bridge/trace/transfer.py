@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-from hw_bridge.master.sdo import told
+from hw_bridge.dictionary import told
 
 if TYPE_CHECKING:
     from hw_bridge.trace.party import Party

@@ -5,19 +5,18 @@ from __future__ import annotations
 from collections import deque
 from typing import TYPE_CHECKING
 
+from hw_bridge.dictionary import cia301
 from hw_bridge.trace.decoder import Decoder, Line
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from hw_bridge.frame import Frame
-    from hw_bridge.keys import HardwareKeys
-    from hw_bridge.master.network import Network
-    from hw_bridge.trace.files import TraceWriter
+    from hw_bridge.bus import Frame, Network
+    from hw_bridge.hardware import HardwareKeys
+    from hw_bridge.wire import TraceWriter
 
 KEPT = 20_000  # frames of the daily exchange that are kept: some 20 s of two drives at 5 ms
 SHOWN = 30  # events of a run in its report
-ERROR_CONTROL = 0x700
 
 
 class Watch:
@@ -30,7 +29,7 @@ class Watch:
         self.count = 0
         self.writer: TraceWriter | None = None
         if path is not None:
-            from hw_bridge.trace.files import TraceWriter
+            from hw_bridge.wire import TraceWriter
 
             self.writer = TraceWriter(path, keys.channel or "can0", aside=network.wall_clock)
         network.observe(self.hear)
@@ -38,7 +37,9 @@ class Watch:
     def hear(self, time: int, frame: Frame | None) -> None:
         """A frame, or an error frame, at a time [ns]."""
         self.count += 1
-        often = frame is not None and (0x180 <= frame.id < 0x580 or frame.id == 0x080 or frame.id > ERROR_CONTROL)
+        often = frame is not None and (
+            0x180 <= frame.id < 0x580 or frame.id == 0x080 or frame.id > cia301.ERROR_CONTROL
+        )
         (self.daily if often else self.rare).append((time, self.count, frame))
         if self.writer is not None:
             self.writer.write(time, frame)

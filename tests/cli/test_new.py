@@ -1,10 +1,13 @@
 """`twin new` writes a folder that builds and passes its tests as it stands."""
 
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+ROOT = Path(__file__).parents[2]
 MAIN = [sys.executable, "-c", "from twin.cli import main; main()"]
 
 
@@ -43,3 +46,44 @@ def test_a_bad_name_is_refused(twin, tmp_path, name):
 def test_nothing_is_overwritten(twin, tmp_path):
     (tmp_path / "fmus/part").mkdir(parents=True)
     assert "exists already" in twin("new", "part").stderr
+
+
+SHIPPED = "from fmus.mine.model import Mine; from fmus.servomotor.model import Servomotor; print(Mine.__name__, Servomotor.__name__)"
+
+
+@pytest.mark.parametrize("text", [None, "", '"""Mine."""\n'])
+def test_own_and_shipped_components_stand_side_by_side(twin, tmp_path, text, build):
+    """In plain Python; and with the twin commands also where an older `fmus/__init__.py` hides the shipped ones."""
+    assert twin("new", "mine").returncode == 0
+    assert not (tmp_path / "fmus/__init__.py").exists()
+    if text is None:
+        python = subprocess.run(
+            [sys.executable, "-c", SHIPPED],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},  # as installed: an editable install is found last
+        )
+        assert (python.returncode, python.stdout) == (0, "Mine Servomotor\n"), python.stderr
+    else:
+        (tmp_path / "fmus/__init__.py").write_text(text)
+    (tmp_path / "s.yaml").write_text("stop_time: 1 s\nmembers: {a: {component: mine}, b: {component: servomotor}}\n")
+    checked = twin("check", "s.yaml")
+    assert (checked.returncode, checked.stdout[:11]) == (0, "s.yaml: ok ")
+
+
+def test_each_fault_of_a_component_is_told_once(twin, tmp_path, build):
+    assert twin("new", "mine").returncode == 0
+    model = tmp_path / "fmus/mine/model.py"
+    text = model.read_text()
+    begin = text.index("    def ")
+    model.write_text(
+        text[:begin].replace("state(", "local(").replace("rk4, state", "rk4, local")
+        + '    z = output("m", "a second output")\n\n    def step(self, t, h):\n        self.z = t\n'
+    )
+    tested = twin("test", "mine", "--build", str(build))
+    assert tested.returncode == 1
+    assert tested.stderr.count("columns are not the variables") == 1
+    assert "initialization does not write z. Write `def initialize(self):` with `self.z = ...`" in tested.stderr
+    assert "a step does not write" in tested.stderr

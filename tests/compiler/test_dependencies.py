@@ -117,3 +117,38 @@ def test_what_cannot_be_followed_depends_on_everything():
             pass
 
     assert dependencies(Opaque) == {"y": ("u",)}
+
+
+def publish(*components):
+    components[0].y = 1.0
+
+
+def test_a_helper_that_takes_any_number_of_arguments_cannot_be_followed():
+    class Starred(PythonComponent):
+        u = input("", "u")
+        y = output("", "y")
+
+        def initialize(self):
+            publish(self)
+
+        def step(self, t, h):
+            pass
+
+    assert dependencies(Starred) == {"y": ("u",)}
+
+
+def test_a_file_that_was_broken_since_it_was_imported_cannot_be_followed(tmp_path):
+    path = tmp_path / "changed.py"
+    path.write_text("def initialize(self:\n")
+    scope = {}
+    exec(compile("def initialize(self):\n    self.y = 1.0\n", str(path), "exec"), scope)
+
+    class Changed(PythonComponent):
+        u = input("", "u")
+        y = output("", "y")
+        initialize = scope["initialize"]
+
+        def step(self, t, h):
+            pass
+
+    assert dependencies(Changed) == {"y": ("u",)}

@@ -156,3 +156,19 @@ def test_a_function_without_source_is_told():
     cls = type("Part", (Component,), {"y": output("", "y"), "step": scope["step"], "__doc__": "A test."})
     with pytest.raises(BuildError, match=r"the source of `step` is not there\. Define it with `def` in a file"):
         compiler.translate(cls, "part")
+
+
+def test_every_statement_that_has_no_form_is_told():
+    cls = component(
+        "w = [1.0]\nself.y = w\nif t > 0.0:\n    v = {}\nself.y = raises(t)\nself.y = self.missing\nself.y = w + v"
+    )
+    with pytest.raises(BuildError) as caught:
+        compiler.translate(cls, "part")
+    lines = str(caught.value).split("\n")
+    assert all(line.startswith("Part (") for line in lines)
+    assert [line.partition("`")[2].partition("`")[0] for line in lines] == [
+        "[1.0]",
+        "{}",
+        "raise ValueError",
+        "self.missing",
+    ]

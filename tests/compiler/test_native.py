@@ -175,7 +175,7 @@ def test_what_only_the_compiler_finds_is_named_too(tmp_path):
         BuildError, match=rf"^Allocates {place}: `self\.z` is an array \[3\], not a number\. Loop over its elements\.$"
     ):
         compiler.component_object(Allocates, "x86_64-linux", tmp_path, "allocates")
-    wanted = rf"^Untyped {place}: `w` is 2 values here and a real number there\. Use two names\.$"
+    wanted = rf"^Untyped {place}: `w` is 2 values here and a real number there\. Use two names\.\n"
     with pytest.raises(BuildError, match=wanted):
         compiler.component_object(Untyped, "x86_64-linux", tmp_path, "untyped")
     assert compiler.problems(Untyped)[0].startswith("Untyped (compiler/test_native.py:")

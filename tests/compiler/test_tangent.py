@@ -1,6 +1,7 @@
 """Tangents against eighth-order differences of the same functions, interpreted and compiled; what cannot be followed."""
 
 import ctypes
+import functools
 import math
 from math import (
     acos,
@@ -34,7 +35,8 @@ import numpy as np
 import pytest
 
 from twin import compiler
-from twin.compiler import slopes, tangent
+from twin.compiler import tangent
+from twin.compiler.tangent import slopes
 from twin.component import Component, Int64, Role, catalog, input, local, output, parameter, state
 
 TABLE = (0.3, -0.7, 1.1)
@@ -282,6 +284,44 @@ def test_kinks_and_starts_of_roots_have_the_slope_of_a_branch():
     part, (dot, _) = Kinks(), direction(Kinks, "u", ())
     tangent.tangents(Kinks).at(part, dot, 0.0, 0.0)
     assert dot.y.tolist() == [0.0, 0.0, 1.0]
+
+
+def doubled(function):
+    @functools.wraps(function)
+    def twice(a):
+        return 2.0 * function(a)
+
+    return twice
+
+
+@doubled
+def squared(a):
+    return a * a
+
+
+class Shape:
+    """A class as a place for functions."""
+
+    @staticmethod
+    def cubed(a):
+        return a * a * a
+
+
+def test_helpers_may_be_decorated_or_stand_in_a_class():
+    class Helped(Component):
+        """Calls both."""
+
+        u = input("", "input", start=3.0)
+        y = output("", "outputs", shape=(2,))
+
+        def derivatives(self, t):
+            self.y[0] = squared(self.u)
+            self.y[1] = Shape.cubed(self.u)
+
+    part, (dot, _) = Helped(), direction(Helped, "u", ())
+    tangent.tangents(Helped).at(part, dot, 0.0, 0.0)
+    assert part.y.tolist() == [18.0, 27.0]
+    assert dot.y.tolist() == [12.0, 27.0]
 
 
 def refused(function):

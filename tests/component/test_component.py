@@ -5,7 +5,19 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from twin.component import Boolean, Component, Int32, Int64, Role, input, local, output, parameter, state
+from twin.component import (
+    Boolean,
+    Component,
+    Int32,
+    Int64,
+    PythonComponent,
+    Role,
+    input,
+    local,
+    output,
+    parameter,
+    state,
+)
 from twin.errors import DeclarationError
 
 
@@ -106,3 +118,33 @@ def test_mistakes_are_named():
         type("Still", (Component,), {"x": state(0.0, "", "x"), "step": lambda self, t, h: None})
     with pytest.raises(DeclarationError, match="needs either derivatives"):
         type("Empty", (Component,), {})().advance(0.0, 1.0)
+
+
+def test_a_misspelled_attribute_is_no_new_one():
+    class Pump(Component):
+        """A pump."""
+
+        rate = parameter(1.0, "Hz", "rate")
+        y = output("", "out")
+
+        def step(self, t, h):
+            self.y = self.rate
+
+    class Logging(PythonComponent):
+        """Keeps what it likes."""
+
+        y = output("", "out")
+
+        def step(self, t, h):
+            self.lines = [t]
+
+    part = Pump()
+    part.rate = 2.0
+    assert part.rate == 2.0
+    for make in (lambda: setattr(part, "rat", 3.0), lambda: Pump(rat=3.0)):
+        with pytest.raises(DeclarationError, match=r"^Pump: no variable 'rat'\. Did you mean 'rate'\?$"):
+            make()
+    with pytest.raises(DeclarationError, match=r"no variable 'volume'\. Known: rate, y\.$"):
+        Pump(volume=1.0)
+    part._own = 1.0
+    Logging().advance(0.0, 1.0)

@@ -13,7 +13,7 @@ from twin.scenario import Form, load_scenario
 
 ROOT = Path(__file__).parent.parent.parent
 ALL = {path: load_scenario(path) for path in sorted((ROOT / "scenarios").glob("*.yaml"))}
-# faults need drives: tests/hw_bridge/test_events.py runs those
+# faults need drives: tests/hw_bridge/bridge/test_events.py runs those
 SCENARIOS = [path for path, scenario in ALL.items() if not any(case.faults for case in scenario.variants)]
 
 

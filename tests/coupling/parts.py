@@ -112,7 +112,7 @@ class Diverging(Component):
 
 def couple(
     build: Path, parts: dict, connections: list[str], algorithm=Algorithm.jacobi, step=1_000_000,
-    mode="compiled", record=None, every=0, periods=None,
+    mode="compiled", record=None, every=0, periods=None, recorder=None,
 ) -> CoSimulation:  # fmt: skip
     """A co-simulation of component instances; connections are `a.y -> b.u`."""
     members = {}
@@ -124,7 +124,15 @@ def couple(
     catalog = {name: member.variables for name, member in members.items()}
     system = System(catalog, [Connection(*connection.split(" -> ")) for connection in connections])
     return CoSimulation(
-        members, system.links(), step, algorithm, build=build, record=record, every=every, periods=periods
+        members,
+        system.links(),
+        step,
+        algorithm,
+        build=build,
+        record=record,
+        every=every,
+        periods=periods,
+        recorder=recorder,
     )
 
 

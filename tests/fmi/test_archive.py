@@ -7,14 +7,17 @@ import tempfile
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.fmi.third_party import NATIVE_XML, archive
+from twin.coupling import MemberVariable
 from twin.errors import FMUError
-from twin.fmi import FMUMember, unpack
+from twin.fmi import FMUMember, markup, unpack, values
 from twin.fmi import archive as archives
+from twin.fmi.elf import problem
 
 BINARY = "binaries/x86_64-linux/Native.so"
 GOOD = {"modelDescription.xml": NATIVE_XML.encode(), BINARY: b"\x7fELF" + bytes(100), "resources/a.txt": b"a" * 5000}
@@ -75,6 +78,63 @@ def test_duplicate(tmp_path: Path) -> None:
     with zipfile.ZipFile(path, "a") as zipped, pytest.warns(UserWarning, match="Duplicate"):
         zipped.writestr("resources/a.txt", b"other")
     refused(path, "same file")
+
+
+def test_the_same_file_twice_is_one(tmp_path: Path) -> None:
+    path = archive(tmp_path / "fmu.fmu", GOOD)
+    with zipfile.ZipFile(path, "a") as zipped, pytest.warns(UserWarning, match="Duplicate"):
+        zipped.writestr("resources/a.txt", GOOD["resources/a.txt"])
+    with unpack(path) as found:
+        assert (found.folder / "resources/a.txt").read_bytes() == GOOD["resources/a.txt"]
+
+
+def elf(machine: int = 0x3E, order: int = 1, length: int = 0x100) -> bytes:
+    """A library with one segment of this length."""
+    head = struct.pack("<4sBBB9xHHIQQQIHHHHHH", b"\x7fELF", 2, order, 1, 3, machine, 1, 0, 64, 0, 0, 64, 56, 1, 0, 0, 0)
+    return head + struct.pack("<IIQQQQQQ", 1, 5, 0, 0, 0, length, length, 4096)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (elf(length=10**6), "is cut off"),  # loading it would end the process
+        (elf()[:100], "is cut off"),
+        (elf(machine=0xB7), "is for aarch64, this machine is x86_64"),
+        (elf(machine=0x28), "is for armv7l"),
+        (elf(order=2), "another order of bytes"),
+    ],
+)
+def test_a_library_that_cannot_be_loaded_is_not_tried(tmp_path: Path, content: bytes, words: str) -> None:
+    member = FMUMember("part", archive(tmp_path / "fmu.fmu", {**GOOD, BINARY: content}))
+    with pytest.raises(FMUError, match=words):
+        member.instantiate()
+    member.close()
+
+
+@given(st.binary(max_size=300), st.integers(0, 300))
+def test_any_head_of_a_library_is_read(data: bytes, cut: int) -> None:
+    with tempfile.NamedTemporaryFile() as file:
+        file.write((elf()[: min(cut, 120)] + data)[:300])
+        file.flush()
+        assert isinstance(problem(Path(file.name)), str)
+
+
+def test_only_what_a_run_needs_is_unpacked(tmp_path: Path) -> None:
+    more = dict.fromkeys(("sources/a.c", "documentation/index.html", "binaries/win64/a.dll", BINARY + ".1"), b"x")
+    with unpack(archive(tmp_path / "fmu.fmu", {**GOOD, **more})) as found:
+        names = {str(file.relative_to(found.folder)) for file in found.folder.rglob("*") if file.is_file()}
+    assert names == {*GOOD, BINARY + ".1"}
+
+
+def test_many_variables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(markup, "VARIABLES", 2)
+    refused(archive(tmp_path / "fmu.fmu", GOOD), "variables, more than 2")
+
+
+@pytest.mark.parametrize("value", ["", "[]", [], np.zeros(0)])
+def test_an_array_may_be_empty(value: object) -> None:
+    variable = MemberVariable("u", "input", "continuous", "Float64", np.dtype(float), (0,))
+    assert values.array(variable, value, {}, "x").shape == (0,)
 
 
 @pytest.mark.parametrize(("mode", "words"), [(stat.S_IFLNK, "symbolic link"), (stat.S_IFIFO, "not a plain file")])

@@ -246,7 +246,7 @@ def test_wrong_library(native: Path, tmp_path: Path) -> None:
         new.writestr("binaries/x86_64-linux/Native.so", b"\x7fELF" + old.read("binaries/x86_64-linux/Native.so")[4:400])
     here = Path.cwd()
     member = FMUMember("part", path)
-    with pytest.raises(FMUError, match="Failed to load shared library") as caught:
+    with pytest.raises(FMUError, match=r"Native\.so is cut off") as caught:
         member.instantiate()
     member.close()
     assert "twin-fmu" not in str(caught.value)

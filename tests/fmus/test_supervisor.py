@@ -28,7 +28,7 @@ def started(make=Supervisor, **values):
     watch.step_number = 4
     watch.gripper_velocity[0] = watch.gripper_target_velocity[0] = SPEED
     watch.start(0.0)
-    watch.steps = 0
+    watch._steps = 0
     run(watch, 0.1)
     assert watch.state == FREE
     return watch
@@ -36,8 +36,8 @@ def started(make=Supervisor, **values):
 
 def run(watch, seconds):
     for _ in range(round(seconds / H)):
-        assert watch.advance(watch.steps * H, H) == 0
-        watch.steps += 1
+        assert watch.advance(watch._steps * H, H) == 0
+        watch._steps += 1
 
 
 def air(watch, bad):

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from fmus.servomotor.model import Servomotor
 
-from hw_bridge.bridge import Hardware
-from hw_bridge.keys import HardwareKeys
+from hw_bridge.bridge.hardware import Hardware
+from hw_bridge.hardware import HardwareKeys
 
 MILLISECOND = 1_000_000
 H = 1e-3
@@ -33,7 +33,7 @@ class Rig:
 
     @property
     def plant(self):
-        return next(iter(self.session.plants.values()))
+        return next(iter(self.session.bench.plants.values()))
 
     @property
     def drive(self):

@@ -2,15 +2,11 @@
 
 import struct
 
-from hw_bridge.abort import Code
-from hw_bridge.agenda import MILLISECOND
-from hw_bridge.bus import Bus
-from hw_bridge.cia402 import Mode, State, state_of
-from hw_bridge.drive.drive import Drive
-from hw_bridge.drive.motor import Motor
-from hw_bridge.frame import Frame
+from hw_bridge.bus import MILLISECOND, Bus, Frame
+from hw_bridge.bus.recorder import Recorder
+from hw_bridge.device import Drive, Motor
+from hw_bridge.dictionary import Code, Mode, State, state_of
 from hw_bridge.profiles import profile
-from hw_bridge.recorder import Recorder
 
 NODE = 3
 

@@ -10,8 +10,7 @@ import pytest
 from canopen.profiles.p402 import BaseNode402
 
 from hw_bridge import eds
-from hw_bridge.drive.drive import Drive
-from hw_bridge.drive.motor import Motor
+from hw_bridge.device import Drive, Motor
 from hw_bridge.profiles import profile
 from hw_bridge.wire import Wire
 

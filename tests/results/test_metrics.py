@@ -268,6 +268,17 @@ def test_nan_breaks_a_limit() -> None:
     assert outcome.verdict == "fail"
 
 
+@pytest.mark.parametrize("limits", [{"at_least": 0.0}, {"at_most": 1.0}, {"at_least": 0.0, "at_most": 1.0}])
+@pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan])
+def test_what_is_not_finite_passes_no_limit(limits: dict[str, float], value: float) -> None:
+    force = np.where(np.arange(1001) == 300, value, 0.2)
+    (outcome,) = evaluate(
+        {}, [Expectation("", signal=expression.parse("a.force"), **limits)], {("A", 1): Signals(TIME, {"a.force": force})}
+    ).outcomes  # fmt: skip
+    assert outcome.verdict == "fail"
+    assert outcome.detail.startswith(f"a.force is {value} at 3 s in A, seed 1; expected")
+
+
 def test_shown() -> None:
     assert [shown(0.0362, "N"), shown(0.0362, "mN"), shown(None, "N"), shown(2.0, "")] == [
         "0.0362 N",

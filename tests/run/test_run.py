@@ -186,7 +186,7 @@ def test_seeds_from_the_command_line(tmp_path: Path) -> None:
         scenario.cases(seeds=[-1])
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
 def test_interrupted_from_outside(tmp_path: Path, build: Path, number: signal.Signals) -> None:
     """What was recorded can be read, the summary says so, and no folder of an FMU stays behind."""
     temporary = tmp_path / "temporary"
@@ -203,7 +203,9 @@ def test_interrupted_from_outside(tmp_path: Path, build: Path, number: signal.Si
         lines = iter(task.stderr.readline, "")
         assert next(line for line in lines if not line.startswith("building ")) == "running base, seed 0\n"
         time.sleep(0.2)
-        task.send_signal(number)
+        for _ in range(5):  # impatient
+            task.send_signal(number)
+            time.sleep(0.01)
         task.communicate(timeout=60)
         assert task.returncode == 130
     folder = next((tmp_path / "runs/s").iterdir())

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import zipfile
 from typing import TYPE_CHECKING
 
 import pytest
 
 from tests.scenario.texts import BASE, against, catalog, changed, problems, variable
 from twin.errors import ScenarioError
-from twin.scenario import load_scenario, parse_scenario
+from twin.scenario import examine, load_scenario, parse_scenario
 from twin.scenario.check import check_against
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+METRIC = BASE[BASE.index("{signal: sensor.force - 0.2") : BASE.index("\nexpect:")]
 
 # --- errors of the file
 
@@ -26,7 +29,6 @@ if TYPE_CHECKING:
         ("a: [1\nb: 2\n", "s.yaml:2: not YAML:"),
         ("a: 1\n\tb: 2\n", "s.yaml:2: not YAML:"),
         ("a: 1\nb: \x07\n", "s.yaml:2: not YAML:"),
-        ("a: 1\nb: 2\na: 3\n", "s.yaml:3: `a` is given twice, first on line 1. Keep one."),
         ("a: 1\n---\nb: 2\n", "s.yaml:2: a second document begins."),
         (
             "a: !!python/object:os.system x\n",
@@ -100,7 +102,14 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         ("{component: force_sensor}", "5", "s.yaml:7: members.sensor: expected a group of `key: value` lines, not 5."),
         ("  sensor:", "  sen-sor: {component: a}\n  sensor:", "s.yaml:7: member `sen-sor`: use letters, digits and _ only."),
         ("controller.command -> servo.command", "controler.command -> servo.command", "s.yaml:10: there is no member `controler`"),
-        ("controller.command -> servo.command", "controller.command", "s.yaml:10: connections[1]: expected a group of `key"),
+        ("controller.command -> servo.command", "controller.command", "s.yaml:10: connections[1]: `controller.command` is no connection. Write `"),
+        ("controller.command -> servo.command", "controller.command - > servo.command",
+         "s.yaml:10: connections[1]: `controller.command - > servo.command` is no connection. Write `controller.command -> servo"),
+        ("controller.command -> servo.command", "servo.command <- controller.command",
+         "s.yaml:10: connections[1]: `servo.command <- controller.command` is no connection. Write `controller.command -> servo"),
+        ("seeds: [1, 2]", "seeds: [1]\nstop_time: 5 s", "s.yaml:5: `stop_time` is given twice, first on line 3. Keep one."),
+        ("seeds: [1, 2]", "parameter_sets: [none.yaml]", "s.yaml:4: parameter_sets: there is no file none.yaml."),
+        ("stop_time: 10 s", "stop_time: 1e300", "s.yaml:3: stop_time: 1e+300 is longer than 10000000 s."),
         ("controller.command -> servo.command", "controller -> servo.command", "s.yaml:10: connections[1].from: expected memb"),
         ("{from: sensor.force, to:", "{form: sensor.force, to:", "s.yaml:11: connections[2]: unknown key `form`. Did you mean `f"),
         ("at: 6 s", "at: 11 s", "s.yaml:16: event at 11 s is outside the run, 0 s to 10 s."),
@@ -159,6 +168,67 @@ def test_all_problems_at_once_in_the_order_of_lines() -> None:
     ]
 
 
+def test_a_file_that_is_no_text_says_what_it_is(tmp_path: Path) -> None:
+    for name, expected in {"a.fmu": "twin simulate", "b.ssp": "SSP", "c.zip": "zip archive"}.items():
+        with zipfile.ZipFile(tmp_path / name, "w") as archive:
+            archive.writestr("a", "b")
+        with pytest.raises(ScenarioError, match=expected):
+            load_scenario(tmp_path / name)
+
+
+def test_parameter_sets_without_members() -> None:
+    (line,) = problems("stop_time: 1 s\nparameter_sets: [{sheath: {stiffness: 1}}]\n")
+    assert line.startswith("s.yaml: `members` is missing.")
+
+
+MANY = """\
+stop_time: 1 s
+members:
+  heart: {component: heart}
+  lost: {component: haert}
+  sheath: {component: sheath, parameters: {nothing: 1}}
+connections:
+  - heart.position - > sheath.gripper_position
+  - heart.nowhere -> sheath.neither
+  - lost.y -> sheath.wrong
+  - lost.y -> sheath.friction
+events: [{at: 2 s, set: {sheath.absent: 1}}]
+metrics: {m: {signal: lost.y, reduce: std}}
+plots:
+  - {title: late, signals: [heart.position], from: 5 s}
+  - {title: unknown, signals: [heart.unknown]}
+"""
+
+
+def test_no_mistake_hides_another(tmp_path: Path) -> None:
+    path = tmp_path / "many.yaml"
+    path.write_text(MANY)
+    found = [line.removeprefix(f"{path}:") for line in examine(path)[1]]
+    beginnings = [
+        "4: member `lost`: There is no component 'haert' in fmus/. Did you mean 'heart'?",
+        "5: sheath has no variable `nothing`. Known: ",
+        "7: connections[1]: `heart.position",
+        "8: 'heart.nowhere': heart has no variable 'nowhere'. Known: ",
+        "8: 'sheath.neither': sheath has no variable 'neither'. Known: ",
+        "11: event at 2 s is outside the run", "11: sheath has no variable `absent`.",
+        "14: plot `late`: from 5 s lies outside the run", "15: heart has no variable `unknown`.",
+    ]  # fmt: skip
+    assert [text for text in beginnings if not any(line.startswith(text) for line in found)] == []
+    assert len(found) == len(beginnings), found  # and nothing is told of what only `lost` could tell
+
+
+def test_without_imports_no_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "harmful.py").write_text("raise SystemExit(7)\n")
+    (tmp_path / "s.yaml").write_text(
+        'stop_time: 1 s\nmembers: {a: {component: "harmful:A"}, b: {component: hart}, c: {component: "s.yaml#c"}}\n'
+        'analyses: {d: {function: "harmful:d", inputs: {x: a.y}}}\nplots: [{title: t, signals: [d.x, a.y], from: 2 s}]\n'
+    )
+    monkeypatch.chdir(tmp_path)
+    told = [line.split(": ", 1)[1] for line in examine("s.yaml", imports=False)[1]]
+    assert [line[:20] for line in told] == ["member `b`: There is", "plot `t`: from 2 s l"]
+    assert any("cannot be imported" in line for line in examine("s.yaml")[1])
+
+
 # --- against the members' variables
 
 
@@ -174,7 +244,7 @@ def test_nothing_wrong_against_the_members() -> None:
         ("mass: 0.65 kg", "mass: 0.65 fork", "s.yaml:6: servo.mass: unit `fork` is not known."),
         ("mass: 0.65 kg", "mass: heavy", "s.yaml:6: servo.mass: `heavy` is not a quantity."),
         ("mass: 0.65 kg", "mass: 9**9**9**9", "s.yaml:6: servo.mass: `9**9**9**9` is not a quantity."),
-        ("mass: 0.65 kg", "mass: 1 m**9**9**9", "s.yaml:6: servo.mass: `1 m**9**9**9` is not a quantity."),
+        ("mass: 0.65 kg", "mass: 1 m**9**9**9", "s.yaml:6: servo.mass: unit `m**9**9**9` is not known."),
         ("mass: 0.65 kg", "mass: 1e999 kg", "s.yaml:6: servo.mass: `1e999 kg` is not a finite number."),
         ("mass: 0.65 kg", "mass: true", "s.yaml:6: servo.mass: expected a number in kg, not True."),
         ("mass: 0.65 kg", "mass: [1, 2]", "s.yaml:6: servo.mass: expected one value, not a list of 2."),
@@ -267,10 +337,10 @@ def test_problem_against_the_members(old: str, new: str, expected: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["servo.x[2]", "norm(servo.x - 2 * servo.x)", "sqrt(norm(servo.r)) + sensor.force", "0.5"]
+    "text", ["servo.x[2]", "norm(servo.x - 2 * servo.x)", "sqrt(norm(servo.r) ** 2) + servo.position", "0.5"]
 )
 def test_single_values_of_arrays(text: str) -> None:
-    assert against(changed("signal: sensor.force - 0.2", f"signal: '{text}'")) == []
+    assert against(changed(METRIC, f"{{signal: '{text}', reduce: std, unit: mm}}")) == []
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import tempfile
+from pathlib import Path
 from typing import Any
 
 from hypothesis import HealthCheck, given, settings
@@ -10,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.scenario.texts import BASE, catalog
 from twin.errors import ScenarioError, TwinError
-from twin.scenario import parse_scenario, value
+from twin.scenario import examine, parse_scenario, value
 from twin.scenario.check import check_against
 
 
@@ -82,6 +84,23 @@ def test_any_structure_loads_or_says_why(data: dict[str, Any]) -> None:
     text = yaml.safe_dump(yaml.safe_load(BASE) | data, allow_unicode=True)
     with contextlib.suppress(ScenarioError):
         parse_scenario(text)
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.integers(0, len(BASE)), st.integers(0, 30), st.sampled_from(PIECES))
+def test_every_problem_is_found_whatever_else_is_wrong(start: int, length: int, piece: str) -> None:
+    text = BASE[:start] + piece + BASE[start + length :]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "s.yaml"
+        path.write_text(text)
+        try:
+            found = examine(path, imports=False)[1]
+        except ScenarioError as error:
+            found = error.problems
+    with contextlib.suppress(ScenarioError):
+        parse_scenario(text, path)
+        return
+    assert found
 
 
 @given(st.text(max_size=30))

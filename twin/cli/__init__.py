@@ -1,24 +1,33 @@
 """The command line: one file per command, imported only when it is called, so that `twin --help` is quick.
 
-Packages above the engine add theirs as entry points of the group `twin.commands`, so that `twin` need not know them.
+Packages above the engine add theirs (`added`).
 """
 
 from __future__ import annotations
 
+import atexit
+import errno
+import gc
 import importlib
 import os
 import signal
 import sys
-from functools import cache
-from importlib.metadata import EntryPoint, entry_points
 
 import click
 
-from twin import __version__
-from twin.errors import TwinError
+from twin import __version__, installed
+from twin.cli.added import added, summary
+from twin.cli.terminal import nobody_reads, open_streams, say
+from twin.errors import TwinError, nearest, printable
+from twin.process import command_line
+
+__all__ = ["group", "invoke", "main", "say"]
+
+COLLECT_EVERY = 50_000  # new objects; by default 700, which takes a tenth of the time until the first step
 
 COMMANDS = {
     "run":       "run a scenario: all variants and seeds, metrics, report",
+    "recover":   "finish a run that was killed, from what it recorded",
     "check":     "find every mistake in scenario files without running them",
     "simulate":  "run any single FMU and write its outputs",
     "build":     "build all components of fmus/ as FMUs",
@@ -30,12 +39,6 @@ COMMANDS = {
 }  # fmt: skip
 
 
-@cache
-def added() -> dict[str, EntryPoint]:
-    """Commands of installed packages, by name."""
-    return {point.name: point for point in sorted(entry_points(group="twin.commands"), key=lambda point: point.name)}
-
-
 class Commands(click.Group):
     """A group whose commands are modules of this package, or added by others."""
 
@@ -45,27 +48,25 @@ class Commands(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import the command's module."""
-        if cmd_name in added():
-            other: click.Command = added()[cmd_name].load()
-            return other
-        if cmd_name not in COMMANDS:
+        if cmd_name in COMMANDS:
+            command: click.Command = importlib.import_module(f"twin.cli.{cmd_name}").command
+            return command
+        if cmd_name not in added():
             return None
-        command: click.Command = importlib.import_module(f"twin.cli.{cmd_name}").command
-        return command
+        other: click.Command = installed.load(added()[cmd_name])
+        return other
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the command, or name the nearest one."""
-        if args and args[0] not in self.list_commands(ctx) and not args[0].startswith("-"):
-            from twin.coupling import nearest
-
+        if args and not args[0].startswith("-") and args[0] not in COMMANDS and args[0] not in added():
             ctx.fail(f"no command {args[0]!r}. {nearest(args[0], self.list_commands(ctx))}")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """List the commands, importing only those of others."""
-        others = [(name, point.load().get_short_help_str(limit=90)) for name, point in added().items()]
+        """List the commands, importing none of them."""
+        others = [(name, summary(name)) for name in added()]
         with formatter.section("Commands"):
             formatter.write_dl([*COMMANDS.items(), *others])
 
@@ -83,7 +84,13 @@ def group() -> None:
 
 
 def main() -> None:
-    """Run the command line."""
+    """Run the command line.
+
+    Hundreds of modules are imported, nothing of them is garbage, and no plugin of pydantic has a say in scenario files.
+    """
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # else it opens the files of all installed packages
+    gc.set_threshold(COLLECT_EVERY)
+    atexit.register(gc.freeze)  # nor is anything looked for in what ends with the process
     invoke(group, "twin")
 
 
@@ -94,23 +101,62 @@ def invoke(command: click.Command, name: str) -> None:
     """
     for one in (signal.SIGINT, signal.SIGTERM):
         signal.signal(one, signal.default_int_handler)
+    open_streams()
+    command_line()
+    stdout = sys.stdout
+    try:
+        code = called(command, name)
+        stdout.flush()
+    except SystemExit:
+        if sys.stdout is stdout:
+            raise
+        code = nobody_reads()  # click itself has met a broken pipe, and put another stream there
+    except BrokenPipeError:
+        code = nobody_reads()
+    sys.exit(code)
+
+
+def called(command: click.Command, name: str) -> int:
+    """Run a command to its exit code."""
     try:
         command(prog_name=name, standalone_mode=False)
-    except TwinError as error:
-        for line in str(error).splitlines():
-            click.echo(f"error: {line}", err=True)
-        sys.exit(1)
-    except click.ClickException as error:
-        error.show()
-        sys.exit(error.exit_code)
-    except (click.Abort, KeyboardInterrupt):
-        click.echo("interrupted", err=True)
-        sys.exit(130)
     except BrokenPipeError:  # before OSError, of which it is one
-        # who read our output has seen enough; nothing may be flushed into it at exit
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(141)
-    except OSError as error:
-        place = f"{error.filename}: " if error.filename else ""
-        click.echo(f"error: {place}{error.strerror or error}. Check the path, its permissions and the disk.", err=True)
-        sys.exit(1)
+        raise
+    except click.ClickException as error:
+        error.__dict__["message"] = printable(error.message)
+        error.show()
+        return error.exit_code
+    except (TwinError, OSError, MemoryError) as error:
+        for line in told(error):
+            say(f"error: {line}", err=True)
+        return 1
+    except (ImportError, SystemError) as error:
+        if not memory_is_limited():
+            raise
+        say(f"error: {told(MemoryError(' '.join(str(error).split())[-120:]))[0]}", err=True)
+        return 1
+    except (click.Abort, KeyboardInterrupt):
+        say("interrupted", err=True)
+        return 130
+    return 0
+
+
+def memory_is_limited() -> bool:
+    """Whether `ulimit -v` is set: then what cannot be loaded lacks memory."""
+    try:
+        import resource
+    except ImportError:  # elsewhere than on Unix
+        return False
+    return resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY
+
+
+def told(error: TwinError | OSError | MemoryError) -> list[str]:
+    """An expected failure in lines."""
+    if isinstance(error, TwinError):
+        return str(error).split("\n")
+    if isinstance(error, MemoryError):
+        return [f"not enough memory{f' ({error})' if str(error) else ''}. Record less, or raise the limit (ulimit -v)."]
+    place = f"{error.filename}: " if error.filename else ""
+    if error.errno == errno.ENOSPC:
+        return [f"{place}the disk is full. Free some space; what was written before is kept."]
+    return [f"{place}{error.strerror or error}. Check the path, its permissions and the disk."]

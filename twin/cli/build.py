@@ -10,6 +10,7 @@ from pathlib import Path
 
 import click
 
+from twin.cli.terminal import say
 from twin.component import catalog
 from twin.errors import TwinError
 
@@ -56,12 +57,12 @@ def report(name: str, version: str, outcome: Outcome) -> None:
     """Print one line for one FMU."""
     label = f"{name:24} FMI {version}  "
     if outcome.problem:
-        click.echo(f"{label}failed", err=True)
+        say(f"{label}failed", err=True)
     elif outcome.path is None:
-        click.echo(f"{label}Python-side, never an FMU")
+        say(f"{label}Python-side, never an FMU")
     else:
         state = "built" if outcome.is_new else "unchanged"
-        click.echo(f"{label}{state:9} {outcome.seconds:6.2f} s {outcome.size / 1000:6.1f} kB  {outcome.path}")
+        say(f"{label}{state:9} {outcome.seconds:6.2f} s {outcome.size / 1000:6.1f} kB  {outcome.path}")
 
 
 @click.command("build")
@@ -89,7 +90,7 @@ def command(names: tuple[str, ...], version: str, folder: Path, platforms: tuple
             report(name, one, outcome)
             if outcome.problem and outcome.problem not in problems:
                 problems.append(outcome.problem)
-    for problem in problems:
-        click.echo(problem, err=True)
+    for line in "\n".join(problems).split("\n") if problems else ():
+        say(line, err=True)
     if problems:
         sys.exit(1)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from twin.cli.terminal import say
 from twin.errors import TwinError
 
 
@@ -27,11 +28,12 @@ def command(name: str, tables: tuple[str, ...], output: Path | None, force: bool
 
     cls = catalog.component(name)
     if not tables:
-        click.echo(f"{name} is calibrated from these tables; give some of them as TABLE=FILE.csv:")
+        say(f"{name} is calibrated from these tables; give some of them as TABLE=FILE.csv:")
         for table, columns in calibration.module(cls, name).TABLES.items():
-            click.echo(f"\n{table}")
+            say()
+            say(table)
             for column, meaning in columns.items():
-                click.echo(f"  {column:<14}{meaning}")
+                say(f"  {column:<14}{meaning}")
         return
     files = {}
     for one in tables:
@@ -48,6 +50,6 @@ def command(name: str, tables: tuple[str, ...], output: Path | None, force: bool
     for label, fit in fits.items():
         values = ", ".join(f"{value:.4g}" for value in fit.coefficients)
         quality = "" if math.isnan(fit.r_squared) else f"R2 {fit.r_squared:.4f}, "
-        click.echo(f"{label}: {values}; {quality}residual {fit.residual:.3g}, {len(fit.used)} readings")
+        say(f"{label}: {values}; {quality}residual {fit.residual:.3g}, {len(fit.used)} readings")
     write_text(target, calibration.text(name, files, parameters, fits))
-    click.echo(f"{target}: {len(parameters)} parameters. Put them under `parameters:` of the member.")
+    say(f"{target}: {len(parameters)} parameters. Put them under `parameters:` of the member.")

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from twin.cli.terminal import say
 from twin.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -24,35 +25,45 @@ if TYPE_CHECKING:
     "--hardware", "hardware_file", type=click.Path(path_type=Path), metavar="FILE",
     help="Also check that this hardware file fits: members, outputs, faults.",
 )  # fmt: skip
-def command(files: tuple[str, ...], overrides: tuple[str, ...], hardware_file: Path | None) -> None:
+@click.option(
+    "--no-import", is_flag=True, help="Import no Python: check what the file and its FMUs tell by themselves."
+)
+def command(files: tuple[str, ...], overrides: tuple[str, ...], hardware_file: Path | None, no_import: bool) -> None:
     """Check scenario files: keys, units, names, times, connections.
 
-    Each problem is one line, `file:line: what is wrong and what to do`. Nothing is compiled or run.
+    Each problem is one line, `file:line: what is wrong and what to do`. Nothing is compiled or simulated. The modules
+    of components and analyses are imported, though, and importing Python runs what stands in it: for files of
+    strangers there is --no-import.
     The keys of faults among the events are the hardware's: name its file with --hardware.
     """
     from twin.cli.run import load_hardware
 
+    if no_import and hardware_file is not None:
+        raise click.UsageError("--hardware fits what the components say: they have to be imported. Drop --no-import.")
     hardware = load_hardware(hardware_file, True, Path("build")) if hardware_file is not None else None
     count = 0
     for file in files:
-        problems, good = examine(file, overrides, hardware)
+        problems, good = examine(file, overrides, hardware, not no_import)
         for problem in problems:
-            click.echo(problem)
+            say(problem)
         if not problems:
-            click.echo(f"{file}: ok ({good})")
+            say(f"{file}: ok ({good}{'; what only Python tells was not checked' * no_import})")
         count += len(problems)
     if count:
-        click.echo(f"{counted(count, 'problem')}", err=True)
+        say(f"{counted(count, 'problem')}", err=True)
         sys.exit(1)
 
 
-def examine(file: str, overrides: tuple[str, ...] = (), hardware: Hardware | None = None) -> tuple[list[str], str]:
+def examine(
+    file: str, overrides: tuple[str, ...] = (), hardware: Hardware | None = None, imports: bool = True
+) -> tuple[list[str], str]:
     """(problems of a file, or what it has)."""
-    from twin.scenario import load_scenario, look_up
+    from twin import scenario as scenarios
 
     try:
-        scenario = load_scenario(file, overrides)
-        _, problems = look_up(scenario if hardware is None else hardware.apply(scenario))
+        scenario, problems = scenarios.examine(file, overrides, imports=imports)
+        if hardware is not None and not problems:
+            _, problems = scenarios.look_up(hardware.apply(scenario))
     except ScenarioError as error:
         return error.problems, ""
     return problems, extent(scenario)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from twin.cli.terminal import say
 from twin.errors import TwinError
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def command(
         name, targets = compiler.model_name(cls), tuple(library.TRIPLES)
         paths = library.export(cls, name, output or Path(name), build, targets, force, line_directives=line_directives)
         for path in paths:
-            click.echo(f"{path}: {path.stat().st_size / 1000:.0f} kB")
+            say(f"{path}: {path.stat().st_size / 1000:.0f} kB")
         return
     path = output or Path(f"{compiler.model_name(cls)}.fmu")
     if path.exists() and not force:
@@ -82,7 +83,7 @@ def command(
     from twin.fmi import exporter
 
     exporter.export(cls, fmi, path, build, tuple(PLATFORMS) if "all" in platforms else platforms, sources=sources)
-    click.echo(f"{path}: FMI {fmi}, {path.stat().st_size / 1000:.0f} kB, {time.perf_counter() - begin:.1f} s")
+    say(f"{path}: FMI {fmi}, {path.stat().st_size / 1000:.0f} kB, {time.perf_counter() - begin:.1f} s")
 
 
 def component(what: str, members: str | None, named: str | None, variant: str | None) -> type[Component]:
@@ -93,17 +94,7 @@ def component(what: str, members: str | None, named: str | None, variant: str | 
         if members or named or variant:
             raise TwinError(f"{what}: --members, --group and --variant belong to a scenario file. Give SCENARIO.yaml.")
         return catalog.component(what)
-    from twin.run import prepare
-    from twin.scenario import group, load_scenario, nearest
+    from twin.scenario import load_scenario, part
 
-    scenario = load_scenario(what)
-    if bool((members or "").strip(", ")) == bool(named):
-        known = f" or --group {next(iter(scenario.groups))}" if scenario.groups else ""
-        raise TwinError(f"{what}: say which part of it, either --members estimate,controller{known}.")
-    if named and named not in scenario.groups:
-        hint = nearest(named, scenario.groups) or " Name it under `groups`, or give --members."
-        raise TwinError(f"{what}: there is no group `{named}`.{hint}")
-    chosen = list(scenario.groups[named]) if named else [name.strip() for name in (members or "").split(",") if name]
-    catalogs = prepare(scenario)
-    case = scenario.cases([variant] if variant else [])[0]
-    return group(named or "_".join(chosen)[:60], case, catalogs[case.variant], chosen)
+    chosen = [name.strip() for name in (members or "").split(",") if name.strip()]
+    return part(load_scenario(what), chosen, named, variant)

@@ -10,6 +10,7 @@ from typing import Any
 
 import click
 
+from twin.cli.terminal import say
 from twin.errors import TwinError
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
@@ -50,7 +51,7 @@ def command(name: str, folder: Path) -> None:
 
     reference.regenerate(written(place, class_name), place / "expected.csv")
     shown = name if folder.name == "fmus" or place.is_absolute() else f"{'.'.join(place.parts)}.model:{class_name}"
-    click.echo(f"{place}: written. Edit {place / 'model.py'}, then: twin test {shown}")
+    say(f"{place}: written. Edit {place / 'model.py'}, then: twin test {shown}")
 
 
 def known() -> list[str]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import click
 
+from twin.cli.terminal import say
+
 
 @click.command(name="reference")
 @click.argument("names", nargs=-1, required=True)
@@ -16,4 +18,4 @@ def command(names: tuple[str, ...]) -> None:
     from twin.conformance import reference
 
     for cls in [catalog.component(name) for name in names]:
-        click.echo(reference.regenerate(cls))
+        say(str(reference.regenerate(cls)))

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import sys
-from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from twin.errors import DeclarationError
+from twin import installed
+from twin.cli.terminal import bar, paper, say
+from twin.errors import DeclarationError, TwinError
+from twin.process import supervise
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -71,10 +73,12 @@ FORMS = ("fmu", "compiled", "interpreted")
 @click.option("--arm", is_flag=True, help="Real drives may move.")
 @click.option("--json", "as_json", is_flag=True, help="Print summary.json to stdout, and nothing else there.")
 @click.option("--no-report", is_flag=True, help="Write no report.html.")
+@click.option("--timeout", type=click.FloatRange(0.0), default=0.0, metavar="S",
+              help="End a case where one step of a member takes longer [s]. [default: never]")  # fmt: skip
 def command(
     file: Path, overrides: tuple[str, ...], variants: tuple[str, ...], seeds: tuple[int, ...], form: str,
     runs: Path, build: Path, hardware_file: Path | None, trace: Path | None, replay: str | None, arm: bool,
-    as_json: bool, no_report: bool,
+    as_json: bool, no_report: bool, timeout: float,
 ) -> None:  # fmt: skip
     """Run a scenario: every variant with every seed, then metrics beside the paper's figures, and a report.
 
@@ -86,20 +90,29 @@ def command(
     twin run scenarios/heart_wall_force.yaml --variant PI --seed 1 --set heart.rate="1.4 Hz"
     twin run scenarios/heart_wall_force.yaml --hardware hw_bridge/benches/simulated_force.yaml
     """
-    from twin.run import run_scenario
-    from twin.scenario import Form, load_scenario
-
-    scenario = load_scenario(file, overrides)
     if (trace is not None or replay is not None) and hardware_file is None:
         raise click.UsageError("--trace and --replay are of a bus: name it with --hardware.")
     if trace is not None and replay is not None:
         raise click.UsageError("Use --trace or --replay: what was recorded is not recorded again.")
-    hardware = load_hardware(hardware_file, arm, build, trace, replay) if hardware_file is not None else None
-    with progress_display(scenario.title, not as_json) as progress:
-        outcome = run_scenario(
-            scenario, Form(form), variants=variants, seeds=seeds, root=runs, build=build,
-            progress=progress, report=not no_report, hardware=hardware,
-        )  # fmt: skip
+    link = supervise(timeout)  # from here on in a process of its own, before anything heavy is imported
+    from twin.run import resume, run_scenario
+    from twin.scenario import Form, load_scenario
+
+    options: dict[str, Any] = {"build": build, "report": not no_report, "link": link}
+    if link.attempt:
+        with progress_display(file.stem, not as_json) as progress:
+            outcome = resume(
+                Path(link.kept["resume"]), Form(form), progress=progress, others=hardware_file is None, **options
+            )
+    else:
+        finish_others(runs)
+        scenario = load_scenario(file, overrides)
+        hardware = load_hardware(hardware_file, arm, build, trace, replay) if hardware_file is not None else None
+        with progress_display(scenario.title, not as_json) as progress:
+            outcome = run_scenario(
+                scenario, Form(form), variants=variants, seeds=seeds, root=runs, progress=progress, hardware=hardware,
+                **options,
+            )  # fmt: skip
     if as_json:
         click.echo((outcome.folder / "summary.json").read_text(), nl=False)
     else:
@@ -110,12 +123,26 @@ def command(
         sys.exit(1)
 
 
+def finish_others(runs: Path) -> None:
+    """Finish what earlier runs left whose processes were all killed; what cannot be finished is only told."""
+    from twin.results import unfinished
+
+    for folder in unfinished(runs):
+        from twin.run import recover
+
+        try:
+            outcome = recover(folder)
+            say(f"note: {folder}: finished now; {outcome.run.status}: {outcome.run.reason}", err=True)
+        except (TwinError, OSError) as error:  # such as: another run does it at this moment
+            say(f"note: {error}", err=True)
+
+
 def load_hardware(file: Path, arm: bool, build: Path, trace: Path | None = None, replay: str | None = None) -> Hardware:
     """Read a hardware file with the package that knows about drives: an entry point of the group `twin.hardware`."""
-    points = sorted(entry_points(group="twin.hardware"), key=lambda point: point.name)
+    points = list(installed.entry_points("twin.hardware").values())
     if not points:
         raise DeclarationError("--hardware: no installed package knows about drives. Run `pip install -e .` again.")
-    hardware: Hardware = points[0].load()(file, arm, build, trace, replay)
+    hardware: Hardware = installed.load(points[0])(file, arm, build, trace, replay)
     return hardware
 
 
@@ -129,11 +156,7 @@ class progress_display:  # noqa: N801 - used like a function
     def __enter__(self) -> Callable[[str, float], None]:
         self.bar = None
         if self.shown and sys.stderr.isatty():
-            from rich.console import Console
-            from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
-            columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
-            self.bar = Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True)
+            self.bar = bar(err=True)
             self.bar.start()
             self.task = self.bar.add_task(self.title, total=1.0)
         return self.update
@@ -143,7 +166,7 @@ class progress_display:  # noqa: N801 - used like a function
         if self.bar is not None:
             self.bar.update(self.task, description=case, completed=part)
         elif self.shown and case != self.case:
-            click.echo(case if case.startswith("building ") else f"running {case}", err=True)
+            say(case if case.startswith("building ") else f"running {case}", err=True)
         self.case = case
 
     def __exit__(self, *_: object) -> None:
@@ -153,30 +176,28 @@ class progress_display:  # noqa: N801 - used like a function
 
 def show(outcome: Outcome, report: bool) -> None:
     """The table of metrics, then where everything lies."""
-    from rich.console import Console
+    from twin.run import table
 
-    from twin.run import UNLIMITED, table
-
-    # a terminal wraps; a file or a pipe gets whole lines, to be searched
-    console = Console(width=None if sys.stdout.isatty() else UNLIMITED)
-    console.print(outcome.scenario.title, style="bold", highlight=False, markup=False)
+    console = paper()
+    console.print(outcome.scenario.title, style="bold")
     if outcome.scenario.overrides:
-        console.print(f"set: {', '.join(outcome.scenario.overrides)}", highlight=False, markup=False)
+        console.print(f"set: {', '.join(outcome.scenario.overrides)}")
     console.print(table(outcome.evaluation))
     for note in outcome.run.extra.get("notes", []):
-        console.print(f"note: {note}", highlight=False, markup=False)
+        console.print(f"note: {note}")
     for line in outcome.run.extra.get("hardware", {}).get("shown", []):
-        console.print(line, highlight=False, markup=False)
+        console.print(line)
     for (variant, seed), ending in outcome.endings.items():
         if ending.time_ns is not None or ending.unsafe:
-            console.print(f"{variant}, seed {seed}: {ending.text}", highlight=False, markup=False)
+            console.print(f"{variant}, seed {seed}: {ending.text}")
     if outcome.run.status == "failed" and outcome.endings:
         for line in list(outcome.endings.values())[-1].log:
-            console.print(f"on the bus at {line}", highlight=False, markup=False)
+            console.print(f"on the bus at {line}")
     factor = outcome.run.real_time_factor
     if factor:
         console.print(f"{outcome.run.simulated_time:g} s simulated in {outcome.run.wall_time:.2f} s, "
-                      f"{factor:.0f} times real time", highlight=False)  # fmt: skip
+                      f"{factor:.0f} times real time")  # fmt: skip
     if outcome.run.status != "completed":
-        click.echo(f"{outcome.run.status}: {outcome.run.reason}", err=True)
-    console.print(f"{outcome.folder / ('report.html' if report else 'summary.json')}", highlight=False, soft_wrap=True)
+        for line in outcome.run.reason.splitlines():
+            say(f"{outcome.run.status}: {line}", err=True)
+    console.print(f"{outcome.folder / ('report.html' if report else 'summary.json')}", soft_wrap=True)

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from twin.cli.terminal import bar, paper, say
 from twin.errors import FMUError, SimulationError
+from twin.process import supervise
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,9 +35,7 @@ class Bar:
         if self.progress is None:
             if time.monotonic() - self.began < PATIENCE:
                 return
-            from rich.progress import Progress
-
-            self.progress = Progress(transient=True)
+            self.progress = bar()
             self.task = self.progress.add_task("simulating", total=1.0)
             self.progress.start()
         self.progress.update(self.task, completed=share)
@@ -83,6 +83,8 @@ class Bar:
     help="Variable to record instead of the outputs; * matches any text. May be repeated.",
 )
 @click.option("--log", "show_log", is_flag=True, help="Let the FMU log, and show its last lines.")
+@click.option("--timeout", type=click.FloatRange(0.0), default=0.0, metavar="S",
+              help="End it where one step takes longer [s]. [default: never]")  # fmt: skip
 def command(
     *,
     fmu: Path,
@@ -95,42 +97,46 @@ def command(
     output_interval: float | None,
     record: tuple[str, ...],
     show_log: bool,
+    timeout: float,
 ) -> None:
     """Run the Co-Simulation FMU (FMI 2.0 or 3.0) alone and write its outputs.
 
     The folder it is unpacked to is removed at the end.
     """  # fmt: skip
-    from twin.fmi import FMUMember, plan, simulate, tables
+    link = supervise(timeout)
+    from twin.fmi import FMUMember, left, plan, simulate, tables
 
     target = output or Path(f"{fmu.stem}_out.csv")
     tables.check_output(target)
     member = FMUMember(fmu.stem, fmu, parsed(start_values), logging=show_log)
-    bar = Bar() if sys.stdout.isatty() else None
+    shown = Bar() if sys.stdout.isatty() else None
     try:
         planned = plan(
             member, start=start_time, stop=stop_time, step=step_size, interval=output_interval, record=record
         )
         inputs = tables.read_inputs(input_, member) if input_ else None
-        outcome = simulate(member, planned, inputs, progress=bar)
+        outcome = left(member, planned, link) if link.attempt else simulate(
+            member, planned, inputs, progress=shown, link=link
+        )  # fmt: skip
     finally:
         member.close()
-        if bar:
-            bar.close()
+        if shown:
+            shown.close()
         if show_log:
             for line in member.log:
-                click.echo(f"log: {line}", err=True)
+                say(f"log: {line}", err=True)
     replaced = output is None and target.exists()
     tables.write(outcome.results, target)
     for note in outcome.notes:
-        click.echo(f"note: {fmu.stem}: {note}", err=True)
-    if bar:
+        say(f"note: {fmu.stem}: {note}", err=True)
+    if shown:
         summarize(outcome.results)
     rows = outcome.results.times
-    click.echo(f"{target}: {len(rows)} rows, {rows[0] / 1e9:g} s to {rows[-1] / 1e9:g} s" + " (replaced)" * replaced)
+    say(f"{target}: {len(rows)} rows, {rows[0] / 1e9:g} s to {rows[-1] / 1e9:g} s" + " (replaced)" * replaced)
     if outcome.interrupted:
         raise KeyboardInterrupt
     if outcome.failure:
-        hint = "" if show_log or member.log else " Use --log to see what it logs."
+        hint = "" if show_log or member.log or link.attempt else " Use --log to see what it logs."
         raise SimulationError(f"{outcome.failure}{hint} What was recorded until then is in {target}.")
 
 
@@ -149,7 +155,6 @@ def parsed(start_values: tuple[str, ...]) -> dict[str, str]:
 
 def summarize(results: Results) -> None:
     """Print smallest, largest and last value of every recorded number."""
-    from rich.console import Console
     from rich.table import Table
 
     table = Table(box=None)
@@ -161,4 +166,4 @@ def summarize(results: Results) -> None:
         show: Callable[[Any], str] = str if variable.dtype.kind == "O" else lambda value: f"{value:.6g}"
         ends = ("", "") if variable.dtype.kind == "O" else (show(column.min()), show(column.max()))
         table.add_row(name, *ends, show(column[-1]), variable.unit)
-    Console().print(table)
+    paper().print(table)

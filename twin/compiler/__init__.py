@@ -1,11 +1,14 @@
 """A component becomes C, and C becomes native code: the only package that knows a compiler.
 
 Stages: `resolve` (what names stand for), `infer` (types), `write` (text); `unit` puts a file together, `component` a
-component's header and source. `toolchain` calls clang and LLD; `native` keeps what they make.
+component's header and source. `toolchain` calls clang and LLD; `native` keeps what they make. Two more read what
+`resolve` finds: `dependencies` (what an output is computed from) and `tangent` (directional derivatives).
 """
 
-from twin.compiler import library, machine, tangent
-from twin.compiler.component import Sources, entries, translate
+from typing import TYPE_CHECKING
+
+from twin import late
+from twin.compiler import machine
 from twin.compiler.content import content_hash
 from twin.compiler.dependencies import dependencies, flow
 from twin.compiler.machine import (
@@ -37,7 +40,7 @@ from twin.compiler.native import (
     source_hash,
     sources,
 )
-from twin.compiler.tangent import Tangents, tangents
+from twin.compiler.text import Sources
 from twin.compiler.toolchain import (
     BARE,
     LIBM,
@@ -52,6 +55,23 @@ from twin.compiler.toolchain import (
     side_by_side,
 )
 from twin.compiler.zig import put
+
+if TYPE_CHECKING:
+    from twin.compiler import library
+    from twin.compiler.component import entries, translate
+    from twin.compiler.tangent import Tangents, tangents
+
+# the translator, which nobody needs who runs what is built
+__getattr__ = late.names(
+    __name__,
+    {
+        "Tangents": "tangent",
+        "entries": "component",
+        "library": "",
+        "tangents": "tangent",
+        "translate": "component",
+    },
+)
 
 __all__ = [
     "BARE",
@@ -93,7 +113,6 @@ __all__ = [
     "side_by_side",
     "source_hash",
     "sources",
-    "tangent",
     "tangents",
     "translate",
     "write8",

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import inspect
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import twin
-from twin.compiler import tangent
 from twin.compiler.resolve import TranslationError
 from twin.compiler.structs import block_comment, clean, flat_struct, struct_of, struct_of_dtype, struct_text
+from twin.compiler.tangent import Tangents, tangents
+from twin.compiler.text import Sources, place_of
 from twin.compiler.types import REAL, Struct
 from twin.compiler.unit import RECORD, Entry, Unit
 from twin.compiler.write import number, wrapped
@@ -83,15 +82,6 @@ int32_t {name}_first_tangent({name}_t *self, {name}_t *dot, double t, double dot
 """
 
 
-@dataclass(frozen=True, slots=True)
-class Sources:
-    """C of a component: contents of `NAME.h` and `NAME.c`."""
-
-    name: str
-    header: str
-    source: str
-
-
 def entries(cls: type[Component], name: str) -> tuple[Entry, ...]:
     """The functions of a component that others call."""
     start, step = functions(cls)
@@ -99,11 +89,11 @@ def entries(cls: type[Component], name: str) -> tuple[Entry, ...]:
     evaluate = evaluation(cls)
     if evaluate is not None:
         found.append(Entry(f"{name}_derivatives", evaluate, (REAL,), ("t",)))
-        tangents = tangent.tangents(cls)
-        if not isinstance(tangents, str):
+        slopes = tangents(cls)
+        if isinstance(slopes, Tangents):
             arguments = (RECORD, REAL, REAL), ("dot", "t", "dot_t")
-            found.append(Entry(f"{name}_tangent", tangents.at, *arguments))
-            found.append(Entry(f"{name}_first_tangent", tangents.first, *arguments))
+            found.append(Entry(f"{name}_tangent", slopes.at, *arguments))
+            found.append(Entry(f"{name}_first_tangent", slopes.first, *arguments))
     return tuple(found)
 
 
@@ -125,7 +115,7 @@ def translate(cls: type[Component], name: str, *, line_directives: bool = False)
             [start_values(cls, name, record)],
         )
     except TranslationError as error:
-        raise BuildError(f"{cls.__name__} {error}") from None
+        raise BuildError("\n".join(f"{cls.__name__} {one}" for one in str(error).split("\n"))) from None
     return Sources(name, header(cls, name, public or record, own), source)
 
 
@@ -146,15 +136,6 @@ def about(cls: type[Component], file: str) -> str:
     lines = [clean(line).rstrip() for line in inspect.cleandoc(cls.__doc__ or cls.__name__).splitlines()]
     origin = f"{file}, written by twin {twin.__version__} from {cls.__qualname__} ({place_of(cls)}). SI units."
     return "\n".join([f"/* {lines[0]}", *(f"   {line}".rstrip() for line in lines[1:]), "", f"   {origin} */"])
-
-
-def place_of(cls: type[Component]) -> str:
-    """File of a class, its folder included."""
-    try:
-        path = Path(inspect.getfile(cls))
-    except (TypeError, OSError):
-        return "made by the engine"
-    return f"{path.parent.name}/{path.name}"
 
 
 def start_values(cls: type[Component], name: str, struct: Struct) -> str:

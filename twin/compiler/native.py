@@ -6,9 +6,10 @@ import contextlib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import twin
 from twin.compiler import toolchain
-from twin.compiler.component import Sources, about, translate, translate_record
 from twin.compiler.content import content_hash, text_hash
+from twin.compiler.text import Sources, place_of
 from twin.compiler.zig import digest, kept, put
 from twin.component import Component, PythonComponent, functions, source
 from twin.errors import BuildError
@@ -20,9 +21,10 @@ EXPORTED = ("-fvisibility=default",)
 
 
 def model_name(cls: type[Component]) -> str:
-    """Name of the model: the component's folder in `fmus`, else the class."""
+    """Name of the model: the component's folder in `fmus`, else the class; with its period if that is not its own."""
     parts = cls.__module__.split(".")
-    return parts[1] if len(parts) == 3 and parts[0] == "fmus" and parts[2] == "model" else cls.__name__
+    of_a_folder = len(parts) == 3 and parts[0] == "fmus" and parts[2] == "model"
+    return parts[1] + cls.sampled_as if of_a_folder else cls.__name__
 
 
 def component_hash(cls: type[Component], *more: str) -> str:
@@ -52,6 +54,8 @@ def _sources(cls: type[Component], name: str, build: Path) -> Sources:
             return Sources(name, header, text)
     if problems := source.check(cls):
         raise BuildError("\n".join(problems))
+    from twin.compiler.component import translate
+
     made = translate(cls, name)
     for file, content in ((f"{name}.c", made.source), (f"{name}.h", made.header)):
         put(place / file, content.encode())
@@ -61,12 +65,14 @@ def _sources(cls: type[Component], name: str, build: Path) -> Sources:
 
 def problems(cls: type[Component]) -> list[str]:
     """What keeps a component from becoming C, one line each: what the linter sees, else what the translator does."""
+    from twin.compiler.component import translate
+
     found = source.check(cls)
     if not found and not issubclass(cls, PythonComponent):
         try:
             translate(cls, model_name(cls))
         except BuildError as error:
-            found = [str(error)]
+            found = str(error).split("\n")
     return found
 
 
@@ -79,7 +85,8 @@ def source_hash(cls: type[Component], name: str, *more: str) -> str:
     """Hash of what a component's C is made from: functions with the files they stand in, declarations, start values."""
     declared = [repr(variable) for variable in cls.variables]
     start = {key: value.tolist() for key, value in _starts(cls).items()}
-    return text_hash(functions(cls), layout_text(cls), name, about(cls, ""), *declared, repr(start), *more)
+    told = [name, cls.__doc__ or "", cls.__qualname__, place_of(cls), twin.__version__]  # what its comments say
+    return text_hash(functions(cls), layout_text(cls), *told, *declared, repr(start), *more)
 
 
 def _place(cls: type[Component], name: str, build: Path) -> Path:
@@ -128,7 +135,13 @@ def load_record_function(dtype: np.dtype[Any], name: str, function: Any, head: s
     """Address of a function over a plain record, `int32_t NAME_run(record)`."""
     key = text_hash((function,), str(dtype.descr), name, head)
     path = build / "c" / f"{name}-{key[:16]}" / f"{name}.c"
-    text = kept(path.with_suffix(".kept"), lambda: translate_record(dtype, name, function, head).encode()).decode()
+
+    def made() -> bytes:
+        from twin.compiler.component import translate_record
+
+        return translate_record(dtype, name, function, head).encode()
+
+    text = kept(path.with_suffix(".kept"), made).decode()
     if not path.exists():
         put(path, text.encode())
     return load_symbols(Sources(name, "", text), build, (f"{name}_run",))[0]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+import contextlib
 import io
 import linecache
 import sys
@@ -19,32 +20,37 @@ from typing import Any
 from twin.errors import BuildError
 
 SILENT = ("noqa", "type:", "fmt:", "pragma:", "!")  # comments for tools
+STATEMENTS = ast.stmt | ast.ExceptHandler | ast.match_case
 
 
 class TranslationError(BuildError):
     """What cannot become C: the place, the construct, why, and what to write instead."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class File:
-    """A parsed file: its functions by first line, its comments by line, its top-level assignments by name."""
+    """A parsed file: its functions by first line, its top-level assignments by name."""
 
     name: str
+    text: str
     functions: dict[int, ast.FunctionDef]
-    above: dict[int, str]
-    beside: dict[int, str]
     assignments: dict[str, int]
     imports: dict[str, tuple[str, str]]
     is_made: bool  # text of the engine's, which nobody has as a file
 
+    @property
+    def above(self) -> dict[int, str]:
+        """Comments that have a line of their own, by line."""
+        return _comments(self.text)[0]
+
+    @property
+    def beside(self) -> dict[int, str]:
+        """Comments behind code, by line."""
+        return _comments(self.text)[1]
+
 
 @lru_cache(maxsize=256)
-def _parse(path: str, text: str) -> File:
-    tree = ast.parse(text)
-    functions = {}
-    for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef):
-            functions[min([node.lineno, *(one.lineno for one in node.decorator_list)])] = node
+def _comments(text: str) -> tuple[dict[int, str], dict[int, str]]:
     above: dict[int, str] = {}
     beside: dict[int, str] = {}
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
@@ -53,6 +59,18 @@ def _parse(path: str, text: str) -> File:
             if comment and not comment.startswith(SILENT):
                 alone = token.line[: token.start[1]].strip() == ""
                 (above if alone else beside)[token.start[0]] = comment.partition("  #")[0]
+    return above, beside
+
+
+@lru_cache(maxsize=256)
+def _parse(path: str, text: str) -> File:
+    tree = ast.parse(text)
+    functions = {}
+    statements: list[ast.AST] = [tree]
+    for node in statements:  # grows; expressions hold no functions
+        statements += [one for one in ast.iter_child_nodes(node) if isinstance(one, STATEMENTS)]
+        if isinstance(node, ast.FunctionDef):
+            functions[min([node.lineno, *(one.lineno for one in node.decorator_list)])] = node
     assignments, imports = {}, {}
     for statement in tree.body:
         if isinstance(statement, ast.Assign) and isinstance(statement.targets[0], ast.Name):
@@ -61,7 +79,7 @@ def _parse(path: str, text: str) -> File:
             imports.update({a.asname or a.name: (statement.module, a.name) for a in statement.names})
     is_made = path.startswith("<")
     short = path.rpartition(" ")[0] + ">" if is_made else "/".join(path.replace("\\", "/").split("/")[-2:])
-    return File(short, functions, above, beside, assignments, imports, is_made)
+    return File(short, text, functions, assignments, imports, is_made)
 
 
 def file_of(path: str) -> File:
@@ -99,6 +117,15 @@ class Source:
             return self.function.__globals__[name]
         return vars(builtins)[name]
 
+    def reached(self, node: ast.expr) -> Any:
+        """What a free `name`, or an attribute of one, stands for; None if that is not known."""
+        if isinstance(node, ast.Attribute):
+            return getattr(self.reached(node.value), node.attr, None)
+        if isinstance(node, ast.Name) and node.id not in self.locals:
+            with contextlib.suppress(KeyError):
+                return self.value(node.id)
+        return None
+
 
 _sources: dict[FunctionType, Source] = {}
 
@@ -112,9 +139,11 @@ def source_of(function: FunctionType) -> Source:
 
 def _find(function: FunctionType) -> Source:
     code = function.__code__
-    file = file_of(code.co_filename)
-    tree = file.functions.get(code.co_firstlineno)
-    if tree is None or tree.name != code.co_name:
+    file = tree = None
+    with contextlib.suppress(SyntaxError):  # somebody may be writing in the file by now
+        file = file_of(code.co_filename)
+        tree = file.functions.get(code.co_firstlineno)
+    if file is None or tree is None or tree.name != code.co_name:
         short = "/".join(code.co_filename.replace("\\", "/").split("/")[-2:])
         raise TranslationError(
             f"({short}:{code.co_firstlineno}): the source of `{function.__name__}` is not there. "

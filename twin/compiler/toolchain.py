@@ -9,7 +9,6 @@ from __future__ import annotations
 import ctypes
 import os
 import threading
-from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, TypeVar
 
 from twin.compiler import libm, linkers, zig
@@ -141,6 +140,10 @@ def in_order(tasks: Iterable[Callable[[], T]]) -> Iterator[T]:
     One more runs at a time than there are cores: the tools are processes, Python has one core.
     """
     waiting = list(tasks)
+    if not waiting:
+        return
+    from concurrent.futures import ThreadPoolExecutor
+
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     with ThreadPoolExecutor(max(1, min(cores + 1, len(waiting)))) as pool:
         yield from pool.map(lambda task: task(), waiting)

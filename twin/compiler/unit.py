@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.compiler.infer import Function, program
 from twin.compiler.names import safe_global
+from twin.compiler.resolve import TranslationError
 from twin.compiler.structs import layout_checks, nested, struct_text
 from twin.compiler.types import BOOLEAN, Nothing, Record, Scalar, Struct
 from twin.compiler.words import HELPERS, LIBM, NAMED, Word
@@ -50,6 +51,8 @@ class Unit:
         for entry in entries:
             self.needs.names.take(entry.symbol)
         called = [self.infer(entry) for entry in entries]
+        if self.program.problems:
+            raise TranslationError("\n".join(self.program.problems))
         # a local variable would hide a function or constant of its name
         self.needs.names.taken |= {local_name(name) for one in self.program.order for name in one.source.locals}
         for function in self.program.order:

@@ -14,10 +14,10 @@ import subprocess
 import tempfile
 import threading
 from functools import cache
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from twin import installed
 from twin.errors import BuildError
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def executable() -> Path:
 @cache
 def version() -> str:
     """Decides, with what the tools are given, what they make."""
-    return metadata.version("ziglang")
+    return installed.version("ziglang")
 
 
 def headers() -> Path:

@@ -1,7 +1,15 @@
 """What an author touches: variables with units, components in plain Python, solvers, noise, the linter, the catalog."""
 
 from twin.component import catalog, solver, source, unit
-from twin.component.component import CONNECTABLE, Component, PythonComponent, evaluation, functions, inputs_of
+from twin.component.component import (
+    CONNECTABLE,
+    Component,
+    PythonComponent,
+    evaluation,
+    functions,
+    inputs_of,
+    resampled,
+)
 from twin.component.generated import define
 from twin.component.noise import normal, seed_stream, uniform
 from twin.component.solver import DISCARD, ERROR, FATAL, OK, WARNING, euler, heun, rk4, ros2
@@ -55,6 +63,7 @@ __all__ = [
     "normal",
     "output",
     "parameter",
+    "resampled",
     "rk4",
     "ros2",
     "seed_stream",

@@ -2,66 +2,99 @@
 
 from __future__ import annotations
 
-import difflib
 import importlib
 import inspect
+import os
 import sys
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.component.component import Component
-from twin.errors import DeclarationError, TwinError, described
+from twin.errors import DeclarationError, TwinError, described, nearest
 
 if TYPE_CHECKING:
     from types import ModuleType
 
 
+def _places() -> list[str]:
+    """Folders called `fmus`: that of the current directory first, then those on the path, then the project's."""
+    here = Path.cwd()
+    roots = [here, *(Path(entry or here) for entry in sys.path), Path(__file__).parents[2]]
+    return list(dict.fromkeys(str(place) for root in roots if (place := root.absolute() / "fmus").is_dir()))
+
+
+def _kinds(places: list[str]) -> list[str]:
+    """Folders in them that hold components of one kind."""
+    return list(
+        dict.fromkeys(str(model.parents[1]) for root in places for model in sorted(Path(root).glob("*/*/model.py")))
+    )
+
+
 def _folders() -> list[Path]:
-    """Folders of the `fmus` package: that of the current directory first, then those on the path, then the project's.
+    """Folders of the `fmus` package, as it is then imported.
 
     All of them count, with or without `__init__.py`: a person's own components stand beside the project's. So do folders
     in them that hold components of one kind.
     """
-    here = Path.cwd()
-    roots = [here, *(Path(entry or here) for entry in sys.path), Path(__file__).parents[2]]
-    found = list(dict.fromkeys(str(place) for root in roots if (place := root.absolute() / "fmus").is_dir()))
+    here, found = Path.cwd(), _places()
     try:
         if found and "fmus" not in sys.modules and str(Path(found[-1]).parent) not in sys.path:
             sys.path.append(str(Path(found[-1]).parent))
         package = importlib.import_module("fmus")
     except ModuleNotFoundError:
         raise DeclarationError(f"There is no folder `fmus` in {here}. Run this from the project's folder.") from None
-    kinds = [str(model.parents[1]) for root in found for model in sorted(Path(root).glob("*/*/model.py"))]
-    package.__path__ = list(dict.fromkeys([*found, *kinds, *package.__path__]))
+    package.__path__ = list(dict.fromkeys([*found, *_kinds(found), *package.__path__]))
     return [Path(place) for place in package.__path__]
 
 
 def names() -> list[str]:
-    """Names of all components: folders of `fmus` with a model.py."""
-    return sorted({place.parent.name for folder in _folders() for place in folder.glob("*/model.py")})
+    """Names of all components: folders of `fmus` with a model.py. Nothing is imported."""
+    places = _places()
+    if not places:
+        raise DeclarationError(f"There is no folder `fmus` in {Path.cwd()}. Run this from the project's folder.")
+    found = dict.fromkeys([*places, *_kinds(places), *getattr(sys.modules.get("fmus"), "__path__", ())])
+    return sorted({place.parent.name for folder in found for place in Path(folder).glob("*/model.py")})
+
+
+def _place(name: str) -> Path | None:
+    """Folder of a component, by a few looks instead of listing all that there are; None if these find nothing."""
+    places = _places() if name.isidentifier() else []
+    kinds = (f"{place}/{kind}" for place in places for kind in sorted(os.listdir(place)))  # noqa: PTH208 - quicker
+    looked = (folder for folder in chain(places, kinds) if os.path.isfile(f"{folder}/{name}/model.py"))  # noqa: PTH113
+    return next((Path(folder, name) for folder in looked), None)
 
 
 def component(name: str) -> type[Component]:
     """Import the component class of a folder of `fmus`, or of `module:Class`."""
     module_name, colon, class_name = name.partition(":")
     if colon:
-        if (here := str(Path.cwd())) not in sys.path:
-            sys.path.append(here)  # a person's own module, where the command is run
-        return _named(_imported(module_name, name), class_name, name)
-    known = names()
-    if name not in known:
-        raise DeclarationError(f"There is no component {name!r} in fmus/.{_hint(name, known)}")
-    module = _imported(f"fmus.{name}.model", name)
-    place = next(folder / name for folder in _folders() if (folder / name / "model.py").exists())
-    if not (place / "model.py").samefile(module.__file__ or ""):
-        raise DeclarationError(
-            f"{place}: is hidden by {module.__file__}. Add an empty __init__.py to it, or rename it."
-        )
-    found = _defined(module)
-    if len(found) != 1:
-        listed = ", ".join(sorted(found)) or "none"
-        raise DeclarationError(f"{module.__name__}: one Component was expected, found {listed}. Move others elsewhere.")
-    return next(iter(found.values()))
+        return _named(module(module_name, name), class_name, name)
+    place = _place(name)
+    if place is None or str(place.parent) not in getattr(sys.modules.get("fmus"), "__path__", ()):
+        refuse_unknown(name, names())
+        place = next(folder / name for folder in _folders() if (folder / name / "model.py").exists())
+    found = _imported(f"fmus.{name}.model", name)
+    if not (place / "model.py").samefile(found.__file__ or ""):
+        raise DeclarationError(f"{place}: is hidden by {found.__file__}. Add an empty __init__.py to it, or rename it.")
+    classes = _defined(found)
+    if len(classes) != 1:
+        listed = ", ".join(sorted(classes)) or "none"
+        raise DeclarationError(f"{found.__name__}: one Component was expected, found {listed}. Move others elsewhere.")
+    return next(iter(classes.values()))
+
+
+def refuse_unknown(name: str, every: list[str]) -> None:
+    """DeclarationError if there is no component with this name among those that there are."""
+    if name not in every:
+        raise DeclarationError(f"There is no component {name!r} in fmus/.{_hint(name, every)}")
+
+
+def module(path: str, name: str) -> ModuleType:
+    """Import a person's own module, also from the folder where the command is run; messages call it `name`."""
+    if (here := str(Path.cwd())) not in sys.path:
+        sys.path.append(here)
+    return _imported(path, name)
 
 
 def _imported(module: str, name: str) -> ModuleType:
@@ -69,7 +102,9 @@ def _imported(module: str, name: str) -> ModuleType:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
         if error.name and (module == error.name or module.startswith(error.name + ".")):
-            raise DeclarationError(f"{name}: there is no module {error.name}. Write `module:Class`.") from None
+            raise DeclarationError(
+                f"{name}: there is no module {error.name}. Write `module:name`, and run this where it is, or install it."
+            ) from None
         raise DeclarationError(f"{name}: cannot be imported: {described(error)}. Correct it there.") from None
     except (TwinError, KeyboardInterrupt):
         raise
@@ -98,7 +133,4 @@ def _named(module: ModuleType, class_name: str, name: str) -> type[Component]:
 
 
 def _hint(name: str, known: list[str]) -> str:
-    near = difflib.get_close_matches(name, known, 1, cutoff=0.4)
-    if near:
-        return f" Did you mean {near[0]!r}?"
-    return f" There are: {', '.join(known)}." if known else ""
+    return f" {nearest(name, known)}" if known else ""

@@ -23,7 +23,6 @@ An instance is the interpreted form: set inputs, call `start` and `advance`, rea
 
 from __future__ import annotations
 
-import difflib
 import inspect
 from collections.abc import Iterable
 from typing import Any, ClassVar
@@ -33,11 +32,14 @@ import numpy as np
 from twin import clock
 from twin.component import solver
 from twin.component.variable import Float64, Layout, Role, Terminal, Variable, derivative, layout
-from twin.errors import DeclarationError
+from twin.errors import DeclarationError, nearest
 
 RESERVED = {"start", "advance", "views", "record", "layout", "variables", "method", "period", "period_ns", "icon"}
 RESERVED |= {"initialize", "step", "derivatives", "close", "start_values", "switches", "terminals"}
+RESERVED |= {"sampled_as"}
 RESERVED |= {"time"}  # the independent variable of every FMU
+
+OWN = {"record", "views"}  # attributes of an instance
 
 ARGUMENTS = {"initialize": ("self",), "step": ("self", "t", "h"), "derivatives": ("self", "t")}
 
@@ -71,6 +73,12 @@ def inputs_of(variables: Iterable[Variable]) -> solver.Inputs:
     return tuple((one.name, one.type, one.shape) for one in variables if one.role is Role.input)
 
 
+def unknown(part: Component, name: str) -> DeclarationError:
+    """A name that is no variable of a component."""
+    known = [variable.name for variable in part.variables if variable.role is not Role.derivative]
+    return DeclarationError(f"{type(part).__name__}: no variable {name!r}. {nearest(name, known)}")
+
+
 class Component:
     """Base of all components; see this module's docstring for what a subclass declares."""
 
@@ -82,6 +90,8 @@ class Component:
     terminals: ClassVar[dict[str, Terminal]] = {}
     layout: ClassVar[Layout] = layout((), {})
     period_ns: ClassVar[int] = 0
+    _names: ClassVar[frozenset[str]] = frozenset()  # of the variables
+    sampled_as: ClassVar[str] = ""  # what `resampled` puts behind the name
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -105,6 +115,7 @@ class Component:
         states = sum(variable.size for variable in ordered if variable.role is Role.state)
         inputs = inputs_of(ordered)
         cls.variables = tuple(ordered)
+        cls._names = frozenset(variable.name for variable in ordered)
         is_continuous = "derivatives" in dir(cls)
         if states and not is_continuous:
             raise DeclarationError(f"{cls.__name__}: has a state but no derivatives(self, t). Use local() for memory.")
@@ -125,9 +136,16 @@ class Component:
             self.views[name][...] = value
         for name, value in values.items():
             if name not in self.views:
-                hint = "".join(difflib.get_close_matches(name, list(self.views), 1))
-                raise DeclarationError(f"{type(self).__name__}: no variable {name!r}. Did you mean {hint!r}?")
+                raise unknown(self, name)
             self.views[name][...] = value
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in self._names:
+            self.views[name][...] = value
+        elif name in OWN or name.startswith("_") or hasattr(type(self), name):
+            object.__setattr__(self, name, value)
+        else:
+            raise unknown(self, name)  # else a misspelled parameter would change nothing, silently
 
     @classmethod
     def start_values(cls) -> dict[str, Any]:
@@ -155,8 +173,27 @@ class PythonComponent(Component):
     end of a run, however it ends.
     """
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        object.__setattr__(self, name, value)
+
     def close(self) -> None:
         """Release what the component holds; called once at the end of a run, also after a failure."""
+
+
+_resampled: dict[tuple[type[Component], int], type[Component]] = {}
+
+
+def resampled(cls: type[Component], period_ns: int) -> type[Component]:
+    """A sampled component that samples at another period [ns]: a class of its own, for the period is compiled in."""
+    if period_ns == cls.period_ns:
+        return cls
+    if (cls, period_ns) not in _resampled:
+        units = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}
+        suffix = next(f"_{period_ns // size}{symbol}" for symbol, size in units.items() if period_ns % size == 0)
+        body = {"__doc__": cls.__doc__, "__module__": cls.__module__, "sampled_as": suffix}
+        made = type(cls.__name__ + suffix, (cls,), body | {"period": clock.seconds(period_ns)})
+        _resampled[cls, period_ns] = made
+    return _resampled[cls, period_ns]
 
 
 def check_switches(cls: type[Component], is_continuous: bool) -> None:

@@ -7,7 +7,6 @@ nothing: arrays are declared, and loops go over their elements.
 from __future__ import annotations
 
 import ast
-import difflib
 import inspect
 import textwrap
 from types import FunctionType, ModuleType
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.component import unit
 from twin.component.variable import Role
-from twin.errors import CouplingError
+from twin.errors import CouplingError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -109,12 +108,8 @@ def _problems(
             yield from _call_problems(node, function)
         elif owner and isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == me:
             if node.attr not in variables and not node.attr.startswith("_"):
-                near = "".join(difflib.get_close_matches(node.attr, list(variables), 1))
-                yield (
-                    node,
-                    f"`self.{node.attr}` is not declared"
-                    + (f". Did you mean `self.{near}`?"[:-1] if near else ". Declare it"),
-                )
+                hint = f" {nearest(node.attr, variables, '`')} Else declare" if variables else " Declare"
+                yield node, f"`self.{node.attr}` is not declared.{hint} it"
         elif owner and isinstance(node, ast.Subscript):
             yield from _index_problems(node, me, variables)
         if owner and isinstance(node, ast.Assign | ast.AugAssign | ast.AnnAssign):

@@ -1,14 +1,38 @@
-"""Units: SI inside, what people prefer at the border. The only file that imports pint."""
+"""Units: SI inside, what people prefer at the border. The only file that imports pint, for what `symbols` leaves.
+
+A unit's text may come from anybody: a scenario, an FMU, the header of a table, an analysis. `spelled` is the one door:
+pint would compute `m**9**9**9` forever.
+"""
 
 from __future__ import annotations
 
+import math
+import re
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+from twin.component import symbols
 from twin.errors import CouplingError
 
 BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")  # the order in which FMI lists exponents
+NAMES = {"kilogram": 0, "meter": 1, "second": 2, "ampere": 3, "kelvin": 4, "mole": 5, "candela": 6, "radian": 7}
+
+SMALLEST = 1e-99  # and 1e99 the largest size of a unit that can be computed with
+HIGHEST = 100  # product of all powers in a unit's text: bounds nested ones, too
+ADVICE = "Write it like N, mm/s, mm/(s*N), deg."
+
+# Symbols, powers of one digit, products and quotients, and no other numbers: all of it is quickly computed.
+LETTER = "A-Za-zµμΩΩ°%_"
+TOKEN = re.compile(
+    rf"[{LETTER}](?:[\w°%]*[{LETTER}])?|(?<![\w.])1(?![\w.])|(?:\^|\*\*)[+-]?\d(?![\w.])|(?<!\*)\*(?!\*)|[/·.() ]"
+)
+NUMBER = r"\d{1,25}(?:\.\d{1,25})?(?:e[+-]?\d{1,3})?"
+DEFINED = re.compile(rf".{{0,30}} \{{(?P<factor>{NUMBER}) (?P<unit>[^{{}}]{{1,60}}?) \+ (?P<offset>-?{NUMBER})\}}")
+POWER = re.compile(r"\s*(?:\^|\*\*)\s*([+-]?\d)")
+SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+ATTACHED = re.compile(rf"(?<=[{LETTER}])([+-]?\d)(?![\w.])")  # `m2`, `s-1`: so Modelica writes powers
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,32 +46,99 @@ class Unit:
 
 @lru_cache(maxsize=1)
 def registry() -> Any:
-    """Pint's registry, made on first use: it takes 0.1 s."""
+    """Pint's registry, made on first use: with pint's import it takes 0.35 s.
+
+    Nothing of it is kept on disk: pint keeps pickles, and whoever can write them can run code here.
+    """
     import pint
 
-    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True, cache_folder=":auto:")
+    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
 
 
-@lru_cache(maxsize=256)
+def short(text: str) -> str:
+    """A unit's text for a message: never long."""
+    return repr(text if len(text) <= 40 else text[:37] + "...")
+
+
+def spelled(text: str) -> str:
+    """A unit's text with its powers as `^2`; CouplingError if it is no product of symbols, or too much work."""
+    found = ATTACHED.sub(r"^\1", text.translate(SUPERSCRIPTS)) if len(text) <= symbols.LONGEST else ""
+    found = POWER.sub(r"^\1", found)
+    powers = [max(abs(int(power)), 1) for power in POWER.findall(found)]
+    if not found or TOKEN.sub("", found) or math.prod(powers) > HIGHEST:
+        raise CouplingError(f"unit {short(text)} is not known. {ADVICE}")
+    return found
+
+
+@lru_cache(maxsize=1024)
 def describe(unit: str) -> Unit:
-    """FMI description of a unit such as `N/mm` or `mm/(s*N)`; `""` and `1` are dimensionless."""
+    """FMI description of a unit such as `N/mm` or `mm/(s*N)`; `""`, `-` and `1` are dimensionless.
+
+    CouplingError: it is not known, or no multiple of SI's base units.
+    """
     if unit in ("", "1", "-"):
         return Unit(1.0, 0.0, (0,) * len(BASE))
-    units = registry()
     try:
-        parsed = units.Unit(unit)
-        zero, one = (units.Quantity(value, parsed).to_base_units() for value in (0.0, 1.0))
-        powers = dict(one.unit_items())
-    except Exception as error:
-        raise CouplingError(f"unit {unit!r} is not known ({error}). Write it like N, mm/s, mm/(s*N), deg.") from None
-    names = {"kilogram": 0, "meter": 1, "second": 2, "ampere": 3, "kelvin": 4, "mole": 5, "candela": 6, "radian": 7}
+        found = read(unit)
+    except CouplingError:
+        raise
+    except Exception:  # whatever pint raises at what somebody wrote
+        raise CouplingError(f"unit {short(unit)} is not known. {ADVICE}") from None
+    if not SMALLEST < found.factor < 1.0 / SMALLEST:
+        raise CouplingError(f"unit {short(unit)} has no size that can be computed with. {ADVICE}")
+    return Unit(round_trip(found.factor), found.offset, found.exponents)
+
+
+def read(unit: str) -> Unit:
+    """A unit by its definition, by its symbols, or by what pint says."""
+    if matched := DEFINED.fullmatch(unit):
+        size = describe(matched["unit"])
+        return Unit(float(matched["factor"]) * size.factor, float(matched["offset"]), size.exponents)
+    text = spelled(unit)
+    exact = symbols.exactly(text)
+    return asked(text) if exact is None else Unit(float(exact[0]), 0.0, exact[1])
+
+
+def defined(name: str, meant: Unit) -> str:
+    """The text of a unit as an FMU defines it: its name, and `{1.5 kg/s + 3}` behind it if that is not what it is here.
+
+    A name whose definition nobody can compute with stays alone.
+    """
+    with suppress(CouplingError):
+        found = describe(name)
+        near = math.isclose(found.factor, meant.factor, rel_tol=1e-6)
+        level = math.isclose(found.offset, meant.offset, rel_tol=1e-6, abs_tol=1e-9 * meant.factor)
+        if found.exponents == meant.exponents and near and level:
+            return name
+    powers = "*".join(
+        f"{base}^{power}".removesuffix("^1") for base, power in zip(BASE, meant.exponents, strict=True) if power
+    )
+    plain = "".join(letter if letter.isprintable() and letter not in "{}" else "?" for letter in name[:30])
+    text = f"{plain} {{{meant.factor!r} {powers or '1'} + {meant.offset!r}}}"
+    with suppress(CouplingError):
+        describe(text)
+        return text
+    return name
+
+
+def shown(unit: str) -> str:
+    """A unit's name for people, without a definition behind it."""
+    return unit.partition(" {")[0]
+
+
+def asked(text: str) -> Unit:
+    """What pint says of a text that `spelled` let through."""
+    units = registry()
+    zero, one, two = (units.Quantity(value, units.Unit(text)).to_base_units() for value in (0.0, 1.0, 2.0))
     exponents = [0] * len(BASE)
-    for name, power in powers.items():
-        if name not in names or int(power) != power:
-            raise CouplingError(f"unit {unit!r} has no SI base units ({one.units}). Use N, mm, deg and the like.")
-        exponents[names[name]] = int(power)
+    for name, power in one.unit_items():
+        if name not in NAMES or int(power) != power:
+            raise CouplingError(f"unit {short(text)} has no SI base units ({one.units}). Use N, mm, deg and the like.")
+        exponents[NAMES[name]] = int(power)
     factor = float(one.magnitude - zero.magnitude)
-    return Unit(round_trip(factor), float(zero.magnitude), tuple(exponents))
+    if not math.isclose(two.magnitude - one.magnitude, factor, rel_tol=1e-9):
+        raise CouplingError(f"unit {short(text)} is no multiple of SI's units. Use N, mm, deg and the like.")
+    return Unit(factor, float(zero.magnitude), tuple(exponents))
 
 
 def round_trip(factor: float) -> float:
@@ -64,24 +155,10 @@ def conversion(source: str, target: str, what: str) -> tuple[float, float]:
     """(factor, offset) with target value = factor * source value + offset; (1, 0) where one side has no unit."""
     if source == target or not source or not target:
         return 1.0, 0.0
-    a, b = describe(source), describe(target)
+    try:
+        a, b = describe(source), describe(target)
+    except CouplingError as error:
+        raise CouplingError(f"{what}: {error}".removeprefix(": ")) from None
     if not same_kind(a, b):
         raise CouplingError(f"{what}: {source} does not convert to {target}. Connect quantities of one kind.")
     return round_trip(a.factor / b.factor), (a.offset - b.offset) / b.factor
-
-
-def quantity(text: str, unit: str, what: str) -> float:
-    """A number with a unit, such as `0.2 N`, in `unit`; a bare number is taken to be in `unit` already."""
-    units = registry()
-    try:
-        value = units.Quantity(text)
-    except Exception:
-        raise CouplingError(
-            f"{what}: {text!r} is not a quantity. Write a number and a unit, such as 0.2 {unit}."
-        ) from None
-    if isinstance(value, int | float):
-        return float(value)
-    if value.dimensionless and value.unitless:
-        return float(value.magnitude)
-    factor, offset = conversion(str(value.units), unit or "1", what)
-    return float(value.magnitude * factor + offset)

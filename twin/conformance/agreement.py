@@ -5,7 +5,6 @@ A check takes a component class and the build folder and raises ConformanceError
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,10 +13,10 @@ import numpy as np
 
 from twin import compiler
 from twin.compiler import machine
-from twin.component import Component, Float64, PythonComponent, Role, functions
+from twin.component import Component, Float64, PythonComponent, Role, Variable, functions
 from twin.conformance import reference
 from twin.coupling import Member, RecordMember
-from twin.errors import TwinError
+from twin.errors import CouplingError, TwinError
 
 if TYPE_CHECKING:
     from twin.conformance.reference import Trajectory, Value
@@ -80,59 +79,95 @@ def elements(name: str, shape: tuple[int, ...]) -> list[str]:
 
 def expected(cls: type[Component]) -> Trajectory:
     """The trajectory in the component's expected.csv."""
-    path = Path(inspect.getfile(cls)).parent / "expected.csv"
+    path = reference.place(cls)
     if not path.exists():
         raise ConformanceError(f"{cls.__name__}: has no {path}. Run: {reference.command(cls)}")
     return reference.read(path, cls)
 
 
-def same(cls: type[Component], what: str, wanted: Trajectory, found: Trajectory) -> None:
+_answers: dict[type[Component], Trajectory] = {}
+
+
+def interpreted(cls: type[Component]) -> Trajectory:
+    """What the component answers as plain Python to the stimulus of its expected.csv, whatever outputs stand there.
+
+    Other forms are compared with it, so that a file that is missing or out of date is told once.
+    """
+    if cls not in _answers:
+        _answers[cls] = reference.record_reference(cls, reference.kept_stimulus(reference.place(cls), cls))
+    return _answers[cls]
+
+
+def same(cls: type[Component], what: str, other: str, wanted: Trajectory, found: Trajectory) -> None:
     """Demand equality to the bit."""
     wrong = reference.differences(wanted, found)
     if wrong:
         text = ", ".join(f"{name} by {size:.3g}" for name, size in wrong.items())
-        raise ConformanceError(f"{cls.__name__}: {what} differs from expected.csv in {text}.")
+        raise ConformanceError(f"{cls.__name__}: {what} differs from {other} in {text}.")
 
 
 def check_source(cls: type[Component], _build: Path) -> None:
     """The functions hold nothing that cannot be compiled, and write no input or parameter."""
-    problems = compiler.problems(cls)
-    if problems:
-        raise ConformanceError("\n".join(problems))
+    demand(compiler.problems(cls))
 
 
 def check_documentation(cls: type[Component], _build: Path) -> None:
     """Docstring and descriptions are there, units are coherent SI, parameters name their source."""
     from twin.component import unit
 
+    problems = []
     if not (cls.__doc__ or "").strip():
-        raise ConformanceError(f"{cls.__name__}: has no docstring. Say what it is and where the equations come from.")
+        problems.append(f"{cls.__name__}: has no docstring. Say what it is and where the equations come from.")
     for variable in cls.variables:
         where = f"{cls.__name__}.{variable.name}"
         if not variable.description:
-            raise ConformanceError(f"{where}: has no description. Say what it means, with its sign.")
-        if unit.describe(variable.unit).factor != 1.0:
-            raise ConformanceError(
-                f"{where}: unit {variable.unit} is not SI. Use SI inside and display_unit beside it."
-            )
+            problems.append(f"{where}: has no description. Say what it means, with its sign.")
+        try:
+            if unit.describe(variable.unit).factor != 1.0:
+                problems.append(f"{where}: unit {variable.unit} is not SI. Use SI inside and display_unit beside it.")
+        except CouplingError as error:
+            problems.append(f"{where}: {error}")
         if variable.role is Role.parameter and variable.type is Float64 and not variable.source:
-            raise ConformanceError(f"{where}: has no source. Say where the value comes from, or `assumed`.")
+            problems.append(f"{where}: has no source. Say where the value comes from, or `assumed`.")
     for name, terminal in cls.terminals.items():
         if not terminal.description:
-            raise ConformanceError(f"{cls.__name__}.{name}: has no description. Say what is connected there.")
+            problems.append(f"{cls.__name__}.{name}: has no description. Say what is connected there.")
+    demand(problems)
 
 
 def check_outputs_written(cls: type[Component], _build: Path) -> None:
     """Outputs that were poisoned with NaN are written by initialization and again by a step."""
     part = cls()
-    outputs = [v.name for v in cls.variables if v.role is Role.output and v.type is Float64]
-    for phase, call in (("initialization", part.start), ("a step", lambda: part.advance(0.0, step_size(cls)))):
-        for name in outputs:
-            part.views[name][...] = np.nan
+    outputs = [v for v in cls.variables if v.role is Role.output and v.type is Float64]
+    continuous = "derivatives(self, t)" if hasattr(cls, "derivatives") else ""
+    phases: dict[str, tuple[str, Callable[[], object]]] = {
+        continuous or "initialize(self)": ("initialization", part.start),
+        continuous or "step(self, t, h)": ("a step", lambda: part.advance(0.0, step_size(cls))),
+    }
+    problems = []
+    for function, (phase, call) in phases.items():
+        for variable in outputs:
+            part.views[variable.name][...] = np.nan
         call()
-        missing = [name for name in outputs if np.any(np.isnan(part.views[name]))]
-        if missing:
-            raise ConformanceError(f"{cls.__name__}: {phase} does not write {', '.join(missing)}.")
+        for variable in outputs:
+            if np.any(np.isnan(part.views[variable.name])):
+                problems.append(
+                    f"{cls.__name__}: {phase} does not write {variable.name}. {written(function, variable)}"
+                )
+    demand(problems)
+
+
+def written(function: str, variable: Variable) -> str:
+    """How an output is set in a function."""
+    element = f"[{', '.join('0' * len(variable.shape))}]" if variable.shape else ""
+    every = " and so on, every element" if variable.shape else ""
+    return f"Write `def {function}:` with `self.{variable.name}{element} = ...`{every}, whatever branch is taken."
+
+
+def demand(problems: list[str]) -> None:
+    """Nothing may be wrong; all that is, is told."""
+    if problems:
+        raise ConformanceError("\n".join(problems))
 
 
 def step_size(cls: type[Component]) -> float:
@@ -143,23 +178,23 @@ def step_size(cls: type[Component]) -> float:
 def check_interpreted(cls: type[Component], _build: Path) -> None:
     """Interpreted, the component reproduces expected.csv to the bit."""
     wanted = expected(cls)
-    same(cls, "interpreted", wanted, reference.replay(cls, wanted))
+    same(cls, "interpreted", f"expected.csv (if that is wanted: {reference.command(cls)})", wanted, interpreted(cls))
 
 
 def check_compiled(cls: type[Component], build: Path) -> None:
-    """Compiled in process, the component reproduces expected.csv to the bit."""
-    wanted = expected(cls)
+    """Compiled in process, the component does the same to the bit."""
+    wanted = interpreted(cls)
     member = RecordMember("part", cls(), compiler.load_component(cls, build))
-    same(cls, "compiled", wanted, reference.replay(MemberTarget(member), wanted))
+    same(cls, "compiled", "interpreted", wanted, reference.replay(MemberTarget(member), wanted))
 
 
 def check_fmu(cls: type[Component], build: Path) -> None:
-    """As FMI 2.0 and as FMI 3.0 FMU, the component reproduces expected.csv to the bit and passes FMPy's validation."""
+    """As FMI 2.0 and as FMI 3.0 FMU, the component does the same to the bit and passes FMPy's validation."""
     from fmpy.validation import validate_fmu
 
     from twin.fmi import FMUMember, exporter
 
-    wanted = expected(cls)
+    wanted = interpreted(cls)
     for version in VERSIONS:
         path = exporter.build(cls, version, build)
         problems = validate_fmu(str(path))
@@ -167,7 +202,7 @@ def check_fmu(cls: type[Component], build: Path) -> None:
             raise ConformanceError(f"{cls.__name__}: FMPy says of {path}: {'; '.join(map(str, problems))}")
         member = FMUMember("part", path)
         try:
-            same(cls, f"the FMI {version} FMU", wanted, reference.replay(MemberTarget(member), wanted))
+            same(cls, f"the FMI {version} FMU", "interpreted", wanted, reference.replay(MemberTarget(member), wanted))
         finally:
             member.close()
 

@@ -174,15 +174,36 @@ def write(path: Path, trajectory: Trajectory) -> None:
 
 def read(path: Path, cls: type[Component]) -> Trajectory:
     """Read the trajectory of a component."""
-    with path.open(newline="") as file:
-        names, *lines = list(csv.reader(file))
+    names, lines = cells(path)
     inputs, outputs = elements(cls, Role.input), elements(cls, Role.output)
-    if tuple(names) != ("time", *inputs, *outputs):
+    if names != ("time", *inputs, *outputs):
         raise DeclarationError(f"{path}: columns are not the variables of {cls.__name__}. Run: {command(cls)}")
+    return Trajectory(inputs, outputs, parsed(path, cls, names, lines))
+
+
+def cells(path: Path) -> tuple[tuple[str, ...], list[list[str]]]:
+    """Header and lines of a file; nothing of one that cannot be read as text."""
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            lines = list(csv.reader(file))
+    except (UnicodeDecodeError, csv.Error):
+        lines = []
+    return (tuple(lines[0]), lines[1:]) if lines else ((), [])
+
+
+def parsed(path: Path, cls: type[Component], names: tuple[str, ...], lines: list[list[str]]) -> tuple[Row, ...]:
+    """The numbers of lines, under the names of their columns."""
     types = {name: variable.type for variable in cls.variables for name in variable.elements()}
     convert = [PARSERS[types.get(name, Float64)] for name in names]
-    rows = tuple(tuple(parse(text) for parse, text in zip(convert, line, strict=True)) for line in lines)
-    return Trajectory(inputs, outputs, rows)
+    rows = []
+    for number, line in enumerate(lines, 2):
+        try:
+            rows.append(tuple(parse(text) for parse, text in zip(convert, line[: len(names)], strict=True)))
+        except ValueError:
+            raise DeclarationError(
+                f"{path}:{number}: expected {len(names)} numbers. Restore the file, or remove it and run: {command(cls)}"
+            ) from None
+    return tuple(rows)
 
 
 PARSERS: dict[Type, Callable[[str], Value]] = {
@@ -203,20 +224,22 @@ def command(cls: type[Component]) -> str:
 
 def regenerate(cls: type[Component], path: Path | None = None) -> Path:
     """Write a component's expected.csv, by default beside its model.py; a stimulus that stands there is kept."""
-    place = path or Path(inspect.getfile(cls)).parent / "expected.csv"
-    write(place, record_reference(cls, kept_stimulus(place, cls)))
-    return place
+    target = path or place(cls)
+    write(target, record_reference(cls, kept_stimulus(target, cls)))
+    return target
+
+
+def place(cls: type[Component]) -> Path:
+    """Where a component's expected.csv is."""
+    return Path(inspect.getfile(cls)).parent / "expected.csv"
 
 
 def kept_stimulus(path: Path, cls: type[Component]) -> Sequence[Row] | None:
     """Times and inputs of a file, or nothing if there is none or the component has other inputs by now."""
     if not path.exists():
         return None
-    with path.open(newline="") as file:
-        names, *lines = list(csv.reader(file))
-    inputs = elements(cls, Role.input)
-    if tuple(names[: 1 + len(inputs)]) != ("time", *inputs) or len(names) <= 1 + len(inputs):
+    names, lines = cells(path)
+    kept = ("time", *elements(cls, Role.input))
+    if names[: len(kept)] != kept or len(names) <= len(kept) or not lines:
         return None
-    types = {name: variable.type for variable in cls.variables for name in variable.elements()}
-    convert = [PARSERS[types.get(name, Float64)] for name in names[: 1 + len(inputs)]]
-    return tuple(tuple(parse(text) for parse, text in zip(convert, line, strict=False)) for line in lines)
+    return parsed(path, cls, kept, lines)

@@ -2,7 +2,17 @@
 
 from twin.coupling.cosimulation import Algorithm, CoSimulation
 from twin.coupling.group import Part, compose
-from twin.coupling.member import DTYPES, Access, Member, MemberVariable, RecordMember, declared_variables
+from twin.coupling.member import (
+    DTYPES,
+    Access,
+    Member,
+    MemberVariable,
+    RecordMember,
+    TerminalMember,
+    declared_variables,
+    driven,
+)
+from twin.coupling.recorder import Layout, Memory, Recorder, Ring
 from twin.coupling.system import (
     READABLE,
     Catalog,
@@ -11,7 +21,6 @@ from twin.coupling.system import (
     System,
     direct_followers,
     find,
-    nearest,
     stepping_order,
 )
 
@@ -23,16 +32,21 @@ __all__ = [
     "Catalog",
     "CoSimulation",
     "Connection",
+    "Layout",
     "Link",
     "Member",
     "MemberVariable",
+    "Memory",
     "Part",
     "RecordMember",
+    "Recorder",
+    "Ring",
     "System",
+    "TerminalMember",
     "compose",
     "declared_variables",
     "direct_followers",
+    "driven",
     "find",
-    "nearest",
     "stepping_order",
 ]

@@ -15,17 +15,19 @@ from twin import clock, compiler
 from twin.coupling import initialization, loop
 from twin.coupling.member import RecordMember
 from twin.coupling.plan import Key, Place, Plan, bits, kind, merged, view
+from twin.coupling.recorder import Layout, Memory, Recorder
 from twin.coupling.system import Link, stepping_order
+from twin.coupling.watch import Watch
 from twin.errors import CouplingError, SimulationError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Collection, Iterable, Mapping
     from pathlib import Path
 
     from twin.coupling.member import Member
 
 CHUNK_SECONDS = 0.05  # wall-clock length of one native call: how fast Ctrl-C and the progress bar react
-BUFFER_BYTES = 64 << 20  # recording buffer, touched before the loop runs: no page faults in it
+FIRST_STEPS = 16  # length of the first one
 LOG_LINES = 5
 
 STATUS = {2: "DISCARD", 3: "ERROR", 4: "FATAL"}
@@ -58,12 +60,13 @@ class CoSimulation:
 
     `step`: communication step [ns]. A member's period must be a multiple of it: never a rounding. `record`: variables
     to record every `every` [ns] as (member, variable). `split`: variables of which elements will be overridden.
+    `recorder`: where the rows go, by default into memory. `exempt`: members that may compute what is not finite.
     """
 
     def __init__(
         self, members: Mapping[str, Member], links: list[Link], step: int, algorithm: Algorithm = Algorithm.jacobi,
         *, record: list[Key] | None = None, every: int = 0, build: Path, periods: Mapping[str, int] | None = None,
-        split: Iterable[Key] = (),
+        split: Iterable[Key] = (), recorder: Recorder | None = None, exempt: Collection[str] = (),
     ) -> None:  # fmt: skip
         self.members, self.links, self.step, self.algorithm = members, links, step, algorithm
         self.periods = {name: (periods or {}).get(name) or m.period_ns or step for name, m in members.items()}
@@ -76,7 +79,11 @@ class CoSimulation:
         self._ready = False  # whether the tables are filled
         self.failure: str = ""
         self.finished = False
-        self._chunks: list[np.ndarray[Any, Any]] = []
+        self.recorder: Recorder = recorder or Memory()
+        self.watch = Watch(members, links, exempt)
+        self.notes: list[str] = []
+        self._last: int | None = None  # tick of the last row that is wanted
+        self._looked = 0.0  # wall-clock time of the last look at all members [s]
         self._shadows: dict[Key, int] = {}
         self._split = frozenset(split)
         self._held: dict[tuple[Key, int], Any] = {}  # overridden elements
@@ -123,12 +130,17 @@ class CoSimulation:
         end = None if stop is None else clock.seconds(stop)
         for name, member in self.members.items():
             self._guard(name, "initialization", partial(member.enter_initialization, clock.seconds(start), end))
-        initialization.solve(self.members, self.links)
+        try:
+            initialization.solve(self.members, self.links)
+        except SimulationError as error:
+            self._blame(self.watch.bad(), f"at t = {clock.text(start)}", sure=True, cause=error)
+            raise
         for name, member in self.members.items():
             self._guard(name, "initialization", member.exit_initialization)
         self._fill(stop)
 
     def _guard(self, name: str, phase: str, call: Callable[[], object]) -> None:
+        self.recorder.note(f"{name}: {phase}")
         try:
             call()
         except SimulationError:
@@ -139,7 +151,7 @@ class CoSimulation:
     def _fill(self, stop: int | None) -> None:
         """Build the tables, publish what the members hold, and record the first row."""
         plan = self.plan = Plan(self.members, self.step, self.periods, self._split)
-        plan.build(self.order(), self.links, self.recorded)
+        plan.build(self.order(), self.links, self.recorded, self.watch.published())
         for (member, name), address in plan.published.items():
             direct = self.members[member].address(name) and (member, name) not in plan.whole
             if not direct or self.periods[member] != self.step:
@@ -154,24 +166,33 @@ class CoSimulation:
                 ("steps", plan.steps), ("records", plan.records),
             )
         }  # fmt: skip
-        rows = max(16, BUFFER_BYTES // (8 * plan.row_words))
-        if stop is not None:
-            rows = min(rows, (stop - self._begin) // self.every + 2)
-        self._rows = np.full((rows, plan.row_words), 0, np.int64)
-        self._record = np.zeros(1, loop.RECORD)
+        self._record = self.recorder.record
         self.state = self._record[0]
         self._operations = plan.operation_rows(self.tables)
         self.state["operations"], self.state["operation_count"] = self._operations.ctypes.data, len(self._operations)
         self.state["begin_ns"], self.state["step_ns"] = self._begin, self.step
         self.state["row_bytes"], self.state["every"] = 8 * plan.row_words, self.every // self.step
-        self._use_buffer()
+        count = None if stop is None else (stop - self._begin) // self.every + 2
+        columns = [(key, first, self.members[key[0]].variables[key[1]]) for key, first, _ in plan.columns]
+        calls = plan.calls(self.tables)
+        self.recorder.open(Layout(self._begin, self.step, plan.row_words, columns, calls, count))
         begin, end = plan.record_converts
         converts = self.tables["converts"]
         self.state["record_converts"] = converts.ctypes.data + begin * converts.strides[0]
         self.state["record_convert_count"] = end - begin
         self._merge_records()
         self._ready = True
+        self.recorder.note("")
+        self._limits, self._scalar = self.watch.rows(plan), np.zeros(1)
+        self.state["limits"], self.state["limit_count"] = self._limits.ctypes.data, self.watch.row_count
+        self.state["scalar"] = self._scalar.ctypes.data
         loop.record(self._record.view(np.recarray)[0])
+        self._blame(self.watch.bad(), f"at t = {clock.text(self._begin)}")
+
+    @property
+    def last(self) -> int | None:
+        """Tick of the last recorded row that counts; None: all do."""
+        return self._last
 
     @property
     def time(self) -> int:
@@ -186,25 +207,64 @@ class CoSimulation:
         if (until - self._begin) % self.step:
             raise CouplingError(f"{clock.text(until)} is no communication point of {clock.text(self.step)}.")
         last = (until - self._begin) // self.step
-        chunk = 64
+        chunk = FIRST_STEPS
+        if not self.watch.is_saved:
+            self.watch.save(self._record, self.plan)
+            self._looked = wall.perf_counter()
         while self.state["tick"] < last and not self.finished:
             self.state["stop"] = min(last, int(self.state["tick"]) + chunk)
             begin = wall.perf_counter()
             result = self._loop(self._record.ctypes.data)
             took = wall.perf_counter() - begin
             if result == loop.FULL:
-                self._drain()
+                self.recorder.make_room()
             elif result == loop.FINISHED:
                 self.finished = True
                 self.failure = f"{self._member_name()} ended the simulation at {clock.text(self.time)}"
             elif result == loop.FAILED:
                 self._fail()
-            chunk = max(64, min(chunk * 4, int(chunk * CHUNK_SECONDS / max(took, 1e-6))))
+            elif result == loop.NOTICED:
+                self._notice()
+            is_over = self.finished or self.state["tick"] == last
+            if result in (loop.DONE, loop.FINISHED) and (is_over or begin + took - self._looked > CHUNK_SECONDS):
+                self._examine()
+            chunk = max(1, min(chunk * 4, int(chunk * CHUNK_SECONDS / max(took, 1e-6))))
+            self.state["at"] = 0
+            self.recorder.look()
             if progress:
                 progress(self.time)
 
     def _member_name(self) -> str:
         return list(self.members)[int(self.state["member"])]
+
+    def _notice(self) -> None:
+        """A value is beyond its limits: not finite, which is the end, or an input, which is noted once."""
+        row = (int(self.state["beyond"]) - self._limits.ctypes.data) // self._limits.strides[0]
+        self._examine(noticed=True)
+        if (key := self.watch.row(row)) is not None:
+            self.notes.append(self.watch.input_note(key, self.plan, self.time - self.step))
+        self._limits[row, 2] = 0
+
+    def _examine(self, noticed: bool = False, failed: str = "") -> None:
+        """End the simulation if a value is not finite, and tell where that began; else remember that all is well."""
+        bad = self.watch.bad(failed)
+        tick = int(self.state["tick"]) + bool(failed)
+        if not bad:
+            if not noticed and not failed:
+                self.watch.save(self._record, self.plan)
+                self._looked = wall.perf_counter()
+            return
+        if self.watch.replays:
+            tick = self._last = self.watch.began(tick, self._loop, self.plan)
+            bad = self.watch.bad() or bad
+        when = clock.text(self._begin + tick * self.step)
+        exact = self.watch.replays or noticed or failed
+        self._blame(bad, f"at t = {when}" if exact else f"at t = {when} or somewhat before")
+
+    def _blame(self, bad: list[str], when: str, sure: bool = False, cause: Exception | None = None) -> None:
+        """SimulationError if members hold values that are not finite; `sure`: only if one of them began it."""
+        if bad and (not sure or self.watch.source(bad)[1]):
+            raise SimulationError(self.watch.described(bad, when)) from cause
 
     def _fail(self) -> None:
         """Turn a member's failure into one line: name, time, status, last inputs, last log lines."""
@@ -216,13 +276,15 @@ class CoSimulation:
         if reason:
             self._finish(member, reason)
             return
+        status = STATUS.get(int(self.state["status"]), "ERROR")
         member.failed(int(self.state["status"]))
+        if status != "FATAL":
+            self._examine(failed=name)
         inputs = ", ".join(
             f"{v}={np.array2string(view(address, self.members[m].variables[v]), threshold=6, precision=6)}"
             for (m, v), address in self.plan.staged.items()
             if m == name
         )
-        status = STATUS.get(int(self.state["status"]), "ERROR")
         raise SimulationError(
             f"{name}: failed with {status} in the step from t = {clock.text(self.time)}. "
             f"Last inputs: {inputs or 'none'}.{self._log_text(member)}"
@@ -239,7 +301,8 @@ class CoSimulation:
             for (key, element), value in self._held.items():
                 view(self.plan.published[key], self.members[key[0]].variables[key[1]])[element : element + 1] = value
             self.state["tick"] += 1
-            self._drain()
+            if self.state["place"] >= self.state["limit"]:
+                self.recorder.make_room()
             loop.record(self._record.view(np.recarray)[0])
         self.failure = f"{member.name} ended the simulation at {clock.text(self.time)}: {reason}"
 
@@ -247,8 +310,16 @@ class CoSimulation:
     def _log_text(member: Member) -> str:
         return f" Last log: {' | '.join(member.log[-LOG_LINES:])}" if member.log else ""
 
+    def value(self, key: Key) -> np.ndarray[Any, Any]:
+        """A variable at the communication point that was reached, as others see it: a slow member is not ahead of it."""
+        variable = self.members[key[0]].variables[key[1]]
+        if key in self.plan.published:
+            return view(self.plan.published[key], variable).copy().reshape(variable.shape)
+        return np.asarray(self.members[key[0]].get(key[1]))
+
     def set(self, key: Key, value: Any) -> None:
         """Set a parameter or an unconnected input, or element of one, of a member, from now on."""
+        self.watch.forget()
         self.members[key[0]].set(key[1], value)
         if key in self.plan.buffers:
             view(self.plan.buffers[key], self.members[key[0]].variables[key[1]])[:] = np.ravel(value)
@@ -258,6 +329,7 @@ class CoSimulation:
 
         `element`: of an output in `split` only this one, counted from 0.
         """
+        self.watch.forget()
         variable = self.members[key[0]].variables[key[1]]
         if element is not None:
             self._override_element(key, element, value)
@@ -289,6 +361,7 @@ class CoSimulation:
 
     def release(self, key: Key, element: int | None = None) -> None:
         """End an override."""
+        self.watch.forget()
         if element is not None:
             self._override_element(key, element, None)
             return
@@ -309,25 +382,13 @@ class CoSimulation:
             raise CouplingError(f"{key[0]}.{key[1]}: nothing reads it, so overriding it has no effect. Use set.")
         return rows
 
-    def _use_buffer(self) -> None:
-        """Let the loop record into the buffer from its first row."""
-        begin = self._rows.ctypes.data
-        self.state["place"], self.state["limit"] = begin, begin + self._rows.nbytes
-
-    def _drain(self) -> None:
-        """Take the filled part of the recording buffer, and a fresh one rather than a copy."""
-        count = (int(self.state["place"]) - self._rows.ctypes.data) // int(self.state["row_bytes"])
-        if count:
-            self._chunks.append(self._rows[:count])
-            self._rows = np.full_like(self._rows, 0)
-            self._use_buffer()
-
     def recording(self) -> Recording:
         """All that was recorded until now, decoded."""
         if not self._ready:
             return Recording(np.zeros(0), {})
-        self._drain()
-        words = np.concatenate(self._chunks) if self._chunks else np.zeros((0, self.plan.row_words), np.int64)
+        words = self.recorder.words()
+        if self._last is not None:
+            words = words[words[:, 0] <= self._last]
         time = (self._begin + words[:, 0] * self.step) / clock.NANOSECONDS
         signals = {}
         for (member, name), first, size in self.plan.columns:
@@ -344,5 +405,7 @@ class CoSimulation:
 
     def terminate(self) -> None:
         """Close all members, whatever state they are in."""
-        for member in self.members.values():
+        for name, member in self.members.items():
+            self.recorder.note(f"{name}: termination")
             member.close()
+        self.recorder.note("")

@@ -39,7 +39,7 @@ from twin.compiler import (
 )
 
 # what `run` returns
-DONE, FAILED, FINISHED, FULL = 0, 1, 2, 3
+DONE, FAILED, FINISHED, FULL, NOTICED = 0, 1, 2, 3, 4
 
 # columns of the tables: int64 words unless said otherwise
 OPERATION = (
@@ -50,6 +50,7 @@ COPY = ("source", "target", "words")
 CONVERT = ("source", "source_kind", "target", "target_kind", "count", "factor", "offset")  # the last two Float64 bits
 ACCESS = ("function", "instance", "references", "count", "values", "size", "member")
 STEP = ("function", "instance", "flags", "member")
+LIMIT = ("address", "kind", "count", "low", "high")  # the last two Float64 bits; not a number is beyond any limit
 
 # how a scalar lies in memory, for conversions
 KINDS = {"f8": 0, "f4": 1, "i1": 2, "u1": 3, "i2": 4, "u2": 5, "i4": 6, "u4": 7, "i8": 8, "u8": 9, "b1": 10}
@@ -63,6 +64,9 @@ RECORD = np.dtype(
             "place", "limit", "row_bytes", "every",  # recording: address of the next row, and of the end
             "records", "record_count", "record_converts", "record_convert_count",
             "member", "status", "finished",
+            "limits", "limit_count", "beyond",  # values that are watched, and the row that one is beyond
+            "scalar",  # address of a word for one that is no Float64
+            "at",  # address of the row of the call that is at work: whoever looks after a crash finds the member
         )
     ],
     align=True,
@@ -153,10 +157,30 @@ def record(self: Any) -> None:
     self.place += self.row_bytes
 
 
+def beyond(row: int, count: int, scalar: int) -> int:
+    """Address of the first row with a value that is not within its limits, or 0."""
+    for _ in range(count):
+        at, value_kind = read64(row), read64(row + 8)
+        low, high = read_float(row + 24), read_float(row + 32)
+        size = width(value_kind)
+        for _ in range(read64(row + 16)):
+            value = 0.0
+            if value_kind == 0:
+                value = read_float(at)
+            else:
+                convert_one(at, value_kind, scalar, 0, 1.0, 0.0)
+                value = read_float(scalar)
+            if not (value >= low and value <= high):
+                return row
+            at += size
+        row += 40
+    return 0
+
+
 def run(self: Any) -> int:
-    """Go on until `stop`, a full recording buffer, a member that fails, or one that finishes the simulation."""
+    """Go on until `stop`, a full recording buffer, a member that fails or finishes the simulation, or a limit."""
     operations, operation_count, every = self.operations, self.operation_count, self.every
-    begin_ns, step_ns = self.begin_ns, self.step_ns
+    begin_ns, step_ns, limit_count = self.begin_ns, self.step_ns, self.limit_count
     tick = self.tick
     while tick < self.stop:
         if self.place >= self.limit:
@@ -175,6 +199,7 @@ def run(self: Any) -> int:
                 row = read64(operation + 56)
                 for _ in range(read64(operation + 64)):
                     references, values = read64(row + 16), read64(row + 32)
+                    self.at = row
                     status = call_access(
                         read64(row), read64(row + 8), references, read64(row + 24), values, read64(row + 40)
                     )
@@ -186,6 +211,7 @@ def run(self: Any) -> int:
                 row = read64(operation + 72)
                 for _ in range(read64(operation + 80)):
                     flags = read64(row + 16)
+                    self.at = row
                     status = call_step(read64(row), read64(row + 8), t, h, flags)
                     if status > 1:
                         self.member, self.status = read64(row + 24), status
@@ -204,4 +230,8 @@ def run(self: Any) -> int:
             self.place = place + self.row_bytes
         if self.finished != 0:
             return FINISHED
+        if limit_count > 0:
+            self.beyond = beyond(self.limits, limit_count, self.scalar)
+            if self.beyond != 0:
+                return NOTICED
     return DONE

@@ -17,7 +17,7 @@ from twin.coupling import loop
 from twin.coupling.system import Link
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from twin.coupling.member import Access, Member, MemberVariable
 
@@ -92,6 +92,7 @@ class Plan:
     sets: dict[str, list[list[int]]] = field(default_factory=dict)
     publishes: dict[str, list[list[int]]] = field(default_factory=dict)
     keep: list[Access] = field(default_factory=list)
+    functions: dict[int, str] = field(default_factory=dict)  # names of the functions that are called, by address
     row_words: int = 1
     record_converts: tuple[int, int] = (0, 0)
 
@@ -99,14 +100,16 @@ class Plan:
         """Communication points per step of a member."""
         return max(1, self.periods[member] // self.step_ns)
 
-    def build(self, order: list[list[str]], links: list[Link], recorded: list[Key]) -> None:
-        """Fill the tables. `order`: the stages, each a list of members."""
+    def build(
+        self, order: list[list[str]], links: list[Link], recorded: list[Key], watched: Iterable[Key] = ()
+    ) -> None:
+        """Fill the tables. `order`: the stages, each a list of members; `watched`: to be published all the same."""
         needed: dict[str, dict[str, MemberVariable]] = {name: {} for name in self.members}
         inputs: dict[str, dict[str, MemberVariable]] = {name: {} for name in self.members}
         for link in links:
             needed[link.source.member][link.source.variable.name] = link.source.variable
             inputs[link.target.member][link.target.variable.name] = link.target.variable
-        for member, name in recorded:
+        for member, name in (*recorded, *watched):
             needed[member][name] = self.members[member].variables[name]
         for index, name in enumerate(self.members):
             self._publish(index, name, needed[name])
@@ -131,6 +134,7 @@ class Plan:
             access = self.members[member].access([v.name for v in variables], write)
             address = self.memory.take(sum(v.size * v.dtype.itemsize for v in variables))
             calls.append(access)
+            self.functions[access.function] = access.name
             rows = self.sets if write else self.gets
             references = int(access.references.ctypes.data)
             row = [access.function, self.members[member].instance, references, access.count, address, access.size]
@@ -237,6 +241,17 @@ class Plan:
             rows.append(row)
         return np.array(rows, np.int64)
 
+    def calls(self, tables: Mapping[str, np.ndarray[Any, Any]]) -> dict[int, tuple[str, str]]:
+        """Member and function of every row that calls one, by the row's address."""
+        names = list(self.members)
+        found = {}
+        for table, rows in (("accesses", self.accesses), ("steps", self.steps)):
+            for i, row in enumerate(rows):
+                member = names[row[-1]]
+                function = self.functions[row[0]] if table == "accesses" else self.members[member].step_name
+                found[int(tables[table].ctypes.data) + i * tables[table].strides[0]] = (member, function)
+        return found
+
     def _set_rows(self, name: str, links: list[Link]) -> list[Link]:
         """Add the calls that set a member's inputs; the links that need no copy since the call reads the source."""
         direct = []
@@ -247,6 +262,8 @@ class Plan:
             if len(into) != 1 or row[3] != 1:
                 continue
             link = into[0]
+            if link.target.variable.is_bounded:
+                continue  # what the member saw is looked at after its step, when the source may have gone on
             variable, foreign = (
                 link.source.variable,
                 not self.members[link.source.member].address(link.source.variable.name),

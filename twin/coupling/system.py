@@ -1,20 +1,20 @@
 """A system in SSP's words, as pure data: members with their variables, and connections between connectors.
 
-`check` lists every problem at once; `links` is what the algorithm couples.
+A connection may be of two terminals: then it stands for one of each pair of their members. `check` lists every problem
+at once; `links` is what the algorithm couples.
 """
 
 from __future__ import annotations
 
-import difflib
-import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from twin.component import unit
+from twin.coupling import terminals
 from twin.coupling.member import MemberVariable
-from twin.errors import CouplingError
+from twin.errors import CouplingError, nearest
 from twin.graph import ordered_groups
 
 Catalog = Mapping[str, Mapping[str, MemberVariable]]
@@ -24,11 +24,20 @@ READABLE = ("output", "local", "calculatedParameter", "parameter", "structuralPa
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """`member.variable` to `member.variable`; an element of an array is `member.variable[2]` (counted from 1)."""
+    """`member.variable` to `member.variable`; an element of an array is `member.variable[2]` (counted from 1).
+
+    Or `member.terminal` to `member.terminal`. `terminals`: the connection of terminals that it is a part of.
+    """
 
     source: str
     target: str
     where: str = ""
+    terminals: str = ""
+
+    @property
+    def place(self) -> str:
+        """Where it is said, for the beginning of a message."""
+        return "".join(f"{one}: " for one in (self.where, self.terminals) if one)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,31 +70,24 @@ class Link:
     offset: float = 0.0
 
 
-def nearest(name: str, known: Mapping[str, object] | list[str]) -> str:
-    """A hint with the nearest known name, or the known names if few."""
-    close = difflib.get_close_matches(name, list(known), 1, 0.5)
-    if close:
-        return f"Did you mean {close[0]!r}?"
-    return f"Known: {', '.join(sorted(known)[:8])}." if known else "There are none."
-
-
 def find(path: str, catalog: Catalog) -> Reference:
     """The variable or array element that `member.variable` or `member.variable[2]` names."""
     member, dot, name = path.partition(".")
     if not dot or member not in catalog:
-        raise CouplingError(f"{path!r}: no member {member!r}. {nearest(member, dict(catalog))}")
+        raise CouplingError(f"{path!r}: no member {member!r}. {nearest(member, catalog)}")
     variables = catalog[member]
     if name in variables:
         variable = variables[name]
         return Reference(member, variable, 0, variable.size)
-    element = re.fullmatch(r"(.+)\[(\d+(?:\s*,\s*\d+)*)\]", name)
+    element = terminals.ELEMENT.fullmatch(name)
     if element and element[1] in variables:
         variable = variables[element[1]]
         index = tuple(int(i) - 1 for i in element[2].split(","))
         if len(index) == len(variable.shape) and all(0 <= i < n for i, n in zip(index, variable.shape, strict=True)):
             return Reference(member, variable, int(np.ravel_multi_index(index, variable.shape)), 1)
         raise CouplingError(f"{path!r}: {element[1]} has shape {list(variable.shape)}, elements count from 1.")
-    raise CouplingError(f"{path!r}: {member} has no variable {name!r}. {nearest(name, variables)}")
+    known = [*variables, *terminals.names(variables)]
+    raise CouplingError(f"{path!r}: {member} has no variable {name!r}. {nearest(name, known)}")
 
 
 @dataclass
@@ -106,35 +108,58 @@ class System:
             raise CouplingError(problems)
         return links
 
+    def single(self) -> tuple[list[Connection], list[str]]:
+        """The connections of variables, those of terminals taken apart, and what is wrong with those."""
+        found: list[Connection] = []
+        problems: list[str] = []
+        for connection in self.connections:
+            try:
+                found += self._single(connection)
+            except CouplingError as error:
+                text = f"{connection.source} -> {connection.target}"
+                problems += [f"{connection.place}{text}: {one}" for one in error.problems]
+        return found, problems
+
+    def _single(self, connection: Connection) -> list[Connection]:
+        """What a connection stands for: itself, unless it is one of terminals."""
+        paths = connection.source, connection.target
+        ends = [terminals.find(path, self.catalog) for path in paths]
+        if ends == [None, None]:
+            return [connection]
+        a, b = ends
+        if a is None or b is None:
+            known, other = (paths[0], paths[1]) if b is None else (paths[1], paths[0])
+            find(other, self.catalog)  # it may be that there is nothing of this name
+            raise CouplingError(f"{known} is a terminal, {other} is a variable. Connect two of one kind.")
+        text = f"{connection.source} -> {connection.target}"
+        return [replace(connection, source=x, target=y, terminals=text) for x, y in terminals.single(a, b)]
+
     def _resolve(self) -> tuple[list[Link], list[str]]:
         links: list[Link] = []
-        problems: list[str] = []
-        sources: dict[tuple[str, str, int], str] = {}
-        for connection in self.connections:
-            where = f"{connection.where}: " if connection.where else ""
+        connections, problems = self.single()
+        sources: dict[tuple[str, str, int], Connection] = {}
+        for connection in connections:
             try:
                 link = self._link(connection)
             except CouplingError as error:
-                problems.append(f"{where}{error}")
+                problems += [f"{connection.place}{one}" for one in error.problems]
                 continue
             target = link.target
             for i in range(target.first, target.first + target.size):
-                other = sources.setdefault((*target.key, i), connection.source)
-                if other != connection.source:
+                other = sources.setdefault((*target.key, i), connection)
+                if other.source != connection.source:
+                    first = ", ".join(one for one in (other.where, other.terminals) if one)
                     problems.append(
-                        f"{where}{connection.target} has two sources, {other} and {connection.source}. Keep one."
+                        f"{connection.place}{connection.target} has two sources, {other.source} and "
+                        f"{connection.source}{f' (the first: {first})' if first else ''}. Keep one."
                     )
                     break
             links.append(link)
         return links, problems
 
     def _link(self, connection: Connection) -> Link:
-        source, target = find(connection.source, self.catalog), find(connection.target, self.catalog)
+        source, target = self._ends(connection)
         text = f"{connection.source} -> {connection.target}"
-        if source.variable.causality not in READABLE:
-            raise CouplingError(f"{text}: the source is an {source.variable.causality}. Connect from an output.")
-        if target.variable.causality != "input":
-            raise CouplingError(f"{text}: the target is no input but {target.variable.causality}. Connect to an input.")
         for end in (source, target):
             if not end.variable.connectable:
                 raise CouplingError(
@@ -161,6 +186,25 @@ class System:
         if (factor, offset) != (1.0, 0.0) and not is_real(target.variable):
             raise CouplingError(f"{text}: units of whole numbers are not converted. Use one unit on both sides.")
         return Link(source, target, factor, offset)
+
+    def _ends(self, connection: Connection) -> tuple[Reference, Reference]:
+        """What a connection connects; what is wrong with each end is told at once."""
+        text = f"{connection.source} -> {connection.target}"
+        found, problems = [], []
+        for number, path in enumerate((connection.source, connection.target)):
+            try:
+                found.append(find(path, self.catalog))
+            except CouplingError as error:
+                problems += error.problems
+                continue
+            causality = found[-1].variable.causality
+            if number == 0 and causality not in READABLE:
+                problems.append(f"{text}: the source is an {causality}. Connect from an output.")
+            elif number == 1 and causality != "input":
+                problems.append(f"{text}: the target is no input but {causality}. Connect to an input.")
+        if problems:
+            raise CouplingError(problems)
+        return found[0], found[1]
 
 
 def is_real(variable: MemberVariable) -> bool:

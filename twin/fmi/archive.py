@@ -17,13 +17,16 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import FMUError
-from twin.fmi import markup
+from twin.fmi import markup, terminals
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from types import TracebackType
     from typing import IO, Self
 
-FILES = 100_000  # largest number of entries
+    from twin.coupling import TerminalMember
+
+FILES = 20_000  # largest number of entries; each takes up to a millisecond to write and to remove
 TOTAL = 2 << 30  # largest size of everything [byte]
 DESCRIPTION = 64 << 20  # largest modelDescription.xml [byte]
 HARMLESS = 256 << 20  # below this size [byte] no compression ratio is suspicious
@@ -49,6 +52,7 @@ class Unpacked:
     notes: list[str] = field(default_factory=list)
     _temporary: tempfile.TemporaryDirectory[str] | None = None
     users: int = 1
+    terminals: Mapping[str, tuple[TerminalMember, ...]] = field(default_factory=dict)  # by variable
 
     def close(self) -> None:
         """Remove the folder when its last user has closed it. Safe to call once too often."""
@@ -101,15 +105,21 @@ def unpack(path: str | Path) -> Unpacked:
             entries = check_entries(path, archive)
             description = read_description(path, archive, entries)
             binary = find_binary(path, description, entries)
+            plugs = entries.get(terminals.PLACE) if description.fmi == "3.0" else None
+            shown = document(path, archive, plugs) if plugs is not None else b""
 
             # the folder is canonical: a library's own idea of its path must not differ
             temporary = tempfile.TemporaryDirectory(prefix="twin-fmu-", ignore_cleanup_errors=True)
             root = Path(temporary.name).resolve()
-            extract(path, archive, entries, root / "fmu")
+            extract(path, archive, needed(entries, binary), root / "fmu")
         (root / "fmu" / "resources").mkdir(exist_ok=True)
         parsed = markup.parse(path, description, root / "description.xml")
         notes = ["needs the tool it was made with on this machine"] if description.needs_tool else []
-        return Unpacked(path, root / "fmu", parsed, description.fmi, root / "fmu" / binary, sha256, notes, temporary)
+        places, left_out = terminals.read(path, shown, {one.name for one in parsed.modelVariables})
+        return Unpacked(
+            path, root / "fmu", parsed, description.fmi, root / "fmu" / binary, sha256, notes + left_out, temporary,
+            terminals=places,
+        )  # fmt: skip
     except BaseException as error:
         if temporary is not None:
             temporary.cleanup()
@@ -131,9 +141,10 @@ def check_entries(path: Path, archive: zipfile.ZipFile) -> dict[str, zipfile.Zip
     """Names and sizes of the files, by normalized path; everything that could write elsewhere is refused."""
     infos = archive.infolist()
     if len(infos) > FILES:
-        raise FMUError(f"{path}: has {len(infos)} files, more than {FILES}. This is not an FMU.")
+        raise FMUError(f"{path}: has {len(infos)} files, more than {FILES}. Put its resources into one archive.")
     entries: dict[str, zipfile.ZipInfo] = {}
     seen: dict[str, str] = {}
+    repeated = 0  # size of what is there once more [byte]
     for info in infos:
         name = checked_name(path, info)
         if info.flag_bits & 0x1:
@@ -146,6 +157,9 @@ def check_entries(path: Path, archive: zipfile.ZipFile) -> dict[str, zipfile.Zip
             raise FMUError(f"{path}: {name!r} is {kind}. An FMU holds plain files only.")
         if info.is_dir():
             continue
+        repeated += info.file_size * (name in entries)
+        if name in entries and repeated <= HARMLESS and is_same(archive, entries[name], info):
+            continue  # some tools add a file twice
         if name.casefold() in seen:
             raise FMUError(f"{path}: {name!r} and {seen[name.casefold()]!r} are the same file. Remove one of them.")
         seen[name.casefold()] = name
@@ -154,6 +168,17 @@ def check_entries(path: Path, archive: zipfile.ZipFile) -> dict[str, zipfile.Zip
     if claimed > TOTAL:
         raise FMUError(f"{path}: unpacks to {claimed >> 20} MiB, more than {TOTAL >> 20} MiB. This is not an FMU.")
     return entries
+
+
+def is_same(archive: zipfile.ZipFile, one: zipfile.ZipInfo, other: zipfile.ZipInfo) -> bool:
+    """Whether two entries have the same content; checksums can be made to agree, so it is read."""
+    if (one.CRC, one.file_size) != (other.CRC, other.file_size):
+        return False
+    with archive.open(one) as first, archive.open(other) as second:
+        while (chunk := first.read(CHUNK)) == second.read(CHUNK):
+            if not chunk:
+                return True
+    return False
 
 
 def checked_name(path: Path, info: zipfile.ZipInfo) -> str:
@@ -185,11 +210,16 @@ def read_description(path: Path, archive: zipfile.ZipFile, entries: dict[str, zi
         inner = next((name for name in entries if name.endswith("/modelDescription.xml")), None)
         hint = f"It is in {inner!r}: zip the content of that folder" if inner else "This is not an FMU"
         raise FMUError(f"{path}: has no modelDescription.xml at its top. {hint}.")
+    return markup.check(path, document(path, archive, info))
+
+
+def document(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> bytes:
+    """An XML file, if it is not suspiciously large."""
     with archive.open(info) as file:
         content = file.read(DESCRIPTION + 1)
     if len(content) > DESCRIPTION:
-        raise FMUError(f"{path}: modelDescription.xml is larger than {DESCRIPTION >> 20} MiB. This is not an FMU.")
-    return markup.check(path, content)
+        raise FMUError(f"{path}: {info.filename} is larger than {DESCRIPTION >> 20} MiB. This is not an FMU.")
+    return content
 
 
 def find_binary(path: Path, description: markup.Description, entries: dict[str, zipfile.ZipInfo]) -> str:
@@ -206,6 +236,16 @@ def find_binary(path: Path, description: markup.Description, entries: dict[str, 
     sources = " and C sources" if any(name.startswith("sources/") for name in entries) else ""
     has = f"only {', '.join(others)}{sources}" if others else f"no binaries{sources}"
     raise FMUError(f"{path}: has {has}, none for {platform}. Export it for this platform.")
+
+
+def needed(entries: dict[str, zipfile.ZipInfo], binary: str) -> dict[str, zipfile.ZipInfo]:
+    """What a run needs: neither other platforms' libraries nor sources and documentation."""
+    own = f"{binary.rpartition('/')[0]}/"
+    return {
+        name: info
+        for name, info in entries.items()
+        if not name.startswith(("binaries/", "sources/", "documentation/")) or name.startswith(own)
+    }
 
 
 def extract(path: Path, archive: zipfile.ZipFile, entries: dict[str, zipfile.ZipInfo], folder: Path) -> None:

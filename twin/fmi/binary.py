@@ -7,10 +7,13 @@ which finds the instance a message belongs to by the environment pointer, or by 
 from __future__ import annotations
 
 import ctypes
+import inspect
 import itertools
 import os
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from types import UnionType
+from typing import TYPE_CHECKING, Any, ClassVar, get_args
 
 import fmpy
 from fmpy.fmi2 import (
@@ -24,6 +27,7 @@ from fmpy.fmi3 import FMU3Slave
 from fmpy.logging import addLoggerProxy
 
 from twin.errors import FMUError, SimulationError
+from twin.fmi import elf
 from twin.fmi.markup import one_line
 
 if TYPE_CHECKING:
@@ -65,6 +69,30 @@ class Symbols:
         return ctypes.cast(getattr(self._dll, function), ctypes.c_void_p).value or 0
 
 
+class Functions(dict[str, Any]):
+    """FMPy's table of functions with their types, each made when it is called first: there are a hundred."""
+
+    def __init__(self, kind: type, dll: Symbols) -> None:
+        super().__init__()
+        self.kind, self.dll = kind, dll
+
+    def __missing__(self, name: str) -> Any:
+        function = getattr(self.dll, name)
+        function.argnames, function.argtypes, function.restype = types(self.kind, name)
+        self[name] = function
+        return function
+
+
+@cache
+def types(kind: type, name: str) -> tuple[list[str], list[Any], Any]:
+    """Names and types of a C function's arguments, and its result's, from the method that FMPy calls it by."""
+    signature = inspect.signature(getattr(kind, name))
+    given = list(signature.parameters.values())[1:]
+    kinds = [get_args(one.annotation)[0] if isinstance(one.annotation, UnionType) else one.annotation for one in given]
+    result = {bytes: ctypes.c_char_p, int: ctypes.c_int}.get(signature.return_annotation, signature.return_annotation)
+    return [one.name for one in given], kinds, result
+
+
 class FMU2(FMU2Slave):  # type: ignore[misc]
     """FMPy's FMI 2.0 slave which bears missing functions."""
 
@@ -72,7 +100,7 @@ class FMU2(FMU2Slave):  # type: ignore[misc]
 
     def _loadFunctions(self) -> None:  # noqa: N802 - FMPy's name
         self.dll = Symbols(self.dll)
-        super()._loadFunctions()
+        self._functions = Functions(type(self), self.dll)
 
 
 class FMU3(FMU3Slave):  # type: ignore[misc]
@@ -82,7 +110,7 @@ class FMU3(FMU3Slave):  # type: ignore[misc]
 
     def _loadFunctions(self) -> None:  # noqa: N802 - FMPy's name
         self.dll = Symbols(self.dll)
-        super()._loadFunctions()
+        self._functions = Functions(type(self), self.dll)
 
 
 def load(unpacked: Unpacked, name: str) -> FMU2 | FMU3:
@@ -90,6 +118,8 @@ def load(unpacked: Unpacked, name: str) -> FMU2 | FMU3:
     description = unpacked.description
     kind = FMU2 if unpacked.fmi == "2.0" else FMU3
     folder = Path.cwd()
+    if wrong := elf.problem(unpacked.binary):
+        raise FMUError(f"{unpacked.path}: {unpacked.binary.relative_to(unpacked.folder)} {wrong}")
     try:
         return kind(
             guid=description.guid,

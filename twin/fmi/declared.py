@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.coupling import DTYPES, MemberVariable
+from twin.coupling import DTYPES, MemberVariable, TerminalMember
 from twin.errors import CouplingError, FMUError
 from twin.fmi import values
 
@@ -110,6 +110,7 @@ def variable(
     sizes: dict[int, int],
     depends: dict[str, tuple[str, ...] | None],
     where: str,
+    terminals: tuple[TerminalMember, ...] = (),
 ) -> MemberVariable:
     """A variable; `sizes` are structural parameters by value reference, where they are not at their start."""
     kind, dtype = types[declared.type]
@@ -130,8 +131,20 @@ def variable(
         depends.get((declared.alias or declared).name) if declared.causality == "output" else (),
         (declared.valueReference,),
         "" if declared.variability == "constant" else declared.initial or "", tuple(items(declared, where).items()),
+        bound(declared, "min", where), bound(declared, "max", where), terminals,
     )  # fmt: skip
     return with_start(bare, declared.start, where)
+
+
+def bound(declared: Any, side: str, where: str) -> float | None:
+    """The `min` or `max` of a variable, else that of its type; None if there is none."""
+    text = getattr(declared, side, None)
+    if text is None:
+        text = getattr(declared.declaredType, side, None)
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        raise FMUError(f"{where}: {declared.name} has {side}={text!r}, expected a number.") from None
 
 
 def with_start(bare: MemberVariable, text: str | None, where: str) -> MemberVariable:

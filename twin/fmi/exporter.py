@@ -11,18 +11,19 @@ import inspect
 import io
 import uuid
 import zipfile
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, partial
-from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import twin
-from twin import compiler
-from twin.compiler import model_name, tangent
+from twin import compiler, installed
+from twin.compiler import model_name, tangents
 from twin.component import Component, PythonComponent, Role, source
 from twin.errors import BuildError
 from twin.fmi import description, terminals
+from twin.fmi.built import ENGINE, build, is_built, made_from, readme
 from twin.fmi.description import Exposed
 from twin.fmi.sources import FOLDER, listed, source_files, to_compile
 from twin.fmi.table import model_c, source_code
@@ -31,8 +32,7 @@ from twin.revision import revision
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-ENGINE = Path(__file__).parents[1]
-DECISIVE = ("component", "compiler", "coupling/group.py", "fmi")  # what decides what an FMU is
+__all__ = ["TARGETS", "VERSIONS", "build", "export", "is_built", "made", "made_from", "plan"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,14 +102,6 @@ def library(made: Plan, source: str, own: compiler.Sources, platform: str, build
 # ----------------------------------------------------------------------------------------------------- documentation
 
 
-def _readme(cls: type[Component]) -> str:
-    """README.md of a component's folder; empty for a class that lives elsewhere."""
-    if model_name(cls) == cls.__name__:
-        return ""
-    readme = Path(inspect.getfile(cls)).with_name("README.md")
-    return readme.read_text(encoding="utf-8") if readme.exists() else ""
-
-
 @cache
 def _page() -> Any:
     """The template of the documentation, compiled once."""
@@ -128,7 +120,7 @@ def documentation(cls: type[Component], version: str) -> str:
     page: str = _page().render(
         name=model_name(cls), version=version, summary=description.summary(cls),
         docstring=inspect.cleandoc(cls.__doc__ or "").partition("\n")[2].strip(),
-        readme=markdown.render(_readme(cls)), groups=groups, period=cls.period, text=_start_text, terminals=cls.terminals,
+        readme=markdown.render(readme(cls)), groups=groups, period=cls.period, text=_start_text, terminals=cls.terminals,
         exchange=description.offers_exchange(cls), underivable=underivable(cls),
     )  # fmt: skip
     return page
@@ -136,7 +128,7 @@ def documentation(cls: type[Component], version: str) -> str:
 
 def underivable(cls: type[Component]) -> str:
     """Why a continuous component offers no directional derivatives; empty if it does, or is not continuous."""
-    found = tangent.tangents(cls)
+    found = tangents(cls)
     return found if description.offers_exchange(cls) and isinstance(found, str) else ""
 
 
@@ -176,7 +168,7 @@ def plan(cls: type[Component], version: str) -> Plan:
     digest.update(model_c(cls, name, nobody, exposed, words.has_time, code).encode())
     for file in sorted(FOLDER.iterdir()):
         digest.update(file.read_bytes())
-    digest.update(f"{TARGETS} {STATE_MACHINE} {TABLE} {metadata.version('ziglang')} {_start_values(cls)}".encode())
+    digest.update(f"{TARGETS} {STATE_MACHINE} {TABLE} {installed.version('ziglang')} {_start_values(cls)}".encode())
     token = f"{{{uuid.UUID(compiler.component_hash(cls, digest.hexdigest()))}}}"
     files = {"modelDescription.xml": words.describe(cls, name, token, exposed), **more}
     return Plan(name, token, model_c(cls, name, token, exposed, words.has_time, code), files)
@@ -218,7 +210,10 @@ def _content(cls: type[Component], version: str, made: Plan, build: Path, target
 def origin(cls: type[Component], made: Plan) -> str:
     """`documentation/origin.txt`: what the FMU was made from and by, to find its sources again."""
     parts = {name: part.component for name, part in getattr(cls, "parts", {}).items()} or {made.name: cls}
-    folders = {name: Path(inspect.getfile(part)).parent for name, part in parts.items()}
+    folders = {}
+    for name, part in parts.items():
+        with suppress(TypeError, OSError):  # a class of a notebook's cell has no file
+            folders[name] = Path(inspect.getfile(part)).parent
     lines = [f"{made.name}, content {made.token}", f"engine: twin {twin.__version__}, revision {revision(ENGINE)}"]
     return "\n".join([*lines, *(f"{name}: revision {revision(folder)}" for name, folder in folders.items()), ""])
 
@@ -247,57 +242,12 @@ def export(
     return Path(path)
 
 
-_keys: dict[tuple[type[Component], str], str] = {}  # classes do not change, and a scenario has each once per variant
-
-
-def made_from(cls: type[Component], version: str) -> str:
-    """Hash of all that an FMU is made from: engine, component with its files and README. Cheap: nothing is made."""
-    if (cls, version) not in _keys:
-        name = model_name(cls)
-        more = [version, _readme(cls), repr(cls.terminals), repr(cls.switches), repr(cls.period), repr(cls.method)]
-        _keys[cls, version] = compiler.source_hash(cls, name, _engine(), *more)
-    return _keys[cls, version]
-
-
-@cache
-def _engine() -> str:
-    """Hash of the engine's files that decide what an FMU is, and of the compiler's version."""
-    digest = hashlib.sha256(metadata.version("ziglang").encode())
-    for file in sorted(path for name in DECISIVE for path in (ENGINE / name, *(ENGINE / name).rglob("*"))):
-        if file.suffix in (".py", ".c", ".h", ".html"):
-            digest.update(file.read_bytes())
-    return digest.hexdigest()
-
-
-def is_built(cls: type[Component], build: Path, version: str = "3.0", wanted: Sequence[str] = ()) -> bool:
-    """Whether the component's FMU is there as it would be made now, with all binaries that are wanted."""
-    path = build / version / f"{model_name(cls)}.fmu"
-    note = path.with_suffix(".hash")
-    words = note.read_text(errors="replace").split() if note.exists() and path.exists() else []
-    key, content, *present = words if len(words) > 1 else ["", ""]
-    if key != made_from(cls, version) or not set(wanted or (compiler.host(),)) <= set(present):
-        return False
-    return content == hashlib.sha256(path.read_bytes()).hexdigest()  # a damaged file is made anew
-
-
-def build(cls: type[Component], version: str, build: Path, targets: Sequence[str] = ()) -> Path:
-    """The component's FMU in `build/<version>/`, made anew only if what it is made from, or a target, is new."""
+def made(cls: type[Component], version: str, build: Path, targets: Sequence[str]) -> bytes:
+    """A component's FMU with binaries for the targets; what keeps it from being one is told all at once."""
     if version not in VERSIONS:
         raise BuildError(f"FMI version {version!r} is not offered. Use one of {', '.join(VERSIONS)}.")
-    if issubclass(cls, PythonComponent):
-        raise BuildError(f"{cls.__name__}: is Python-side and cannot be an FMU. Derive it from Component instead.")
-    wanted = tuple(targets) or (compiler.host(),)
-    path = build / version / f"{model_name(cls)}.fmu"
-    if is_built(cls, build, version, wanted):
-        return path
     with compiler.SYNTAX:
         if problems := source.check(cls):
             raise BuildError("\n".join(problems))
-        made = plan(cls, version)
-    note = path.with_suffix(".hash")
-    note.unlink(missing_ok=True)
-    content = _content(cls, version, made, build, wanted)
-    compiler.put(path, content)
-    words = made_from(cls, version), hashlib.sha256(content).hexdigest(), *wanted
-    compiler.put(note, f"{' '.join(words)}\n".encode())
-    return path
+        planned = plan(cls, version)
+    return _content(cls, version, planned, build, targets)

@@ -11,7 +11,7 @@ from fmpy.fmi1 import FMICallException
 
 from twin.coupling import Access, Member, MemberVariable
 from twin.errors import CouplingError, FMUError, SimulationError
-from twin.fmi import binary, values
+from twin.fmi import binary, units, values
 from twin.fmi import declared as declarations
 from twin.fmi.archive import share
 
@@ -70,6 +70,9 @@ class FMUMember(Member):
         self.capabilities = {field: value for field in dir(interface)
                              if not field.startswith("_") and isinstance(value := getattr(interface, field), bool)}  # fmt: skip
         self.can_get_and_set_state = bool(interface.canGetAndSetFMUstate)
+        # those of others often say so and cannot, or it takes them long
+        self.can_restore = self.can_get_and_set_state and (description.generationTool or "").startswith("twin ")
+        self._saved = ctypes.c_void_p()
         self.default_experiment = declarations.experiment(description.defaultExperiment, where)
         self.fixed_step = declarations.step_size(interface.fixedInternalStepSize, where)
         if not interface.canHandleVariableCommunicationStepSize:
@@ -81,14 +84,18 @@ class FMUMember(Member):
             "sha256": unpacked.sha256, "file": unpacked.path.name,
         }  # fmt: skip
         self._structural: dict[str, np.ndarray[Any, Any]] = {}
+        self._units = units.names(description)
         self.variables = self._variables({})
         self._start = self._start_values(start_values)
 
     def _variables(self, sizes: dict[int, int]) -> dict[str, MemberVariable]:
         types = declarations.FMI2_TYPES if self._unpacked.fmi == "2.0" else declarations.FMI3_TYPES
-        where = str(self._unpacked.path)
-        return {name: declarations.variable(declared, types, sizes, self._dependencies, where)
-                for name, declared in self._declared.items()}  # fmt: skip
+        where, places = str(self._unpacked.path), self._unpacked.terminals
+        found = {
+            name: declarations.variable(declared, types, sizes, self._dependencies, where, places.get(name, ()))
+            for name, declared in self._declared.items()
+        }
+        return {name: units.named(one, self._units) for name, one in found.items()}
 
     def _start_values(self, given: dict[str, Any]) -> dict[str, np.ndarray[Any, Any]]:
         """Convert the start values; structural parameters come first since they change the shapes of others."""
@@ -96,6 +103,7 @@ class FMUMember(Member):
         for name in [name for name in given if self._is_structural(name)]:
             self._check_settable(self.variables[name], where)
             self._structural[name] = values.array(self.variables[name], given.pop(name), {}, where)
+            self._check_bounds(name, self._structural[name], where)
         if self._structural:
             sizes = {self._declared[name].valueReference: int(value) for name, value in self._structural.items()}
             self.variables = self._variables(sizes)
@@ -113,8 +121,14 @@ class FMUMember(Member):
             result[variable.name] = changed = np.array(base, dtype=variable.dtype)
             changed.flat[place] = values.scalar_of(variable, items, where)(value)
         for name, value in result.items():
+            self._check_bounds(name, value, where)
             self.variables[name] = replace(self.variables[name], start=value[()])
         return result
+
+    def _check_bounds(self, name: str, value: Any, where: str) -> None:
+        wrong, advice = self.variables[name].outside(value)
+        if wrong:
+            raise FMUError(f"{where}: {name}{wrong}. {advice}")
 
     def _is_structural(self, name: str) -> bool:
         return name in self._declared and self._declared[name].causality == "structuralParameter"
@@ -160,7 +174,7 @@ class FMUMember(Member):
             reason = binary.last_words(self.log) or f" ({error})"
             raise FMUError(f"{path}: refuses to be instantiated.{reason}") from None
         self._state = "instantiated"
-        self.step_function = self._address("DoStep")
+        self.step_function, self.step_name = self._address("DoStep"), f"{self._prefix}DoStep"
         if self._structural:
             self._call("fmi3EnterConfigurationMode", self.instance)
             for name, value in self._structural.items():
@@ -214,6 +228,16 @@ class FMUMember(Member):
             return None
         return answer.value
 
+    def save(self) -> ctypes.c_void_p:
+        self._call(self._state_function("Get"), self.instance, ctypes.byref(self._saved))
+        return self._saved
+
+    def restore(self, saved: ctypes.c_void_p) -> None:
+        self._call(self._state_function("Set"), self.instance, saved)
+
+    def _state_function(self, verb: str) -> str:
+        return f"{self._prefix}{verb}FMU{'s' if self._unpacked.fmi == '2.0' else 'S'}tate"
+
     def close(self) -> None:
         try:
             if self._state == "stepping":
@@ -236,6 +260,8 @@ class FMUMember(Member):
             # no function may be called any more, and neither its code nor its callbacks may vanish
             self.abandoned.append(self._fmu)
             return
+        if self._saved:
+            self._call(self._state_function("Free"), self.instance, ctypes.byref(self._saved))
         if self.alone.get(token) is self:
             del self.alone[token]
         if self.instance:
@@ -271,8 +297,9 @@ class FMUMember(Member):
         if not all(variable.connectable for variable in variables):
             raise CouplingError(f"{self.name}: String, Binary and Clock variables cannot be moved by the loop.")
         references = np.array([variable.references[0] for variable in variables], np.uint32)
-        address = self._address(f"{'Set' if write else 'Get'}{self._type(variables[0])}")
-        return Access(address, references, len(references), sum(variable.size for variable in variables))
+        function = f"{'Set' if write else 'Get'}{self._type(variables[0])}"
+        size = sum(variable.size for variable in variables)
+        return Access(self._address(function), references, len(references), size, f"{self._prefix}{function}")
 
     @property
     def _prefix(self) -> str:

@@ -23,6 +23,7 @@ FMI3_TYPES = {
     *("Boolean", "String", "Binary", "Enumeration", "Clock"),
 }
 LISTS = ("dependencies", "dependenciesKind", "clocks")  # FMPy splits these at single blanks
+VARIABLES = 200_000  # largest number of variables: 10 s and 1 GB
 REFERENCES = 1 << 32  # value references are 32 bit
 TRUE = {"true", "1"}
 
@@ -45,9 +46,8 @@ def one_line(error: BaseException) -> str:
     return named if len(named) <= 240 else named[:237] + "..."
 
 
-def check(path: Path, content: bytes) -> Description:
-    """Parse the document and check version, interface and variables."""
-    where = f"{path}: modelDescription.xml"
+def root_of(where: str, content: bytes) -> Any:
+    """A document's root element, parsed without trust."""
     parser = etree.XMLParser(
         resolve_entities=False, no_network=True, load_dtd=False, dtd_validation=False, huge_tree=False
     )
@@ -57,6 +57,13 @@ def check(path: Path, content: bytes) -> Description:
         raise FMUError(f"{where} is not well-formed XML ({one_line(error)}). Export the FMU once more.") from None
     if root.getroottree().docinfo.doctype or root.getroottree().docinfo.internalDTD is not None:
         raise FMUError(f"{where} has a document type declaration. FMI needs none, and it can be harmful: remove it.")
+    return root
+
+
+def check(path: Path, content: bytes) -> Description:
+    """Parse the document and check version, interface and variables."""
+    where = f"{path}: modelDescription.xml"
+    root = root_of(where, content)
     if root.tag != "fmiModelDescription":
         raise FMUError(f"{where} has the root <{root.tag}>, expected <fmiModelDescription>. This is not an FMU.")
     version = root.get("fmiVersion", "")
@@ -89,6 +96,10 @@ def check_variables(where: str, root: Any, version: str) -> None:
     names: dict[str, int] = {}
     sizes: dict[int, Any] = {}
     elements = [element for element in container if isinstance(element.tag, str)]
+    if len(elements) > VARIABLES:
+        raise FMUError(
+            f"{where} has {len(elements)} variables, more than {VARIABLES}. Export the FMU with those that are looked at."
+        )
     for element in elements:
         place = f"{where} line {element.sourceline}"
         name = element.get("name")

@@ -9,16 +9,17 @@ from __future__ import annotations
 import fnmatch
 import math
 from dataclasses import dataclass, field
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin import clock
 from twin.compiler import machine
-from twin.coupling import nearest
-from twin.errors import CouplingError, FMUError, SimulationError
+from twin.errors import CouplingError, FMUError, SimulationError, nearest
 from twin.fmi import binary
 from twin.fmi.tables import Column, Results
+from twin.process import Lines
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from twin.coupling import Access, MemberVariable
     from twin.fmi.importer import FMUMember
     from twin.fmi.tables import Inputs
+    from twin.process import Link
 
 POINTS = 500  # steps where the FMU suggests no step size
 SCALARS = 200_000_000  # largest number of recorded scalars
@@ -233,9 +235,15 @@ class Feeder:
 
 
 class Sampler:
-    """Records variables of a running FMU."""
+    """Records variables of a running FMU; in files of `folder`, if given, so that they outlive this process.
 
-    def __init__(self, member: FMUMember, names: tuple[str, ...], rows: int) -> None:
+    `last`: how many rows there are, and the time of the step at work [ns]. `again`: read what another process recorded.
+    """
+
+    def __init__(
+        self, member: FMUMember, names: tuple[str, ...], rows: int, folder: str = "", again: bool = False
+    ) -> None:  # fmt: skip
+        self.folder, self.mode = folder, "r+" if again else "w+"
         self.member = member
         self.variables = [member.variables[name] for name in names]
         scalars = rows * sum(variable.size for variable in self.variables)
@@ -243,10 +251,25 @@ class Sampler:
             raise FMUError(
                 f"{member.name}: {scalars} values to record are too many. Use --output-interval or --record."
             )
-        self.times: list[int] = []
-        self.rows = {each.name: np.empty((rows, each.size), each.dtype) for each in self.variables}
-        self.movers = [Mover(member, group, write=False) for group in grouped(self.variables)]
+        self.last = self.table("last", (2,), np.dtype(np.int64))
+        self.when = self.table("times", (rows,), np.dtype(np.int64))
+        if not again:
+            self.last[0] = 0
+        self.times: list[int] = self.when[: self.last[0]].tolist()
+        self.rows = {
+            each.name: self.table(str(i), (rows, each.size), each.dtype) for i, each in enumerate(self.variables)
+        }
+        for each in self.variables if again else ():
+            if not each.connectable:
+                self.rows[each.name][:] = b"" if each.type == "Binary" else ""
+        self.movers = [] if again else [Mover(member, group, write=False) for group in grouped(self.variables)]
         self.objects = [variable for variable in self.variables if not variable.connectable]
+
+    def table(self, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> np.ndarray[Any, Any]:
+        """Room for a variable: what is no number is lost with the process."""
+        if not self.folder or dtype.hasobject or not math.prod(shape):
+            return np.empty(shape, dtype)
+        return np.memmap(f"{self.folder}/{name}.simulated", dtype, self.mode, shape=shape)  # type: ignore[call-overload,no-any-return]
 
     def __call__(self, time: int) -> None:
         """Record a row at a time [ns]."""
@@ -258,6 +281,8 @@ class Sampler:
         for variable in self.objects:
             self.rows[variable.name][row] = np.asarray(self.member.get(variable.name), dtype=object).reshape(-1)
         self.times.append(time)
+        self.when[row] = time
+        self.last[0] = row + 1
 
     def results(self) -> Results:
         """What was recorded so far."""
@@ -266,13 +291,21 @@ class Sampler:
 
 
 def simulate(
-    member: FMUMember, plan: Plan, inputs: Inputs | None = None, *, progress: Callable[[float], None] | None = None
-) -> Outcome:
-    """Run a member that is not instantiated yet; after a failure the results until then are kept. Closes it."""
+    member: FMUMember, plan: Plan, inputs: Inputs | None = None, *, progress: Callable[[float], None] | None = None,
+    link: Link | None = None,
+) -> Outcome:  # fmt: skip
+    """Run a member that is not instantiated yet; after a failure the results until then are kept. Closes it.
+
+    `link`: to the process that watches this one, which gives what was recorded to `left` if this one dies.
+    """
     sampler: Sampler | None = None
+    note = link.note if link else silent
+    member.log = Lines(member.log, partial(link.log, member.name)) if link else member.log
     try:
+        note(f"{member.name}: instantiation")
         member.instantiate()
-        sampler = Sampler(member, plan.record, plan.steps // plan.every + 3)
+        sampler = Sampler(member, plan.record, plan.steps // plan.every + 3, link.temporary if link else "")
+        note(f"{member.name}: initialization")
         outcome = Outcome(sampler.results(), [*member.notes, *plan.notes])
         feed = Feeder(member, inputs.on_steps(plan.start, plan.step, plan.steps)) if inputs else None
         begin = clock.seconds(plan.start)
@@ -281,7 +314,11 @@ def simulate(
             feed(begin)
         member.exit_initialization()
         sampler(plan.start)
-        loop(member, plan, feed=feed, sampler=sampler, outcome=outcome, progress=progress)
+        if link:
+            link.keep(resume=True)
+        note(f"{member.name}: {member.step_name}")
+        beat = link.beat if link else silent
+        loop(member, plan, feed=feed, sampler=sampler, outcome=outcome, progress=progress, beat=beat)
     except SimulationError as error:
         if sampler is None or not sampler.times:
             raise
@@ -291,9 +328,25 @@ def simulate(
             raise
         outcome.interrupted = True
     finally:
+        note(f"{member.name}: termination")
         member.close()
+        note("")
     outcome.results = sampler.results()
     return outcome
+
+
+def silent(*_: object) -> None:
+    """Nobody watches."""
+
+
+def left(member: FMUMember, plan: Plan, link: Link) -> Outcome:
+    """What a process recorded that died, and how it died."""
+    assert link.death is not None
+    sampler = Sampler(member, plan.record, plan.steps // plan.every + 3, link.temporary, again=True)
+    death = link.death
+    death.member, _, death.function = death.note.partition(": ")
+    death.at, death.time_ns = 1, int(sampler.last[1])
+    return Outcome(sampler.results(), [*member.notes, *plan.notes], death.text(), death.from_outside)
 
 
 def loop(
@@ -304,6 +357,7 @@ def loop(
     sampler: Sampler,
     outcome: Outcome,
     progress: Callable[[float], None] | None,
+    beat: Callable[[], None] = silent,
 ) -> None:
     """Step from start to stop, or to where the FMU ends the simulation."""
     flags = np.zeros(FLAGS, np.int64)
@@ -314,6 +368,8 @@ def loop(
         time = plan.start + k * plan.step
         end = min(time + plan.step, plan.stop)
         t, h = clock.seconds(time), clock.seconds(end - time)
+        sampler.last[1] = time
+        beat()
         if feed:
             feed(t)
         status = do_step(member.instance, t, h, 1, event, terminate, early, reached)

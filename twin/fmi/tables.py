@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -73,7 +74,11 @@ class Inputs:
 
 def read_inputs(path: Path, member: FMUMember) -> Inputs:
     """Read and check a table of inputs; every defect is one error with file and line."""
-    lines = read_cells(path)
+    return table_inputs(read_cells(path), str(path), member)
+
+
+def table_inputs(lines: list[tuple[int, list[Any]]], path: str, member: FMUMember) -> Inputs:
+    """Check a table of inputs: (line, cells) of its header and rows, as text or as values. `path` is for messages."""
     header = [name.strip() for name in lines[0][1]]
     where = f"{path}:{lines[0][0]}"
     place = next((i for i, name in enumerate(header) if split_unit(name)[0].lower() == "time"), None)
@@ -126,10 +131,14 @@ def split_unit(name: str) -> tuple[str, str]:
     return (matched[1], matched[2].strip()) if matched else (name, "")
 
 
-def read_times(path: Path, lines: list[tuple[int, list[str]]], place: int, unit_name: str) -> np.ndarray[Any, Any]:
+def read_times(path: str, lines: list[tuple[int, list[Any]]], place: int, unit_name: str) -> np.ndarray[Any, Any]:
     """Times [s], which must not run backward."""
     factor = unit.conversion(unit_name, "s", f"{path}: time")[0]
-    times = np.empty(len(lines))
+    with suppress(TypeError, ValueError):
+        times = np.array([float(cells[place]) for _, cells in lines]) * factor
+        if np.isfinite(times).all() and (np.diff(times) >= 0.0).all():
+            return times
+    times = np.empty(len(lines))  # once more, to say what is wrong in which line
     for row, (line, cells) in enumerate(lines):
         times[row] = number(cells[place], f"{path}:{line}: time") * factor
         if row and times[row] < times[row - 1]:
@@ -137,11 +146,11 @@ def read_times(path: Path, lines: list[tuple[int, list[str]]], place: int, unit_
     return times
 
 
-def number(text: str, what: str) -> float:
+def number(text: Any, what: str) -> float:
     """A finite number."""
     try:
         value = float(text)
-    except ValueError:
+    except (TypeError, ValueError):
         raise FMUError(f"{what} is {text!r}, expected a number. Write it like 1.5e-3.") from None
     if not np.isfinite(value):
         raise FMUError(f"{what} is {text}, expected a finite number. Fill the gap or remove the row.")
@@ -164,8 +173,8 @@ def find_input(
 
 
 def read_column(
-    path: Path,
-    lines: list[tuple[int, list[str]]],
+    path: str,
+    lines: list[tuple[int, list[Any]]],
     member: FMUMember,
     name: str,
     *,
@@ -185,15 +194,27 @@ def read_column(
         rows[:] = np.asarray(base, dtype=variable.dtype).reshape(-1)
     for element, column in taken.items():
         what = f"{path}: column {name!r}"
-        factor, offset = unit.conversion(units.get(column, ""), variable.unit, what)
-        for row, (line, cells) in enumerate(lines):
+        given = units.get(column, "")
+        given = variable.unit if given == unit.shown(variable.unit) else given  # the FMU's own name for it
+        factor, offset = unit.conversion(given, variable.unit, what)
+        part = slice(None) if element < 0 else element
+        if element >= 0 or not variable.shape:
+            element = max(element, 0)  # noqa: PLW2901
+            with suppress(FMUError):
+                parse = values.scalar_of(variable, items, "")
+                rows[:, element] = [parse(cells[column]) for _, cells in lines]
+                if not is_number:
+                    continue
+                if np.isfinite(rows[:, element]).all():
+                    rows[:, element] = rows[:, element] * factor + offset
+                    continue
+        for row, (line, cells) in enumerate(lines):  # once more, to say what is wrong in which line
             place = f"{path}:{line}"
             if element < 0:
                 rows[row] = values.array(variable, cells[column], items, place).reshape(-1)
             else:
                 rows[row, element] = values.scalar_of(variable, items, place)(cells[column])
             if is_number:
-                part = slice(None) if element < 0 else element
                 if not np.all(np.isfinite(rows[row, part])):
                     raise FMUError(f"{place}: {name} is {cells[column]}, expected a finite number. Fill the gap.")
                 rows[row, part] = rows[row, part] * factor + offset

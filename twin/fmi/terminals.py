@@ -1,17 +1,34 @@
-"""terminalsAndIcons.xml of FMI 3.0: which variables of a component are connected together."""
+"""terminalsAndIcons.xml of FMI 3.0: which variables are connected together, of our components and of anyone's FMU."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lxml import etree
 
+from twin.coupling import TerminalMember
+from twin.errors import FMUError
 from twin.fmi.description import add, serialized
+from twin.fmi.markup import VARIABLES, root_of
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Set
+    from pathlib import Path
+
     from twin.component import Component
 
 PLACE = "terminalsAndIcons/terminalsAndIcons.xml"
+DEEPEST = 8  # levels of terminals in terminals
+NOTES = 3  # about one file
+
+# element -> attributes with a member's name and variable, and its kind where no attribute tells it
+MEMBERS = {
+    "TerminalMemberVariable": (("memberName", "variableName", ""),),
+    "TerminalStreamMemberVariable": (
+        ("inStreamMemberName", "inStreamVariableName", "stream"),
+        ("outStreamMemberName", "outStreamVariableName", "stream"),
+    ),
+}
 
 
 def files(cls: type[Component]) -> dict[str, bytes]:
@@ -34,3 +51,83 @@ def files(cls: type[Component]) -> dict[str, bytes]:
 def none(_: type[Component]) -> dict[str, bytes]:
     """FMI 2.0 knows no terminals."""
     return {}
+
+
+def read(path: Path, content: bytes, variables: Set[str]) -> tuple[dict[str, tuple[TerminalMember, ...]], list[str]]:
+    """The places that an FMU's variables have in its terminals, and notes about terminals that are left out.
+
+    Terminals are optional: what is wrong with one does not stop a run. FMUError for a file that can do harm.
+    """
+    found: dict[str, list[TerminalMember]] = {}
+    notes: list[str] = []
+    where = f"{path}: {PLACE}"
+    root = root_of(where, content) if content else etree.Element("none")
+    namespace = etree.QName(root).namespace
+    taken: set[str | None] = set()
+    count = 0
+    for terminal in (
+        one for group in children(root, "Terminals", namespace) for one in children(group, "Terminal", namespace)
+    ):
+        members = list(members_of(terminal, (), namespace, where))
+        count += len(members)
+        if count > VARIABLES:
+            raise FMUError(f"{where} has more than {VARIABLES} members of terminals. Export the FMU with fewer.")
+        name = terminal.get("name")
+        reason = f"terminal {name!r} is there twice" if name in taken else wrong(members, variables)
+        taken.add(name)
+        if reason:
+            notes.append(f"{where} line {terminal.sourceline}: {reason}. The terminal cannot be connected.")
+            continue
+        for variable, member in members:
+            found.setdefault(variable, []).append(member)
+    if len(notes) > NOTES:
+        notes[NOTES:] = [f"{where}: {len(notes) - NOTES} more terminals cannot be connected."]
+    return {name: tuple(places) for name, places in found.items()}, notes
+
+
+def children(element: Any, tag: str, namespace: str | None) -> list[Any]:
+    """Elements of a name right below another; what vendors add is deeper, or in a namespace of theirs."""
+    return list(element.findall(f"{{{namespace}}}{tag}" if namespace else tag))
+
+
+def members_of(
+    terminal: Any, above: tuple[str, ...], namespace: str | None, where: str
+) -> Iterator[tuple[str, TerminalMember]]:
+    """(variable, its place) of a terminal's members, and of those of the terminals in it.
+
+    A terminal in another is `outer.inner`, and its members are members of the outer one too, as `inner.member`. Members
+    of a sequence match by their order: they are named by it.
+    """
+    if len(above) == DEEPEST:
+        raise FMUError(f"{where} line {terminal.sourceline}: terminals are more than {DEEPEST} deep. Nest them less.")
+    names = (*above, terminal.get("name", ""))
+    rule, number = terminal.get("matchingRule", ""), 0
+    for tag, attributes in MEMBERS.items():
+        for element in children(terminal, tag, namespace):
+            for attribute, variable, kind in attributes:
+                number += 1
+                own = str(number) if rule == "sequence" else element.get(attribute, "")
+                for i in range(1, len(names) + 1):
+                    member = ".".join((*names[i:], own))
+                    yield (
+                        element.get(variable, ""),
+                        TerminalMember(
+                            ".".join(names[:i]), member, rule, kind or element.get("variableKind", "signal")
+                        ),
+                    )
+    for inner in children(terminal, "Terminal", namespace):
+        yield from members_of(inner, names, namespace, where)
+
+
+def wrong(members: list[tuple[str, TerminalMember]], variables: Set[str]) -> str:
+    """Why a terminal means nothing, or nothing."""
+    seen: set[tuple[str, str]] = set()
+    for variable, one in members:
+        if "" in (*one.terminal.split("."), *one.name.split(".")):
+            return f"a terminal or a member of {one.terminal!r} has no name"
+        if variable not in variables:
+            return f"member {one.name!r} of terminal {one.terminal!r} is the variable {variable!r}, which there is not"
+        if (one.terminal, one.name) in seen:
+            return f"member {one.name!r} of terminal {one.terminal!r} is there twice"
+        seen.add((one.terminal, one.name))
+    return ""

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling import nearest
-from twin.errors import FMUError
+from twin.errors import FMUError, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -87,6 +86,8 @@ def flatten(value: Any) -> tuple[list[Any], tuple[int, ...]]:
     """Scalars and shape of nested lists; the shape is () if they are ragged or no lists."""
     if not isinstance(value, list | tuple):
         return [value], ()
+    if not value:
+        return [], (0,)
     parts = [flatten(part) for part in value]
     flat = [item for part, _ in parts for item in part]
     shapes = {shape for _, shape in parts}

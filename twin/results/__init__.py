@@ -1,12 +1,22 @@
 """What came out: signals, expressions over them, metrics and verdicts, plots, analyses, calibration, files."""
 
-from twin.results import calibration, expression, plotting, recording, signals
+from typing import TYPE_CHECKING
+
+from twin import late
+from twin.results import dimension, expression, recording, signals
 from twin.results.analysis import Analysis
 from twin.results.expression import Expression
 from twin.results.metrics import Curve, Ending, Evaluation, Expectation, Figure, Metric, Outcome, Plot, evaluate
-from twin.results.plotting import histogram
+from twin.results.reading import Recorded, read_variables, recorded
 from twin.results.recording import write_text
 from twin.results.signals import Signals, Window, coherent, shown
+from twin.results.stream import Journal, Stream, column_of, plain_column, slices, unfinished
+
+if TYPE_CHECKING:
+    from twin.results import calibration, plotting
+    from twin.results.plotting import histogram
+
+__getattr__ = late.names(__name__, {"calibration": "", "histogram": "plotting", "plotting": ""})
 
 __all__ = [
     "Analysis",
@@ -16,19 +26,30 @@ __all__ = [
     "Expectation",
     "Expression",
     "Figure",
+    "Journal",
     "Metric",
     "Outcome",
     "Plot",
+    "Recorded",
     "Signals",
+    "Stream",
     "Window",
     "calibration",
     "coherent",
+    "column_of",
+    "dimension",
     "evaluate",
     "expression",
     "histogram",
+    "plain_column",
     "plotting",
+    "read_variables",
+    "recorded",
     "recording",
     "shown",
     "signals",
+    "slices",
+    "stream",
+    "unfinished",
     "write_text",
 ]

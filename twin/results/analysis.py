@@ -10,21 +10,28 @@ inputs, for each name of its attribute `outputs` (name -> unit). Metrics, plots 
 
 from __future__ import annotations
 
-import importlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin import clock
+from twin.component import catalog
 from twin.coupling import MemberVariable
-from twin.errors import ScenarioError, TwinError
-from twin.results.signals import WHOLE, Signals, Window
+from twin.errors import ScenarioError, TwinError, nearest
+from twin.results.signals import WHOLE, Window
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from types import ModuleType
 
     from twin.results.expression import Expression
+    from twin.results.signals import Signals
+
+
+def callables(module: ModuleType) -> list[str]:
+    """What of a module can be called and is not its own affair."""
+    return [name for name, value in vars(module).items() if callable(value) and not name.startswith("_")]
 
 
 @dataclass(frozen=True)
@@ -40,15 +47,18 @@ class Analysis:
 
     def load(self) -> Callable[..., dict[str, Any]]:
         """Import the function."""
-        module, colon, name = self.function.partition(":")
+        path, _, name = self.function.partition(":")
+        if not path or not name:
+            raise ScenarioError(f"{self.where}: analysis {self.function!r}: write `module:function`.")
         try:
-            function: Callable[..., dict[str, Any]] = getattr(importlib.import_module(module), name)
-            outputs = function.outputs  # type: ignore[attr-defined]
-        except (ImportError, AttributeError, ValueError) as error:
-            hint = "It needs an attribute `outputs` (name -> unit)." if colon else "Write `module:function`."
-            raise ScenarioError(f"{self.where}: {self.function} cannot be used ({error}). {hint}") from None
-        if not isinstance(outputs, dict):
-            raise ScenarioError(f"{self.where}: {self.function}.outputs is no dict of name -> unit.")
+            module = catalog.module(path, self.function)
+        except TwinError as error:
+            raise ScenarioError(f"{self.where}: {error}") from None
+        function: Callable[..., dict[str, Any]] | None = getattr(module, name, None)
+        if function is None:
+            raise ScenarioError(f"{self.where}: {path} has no function {name!r}. {nearest(name, callables(module))}")
+        if not isinstance(getattr(function, "outputs", None), dict):
+            raise ScenarioError(f"{self.where}: {self.function} needs an attribute `outputs`, a dict of name -> unit.")
         return function
 
     def variables(self) -> dict[str, MemberVariable]:
@@ -82,4 +92,4 @@ class Analysis:
             whole[inside] = results[name]
             values[f"{self.name}.{name}"] = whole
             units[f"{self.name}.{name}"] = variable.unit
-        return Signals(signals.time, values, units, signals.complete)
+        return replace(signals, values=values, units=units)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
+from twin.results import dimension
 from twin.results.signals import WHOLE, Signals, Window, shown
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ REDUCE: dict[str, Callable[[np.ndarray[Any, Any]], Any]] = {
     "final":        lambda x: x[-1],
     "peak_to_peak": np.ptp,
 }  # fmt: skip
+SPREADS = ("std", "peak_to_peak")  # differences, whatever the signal is
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,15 @@ class Metric:
     variants: tuple[str, ...] = ()
     description: str = ""
     where: str = field(default="", compare=False)
+
+    @property
+    def is_difference(self) -> bool:
+        """Whether the offset of its unit does not matter, as in 2 degC more."""
+        return self.reduce in SPREADS or dimension.is_difference(self.signal)
+
+    def shown(self, value: float | None, scale: float = 0.0) -> str:
+        """A value of the metric in its unit."""
+        return shown(value, self.unit, scale, self.is_difference)
 
 
 @dataclass(frozen=True)
@@ -65,6 +76,11 @@ class Expectation:
     mean: bool = False  # of a metric: the mean over all variants and seeds is judged, not each run
     where: str = field(default="", compare=False)
     ends: str = ""  # stopped or completed: how the hardware ends a run, everything at rest
+    is_difference: bool = False  # what is judged: the unit's offset does not matter
+
+    def shown(self, value: float | None, scale: float = 0.0) -> str:
+        """A value of what is judged in the unit of the limits."""
+        return shown(value, self.unit, scale, self.is_difference)
 
 
 @dataclass(frozen=True)
@@ -112,6 +128,15 @@ class Plot:
     variants: tuple[str, ...] = ()
     where: str = field(default="", compare=False)
     points: bool = False
+
+    @property
+    def is_difference(self) -> bool:
+        """Whether the offset of its unit does not matter, as in 2 degC more."""
+        return all(dimension.is_difference(curve.signal) for curve in self.curves)
+
+    def shown(self, value: float) -> str:
+        """A value on the axis."""
+        return shown(value, self.unit, is_difference=self.is_difference)
 
 
 @dataclass(frozen=True)
@@ -242,7 +267,8 @@ def outcome(one: Expectation, figures: Iterable[Figure], tables: Mapping[tuple[s
                 return unjudged(one, case, samples is None)
             scale = max(scale, signals.scale(one.signal))
             low, high = int(np.argmin(samples[1])), int(np.argmax(samples[1]))
-            worse = low if one.at_least is not None and not samples[1][low] >= one.at_least else high
+            is_low = one.at_least is not None and not samples[1][low] >= one.at_least
+            worse = low if is_low or not np.isfinite(samples[1][low]) else high
             found.append((case, samples[1][low], samples[1][high], f" at {samples[0][worse]:.6g} s"))
     if one.mean and found:
         mean = float(np.mean([row[1] for row in found]))
@@ -253,7 +279,7 @@ def outcome(one: Expectation, figures: Iterable[Figure], tables: Mapping[tuple[s
 def subject(one: Expectation) -> tuple[str, str, str]:
     """What is judged, what is expected of it, and the name of an expectation of limits."""
     what = one.metric or (one.signal.text if one.signal else "")
-    low, high = shown(one.at_least, one.unit), shown(one.at_most, one.unit)
+    low, high = one.shown(one.at_least), one.shown(one.at_most)
     if one.at_least is not None and one.at_most is not None:
         expected = f"from {low} to {high}"
     else:
@@ -277,14 +303,15 @@ def limits(one: Expectation, found: list[tuple[str, float, float, str]], scale: 
     broken = []
     for case, least, most, when in found:
         below = one.at_least is not None and not least >= one.at_least
-        if below or (one.at_most is not None and not most <= one.at_most):
-            broken.append((case, shown(least if below else most, one.unit, scale), when))
+        below = below or not np.isfinite(least)
+        if below or not np.isfinite(most) or (one.at_most is not None and not most <= one.at_most):
+            broken.append((case, one.shown(least if below else most, scale), when))
     if broken:
         case, value, when = broken[0]
         cases = f" Broken in {len(broken)} of {len(found)} runs" + f": {grouped(broken)}." if len(found) > 1 else ""
         return Outcome(name, "fail", f"{what} is {value}{when} in {case}; expected {expected}.{cases}")
     span = " to ".join(dict.fromkeys(
-        (shown(min(row[1] for row in found), one.unit, scale), shown(max(row[2] for row in found), one.unit, scale))
+        (one.shown(min(row[1] for row in found), scale), one.shown(max(row[2] for row in found), scale))
     ))  # fmt: skip
     return Outcome(name, "pass", f"{what} was {span}; expected {expected}.")
 
@@ -329,11 +356,11 @@ def order(one: Expectation, own: Mapping[str, Figure]) -> Outcome:
     scale = max((figure.scale for figure in own.values()), default=0.0)
     if len(means) < 2:
         return Outcome(name, "skipped", f"{one.metric} is known for fewer than two of the variants.")
-    parts = [f"{means[0][0]} {shown(means[0][1], one.unit, scale)}"]
+    parts = [f"{means[0][0]} {one.shown(means[0][1], scale)}"]
     holds = means[0][1] is not None
     for (_, before), (variant, after) in itertools.pairwise(means):
         right = before is not None and after is not None and (after < before if one.descending else after > before)
         sign = (">" if one.descending else "<") if right else "but not " + ("above" if one.descending else "below")
-        parts.append(f"{sign} {variant} {shown(after, one.unit, scale)}")
+        parts.append(f"{sign} {variant} {one.shown(after, scale)}")
         holds = holds and right
     return Outcome(name, "pass" if holds else "fail", f"{one.metric}: {' '.join(parts)}.")

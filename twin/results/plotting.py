@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import io
 import re
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.component import unit as units
 from twin.errors import ScenarioError
-from twin.results import expression
+from twin.results import dimension, expression
 from twin.results.metrics import Curve, Plot
 from twin.results.signals import coherent
 
@@ -25,6 +27,7 @@ STYLES = ("-", "--", "-.", ":")
 MARKS = ("o", "x", "^", "s", "+", "d")
 POINTS = 1400  # about twice the pixels across a panel: more cannot be seen
 WIDTH = 9.4  # [inch]
+LEGEND = 130  # letters beside each other in it
 
 # In SVG, `<` and `"` stand for themselves nowhere but in tags: what is between tags is what people read.
 TAG = re.compile(r"<[A-Za-z][^>]*>")
@@ -69,9 +72,9 @@ def spots(x: Any, y: Any) -> tuple[Any, Any]:
     return x[there], y[there]
 
 
-def in_unit(values: Any, unit: str) -> Any:
+def in_unit(values: Any, unit: str, is_difference: bool = False) -> Any:
     """SI values in the unit they are shown in."""
-    factor, offset = coherent(unit)
+    factor, offset = coherent(unit, is_difference)
     return (values - offset) / factor
 
 
@@ -99,12 +102,14 @@ def whole(axis: Any, kinds: set[str]) -> None:
 
 def axis_label(label: str, unit: str) -> str:
     """`force [N]`."""
+    unit = units.shown(unit)
     return f"{label} [{unit}]" if label and unit else label or unit
 
 
 def default_plots(tables: Tables, limit: int = 8) -> list[Plot]:
-    """Plots of a scenario that names none: the signals of each member with one unit together."""
+    """Plots of a scenario that names none: the signals of each member with one unit together, shown as the first is."""
     groups: dict[tuple[str, str], list[Curve]] = {}
+    displayed = {name: unit for signals in tables.values() for name, unit in signals.display_units.items()}
     for signals in tables.values():
         for name, values in signals.values.items():
             if values.ndim > 1:
@@ -118,41 +123,94 @@ def default_plots(tables: Tables, limit: int = 8) -> list[Plot]:
                 group.append(curve)
     several = len({variant for variant, _ in tables}) > 1
     return [
-        Plot(member, tuple(curves), label=curves[0].label if len(curves) == 1 else "", unit=unit, per_variant=several)
+        Plot(
+            member, tuple(curves), label=curves[0].label if len(curves) == 1 else "",
+            unit=displayed.get(curves[0].signal.text, unit), per_variant=several,
+        )
         for (member, unit), curves in list(groups.items())[:limit]
-    ]
+    ]  # fmt: skip
 
 
 def draw(plot: Plot, tables: Tables, events: Sequence[float] = (), salt: str = "") -> str:
     """One plot as an SVG element; nothing if none of its signals was recorded. `events`: times to mark [s]."""
     import matplotlib as mpl
+
+    with mpl.rc_context({**STYLE, "svg.hashsalt": f"{plot.title}{salt}"}):
+        drawn = figure([plot], tables, events)
+        return as_svg(drawn) if drawn else ""
+
+
+def figure(plots: Sequence[Plot], tables: Tables, events: Sequence[float] = (), titled: bool = False) -> Any:
+    """Plots below each other as one figure of matplotlib; None if none of their signals was recorded."""
+    import matplotlib as mpl
     from matplotlib.figure import Figure
 
+    found = [(plot, panels) for plot in plots if (panels := panels_of(plot, tables))]
+    if not found:
+        return None
+    heights = [rows(plot, panels) * row_height(plot, panels) + 0.75 for plot, panels in found]
+    with mpl.rc_context(STYLE):
+        drawn: Any = Figure((WIDTH, sum(heights)), layout="constrained")
+        parts: Any = [drawn] if len(found) == 1 else drawn.subfigures(len(found), 1, height_ratios=heights)
+        for part, (plot, panels) in zip(parts, found, strict=True):
+            paint(part, plot, panels, tables, events)
+            if titled and plot.title:
+                part.suptitle(plot.title, x=0.01, horizontalalignment="left", fontsize=11, fontweight="bold")
+    drawn._repr_svg_ = partial(displayed, drawn)
+    return drawn
+
+
+def displayed(drawn: Any) -> str:
+    """A figure as a notebook shows it, which knows those of matplotlib only where pyplot was imported."""
+    import matplotlib as mpl
+
+    with mpl.rc_context(STYLE):
+        return as_svg(drawn)
+
+
+def panels_of(plot: Plot, tables: Tables) -> list[list[str]]:
+    """The variants in each panel of a plot; nothing if none of its signals was recorded."""
     chosen = {case: signals for case, signals in tables.items() if not plot.variants or case[0] in plot.variants}
     variants = [name for name in dict.fromkeys(variant for variant, _ in chosen) if drawable(plot, chosen, name)]
-    if not variants:
-        return ""
-    panels = [[name] for name in variants] if plot.per_variant else [variants]
-    is_loop = any(curve.x is not None for curve in plot.curves)
-    columns = min(len(panels), 3) if is_loop else 1 if len(panels) <= 6 else 2
-    rows = -(-len(panels) // columns)
-    height = (3.2 if is_loop else 1.65 if len(panels) > 1 else 2.9) * rows + 0.75
-    with mpl.rc_context({**STYLE, "svg.hashsalt": f"{plot.title}{salt}"}):
-        figure = Figure((WIDTH, height), layout="constrained")
-        grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-        axes = list(grid.ravel())
-        for axis in axes[len(panels) :]:
-            axis.set_visible(False)
-        for axis, names in zip(axes, panels, strict=False):
-            panel(axis, plot, {case: signals for case, signals in chosen.items() if case[0] in names}, names)
-            if len(panels) > 1:
-                axis.set_title(names[0])
-            if not is_loop:
-                mark(axis, plot, events)
-        if not plot.band and not plot.lines and not plot.unit:
-            whole(axes[0], {kind(curve, chosen) for curve in plot.curves})
-        finish(figure, grid, plot, is_loop)
-        return as_svg(figure)
+    return [[name] for name in variants] if plot.per_variant else [variants] if variants else []
+
+
+def loops(plot: Plot) -> bool:
+    """Whether a plot shows signals over others instead of over time."""
+    return any(curve.x is not None for curve in plot.curves)
+
+
+def columns(plot: Plot, panels: list[list[str]]) -> int:
+    """Panels beside each other."""
+    return min(len(panels), 3) if loops(plot) else 1 if len(panels) <= 6 else 2
+
+
+def rows(plot: Plot, panels: list[list[str]]) -> int:
+    """Panels below each other."""
+    return -(-len(panels) // columns(plot, panels))
+
+
+def row_height(plot: Plot, panels: list[list[str]]) -> float:
+    """Height of a panel [inch]."""
+    return 3.2 if loops(plot) else 1.65 if len(panels) > 1 else 2.9
+
+
+def paint(part: Any, plot: Plot, panels: list[list[str]], tables: Tables, events: Sequence[float]) -> None:
+    """Draw a plot into a figure or a part of one."""
+    chosen = {case: signals for case, signals in tables.items() if not plot.variants or case[0] in plot.variants}
+    grid = part.subplots(rows(plot, panels), columns(plot, panels), sharex=True, sharey=True, squeeze=False)
+    axes = list(grid.ravel())
+    for axis in axes[len(panels) :]:
+        axis.set_visible(False)
+    for axis, names in zip(axes, panels, strict=False):
+        panel(axis, plot, {case: signals for case, signals in chosen.items() if case[0] in names}, names)
+        if len(panels) > 1:
+            axis.set_title(names[0])
+        if not loops(plot):
+            mark(axis, plot, events)
+    if not plot.band and not plot.lines and not plot.unit:
+        whole(axes[0], {kind(curve, chosen) for curve in plot.curves})
+    finish(part, grid, plot, loops(plot))
 
 
 def histogram(values: Any, label: str, salt: str = "") -> str:
@@ -217,9 +275,9 @@ def panel(axis: Any, plot: Plot, tables: Tables, names: Sequence[str]) -> None:
             points = line(curve, plot, signals)
             if points is None:
                 continue
-            x, y = points if curve.x is None else (in_unit(points[0], plot.x_unit), points[1])
+            x = in_unit(points[0], plot.x_unit, curve.x is None or dimension.is_difference(curve.x))
             points_shown = POINTS if is_first else POINTS // 3
-            y = in_unit(y, plot.unit)
+            y = in_unit(points[1], plot.unit, dimension.is_difference(curve.signal))
             x, y = spots(x, y) if plot.points else (envelope if curve.x is None else thinned)(x, y, points_shown)
             color = COLORS[(names.index(variant) if several and single else number) % len(COLORS)]
             label = (variant if single else f"{variant}: {curve.label}") if several else curve.label
@@ -236,12 +294,14 @@ def mark(axis: Any, plot: Plot, events: Iterable[float]) -> None:
     """Band, lines and times of events."""
     if plot.band:
         axis.axhspan(
-            *(in_unit(edge, plot.unit) for edge in plot.band), color="#2a9d6f", alpha=0.10, linewidth=0, zorder=0
-        )
+            *(in_unit(edge, plot.unit, plot.is_difference) for edge in plot.band),
+            color="#2a9d6f", alpha=0.10, linewidth=0, zorder=0,
+        )  # fmt: skip
     for value in plot.lines:
-        axis.axhline(in_unit(value, plot.unit), color="#3e4c59", linewidth=0.9, linestyle=(0, (5, 4)), zorder=1)
+        height = in_unit(value, plot.unit, plot.is_difference)
+        axis.axhline(height, color="#3e4c59", linewidth=0.9, linestyle=(0, (5, 4)), zorder=1)
     left, right = axis.get_xlim()
-    for time in events:
+    for time in (in_unit(one, plot.x_unit) for one in events):
         if left < time < right:
             axis.axvline(time, color="#e08e0b", linewidth=0.9, linestyle=":", zorder=1)
 
@@ -264,4 +324,5 @@ def finish(figure: Any, grid: Any, plot: Plot, is_loop: bool) -> None:
         axis.margins(x=0)
     handles, labels = axis.get_legend_handles_labels()
     if len(labels) > 1:
-        figure.legend(handles, labels, loc="outside upper right", ncols=min(len(labels), 4))
+        fitting = max(LEGEND // (max(map(len, labels)) + 6), 1)
+        figure.legend(handles, labels, loc="outside upper right", ncols=min(len(labels), 4, fitting))

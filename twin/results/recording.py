@@ -14,7 +14,6 @@ import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import datetime
-from importlib import metadata
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self
@@ -22,14 +21,15 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 import twin
-from twin import clock
+from twin import clock, installed
 from twin.component import unit
 from twin.errors import TwinError
+from twin.results import arrow
 from twin.results.metrics import Ending, Evaluation, Figure
 from twin.results.signals import coherent
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from twin.results.signals import Signals
 
@@ -139,8 +139,9 @@ class SignalFile:
         import pyarrow as pa
 
         count = len(signals.time)
-        names = pa.DictionaryArray.from_arrays(pa.array(np.zeros(count, np.int32)), pa.array([variant]))
-        arrays = [names, pa.array(np.full(count, seed, np.int64)), pa.array(np.asarray(signals.time, np.float64))]
+        names = pa.DictionaryArray.from_arrays(arrow.column(np.zeros(count, np.int32)), arrow.word(variant))
+        times = np.asarray(signals.time, np.float64)
+        arrays = [names, arrow.column(np.full(count, seed, np.int64)), arrow.column(times)]
         for field_, one in zip(self.schema.types[3:], self.columns, strict=True):
             values = signals.values.get(one.name)
             if values is None or (one.index and any(i >= n for i, n in zip(one.index, values.shape[1:], strict=True))):
@@ -151,7 +152,7 @@ class SignalFile:
             factor, offset = unit.conversion(signals.units.get(one.name, ""), one.unit, one.label)
             if (factor, offset) != (1.0, 0.0):
                 values = values * factor + offset  # another variant's component has the same variable in another unit
-            arrays.append(pa.array(values.astype(one.dtype, copy=False)))
+            arrays.append(arrow.column(values.astype(one.dtype, copy=False)))
         self.writer.write_table(pa.Table.from_arrays(arrays, schema=self.schema))
 
     def close(self) -> None:
@@ -165,13 +166,18 @@ class SignalFile:
         self.close()
 
 
-def read_signals(path: str | Path) -> tuple[dict[tuple[str, int], Signals], dict[str, str]]:
-    """Signals of every case of a signals.parquet, arrays as single elements, and the file's metadata."""
+def read_signals(
+    path: str | Path, columns: Sequence[str] | None = None
+) -> tuple[dict[tuple[str, int], Signals], dict[str, str]]:
+    """Signals of every case of a signals.parquet, arrays as single elements, and the file's metadata.
+
+    `columns`: those that are wanted; nothing else is read.
+    """
     from pyarrow import parquet
 
     from twin.results.signals import Signals
 
-    table = parquet.read_table(path)
+    table = parquet.read_table(path, columns=None if columns is None else ["variant", "seed", "time", *columns])
     units = {one.name: (one.metadata or {}).get(b"unit", b"").decode() for one in table.schema}
     variants, seeds = table["variant"].to_pylist(), table["seed"].to_numpy()
     result = {}
@@ -264,7 +270,7 @@ def stop(ending: Ending) -> dict[str, Any]:
 
 def figure(one: Figure) -> dict[str, Any]:
     """A metric of one variant in the metric's unit."""
-    factor, offset = coherent(one.metric.unit)
+    factor, offset = coherent(one.metric.unit, one.metric.is_difference)
 
     def own(value: float | None) -> float | None:
         return None if value is None else unit.round_trip((value - offset) / factor)
@@ -281,8 +287,8 @@ def versions() -> dict[str, str]:
     found = {"catheter-twin": twin.__version__, "python": platform.python_version(), "platform": platform.platform()}
     for package in PACKAGES:
         try:
-            found[package] = metadata.version(package)
-        except metadata.PackageNotFoundError:
+            found[package] = installed.version(package)
+        except ModuleNotFoundError:  # as PackageNotFoundError is one
             continue
     if text := revision(Path(twin.__file__).parent):
         found["revision"] = text

@@ -17,10 +17,8 @@ if TYPE_CHECKING:
 
     from twin.results.expression import Expression
 
-COMMON = "1 - m s kg N rad A V K Hz Pa W J T ohm m/s m/s^2 m/s**2 rad/s N/m N*m N*s/m 1/s 1/m"
 # What float64 leaves of a zero, as part of the largest number that it was made of: a mean of 5.8e-15 mm is none.
 ROUNDING = 1e-12
-COHERENT = frozenset(["", *COMMON.split()])
 
 
 @dataclass(frozen=True)
@@ -51,6 +49,7 @@ class Signals:
     values: Mapping[str, np.ndarray[Any, Any]]
     units: Mapping[str, str] = field(default_factory=dict)
     complete: bool = True
+    display_units: Mapping[str, str] = field(default_factory=dict)  # where they are others
 
     def si(self, names: set[str]) -> dict[str, np.ndarray[Any, Any]]:
         """The named signals in coherent SI units, as floats."""
@@ -95,28 +94,23 @@ class Signals:
 
 
 @lru_cache(maxsize=256)
-def coherent(symbol: str) -> tuple[float, float]:
-    """(factor, offset) to SI; a unit that is not known, as FMUs may have, stays as it is.
-
-    pint takes 0.3 s to load, so not for the units that nearly every variable has.
-    """
-    if symbol in COHERENT:
-        return 1.0, 0.0
+def coherent(symbol: str, is_difference: bool = False) -> tuple[float, float]:
+    """(factor, offset) to SI; a unit that is not known, as FMUs may have, stays as it is. A difference has no offset."""
     try:
         found = unit.describe(symbol)
     except CouplingError:
         return 1.0, 0.0
-    return found.factor, found.offset
+    return found.factor, 0.0 if is_difference else found.offset
 
 
-def shown(value: float | None, symbol: str, scale: float = 0.0) -> str:
+def shown(value: float | None, symbol: str, scale: float = 0.0, is_difference: bool = False) -> str:
     """A value in the unit it is to be read in, with four digits: `0.0362 N`.
 
     `scale`: size of the numbers it was made of, in SI; 0 is shown for what rounding leaves of them.
     """
     if value is None:
         return "-"
-    factor, offset = coherent(symbol)
+    factor, offset = coherent(symbol, is_difference)
     if abs(value - offset) <= ROUNDING * max(scale, abs(offset)):
         value = offset
-    return f"{(value - offset) / factor:.4g} {symbol}".rstrip()
+    return f"{(value - offset) / factor:.4g} {unit.shown(symbol)}".rstrip()

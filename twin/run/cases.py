@@ -1,25 +1,23 @@
-"""From a scenario to its results: every variant with every seed, whatever happens on the way is kept."""
+"""The parts of a run: a case of a scenario becomes a co-simulation, goes from start to stop, and leaves signals."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from twin.component import catalog
-from twin.coupling import Algorithm, Connection, CoSimulation, System, find
-from twin.errors import CouplingError, ScenarioError, SimulationError, TwinError
-from twin.results import Ending, Evaluation, Signals, evaluate
+from twin.coupling import Algorithm, CoSimulation, find
+from twin.errors import ScenarioError
+from twin.results import Ending, Evaluation, Signals
 from twin.results import recording as results
 from twin.scenario import Form, Scenario, look_up, members
 
 if TYPE_CHECKING:
-    from twin.coupling import Catalog, Member
-    from twin.scenario import Case
+    from twin.coupling import Catalog, Member, Recorder
+    from twin.scenario import Case, EventSpec
 
 Progress = Callable[[str, float], object]  # name of the case, part of it that is done (0 to 1)
 
@@ -63,11 +61,24 @@ class Outcome:
     endings: dict[tuple[str, int], Ending] = field(default_factory=dict)  # of hardware
     folder: Path = Path()
     summary: dict[str, Any] = field(default_factory=dict)
+    columns: list[results.Column] = field(default_factory=list)  # of all variants
 
     @property
     def passed(self) -> bool:
         """Whether the run is complete and everything that was expected holds."""
         return self.run.status == "completed" and self.evaluation.passed
+
+    def end(self, status: str, reason: str) -> None:
+        """Say that the run is not complete, and why; an interruption counts more than a failure."""
+        about = self.run
+        about.status = status if about.status != "interrupted" else about.status
+        about.reason = f"{about.reason}\n{reason}".lstrip()
+
+    def take(self, variant: str, seed: int, signals: Signals, timed: bool = True) -> None:
+        """Keep what a case recorded; `timed`: how long it took is known."""
+        self.tables[variant, seed] = signals
+        if timed and len(signals.time):
+            self.run.simulated_time += float(signals.time[-1] - signals.time[0])
 
     def may_stop(self, case: Case) -> bool:
         """Whether the scenario expects that hardware stops a case: then its end is judged, and the others follow."""
@@ -98,21 +109,21 @@ def refuse_faults(cases: Sequence[Case], hardware: Hardware | None) -> None:
         raise ScenarioError(list(dict.fromkeys(problems))[:1])
 
 
-def simulation(case: Case, catalog: Catalog, form: Form, build: Path) -> CoSimulation:
-    """The members of a case, coupled and not yet initialized."""
+def simulation(case: Case, catalog: Catalog, form: Form, build: Path, recorder: Recorder | None = None) -> CoSimulation:
+    """The members of a case, coupled and not yet initialized. `recorder`: where they record, by default into memory."""
     parts: dict[str, Member] = {}
     try:
         for name, spec in case.members.items():
-            parts[name] = members.make(name, spec.made or spec.component, case.values(name, catalog[name]), form, build)
+            parts[name] = members.make(name, members.component_of(spec), case.values(name, catalog[name]), form, build)
         found = {name: part.variables for name, part in parts.items()}
-        system = System(found, [Connection(one.source, one.target, one.where) for one in case.connections])
         recorded = [find(path, found).key for path in case.record.select(found)]
         events = [find(event.variable, found) for event in case.events if event.kind == "override"]
         split = {reference.key for reference in events if reference.element is not None}
-        periods = {name: spec.period_ns for name, spec in case.members.items() if spec.period_ns}
+        periods = {name: every for name, spec in case.members.items() if (every := members.communication(spec))}
         return CoSimulation(
-            parts, system.links(), case.step_ns, Algorithm(case.algorithm),
+            parts, case.system(found).links(), case.step_ns, Algorithm(case.algorithm),
             record=list(dict.fromkeys(recorded)), every=case.record.every_ns or 0, build=build, periods=periods, split=split,
+            recorder=recorder, exempt=[name for name, spec in case.members.items() if not spec.finite],
         )  # fmt: skip
     except BaseException:
         for part in parts.values():
@@ -133,20 +144,25 @@ def run_case(case: Case, simulated: CoSimulation, progress: Progress) -> None:
         advance(event.time_ns)
         if simulated.finished:
             return
-        reference = find(event.variable, catalog)
-        element = reference.element
-        value = None if event.kind == "release" else case.event_value(event, catalog)
-        if event.kind == "release":
-            simulated.release(reference.key, element)
-        elif event.kind == "override":
-            simulated.override(reference.key, value, element)
-        else:
-            if element is not None:
-                array = np.array(simulated.members[reference.member].get(reference.variable.name))
-                array.reshape(-1)[element] = value
-                value = array
-            simulated.set(reference.key, value)
+        happen(event, case, simulated, catalog)
     advance(case.stop_ns)
+
+
+def happen(event: EventSpec, case: Case, simulated: CoSimulation, catalog: Catalog) -> None:
+    """Let an event happen at the communication point that was reached."""
+    reference = find(event.variable, catalog)
+    element = reference.element
+    value = None if event.kind == "release" else case.event_value(event, catalog)
+    if event.kind == "release":
+        simulated.release(reference.key, element)
+    elif event.kind == "override":
+        simulated.override(reference.key, value, element)
+    else:
+        if element is not None:
+            array = np.array(simulated.members[reference.member].get(reference.variable.name))
+            array.reshape(-1)[element] = value
+            value = array
+        simulated.set(reference.key, value)
 
 
 def columns(scenario: Scenario, catalogs: dict[str, Catalog]) -> list[results.Column]:
@@ -167,87 +183,10 @@ def columns(scenario: Scenario, catalogs: dict[str, Catalog]) -> list[results.Co
 def signals(simulated: CoSimulation, complete: bool) -> Signals:
     """What a simulation recorded, with units."""
     recording = simulated.recording()
-    units = {f"{m}.{n}": simulated.members[m].variables[n].unit for m, n in simulated.recorded}
-    return Signals(recording.time, recording.signals, units, complete)
-
-
-def run_scenario(
-    scenario: Scenario, form: Form = Form.fmu, *, variants: Sequence[str] = (), seeds: Sequence[int] = (),
-    root: Path = Path("runs"), build: Path = Path("build"), progress: Progress = silent, report: bool = True,
-    hardware: Hardware | None = None,
-) -> Outcome:  # fmt: skip
-    """Run a scenario and write its folder; a failing member or Ctrl-C ends it early, with what there is written."""
-    refuse_faults(scenario.cases(variants, seeds), hardware)
-    if hardware is not None:
-        scenario = hardware.apply(scenario)
-    catalogs = prepare(scenario)
-    cases = scenario.cases(variants, seeds)
-    about = results.Run(
-        scenario.name, scenario.title, scenario.source, scenario.description, str(scenario.path),
-        overrides=scenario.overrides, step_ns=scenario.step_ns, algorithm=scenario.algorithm,
-    )  # fmt: skip
-    outcome = Outcome(scenario, catalogs, about, folder=results.folder(root, scenario.name))
-    results.write_text(outcome.folder / "scenario.yaml", scenario.frozen())
-    identities: dict[str, dict[str, str]] = {}
-    used = [spec.made or spec.component for case in cases for spec in case.members.values()]
-    members.prebuild(used, form, build, progress)
-    with results.SignalFile(
-        outcome.folder / "signals.parquet", columns(scenario, catalogs), {"scenario": scenario.name}
-    ) as file:
-        for case in cases:
-            if not _run_one(case, outcome, form, build, progress, file, identities, hardware):
-                break
-    about.members = identities
-    outcome.evaluation = evaluate(
-        scenario.metrics, scenario.expectations, outcome.tables, scenario.paper_applies, outcome.endings
-    )
-    if hardware is not None:
-        about.extra = {**about.extra, "hardware": hardware.report()}
-        note(about, hardware.notes())
-    write(outcome, cases, report, hardware.pictures() if hardware is not None else [])
-    return outcome
-
-
-def _run_one(
-    case: Case, outcome: Outcome, form: Form, build: Path, progress: Progress, file: results.SignalFile,
-    identities: dict[str, dict[str, str]], hardware: Hardware | None,
-) -> bool:  # fmt: skip
-    """Run one case and write what it recorded; False if the run ends here."""
-    about = outcome.run
-    simulated: CoSimulation | None = None
-    complete, failure = False, ""
-    try:
-        simulated = simulation(case, outcome.catalogs[case.variant], form, build)
-        for name, member in simulated.members.items():
-            identities.setdefault(name if name not in identities else f"{case.variant}: {name}", member.identity)
-        begin = time.perf_counter()
-        try:
-            run_case(case, simulated, progress)
-        finally:
-            about.wall_time += time.perf_counter() - begin
-        complete = True
-        if simulated.failure:
-            note(about, [f"{case.name}: {simulated.failure}"])
-    except KeyboardInterrupt:
-        about.status, about.reason = "interrupted", f"interrupted in {case.name}"
-    except (SimulationError, CouplingError, TwinError) as error:
-        failure = f"{case.name}: {error}"
-    finally:
-        if simulated is not None:
-            lines = {name: len(member.log) for name, member in simulated.members.items()}
-            simulated.terminate()
-            ending = outcome.endings[case.variant, case.seed] = hardware.ending() if hardware is not None else Ending()
-            if failure and ending.time_ns is not None and outcome.may_stop(case):
-                complete, failure = True, ""
-            for name, member in simulated.members.items():
-                note(about, [f"{case.name}: {name}: {line}" for line in member.log[lines[name] :]])
-            recorded = analyzed(outcome.scenario, case.variant, signals(simulated, complete), progress)
-            outcome.tables[case.variant, case.seed] = recorded
-            file.write(case.variant, case.seed, recorded)
-            about.simulated_time += float(recorded.time[-1] - recorded.time[0]) if len(recorded.time) else 0.0
-    if failure:
-        about.status, about.reason = "failed", failure
-    return complete
+    variables = {f"{m}.{n}": simulated.members[m].variables[n] for m, n in simulated.recorded}
+    units = {name: one.unit for name, one in variables.items()}
+    displayed = {name: one.display_unit for name, one in variables.items() if one.display_unit}
+    return Signals(recording.time, recording.signals, units, complete, displayed)
 
 
 def note(about: results.Run, lines: list[str]) -> None:
@@ -263,35 +202,3 @@ def analyzed(scenario: Scenario, variant: str, recorded: Signals, progress: Prog
             progress(f"{variant}: {one.name}", 1.0)
             recorded = one.apply(recorded)
     return recorded
-
-
-def sources(cases: Iterable[Case]) -> dict[str, str]:
-    """Where the parameters' values come from, as their components declare it."""
-    found = {}
-    for case in cases:
-        for name, spec in case.members.items():
-            if not spec.component.endswith(".fmu"):
-                found.update(
-                    {
-                        f"{name}.{v.name}": v.source
-                        for v in (spec.made or catalog.component(spec.component)).variables
-                        if v.source
-                    }
-                )
-    return found
-
-
-def write(outcome: Outcome, cases: Sequence[Case], report: bool, pictures: Sequence[dict[str, str]] = ()) -> None:
-    """Write summary.json and report.html."""
-    outcome.summary = results.summary(outcome.run, outcome.evaluation, outcome.tables, outcome.endings)
-    results.write_summary(outcome.folder / "summary.json", outcome.summary)
-    if report:
-        from twin.run import report as page
-
-        distinct = list({case.variant: case for case in cases}.values())
-        text = page.html(
-            outcome.summary, outcome.evaluation, outcome.tables, plots=outcome.scenario.plots,
-            parameters=page.parameters(distinct, outcome.catalogs, sources(distinct)), events=page.events(distinct),
-            pictures=pictures, endings=outcome.endings,
-        )  # fmt: skip
-        results.write_text(outcome.folder / "report.html", text)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.results import Ending, Evaluation, Figure, Outcome, Plot, coherent, shown
+from twin.results import Ending, Evaluation, Figure, Outcome, Plot, coherent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -65,12 +65,12 @@ class EventRow:
 
 def cells(one: Figure) -> dict[str, str]:
     """A metric of one variant as text."""
-    symbol = one.metric.unit
     tolerance = one.metric.tolerance
     return {
         "metric": one.metric.name, "variant": one.variant, "verdict": one.verdict,
-        "paper": shown(one.paper, symbol), "mean": "no value" if one.verdict == "none" else shown(one.mean, symbol, one.scale),
-        "worst": shown(one.worst, symbol, one.scale),
+        "paper": one.metric.shown(one.paper),
+        "mean": "no value" if one.verdict == "none" else one.metric.shown(one.mean, one.scale),
+        "worst": one.metric.shown(one.worst, one.scale),
         "ratio": "-" if one.ratio is None else f"{one.ratio:.2f}",
         "tolerance": f"± {100 * tolerance:g} %" if tolerance is not None and one.paper is not None else "-",
         "description": one.metric.description,
@@ -320,9 +320,9 @@ def note(plot: Plot, tables: Mapping[tuple[str, int], Signals], has_events: bool
     """What the eye cannot know about a plot."""
     parts = []
     if plot.band:
-        parts.append(f"band: {shown(plot.band[0], plot.unit)} to {shown(plot.band[1], plot.unit)}")
+        parts.append(f"band: {' to '.join(plot.shown(value) for value in plot.band)}")
     if plot.lines:
-        parts.append("dashed: " + ", ".join(shown(value, plot.unit) for value in plot.lines))
+        parts.append("dashed: " + ", ".join(plot.shown(value) for value in plot.lines))
     if has_events and plot.curves[0].x is None:
         parts.append("dotted: events")
     seeds = list(dict.fromkeys(seed for _, seed in tables))

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from twin import clock
 from twin.errors import CouplingError, ScenarioError
 from twin.scenario import value
+from twin.scenario.dimensions import check_units
 from twin.scenario.merge import nearest
 from twin.scenario.model import NAME
 from twin.scenario.names import find, inside, matching, no_element
@@ -179,14 +180,14 @@ def check_against(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[s
         catalog = catalogs[case.variant]
         for name, member in case.members.items():
             problems += member.values(name, catalog[name])[1]
-        targets = {connection.target for connection in case.connections}
+        targets = {connection.target for connection in case.system(catalog).single()[0]}
         for event in case.events:
             problems += event_problems(event, catalog, targets)
     try:
         every = {variant: {**catalog, **scenario.derived(variant)} for variant, catalog in catalogs.items()}
     except ScenarioError as error:
         return [*problems, *error.problems]
-    problems += check_names(scenario, every)
+    problems += check_names(scenario, every) + check_units(scenario, every)
     return list(dict.fromkeys(problems))
 
 

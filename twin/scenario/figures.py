@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin import clock
 from twin.errors import CouplingError
-from twin.results import Analysis, Curve, Expectation, Metric, Plot, Window
+from twin.results import Analysis, Curve, Expectation, Metric, Plot, Window, dimension
 from twin.scenario import value
 from twin.scenario.merge import nearest
 from twin.scenario.model import RunKeys
@@ -32,10 +32,12 @@ class Builder:
         """Note a problem with what stands at a path."""
         self.problems.append(f"{self.tree.find(path).place}: {message}")
 
-    def si(self, path: tuple[str | int, ...], raw: Any, unit: str, what: str) -> float | None:
+    def si(
+        self, path: tuple[str | int, ...], raw: Any, unit: str, what: str, is_difference: bool = False
+    ) -> float | None:
         """A value of the file in SI; `unit` is the one it is shown in, and its kind must be the same."""
         try:
-            return None if raw is None else value.si(raw, unit, what)
+            return None if raw is None else value.si(raw, unit, what, is_difference)
         except CouplingError as error:
             self.problem(path, str(error))
             return None
@@ -89,24 +91,24 @@ class Builder:
     def metric(self, name: str, keys: MetricKeys) -> Metric:
         """A metric, its paper's figures converted."""
         path, what = ("metrics", name), f"metrics.{name}"
-        unit = self.unit((*path, "unit"), keys.unit, what)
         paper = keys.paper if isinstance(keys.paper, dict) else {}
         if keys.paper is not None and not isinstance(keys.paper, dict):
             paper = dict.fromkeys(self.variants, keys.paper)
         self.known((*path, "paper"), paper, f"{what}.paper")
-        figures = {}
-        for variant, raw in paper.items():
-            figure = self.si((*path, "paper", variant), raw, unit, f"{what}.paper")
-            if figure is not None and variant in self.variants:
-                figures[variant] = figure
+        unit = self.unit((*path, "unit"), keys.unit, what) or spelled(paper.values())
         if keys.tolerance is not None and not paper:
             self.problem((*path, "tolerance"), f"{what}: a tolerance needs a figure to compare with. Add `paper`.")
         window = self.window(path, keys, what)
         where = str(self.tree.find(path).place)
         variants = self.known((*path, "variants"), keys.variants, f"{what}.variants")
-        return Metric(
-            name, keys.signal, keys.reduce, window, unit, figures, keys.tolerance, variants, keys.description, where
+        metric = Metric(
+            name, keys.signal, keys.reduce, window, unit, {}, keys.tolerance, variants, keys.description, where
         )
+        for variant, raw in paper.items():
+            figure = self.si((*path, "paper", variant), raw, unit, f"{what}.paper", metric.is_difference)
+            if figure is not None and variant in self.variants:
+                metric.paper[variant] = figure
+        return metric
 
     def expectation(self, index: int, keys: ExpectKeys, metrics: dict[str, Metric]) -> Expectation:
         """An expectation; it must say of what, and exactly one thing."""
@@ -140,16 +142,20 @@ class Builder:
                         (*path, key),
                         f"{what}: `{metric.name}` is not taken in `{name}`, only in {taken}. Add it there.",
                     )
-        unit = self.unit((*path, "unit"), keys.unit, what) or (metric.unit if metric else "") or spelled(keys)
         low, high = keys.within or (keys.at_least, keys.at_most)
-        at_least = self.si((*path, "within" if keys.within else "at_least"), low, unit, what)
-        at_most = self.si((*path, "within" if keys.within else "at_most"), high, unit, what)
+        unit = self.unit((*path, "unit"), keys.unit, what) or (metric.unit if metric else "") or spelled((low, high))
+        is_difference = (
+            metric.is_difference if metric else keys.signal is not None and dimension.is_difference(keys.signal)
+        )
+        at_least = self.si((*path, "within" if keys.within else "at_least"), low, unit, what, is_difference)
+        at_most = self.si((*path, "within" if keys.within else "at_most"), high, unit, what, is_difference)
         if at_least is not None and at_most is not None and at_least > at_most:
             self.problem(path, f"{what}: the lower limit is above the upper one. Swap them.")
         return Expectation(
             keys.name, keys.metric, keys.signal, self.known((*path, "variants"), keys.variants, what), at_least, at_most,
             self.known((*path, "ordered"), keys.ordered or (), what), keys.descending,
             self.window(path, keys, what), unit, keys.mean, str(self.tree.find(path).place), keys.ends or "",
+            is_difference,
         )  # fmt: skip
 
     def plot(self, index: int, keys: PlotKeys) -> Plot:
@@ -162,9 +168,10 @@ class Builder:
             self.problem((*path, "signals"), f"{what}: some signals have an `x`. Give all of them one, or none.")
         if keys.xy is not None:
             curves = (Curve(keys.xy[1], keys.xy[1].text, keys.xy[0]),)
-        unit = self.unit((*path, "unit"), keys.unit, what)
-        band = [self.si((*path, "band"), raw, unit, f"{what}: band") for raw in keys.band or ()]
-        lines = [self.si((*path, "lines"), raw, unit, f"{what}: lines") for raw in keys.lines]
+        unit = self.unit((*path, "unit"), keys.unit, what) or spelled((*(keys.band or ()), *keys.lines))
+        differs = bool(curves) and all(dimension.is_difference(one.signal) for one in curves)
+        band = [self.si((*path, "band"), raw, unit, f"{what}: band", differs) for raw in keys.band or ()]
+        lines = [self.si((*path, "lines"), raw, unit, f"{what}: lines", differs) for raw in keys.lines]
         return Plot(
             keys.title, curves, keys.label, unit, keys.x_label, self.unit((*path, "x_unit"), keys.x_unit, what),
             self.window(path, keys, what), keys.per == "variant",
@@ -183,9 +190,9 @@ class Builder:
         return Analysis(name, keys.function, keys.inputs, window, variants, where)
 
 
-def spelled(keys: ExpectKeys) -> str:
-    """The unit in which an expectation's limits are written, so that they are shown as they were meant."""
-    for raw in (*(keys.within or ()), keys.at_least, keys.at_most):
+def spelled(values: Iterable[Any]) -> str:
+    """The unit in which limits and figures are written, so that they are shown as they were meant."""
+    for raw in values:
         parts = value.split(raw) if isinstance(raw, str) else None
         if parts and parts[1]:
             return parts[1]

@@ -5,14 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from twin.component import catalog
-from twin.coupling import Algorithm, Connection, Link, Part, System, compose, direct_followers, nearest, stepping_order
-from twin.errors import CouplingError
+from twin.coupling import Algorithm, Link, Part, compose, direct_followers, stepping_order
+from twin.errors import CouplingError, ScenarioError, nearest
 from twin.graph import ordered_groups, reached
+from twin.scenario.lookup import look_up
+from twin.scenario.members import communication, component_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from twin.component import Component
     from twin.coupling import Catalog
-    from twin.scenario.spec import Case
+    from twin.scenario.spec import Case, Scenario
 
 
 def group(name: str, case: Case, variables: Catalog, chosen: list[str]) -> type[Component]:
@@ -23,17 +27,18 @@ def group(name: str, case: Case, variables: Catalog, chosen: list[str]) -> type[
     """
     for member in chosen:
         if member not in case.members:
-            raise CouplingError(f"{name}: there is no member {member!r}. {nearest(member, dict(case.members))}")
+            raise CouplingError(f"{name}: there is no member {member!r}. {nearest(member, case.members)}")
         if case.members[member].component.endswith(".fmu"):
             raise CouplingError(f"{name}: member {member!r} is a finished FMU and cannot be compiled in. Leave it out.")
-    links = links_of(case, variables)
+    links = case.system(variables).links()
     check_border(name, links, variables, chosen)
     parts = {}
     for member in case.members:
         if member in chosen:
             spec = case.members[member]
-            cls = spec.made or catalog.component(spec.component)
-            period = spec.period_ns or cls.period_ns or case.step_ns
+            made = component_of(spec)
+            cls = catalog.component(made) if isinstance(made, str) else made
+            period = communication(spec) or cls.period_ns or case.step_ns
             parts[member] = Part(cls, case.values(member, variables[member]), period)
     inside = [link for link in links if link.source.member in parts and link.target.member in parts]
     leaving = [link for link in links if link.source.member in parts and link.target.member not in parts]
@@ -48,9 +53,20 @@ def group(name: str, case: Case, variables: Catalog, chosen: list[str]) -> type[
     return compose(name, parts, inside, case.step_ns, order, outputs)
 
 
-def links_of(case: Case, variables: Catalog) -> list[Link]:
-    """The connections of a case, checked."""
-    return System(variables, [Connection(one.source, one.target, one.where) for one in case.connections]).links()
+def part(scenario: Scenario, chosen: Sequence[str], named: str | None, variant: str | None = None) -> type[Component]:
+    """The chosen members, or a group that the scenario names, as one component; its first variant if none is given."""
+    if bool(chosen) == bool(named):
+        known = f" or --group {next(iter(scenario.groups))}" if scenario.groups else ""
+        raise ScenarioError(f"{scenario.path}: say which part of it, either --members estimate,controller{known}.")
+    if named and named not in scenario.groups:
+        hint = nearest(named, scenario.groups) if scenario.groups else "Name it under `groups`, or give --members."
+        raise ScenarioError(f"{scenario.path}: there is no group `{named}`. {hint}")
+    members = list(scenario.groups[named]) if named else list(chosen)
+    catalogs, problems = look_up(scenario)
+    if problems:
+        raise ScenarioError(problems)
+    case = scenario.cases([variant] if variant else [])[0]
+    return group(named or "_".join(members)[:60], case, catalogs[case.variant], members)
 
 
 def check_border(name: str, links: list[Link], variables: Catalog, chosen: list[str]) -> None:

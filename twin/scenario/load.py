@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from twin.errors import ScenarioError
 from twin.scenario import check, figures, merge, nested
+from twin.scenario.lookup import look_up
 from twin.scenario.message import validate
 from twin.scenario.override import overridden
 from twin.scenario.spec import Case, ConnectionSpec, EventSpec, FaultSpec, MemberSpec, RecordSpec, Scenario
-from twin.scenario.tree import Node, parse
+from twin.scenario.tree import Node, Place, parse
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -33,22 +34,58 @@ PHYSICS = (
 
 def load_scenario(path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
     """Read a file and what it extends, apply `path=value` overrides, check; ScenarioError lists all problems."""
-    return build(merge.load(Path(path), str(path)), Path(path), overrides)
+    problems: list[str] = []
+    return build(merge.load(Path(path), str(path), problems), Path(path), overrides, problems)
 
 
 def parse_scenario(text: str, path: str | Path = "scenario.yaml", overrides: Sequence[str] = ()) -> Scenario:
     """The same from a text; `path` is where relative paths begin and how messages call it."""
-    return build(merge.complete(parse(text, str(path)), Path(path), str(path)), Path(path), overrides)
+    problems: list[str] = []
+    root = merge.complete(parse(text, str(path), problems), Path(path), str(path), problems)
+    return build(root, Path(path), overrides, problems)
 
 
-def build(root: Node, path: Path, overrides: Sequence[str]) -> Scenario:
-    """The scenario of a merged tree."""
-    root, effective, problems = overridden(root, overrides)
+def examine(path: str | Path, overrides: Sequence[str] = (), *, imports: bool = True) -> tuple[Scenario, list[str]]:
+    """A file's scenario without what is wrong in it, and every problem, those with the members' variables too.
+
+    Without `imports` no Python of components and analyses is imported, and what only they could tell is not checked.
+    ScenarioError if the file cannot be read at all.
+    """
+    problems: list[str] = []
+    written = merge.load(Path(path), str(path), problems)
+    scenario, found = assembled(written, Path(path), overrides, imports)
+    found = [*problems, *found, *look_up(scenario, imports=imports)[1]]
+    return scenario, sorted(dict.fromkeys(found), key=by_line)
+
+
+def made_scenario(data: dict[str, Any], name: str) -> Scenario:
+    """A scenario of plain dicts, lists and values, as a program makes them; messages call it `name`."""
+    problems: list[str] = []
+    root = merge.complete(Node.of(data, Place(name)), Path(name), name, problems)
+    return build(root, Path(name), (), problems)
+
+
+def changed(scenario: Scenario, overrides: Sequence[str]) -> Scenario:
+    """The scenario with more overrides, the last of which win; its file is not read again."""
+    return build(scenario.written, scenario.path, (*scenario.overrides, *overrides))
+
+
+def build(written: Node, path: Path, overrides: Sequence[str], problems: Sequence[str] = ()) -> Scenario:
+    """The scenario of a merged tree; ScenarioError lists `problems` and all that is found here."""
+    scenario, found = assembled(written, path, overrides)
+    if problems or found:
+        raise ScenarioError(sorted(dict.fromkeys([*problems, *found]), key=by_line))
+    return scenario
+
+
+def assembled(written: Node, path: Path, overrides: Sequence[str], imports: bool = True) -> tuple[Scenario, list[str]]:
+    """The scenario of a merged tree without what is wrong in it, and all that is."""
+    root, effective, problems = overridden(written, overrides)
     keys, kept, found = validate(listed(root))
     problems += found
     trees = merge.variant_trees(kept)
     variants = {}
-    made, found = nested.components(trees, load_scenario)
+    made, found = nested.components(trees, load_scenario) if imports else ({}, [])
     problems += found
     for name, tree in trees.items():
         own, tree, _ = validate(tree)  # noqa: PLW2901 - its problems are already listed
@@ -63,12 +100,11 @@ def build(root: Node, path: Path, overrides: Sequence[str]) -> Scenario:
         keys.start_time, keys.stop_time or 0, keys.step or MILLISECOND, keys.algorithm or "jacobi",
         tuple(keys.seeds), tuple(variants.values()), record, analyses, metrics, expectations, plots,
         {name: tuple(members) for name, members in keys.groups.items()}, tuple(overrides),
-        not any(touches(option) for option in effective) and not changes_the_papers(root, str(path)), root,
+        not any(touches(option) for option in effective) and not changes_the_papers(root, str(path)), root, written,
     )  # fmt: skip
     problems += check.check(scenario, keys, kept, trees)
-    if problems:
-        raise ScenarioError(sorted(dict.fromkeys(problems), key=by_line))
-    return replace(scenario, variants=tuple(replace(case, record=record) for case in scenario.variants))
+    cases = tuple(replace(case, record=record) for case in scenario.variants)
+    return replace(scenario, variants=cases, tree=kept if problems else root), problems
 
 
 def by_line(problem: str) -> tuple[str, int]:
@@ -121,11 +157,19 @@ def case_of(name: str, keys: ScenarioKeys, tree: Node, base: ScenarioKeys, made:
     members = {}
     for member, own in keys.members.items():
         node = tree.find(("members", member))
-        places = {p: str(node.find(("parameters", p)).place) for p in own.parameters} if own else {}
+        places = {key: str(one.place) for key, one in node.entries.items()}
+        places |= {p: str(node.find(("parameters", p)).place) for p in own.parameters} if own else {}
         if own:
             component = own.component or ""
             members[member] = MemberSpec(
-                component, own.parameters, own.period, str(node.place), places, made.get(component)
+                component,
+                own.parameters,
+                own.period,
+                own.communication_step,
+                own.finite,
+                str(node.place),
+                places,
+                made.get(component),
             )
     connections = tuple(
         ConnectionSpec(one.source, one.target, str(tree.find(("connections", i)).place))

@@ -2,51 +2,139 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin.errors import TwinError
+from twin import clock
+from twin.component import catalog
+from twin.errors import ScenarioError, TwinError
 from twin.scenario import value
 from twin.scenario.check import check_against
+from twin.scenario.partial import checkable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from twin.coupling import Catalog, MemberVariable
     from twin.scenario.names import Variables
-    from twin.scenario.spec import MemberSpec, Scenario
+    from twin.scenario.spec import Case, MemberSpec, Scenario
 
 
-def look_up(scenario: Scenario) -> tuple[dict[str, Catalog], list[str]]:
-    """(variant -> member -> variables, every problem that can be found without running)."""
-    from twin.coupling import Connection, System
-    from twin.scenario import members
+class Known:
+    """Variables of components, each found out once, also that there are none. Without `imports`: of FMUs only."""
 
-    known: dict[str, Mapping[str, MemberVariable]] = {}  # by component, and by what changes its shapes
+    def __init__(self, imports: bool) -> None:
+        self.imports = imports
+        self.names: list[str] | None = None  # of all components
+        self.found: dict[str, Mapping[str, MemberVariable] | TwinError] = {}  # by component and its shapes
+
+    def variables(self, name: str, member: MemberSpec) -> Mapping[str, MemberVariable] | None:
+        """The variables of a member; None if they are not to be known, TwinError if they cannot be."""
+        if not self.imports and not member.component.endswith(".fmu"):
+            self.refuse_unknown(member)
+            return None
+        if not member.component:
+            return None
+        variables = self.shaped(member, {})
+        sizes = structural(name, member, variables)
+        return self.shaped(member, sizes) if sizes else variables
+
+    def shaped(self, member: MemberSpec, sizes: dict[str, Any]) -> Mapping[str, MemberVariable]:
+        """The variables with other values of structural parameters."""
+        from twin.scenario import members
+
+        key = f"{member.component} {sizes or ''}"
+        if key not in self.found:
+            try:
+                self.refuse_unknown(member)
+                self.found[key] = members.variables(member.made or member.component, sizes)
+            except TwinError as error:
+                self.found[key] = error
+        found = self.found[key]
+        if isinstance(found, TwinError):
+            raise found
+        return found
+
+    def refuse_unknown(self, member: MemberSpec) -> None:
+        """DeclarationError if there is no component of this name; nothing is imported."""
+        if (
+            member.made
+            or not member.component
+            or member.component.endswith(".fmu")
+            or set(":#") & set(member.component)
+        ):
+            return
+        if self.names is None:
+            self.names = catalog.names()
+        catalog.refuse_unknown(member.component, self.names)
+
+
+def look_up(scenario: Scenario, *, imports: bool = True) -> tuple[dict[str, Catalog], list[str]]:
+    """(variant -> member -> variables, every problem that can be found without running).
+
+    A member that cannot be looked up is in no catalog; all that does not need it is checked nevertheless. Without
+    `imports` those are all but FMUs.
+    """
+    known = Known(imports)
     problems: dict[str, None] = {}
     catalogs: dict[str, Catalog] = {}
     for case in scenario.variants:
-        catalog: dict[str, Mapping[str, MemberVariable]] = {}
+        own: dict[str, Mapping[str, MemberVariable]] = {}
         for name, member in case.members.items():
             try:
-                if member.component not in known:
-                    known[member.component] = members.variables(member.made or member.component)
-                if sizes := structural(name, member, known[member.component]):
-                    key = f"{member.component} {sizes}"
-                    known.setdefault(key, members.variables(member.component, sizes))
-                    catalog[name] = known[key]
-                else:
-                    catalog[name] = known[member.component]
+                if (variables := known.variables(name, member)) is not None:
+                    own[name] = variables
             except TwinError as error:
-                problems[f"{member.where}: member `{name}`: {error}"] = None
-        if len(catalog) == len(case.members):
-            catalogs[case.variant] = catalog
-    if len(catalogs) < len(scenario.variants):
-        return catalogs, list(problems)
-    for case in scenario.variants:
-        connections = [Connection(one.source, one.target, one.where) for one in case.connections]
-        problems |= dict.fromkeys(System(catalogs[case.variant], connections).check())
-    problems |= dict.fromkeys(check_against(scenario, catalogs))
+                found = getattr(error, "problems", [str(error)])
+                problems |= dict.fromkeys(f"{member.where}: member `{name}`: {one}" for one in found)
+        catalogs[case.variant] = own
+    analyses = set()
+    for one in scenario.analyses if imports else ():
+        try:
+            one.load()
+            analyses.add(one.name)
+        except ScenarioError as error:
+            problems |= dict.fromkeys(error.problems)
+    part = checkable(scenario, catalogs, analyses)
+    for case in part.variants:
+        problems |= dict.fromkeys(one for name in case.members for one in rhythm(name, case))
+        problems |= dict.fromkeys(case.system(catalogs[case.variant]).check())
+    problems |= dict.fromkeys(check_against(part, catalogs))
     return catalogs, list(problems)
+
+
+def rhythm(name: str, case: Case) -> list[str]:
+    """What is wrong with how often a member samples and communicates, where the scenario says something about it."""
+    from twin.scenario import members
+
+    spec = case.members[name]
+    if not spec.period_ns and not spec.communication_ns:
+        return []
+    key = "communication_step" if spec.communication_ns else "period"
+    where, own = f"{spec.places.get(key, spec.where)}: member `{name}`", members.tick(spec)
+    word = Path(spec.component).name
+    if spec.period_ns and own not in (0, spec.period_ns):
+        advice = (
+            f"For how often it communicates write `communication_step: {clock.text(spec.period_ns)}`, or leave it out."
+        )
+        return [f"{where}: {word} samples at its own {clock.text(own)}, which cannot be changed from outside. {advice}"]
+    if spec.period_ns and spec.communication_ns and not own:
+        return [f"{where}: {word} does not sample by itself, so it has no period. Keep communication_step alone."]
+    every = members.communication(spec) or own
+    if every % case.step_ns:
+        return [f"{where}: {uneven(key, every, case.step_ns, 'step')}"]
+    if own % every and every % (own or every) and not spec.component.endswith(".fmu"):
+        return [f"{where}: {uneven('period', own, every, 'communication_step')}"]
+    return []
+
+
+def uneven(key: str, time: int, step: int, word: str) -> str:
+    """A time that is no multiple of another one, and those next to it that are [ns]."""
+    low = time // step * step
+    choice = " or ".join(clock.text(one) for one in (low, low + step) if one)
+    common = clock.text(clock.common_step([time, step]))
+    what = f"{key} {clock.text(time)} is not a multiple of {word} {clock.text(step)}"
+    return f"{what}. Use {choice}, or a {word} of {common}."
 
 
 def structural(member: str, spec: MemberSpec, variables: Variables) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from contextlib import suppress
 from enum import StrEnum
 from functools import partial
@@ -9,15 +10,16 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin import compiler
-from twin.component import Component, PythonComponent, Role, catalog
-from twin.coupling import Member, MemberVariable, RecordMember, declared_variables
+from twin import clock, compiler
+from twin.component import Component, PythonComponent, Role, catalog, resampled
+from twin.coupling import Member, MemberVariable, RecordMember, declared_variables, driven
 from twin.errors import CouplingError, TwinError, described
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     from twin.fmi import FMUMember
+    from twin.scenario.spec import MemberSpec
 
 
 class Form(StrEnum):
@@ -42,16 +44,62 @@ def variables(component: str | type[Component], sizes: Mapping[str, Any] | None 
     return declared_variables(catalog.component(component) if isinstance(component, str) else component)
 
 
+def has_source(cls: type[Component]) -> bool:
+    """Whether the text of a component's functions can be found, from which C is made; not if `exec` defined them."""
+    functions = (getattr(cls, name, None) for name in ("initialize", "step", "derivatives"))
+    try:
+        return all(inspect.findsource(function) for function in functions if inspect.isfunction(function))
+    except OSError:
+        return False
+
+
+def component_of(spec: MemberSpec) -> str | type[Component]:
+    """What a member is made of; a sampled component as one that samples at the period that the scenario gives."""
+    if spec.component.endswith(".fmu"):
+        return spec.component
+    if spec.period_ns and samples(cls := spec.made or catalog.component(spec.component)):
+        return resampled(cls, spec.period_ns)
+    return spec.made or spec.component
+
+
+def samples(cls: type[Component]) -> bool:
+    """Whether a component has a period of its own that can be changed: those inside a group are its members'."""
+    return bool(cls.period_ns) and not getattr(cls, "parts", None)
+
+
+def tick(spec: MemberSpec) -> int:
+    """What a member samples at by itself [ns], 0 if it does not: also an FMU that declares a fixed internal step."""
+    made = component_of(spec)
+    if isinstance(made, str) and made.endswith(".fmu"):
+        from twin.fmi import FMUMember
+
+        member = FMUMember("member", made)
+        member.close()
+        return round((member.fixed_step or 0.0) * clock.NANOSECONDS)
+    return (catalog.component(made) if isinstance(made, str) else made).period_ns
+
+
+def communication(spec: MemberSpec) -> int | None:
+    """How often a member takes inputs and publishes [ns] where the scenario says so; else as its component does."""
+    if spec.communication_ns or not spec.period_ns:
+        return spec.communication_ns
+    return spec.period_ns if isinstance(made := component_of(spec), str) or not samples(made) else None
+
+
 def make(name: str, component: str | type[Component], values: Mapping[str, Any], form: Form, build: Path) -> Member:
-    """A member with its start values set; a Python-side component runs as Python whatever `form` says."""
+    """A member with its start values set. Python-side components, and those without a source, run as Python.
+
+    That is, whatever `form` says.
+    """
     if isinstance(component, str) and component.endswith(".fmu"):
         return imported(name, Path(component), values)
     cls = catalog.component(component) if isinstance(component, str) else component
+    form = form if has_source(cls) else Form.interpreted
     if form is Form.fmu and not issubclass(cls, PythonComponent):
-        from twin.fmi import exporter
+        from twin.fmi import built
 
-        member = imported(name, exporter.build(cls, "3.0", build), values)
-        member.period_ns = cls.period_ns
+        member = imported(name, built.build(cls, "3.0", build), values)
+        member.period_ns, member.driven = cls.period_ns, driven(cls)
         for variable in cls.variables:
             if variable.role is Role.derivative:
                 member.rename(f"der({variable.name.removeprefix('der_')})", variable.name)
@@ -72,11 +120,11 @@ def prebuild(
     """
     if form is Form.interpreted:
         return
-    from twin.fmi import exporter
+    from twin.fmi import built
 
     classes = {one: catalog.component(one) if isinstance(one, str) else one
                for one in dict.fromkeys(components) if not str(one).endswith(".fmu")}  # fmt: skip
-    is_there = exporter.is_built if form is Form.fmu else compiler.is_translated
+    is_there = built.is_built if form is Form.fmu else compiler.is_translated
     lacking: list[type[Component]] = []
     for cls in dict.fromkeys(classes.values()):
         with suppress(TwinError):
@@ -88,7 +136,7 @@ def prebuild(
         progress(f"building {compiler.model_name(cls)}", next(done) / len(lacking))
         with suppress(TwinError):
             if form is Form.fmu:
-                exporter.build(cls, "3.0", build)
+                built.build(cls, "3.0", build)
             else:
                 compiler.load_component(cls, build)
 

@@ -1,16 +1,16 @@
 """Scenarios over scenarios: `extends`, `variants` and `--set` are all patches of one tree by the same rules.
 
 A dict is merged key by key, and `null` removes what was there. A member that names another component replaces the
-old one with its parameters. Connections are merged by target (`{from: null, to: x}` disconnects), events are added
+old one with its parameters, and keeps its period and communication step. Connections are merged by target (`{from: null, to: x}` disconnects), events are added
 (`events: null` first drops those inherited). Every other list is replaced.
 """
 
 from __future__ import annotations
 
-import difflib
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from twin import errors
 from twin.errors import ScenarioError
 from twin.scenario import tree
 from twin.scenario.tree import Node
@@ -20,29 +20,32 @@ if TYPE_CHECKING:
 
 Keys = tuple[str, ...]
 
+RHYTHM = ("period", "communication_step")  # of a member, whatever its component is
+
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """` Did you mean `x`?`, or the known names if there are few, or nothing."""
-    names = sorted(set(known))
-    close = difflib.get_close_matches(name, names, 1, 0.6)
-    if close:
-        return f" Did you mean `{close[0]}`?"
-    return f" Known: {', '.join(names)}." if 0 < len(names) <= 20 else ""
+    """The hint of `errors.nearest` behind a blank; nothing if nothing is known."""
+    names = list(known)
+    return f" {errors.nearest(name, names, '`')}" if names else ""
 
 
-def load(path: Path, shown: str, above: tuple[Path, ...] = ()) -> Node:
-    """A file merged over those it extends, paths of FMUs made absolute, connections in their normal form."""
-    return complete(tree.read(path, shown), path, shown, above)
+def load(path: Path, shown: str, problems: list[str], above: tuple[Path, ...] = ()) -> Node:
+    """A file merged over those it extends, paths of FMUs made absolute, connections in their normal form.
+
+    What is wrong and does not keep it from being read goes to `problems`.
+    """
+    return complete(tree.read(path, shown, problems), path, shown, problems, above)
 
 
-def complete(root: Node, path: Path, shown: str, above: tuple[Path, ...] = ()) -> Node:
+def complete(root: Node, path: Path, shown: str, problems: list[str], above: tuple[Path, ...] = ()) -> Node:
     """The same for a tree that stands for the file `path`."""
     own = path.resolve()
     if not isinstance(root.value, dict):
         raise ScenarioError(f"{root.place}: a scenario is a list of `key: value` lines. Begin with `members:`.")
-    root = normal(root, own.parent)
+    root = normal(root, own.parent, problems)
     parent = root.entries.get("extends")
     if parent is None or parent.value is None:
+        problems += strays(root, root)
         return merged(Node({}, root.place), root)
     if not isinstance(parent.value, str):
         raise ScenarioError(f"{parent.place}: extends: expected the path of one scenario, such as contact.yaml.")
@@ -53,12 +56,13 @@ def complete(root: Node, path: Path, shown: str, above: tuple[Path, ...] = ()) -
         known = [other.name for other in target.parent.glob("*.y*ml")] if target.parent.is_dir() else []
         hint = nearest(target.name, known) or " Give a path relative to this file."
         raise ScenarioError(f"{parent.place}: extends: there is no file {parent.value}.{hint}")
-    base = load(target, str(Path(shown).parent / parent.value), (own, *above))
+    base = load(target, str(Path(shown).parent / parent.value), problems, (own, *above))
+    problems += strays(root, base)
     result = merged(base, root)
     return Node({key: node for key, node in result.entries.items() if key != "extends"}, root.place)
 
 
-def normal(root: Node, folder: Path) -> Node:
+def normal(root: Node, folder: Path, problems: list[str]) -> Node:
     """The tree with one `{from, to}` per connection and absolute paths of FMUs, also in its variants."""
     entries = dict(root.entries)
     if "seed" in entries and "seeds" not in entries:
@@ -71,15 +75,17 @@ def normal(root: Node, folder: Path) -> Node:
             entries[key] = Node({"variables": node}, node.place)
         elif key == "parameter_sets":
             items = node.items if isinstance(node.value, list) else [node]
-            entries[key] = Node([parameter_set(item, folder) for item in items], node.place)
+            entries[key] = Node([parameter_set(item, folder, problems) for item in items], node.place)
         elif key == "members" and isinstance(node.value, dict):
             entries[key] = Node({name: located(item, folder) for name, item in node.entries.items()}, node.place)
         elif key == "variants" and isinstance(node.value, dict):
-            entries[key] = Node({name: normal(item, folder) for name, item in node.entries.items()}, node.place)
+            entries[key] = Node(
+                {name: normal(item, folder, problems) for name, item in node.entries.items()}, node.place
+            )
     return Node(entries, root.place) if isinstance(root.value, dict) else root
 
 
-def parameter_set(item: Node, folder: Path) -> Node:
+def parameter_set(item: Node, folder: Path, problems: list[str]) -> Node:
     """A parameter set's content, `component: {parameter: value}`, if its file is named."""
     if not isinstance(item.value, str):
         return item
@@ -87,8 +93,13 @@ def parameter_set(item: Node, folder: Path) -> Node:
     if not path.is_file():
         known = [other.name for other in path.parent.glob("*.y*ml")] if path.parent.is_dir() else []
         hint = nearest(path.name, known) or " Give a path relative to this file."
-        raise ScenarioError(f"{item.place}: parameter_sets: there is no file {item.value}.{hint}")
-    return tree.read(path, str(Path(item.place.file).parent / item.value))
+        problems.append(f"{item.place}: parameter_sets: there is no file {item.value}.{hint}")
+        return Node({}, item.place)
+    try:
+        return tree.read(path, str(Path(item.place.file).parent / item.value), problems)
+    except ScenarioError as error:
+        problems += error.problems
+        return Node({}, item.place)
 
 
 def located(member: Node, folder: Path) -> Node:
@@ -118,12 +129,25 @@ def connections(item: Node) -> list[Node]:
     return [Node(item.entries | {"to": Node(one.value, one.place)}, item.place) for one in target.items]
 
 
+def strays(root: Node, base: Node) -> list[str]:
+    """What a file disconnects of members that neither it nor the one it extends has, in any variant."""
+    empty = Node({}, root.place)
+    patches = [one for file in (root, base) for one in (file, *file.entries.get("variants", empty).entries.values())]
+    known = {name for one in patches for name in members(one)}
+    return [
+        f"{item.entries['to'].place}: there is no member `{owner}`.{nearest(owner, known)}"
+        for one in patches for item in one.entries.get("connections", empty).items
+        if "from" in item.entries and item.entries["from"].value is None
+        and (owner := (target(item) or "").partition(".")[0]) and owner not in known
+    ]  # fmt: skip
+
+
 def merged(base: Node, patch: Node, path: Keys = (), keep_null: bool = False) -> Node:
     """`patch` over `base`. `keep_null`: both are patches themselves, so that a `null` is still to be applied."""
     if not isinstance(patch.value, dict):
         return merged_list(base, patch, path, keep_null) if isinstance(patch.value, list) else patch
     if len(path) == 2 and path[0] == "members" and replaces(base, patch):
-        base = Node({}, patch.place)
+        base = Node({key: base.entries[key] for key in RHYTHM if key in base.entries}, patch.place)
     if not path and not keep_null:
         base = without(base, [name for name, node in members(patch).items() if node.value is None])
     entries = dict(base.entries)
@@ -229,6 +253,6 @@ def parametrized(root: Node) -> Node:
             if below is not None and isinstance(below.value, dict):
                 above = member.entries.get("parameters", Node({}, member.place))
                 own = own | {name: Node(member.entries | {"parameters": merged(below, above)}, member.place)}
-    if not sets:
+    if not own:
         return root
     return Node(root.entries | {"members": Node(own, root.entries["members"].place)}, root.place)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, get_args
+import re
+from typing import TYPE_CHECKING, Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -11,7 +12,11 @@ from twin.scenario.model import ScenarioKeys
 from twin.scenario.tree import Node
 from twin.scenario.value import short
 
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
 Path = tuple[str | int, ...]
+Steps = dict[str | int | None, "Steps"]
 
 EXAMPLES = {
     "from": "from: servo.position", "to": "to: sheath.gripper_position", "at": "at: 5 s",
@@ -43,28 +48,31 @@ def validate(root: Node) -> tuple[ScenarioKeys, Node, list[str]]:
             found = error.errors(include_url=False)
             if attempt == 0:
                 problems += [line(root, one) for one in found]
-            # from the last one backwards: an item that leaves its list does not move those still to be dropped
-            for path in reversed(
-                dict.fromkeys(one["loc"][: -1 if one["type"] == "missing" else None] for one in found)
-            ):
-                root = dropped(root, path)
+            root = dropped(root, steps(one["loc"][: -1 if one["type"] == "missing" else None] for one in found))
     return ScenarioKeys(), Node({}, root.place), problems
 
 
-def dropped(node: Node, path: Path) -> Node:
-    """The tree without what is at a path."""
-    if not path:
-        return node
-    first, *rest = path
-    if isinstance(node.value, dict) and first in node.value:
-        entries = dict(node.value)
-        kept = rest not in ([], ["[key]"])
-        entries = {k: dropped(v, tuple(rest)) if k == first else v for k, v in entries.items() if kept or k != first}
-        return Node(entries, node.place)
-    if isinstance(node.value, list) and isinstance(first, int) and first < len(node.value):
-        items = list(node.value)
-        items[first : first + 1] = [dropped(items[first], tuple(rest))] if rest else []
-        return Node(items, node.place)
+def steps(paths: Iterable[Path]) -> Steps:
+    """Paths nested by their steps; what ends at a step has the key None there, and so has what is a wrong key."""
+    found: Steps = {}
+    for path in paths:
+        below = found
+        for step in path:
+            below = below.setdefault(None if step == "[key]" else step, {})
+        below[None] = {}
+    return found
+
+
+def dropped(node: Node, wrong: Steps) -> Node:
+    """The tree without what is at some paths."""
+    if isinstance(node.value, dict):
+        kept = {
+            key: dropped(item, wrong.get(key, {})) for key, item in node.value.items() if None not in wrong.get(key, {})
+        }
+        return Node(kept, node.place) if wrong else node
+    if isinstance(node.value, list):
+        items = [dropped(item, wrong.get(i, {})) for i, item in enumerate(node.value) if None not in wrong.get(i, {})]
+        return Node(items, node.place) if wrong else node
     return node
 
 
@@ -85,9 +93,20 @@ def line(root: Node, error: Any) -> str:
     if kind == "literal_error":
         choices = error["ctx"]["expected"].replace(" or ", ", ").replace("'", "").split(", ")
         return f"{place}: {what}: `{short(given)}` is not known.{nearest(str(given), choices)}"
+    if path[0] == "connections" and isinstance(given, str):
+        return f"{place}: {what}: {quoted(given)} is no connection. {arrow(given)}"
     if kind in KINDS:
         return f"{place}: {what}: expected {KINDS[kind]}, not {quoted(given)}."
     return f"{place}: {what}: {error['msg'][0].lower()}{error['msg'][1:]}, not {quoted(given)}."
+
+
+def arrow(text: str) -> str:
+    """How a connection is written, from what somebody wrote."""
+    ends = [end.strip() for end in re.split(r"\s*(?:[-=]+\s*>|<\s*[-=]+|→|>)\s*", text)]
+    if "<" in text:
+        ends.reverse()
+    good = len(ends) == 2 and all(re.fullmatch(r"\w+\.[\w.\[\],]+", end) for end in ends)
+    return f"Write `{' -> '.join(ends) if good else 'servo.position -> sheath.gripper_position'}`."
 
 
 def quoted(value: Any) -> str:

@@ -98,11 +98,17 @@ class Keys(BaseModel):
 
 
 class MemberKeys(Keys):
-    """`servo: {component: servomotor, parameters: {mass: 0.65 kg}, period: 1 ms}`; in a variant all are optional."""
+    """`servo: {component: servomotor, parameters: {mass: 0.65 kg}, period: 1 ms}`; in a variant all are optional.
+
+    `period`: what it samples at. `communication_step`: how often it takes inputs and publishes. `finite`: whether a
+    value that is not finite ends the run.
+    """
 
     component: Text | None = None
     parameters: dict[str, Value] = {}
     period: Period | None = None
+    communication_step: Period | None = None
+    finite: bool = True
     description: Text = ""
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError
 from twin.scenario import tree
-from twin.scenario.merge import members, merged, nearest
+from twin.scenario.merge import RHYTHM, members, merged, nearest
 from twin.scenario.tree import Node, Place
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def option_patch(path: str, value: Node, shown: str) -> Node:
         if name in ("seed", "seeds"):
             name, value = "seeds", value if isinstance(value.value, list) else Node([value], value.place)
         return wrapped({name: value}, shown)
-    if rest in ("component", "period"):
+    if rest in ("component", *RHYTHM, "finite"):
         member = wrapped({rest: value}, shown)
     else:
         member = wrapped({"parameters": wrapped({rest.removeprefix("parameters."): value}, shown)}, shown)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import yaml
 
+from twin.coupling import Connection, System
 from twin.errors import CouplingError, ScenarioError
 from twin.scenario import value
 from twin.scenario.merge import nearest
@@ -37,14 +38,17 @@ STARTABLE = ("exact", "approx")  # FMI's `initial`: a state's or an output's sta
 class MemberSpec:
     """A member as the file names it. `component`: a name in fmus/, `module:Class`, or the absolute path of an FMU.
 
-    `made` is the component if it is a group of another scenario, absolute/path.yaml#group.
+    `made` is the component if it is a group of another scenario, absolute/path.yaml#group. `period_ns` is what it
+    samples at, `communication_ns` how often it takes inputs and publishes; None: as the component says.
     """
 
     component: str
     parameters: dict[str, Any] = field(default_factory=dict)  # name or element `r[1]` -> value as written
     period_ns: int | None = None
+    communication_ns: int | None = None
+    finite: bool = True  # whether a value that is not finite ends the run
     where: str = field(default="", compare=False)
-    places: dict[str, str] = field(default_factory=dict, compare=False)  # parameter -> file:line
+    places: dict[str, str] = field(default_factory=dict, compare=False)  # parameter or key -> file:line
     made: type[Component] | None = field(default=None, compare=False)
 
     def values(self, name: str, variables: Variables) -> tuple[dict[str, Any], list[str]]:
@@ -76,7 +80,7 @@ class MemberSpec:
 
 @dataclass(frozen=True)
 class ConnectionSpec:
-    """`source` and `target` are `member.variable`."""
+    """`source` and `target` are `member.variable`, or both `member.terminal`."""
 
     source: str
     target: str
@@ -190,6 +194,10 @@ class Case:
                 found[name] = own.dtype.type(member_seed(self.seed, owner))
         return found
 
+    def system(self, catalog: Catalog) -> System:
+        """What couples its members, to be checked against their variables."""
+        return System(catalog, [Connection(one.source, one.target, one.where) for one in self.connections])
+
     def event_value(self, event: EventSpec, catalog: Catalog) -> Any:
         """An event's value as numpy scalar or array in the variable's unit; for an element `r[1]`, its scalar."""
         variable, _ = find(event.variable, catalog)
@@ -223,6 +231,7 @@ class Scenario:
     overrides: tuple[str, ...]
     paper_applies: bool
     tree: Node = field(repr=False, compare=False)
+    written: Node = field(repr=False, compare=False)  # the tree before `overrides`
 
     def cases(self, variants: Sequence[str] = (), seeds: Sequence[int] = ()) -> list[Case]:
         """Every run in the order of the file: variants, and in each its seeds. Some of them, if named."""
@@ -246,7 +255,10 @@ class Scenario:
         return yaml.dump(self.tree.plain(), Dumper=Dumper, sort_keys=False, allow_unicode=True, width=110)
 
 
-class Dumper(yaml.SafeDumper):
+Safe: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+
+
+class Dumper(Safe):  # type: ignore[misc]
     """Writes what `tree` reads: text such as `1e-3`, a number in YAML 1.2, gets quotes; nothing becomes an alias."""
 
     def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002 - the base class's signature

@@ -49,6 +49,13 @@ class Node:
     value: Any
     place: Place
 
+    @classmethod
+    def of(cls, value: Any, place: Place) -> Node:
+        """The tree of plain dicts, lists and values that all stand in one place."""
+        if isinstance(value, dict):
+            return cls({key: cls.of(one, place) for key, one in value.items()}, place)
+        return cls([cls.of(one, place) for one in value] if isinstance(value, list) else value, place)
+
     @property
     def entries(self) -> dict[str, Node]:
         """The dict's entries; none if this is not a dict."""
@@ -91,8 +98,8 @@ def scalar(text: str) -> Any:
     return float(text) if FLOAT.fullmatch(text) else text
 
 
-def read(path: Path, shown: str) -> Node:
-    """Read a file; `shown` is how messages call it."""
+def read(path: Path, shown: str, problems: list[str] | None = None) -> Node:
+    """Read a file; `shown` is how messages call it. What does not keep it from being read goes to `problems`, if given."""
     try:
         if path.is_dir():
             raise ScenarioError(f"{shown}: is a folder. Name a file in it, such as {shown}/contact.yaml.")
@@ -100,6 +107,8 @@ def read(path: Path, shown: str) -> Node:
             data = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         raise ScenarioError(f"{shown}: cannot be read ({getattr(error, 'strerror', None) or error}).") from None
+    if data.startswith(b"PK\x03\x04"):
+        raise ScenarioError(f"{shown}: {archive(path)}")
     if len(data) > MAX_BYTES:
         raise ScenarioError(f"{shown}: is larger than {MAX_BYTES // 1_000_000} MB. Such files have a few kilobytes.")
     try:
@@ -108,13 +117,22 @@ def read(path: Path, shown: str) -> Node:
         line = data.count(b"\n", 0, error.start) + 1
         byte = data[error.start]
         raise ScenarioError(f"{shown}:{line}: byte 0x{byte:02x} is not UTF-8 text. Save the file as UTF-8.") from None
-    return parse(text, shown)
+    return parse(text, shown, problems)
 
 
-def parse(text: str, shown: str) -> Node:
-    """The tree of a YAML text."""
+def archive(path: Path) -> str:
+    """What to do with an archive that was given as a text."""
+    if path.suffix == ".fmu":
+        return "is an FMU, not a scenario. Run it with `twin simulate`, or name it as a member's component."
+    if path.suffix == ".ssp":
+        return "is an SSP archive, which cannot be read. Write its system as a scenario, with its FMUs as members."
+    return "is a zip archive, not a text. Name the scenario in it."
+
+
+def parse(text: str, shown: str, problems: list[str] | None = None) -> Node:
+    """The tree of a YAML text. Keys that are given twice go to `problems`, if given."""
     try:
-        return Composer(shown).document(yaml.parse(text, Loader=Loader))
+        return Composer(shown, problems).document(yaml.parse(text, Loader=Loader))
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f":{mark.line + 1}" if mark else ""
@@ -131,11 +149,12 @@ def parse(text: str, shown: str) -> Node:
 class Composer:
     """Builds the tree of one document from the parser's events."""
 
-    def __init__(self, shown: str) -> None:
+    def __init__(self, shown: str, problems: list[str] | None) -> None:
         self.shown = shown
         self.count = 0
         self.anchors: dict[str, tuple[Node, int]] = {}  # with the number of nodes it stands for
-        self.problems: list[str] = []
+        self.raises = problems is None
+        self.problems = [] if problems is None else problems
 
     def place(self, event: Any) -> Place:
         """Where an event begins."""
@@ -151,7 +170,7 @@ class Composer:
                 root = self.node(next(events), events, 0)
         if root is None or root.value is None:
             raise ScenarioError(f"{self.shown}: is empty. Write it, or name another file.")
-        if self.problems:
+        if self.raises and self.problems:
             raise ScenarioError(self.problems)
         return root
 

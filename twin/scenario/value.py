@@ -12,17 +12,13 @@ import numpy as np
 
 from twin.component import unit
 from twin.errors import CouplingError
-from twin.results import signals
 
 if TYPE_CHECKING:
     from twin.coupling import MemberVariable
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
-# A unit starts with a letter or as `1/s`. Powers have one digit: pint would compute `m**9**9**9` forever.
+# A unit starts with a letter or as `1/s`. What is a unit is for `twin.component.unit` to say.
 QUANTITY = re.compile(rf"\s*({NUMBER})\s*((?:1\s*/\s*)?[A-Za-zµμΩ°%][A-Za-zµμΩ°%_\s*/()^·0-9.-]{{0,60}})?\s*")
-POWER = re.compile(
-    r"(\*\*|\^)\s*-?\s*\d(?!\d|\.|\s*\*\*|\s*\^)|(?<!\*)[*/](?!\*)|[A-Za-zµμΩ°%_()\s·]+|1\s*/|(?<=[A-Za-z])\d"
-)
 
 DURATIONS = {
     "s": 10**9,
@@ -40,10 +36,7 @@ LONGEST = 10**7 * 10**9  # four months [ns]
 def split(text: str) -> tuple[str, str] | None:
     """Number and unit of a quantity's text, or None if it is not one."""
     match = QUANTITY.fullmatch(text)
-    if not match or len(text) > 80:
-        return None
-    symbol = (match[2] or "").strip()
-    return (match[1], symbol) if not POWER.sub("", symbol).strip() else None
+    return (match[1], (match[2] or "").strip()) if match and len(text) <= 80 else None
 
 
 def duration(value: Any) -> int:
@@ -104,7 +97,7 @@ def number(value: Any, target: str, what: str) -> float:
     digits, symbol = float(parts[0]), parts[1]
     if not math.isfinite(digits):
         raise CouplingError(f"{what}: `{short(value)}` is not a finite number.")
-    if not symbol or symbol == target:
+    if not symbol or symbol in (target, unit.shown(target)):
         return digits
     try:
         factor, offset = conversion(symbol, target)
@@ -117,21 +110,20 @@ def number(value: Any, target: str, what: str) -> float:
     return unit.round_trip(digits * factor + offset)
 
 
-def si(value: Any, symbol: str, what: str) -> float:
+def si(value: Any, symbol: str, what: str, is_difference: bool = False) -> float:
     """A scalar in coherent SI units; with a unit of its own it must be of the kind of `symbol`, if that is given."""
     parts = split(value) if isinstance(value, str) else None
     if parts is None or not parts[1]:
         return number(value, "", what)
-    converted = number(value, symbol or parts[1], what)
-    factor, offset = to_si(symbol or parts[1])
-    return unit.round_trip(converted * factor + offset)
+    number(value, symbol or parts[1], what)
+    factor, offset = to_si(parts[1], is_difference)
+    return unit.round_trip(float(parts[0]) * factor + offset)
 
 
-def to_si(symbol: str) -> tuple[float, float]:
+def to_si(symbol: str, is_difference: bool = False) -> tuple[float, float]:
     """(factor, offset) to SI of a unit that must be known."""
-    if symbol not in signals.COHERENT:
-        unit.describe(symbol)
-    return signals.coherent(symbol)
+    found = unit.describe(symbol)
+    return found.factor, 0.0 if is_difference else found.offset
 
 
 def in_unit(symbol: str) -> str:
@@ -140,12 +132,14 @@ def in_unit(symbol: str) -> str:
 
 
 def resolve(value: Any, variable: MemberVariable, what: str) -> Any:
-    """A value from the file as numpy scalar or array of the variable's type, shape and unit."""
-    if variable.shape:
-        return array(value, variable, what)
-    if isinstance(value, list):
+    """A value from the file as numpy scalar or array of the variable's type, shape and unit, within its bounds."""
+    if isinstance(value, list) and not variable.shape:
         raise CouplingError(f"{what}: expected one value, not a list of {len(value)}.")
-    return element(value, variable, what)
+    found = array(value, variable, what) if variable.shape else element(value, variable, what)
+    wrong, advice = variable.outside(found)
+    if wrong:
+        raise CouplingError(f"{what}{wrong}. {advice}")
+    return found
 
 
 def array(value: Any, variable: MemberVariable, what: str) -> Any:

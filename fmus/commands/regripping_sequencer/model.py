@@ -39,7 +39,7 @@ class RegrippingSequencer(Component):
     position = input("m", "position of each motor, positive distal", start=(-0.0242, 0.0242), display_unit="mm",
                      nominal=0.01)  # fmt: skip
     extension = input("m", "extension of each gripper's cylinder, from its sensor", shape=(2,), display_unit="mm",
-                      nominal=0.01, minimum=0.0)  # fmt: skip
+                      nominal=0.01)  # fmt: skip # a little below 0 on the cushion of the retracted end
     pressure_ok = input("", "air is there", start=True, type=Boolean)
     drive_ok = input("", "each drive follows its target", start=(True, True), type=Boolean)
 

@@ -48,6 +48,7 @@ class Program:
         self.order: list[Function] = []
         self._infer = infer
         self._open: list[FunctionType] = []
+        self.problems: dict[str, None] = {}  # what cannot become C, statement by statement
 
     def infer(self, function: FunctionType, arguments: tuple[Type, ...]) -> Function:
         """The function for these argument types."""
@@ -59,8 +60,10 @@ class Program:
                 raise source.error(source.tree, f"calls itself, through {self._open[-1].__name__}", remedy)
             self._open.append(function)
             made = Function(source, arguments)
-            self._infer(self, made)
-            self._open.pop()
+            try:
+                self._infer(self, made)
+            finally:
+                self._open.pop()
             made.nonnegative = {n for n, kind in zip(source.parameters, arguments, strict=True) if kind == INTEGER}
             self.functions[key] = made
             self.order.append(made)

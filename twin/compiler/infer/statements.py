@@ -9,6 +9,7 @@ from twin.compiler.infer.calls import LOOP, Calls
 from twin.compiler.infer.expressions import FORBIDDEN, element
 from twin.compiler.infer.program import Function, Program
 from twin.compiler.infer.static import NotStaticError
+from twin.compiler.resolve import TranslationError
 from twin.compiler.types import (
     INTEGER,
     NOTHING,
@@ -56,6 +57,8 @@ class Inference(Calls):
             self.block(self.source.tree.body)
             if before == (function.locals, function.result, function.mutable, function.roots):
                 break
+        if self.program.problems:
+            return  # what is not known follows from them
         if isinstance(function.result, Unknown):
             function.result = NOTHING
         for node in ast.walk(self.source.tree):
@@ -66,12 +69,20 @@ class Inference(Calls):
             raise self.error(self.source.tree, "may end without a result", "End it with `return`")
 
     def block(self, statements: list[ast.stmt]) -> None:
-        """Statements in their order."""
+        """Statements in their order; one that has no form in C keeps no other from being looked at."""
         for statement in statements:
             known = STATEMENTS.get(type(statement))
-            if known is None:
-                raise self.error(statement, "has no form in C", FORBIDDEN.get(type(statement), "Write it otherwise"))
-            known(self, statement)
+            try:
+                if known is None:
+                    raise self.error(
+                        statement, "has no form in C", FORBIDDEN.get(type(statement), "Write it otherwise")
+                    )
+                known(self, statement)
+            except TranslationError as error:
+                self.program.problems[str(error)] = None
+                for node in ast.walk(statement):
+                    if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                        self.function.locals.setdefault(node.id, UNKNOWN)
 
     def assign(self, node: ast.Assign) -> None:
         if len(node.targets) > 1:

@@ -1,0 +1,149 @@
+"""A hardware file held against the cases of a scenario."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from hw_bridge.dictionary import Mode
+from hw_bridge.hardware import ContactKeys, overloaded, plausible
+from hw_bridge.profiles import profile
+from hw_bridge.session import targets
+from twin.component import Boolean, Role, catalog
+from twin.coupling import READABLE, find
+from twin.errors import CouplingError, TwinError, nearest
+from twin.scenario import members as forms
+from twin.scenario import read
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from hw_bridge.hardware import HardwareKeys
+    from twin.component import Component
+    from twin.coupling import MemberVariable
+    from twin.scenario import Case, MemberSpec
+
+NEEDED = ("target_velocity", "position_actual_value")
+MEASURED = "measured_force"
+
+
+class Fitting:
+    """What does not fit, and which contact forces are watched. `retracts`: whether a drive can where one is too high."""
+
+    def __init__(self, path: Path, keys: HardwareKeys, retracts: bool = True) -> None:
+        self.path, self.keys, self.retracts = path, keys, retracts
+        self.root = read(path, str(path)) if path.is_file() else None  # for the places of mistakes
+        own = {name: node.contact for name, node in keys.nodes.items() if node.contact is not None}
+        self.contacts: dict[str, ContactKeys] = own if retracts else {}
+
+    def problems(self, case: Case) -> list[str]:
+        """What of a case does not fit; finds the contact forces that it measures."""
+        found = []
+        for name, node in self.keys.nodes.items():
+            if name not in case.members:
+                found.append(f"{self.path}: nodes.{name}: no such member. {nearest(name, list(case.members))}")
+                continue
+            cls = replaced(case.members[name])
+            known = {v.name for v in cls.variables}
+            if missing := [one for one in NEEDED if one not in known]:
+                found.append(
+                    f"{self.path}: nodes.{name}: {cls.__name__} has no {', '.join(missing)}. A drive needs them."
+                )
+            if problem := plausible.gearing(node, "angle" in known):
+                found.append(f"{self.path}: nodes.{name}: {problem}")
+            if self.root is not None:
+                found += plausible.units(self.root, name, "angle" in known)
+            if node.contact is not None and node.contact.signal.partition(".")[0] not in case.members:
+                found.append(f"{self.path}: nodes.{name}.contact: no member for {node.contact.signal}. Correct it.")
+            elif node.contact is None and node.watch_contact and self.retracts:
+                found += self._find_contact(name, case)
+            told = case.members[name].parameters.get("mode_of_operation")
+            if isinstance(told, int) and (problem := targets.unknown_mode(told, profile(node.profile), known)):
+                where = case.members[name].places.get("mode_of_operation", case.members[name].where)
+                found.append(f"{where}: {name} is a drive: {problem}")
+            if node.outputs:
+                found += unswitchable(f"{self.path}: nodes.{name}.outputs", node.outputs, case.members)
+        for name, module in self.keys.modules.items():
+            where = f"{self.path}: modules.{name}"
+            if name in case.members:
+                found.append(f"{where}: the scenario has a member of this name. Use another one.")
+            found += unswitchable(f"{where}.outputs", module.outputs, case.members)
+        if self.keys.cycle % case.step_ns:
+            found.append(
+                f"{self.path}: cycle: {self.keys.cycle / 1e6:g} ms is not a multiple of the scenario's step, "
+                f"{case.step_ns / 1e6:g} ms. Change one of them."
+            )
+        if (forces := len(self.forced(case))) and (problem := overloaded(self.keys, forces)):
+            found.append(f"{self.path}: {problem}")
+        return found
+
+    def forced(self, case: Case) -> set[str]:
+        """Members that are told a force, on drives that follow one."""
+        follow = [
+            name for name, node in self.keys.nodes.items()
+            if Mode.CST in profile(node.profile).modes and name in case.members
+        ]  # fmt: skip
+        connected = connected_inputs(case) if follow else set()
+        return {name for name in follow if targets.told_force(name, case, connected)}
+
+    def _find_contact(self, name: str, case: Case) -> list[str]:
+        """Watch the contact force that the scenario measures, if it measures one."""
+        found = [
+            f"{member}.{MEASURED}"
+            for member, spec in case.members.items()
+            if member not in self.keys.nodes and not spec.component.endswith(".fmu")
+            and any(v.name == MEASURED and v.role is Role.output for v in replaced(spec).variables)
+        ]  # fmt: skip
+        if len(found) == 1:
+            self.contacts[name] = ContactKeys(signal=found[0])
+        if len(found) < 2:
+            return []
+        return [
+            (
+                f"{self.path}: nodes.{name}: which contact force is to be watched, {' or '.join(found)}? "
+                f"Add `contact: {{signal: {found[0]}}}`, or `watch_contact: false`."
+            )
+        ]
+
+
+def connected_inputs(case: Case) -> set[str]:
+    """`member.variable` of all inputs that are connected, also by their terminals."""
+    known: dict[str, Mapping[str, MemberVariable]] = {}
+    for name, spec in case.members.items():
+        with suppress(TwinError):  # what is wrong with a member is told with the others
+            known[name] = forms.variables(spec.made or spec.component)
+    return {one.target for one in case.system(known).single()[0]}
+
+
+def replaced(spec: MemberSpec) -> type[Component]:
+    """The component of a member that a drive stands for."""
+    if spec.component.endswith(".fmu"):
+        raise CouplingError(f"{spec.where}: an FMU cannot be replaced by a drive. Name the component.")
+    return spec.made or catalog.component(spec.component)
+
+
+def unswitchable(where: str, bits: Mapping[int, str], members: Mapping[str, MemberSpec]) -> list[str]:
+    """Signals that cannot switch an output. An FMU's are looked at with the other connections."""
+    known = {
+        name: forms.variables(spec.made or spec.component)
+        for name, spec in members.items()
+        if not spec.component.endswith(".fmu")
+    }
+    found = []
+    for bit, signal in bits.items():
+        member = signal.partition(".")[0]
+        if member in members and member not in known:
+            continue
+        try:
+            source = find(signal, known)
+        except CouplingError as error:
+            found.append(f"{where}.{bit}: {error}")
+            continue
+        kind, name = source.variable.type, source.variable.causality
+        if name not in READABLE:
+            found.append(f"{where}.{bit}: {signal} is an {name}. Name an output.")
+        elif kind != Boolean or source.size != 1:
+            what = kind if source.size == 1 else f"{source.size} values"
+            found.append(f"{where}.{bit}: {signal} is {what}, an output needs one Boolean. Name another or an element.")
+    return found

@@ -1,0 +1,151 @@
+"""The bridge: drives on a bus instead of members of a scenario, in simulated time or on the wall clock.
+
+`Hardware.apply` puts a Python-side component with the same variables in the place of
+each member that the file names. All of them share one `Session` per case, which runs when the last of them is stepped.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hw_bridge.bridge import summary
+from hw_bridge.bridge.axis import KEPT, DriveAxis, OutputModule
+from hw_bridge.bridge.fitting import Fitting, replaced
+from hw_bridge.hardware import planned
+from hw_bridge.session import Company, Session, outputs
+from hw_bridge.shadow import shadows
+from hw_bridge.trace import Watch
+from twin.component import input as input_variable
+from twin.errors import ScenarioError
+from twin.results import Ending
+from twin.scenario import ConnectionSpec, MemberSpec
+
+if TYPE_CHECKING:
+    from hw_bridge.hardware import FaultKeys, HardwareKeys
+    from twin.component import Component
+    from twin.scenario import Case, Scenario
+
+CONTACT = "contact_force"
+ROOM = "hw_bridge.bridge"  # as whose the components appear
+COMPANY = Company(Watch, shadows)
+
+
+class Hardware:
+    """A checked hardware file, and what its drives did in the cases of a run."""
+
+    def __init__(
+        self, path: Path, keys: HardwareKeys, arm: bool = False, build: Path = Path("build"), trace: Path | None = None
+    ) -> None:
+        self.path, self.keys, self.arm, self.build, self.trace = path, keys, arm, build, trace
+        self.fitting = Fitting(path, keys)
+        self.faults: dict[str, list[FaultKeys]] = {}  # of a scenario's variants
+        self.sessions: list[Session] = []
+        self.present: Session | None = None
+
+    @property
+    def takes_faults(self) -> bool:
+        """Real drives have their own."""
+        return self.keys.simulated
+
+    def apply(self, scenario: Scenario) -> Scenario:
+        """The scenario with drives instead of the members that the file names; ScenarioError lists what does not fit."""
+        if not self.keys.is_software() and not self.arm:
+            raise ScenarioError(
+                f"{self.path}: {self.keys.interface} {self.keys.channel} may move real drives. "
+                f"Add --arm if nobody is in their way, or `simulated: true`."
+            )
+        problems = [problem for case in scenario.variants for problem in self.fitting.problems(case)]
+        for case in scenario.variants:
+            self.faults[case.variant], found = planned(case.faults, self.keys)
+            problems += found
+        if problems:
+            raise ScenarioError(list(dict.fromkeys(problems)))
+        return replace(scenario, variants=tuple(self._applied(case) for case in scenario.variants))
+
+    def _applied(self, case: Case) -> Case:
+        members, connections, forced = dict(case.members), list(case.connections), self.fitting.forced(case)
+        for name, node in self.keys.nodes.items():
+            spec = members[name]
+            made = self._component(name, replaced(spec), case.variant)
+            made.forced = name in forced
+            own = f"{ROOM}:{name}"
+            # finite: what a drive cannot tell is NaN
+            members[name] = replace(spec, component=own, made=made, period_ns=None, communication_ns=None, finite=False)
+            if name in self.fitting.contacts:
+                source = self.fitting.contacts[name].signal
+                connections.append(ConnectionSpec(source, f"{name}.{CONTACT}", f"{self.path}: nodes.{name}"))
+            for bit, signal in node.outputs.items():
+                where = f"{self.path}: nodes.{name}.outputs.{bit}"
+                connections.append(ConnectionSpec(signal, f"{name}.{outputs.connector(bit)}", where))
+        for name, module in self.keys.modules.items():
+            where = f"{self.path}: modules.{name}"
+            members[name] = MemberSpec(f"{ROOM}:{name}", where=where, made=self._module(name, case.variant))
+            connections += [
+                ConnectionSpec(signal, f"{name}.{outputs.connector(bit)}", f"{where}.outputs.{bit}")
+                for bit, signal in module.outputs.items()
+            ]
+        return replace(case, members=members, connections=tuple(connections))
+
+    def _module(self, name: str, variant: str) -> type[Component]:
+        """A component class with an input for each output that follows a signal."""
+        fields: dict[str, Any] = {**outputs.inputs(self.keys.modules[name].outputs)}
+        fields |= {"hardware": self, "member": name, "variant": variant, "__module__": ROOM}
+        fields["__doc__"] = "An I/O module of CiA 401."
+        return type(f"Module_{name}", (OutputModule,), fields)
+
+    def _component(self, name: str, replaced: type[Component], variant: str = "") -> type[DriveAxis]:
+        """A component class with the connectors of the one that it replaces."""
+        fields: dict[str, Any] = {**{v.name: v for v in replaced.variables if v.role in KEPT}, **replaced.terminals}
+        if name in self.fitting.contacts:
+            fields[CONTACT] = input_variable("N", "force that is watched")
+        fields |= outputs.inputs(self.keys.nodes[name].outputs)
+        fields |= {"hardware": self, "member": name, "replaced": replaced, "variant": variant, "__module__": ROOM}
+        fields["__doc__"] = f"A drive instead of {replaced.__name__}."
+        return type(f"Drive_{name}", (DriveAxis,), fields)
+
+    def join(self, part: DriveAxis | OutputModule) -> Session:
+        """The session that a drive or module belongs to: a new one where a case begins."""
+        now = self.present
+        if now is None or now.begun or now.closed or part.member in now.members:
+            faults = [*self.keys.faults, *self.faults.get(part.variant, [])]
+            now = self.present = Session(
+                self.keys, self.fitting.contacts, self.build, COMPANY, self._trace(), faults, part.variant
+            )
+            self.sessions.append(now)
+        if isinstance(part, DriveAxis):
+            now.join(part.member, part, part.forced)
+        else:
+            now.join_module(part.member, part)
+        return now
+
+    def _trace(self) -> Path | None:
+        """The trace of the next case: x.blf, then x-2.blf, x-3.blf, ..."""
+        number = len(self.sessions) + 1
+        if self.trace is None or number == 1:
+            return self.trace
+        return self.trace.with_stem(f"{self.trace.stem}-{number}")
+
+    def report(self) -> dict[str, Any]:
+        """What is worth keeping of a run, for its summary; `shown` is what the terminal tells."""
+        return summary.report(self.path, self.keys, self.sessions, self.jitter())
+
+    def ending(self) -> Ending:
+        """How the last case ended."""
+        return self.sessions[-1].account.ending() if self.sessions and self.sessions[-1].begun else Ending()
+
+    def pictures(self) -> list[dict[str, str]]:
+        """The histogram of the jitter, where time was the wall clock's."""
+        return summary.pictures(self.keys, self.jitter())
+
+    def notes(self) -> list[str]:
+        """What the person who runs this has to know."""
+        return summary.notes(self.sessions)
+
+    def jitter(self) -> np.ndarray[Any, Any]:
+        """Periods between SYNCs minus the cycle, of all cases on the wall clock [s]."""
+        found = [session.master.timing.jitter for session in self.sessions if session.master and session.wall_clock]
+        return np.concatenate(found) if found else np.zeros(0)

@@ -1,0 +1,230 @@
+"""`twin drive`: a simulated drive as a process of its own, on any python-can interface."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hw_bridge.bus import NEVER
+from hw_bridge.dictionary import cia401
+from hw_bridge.fault import LARGEST, MEANINGS, Cause, Fault
+from hw_bridge.profiles import DEVICES, MODULES, device, profile
+from twin.cli import say
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import FrameType
+
+    from hw_bridge.device import Module, Slave
+    from hw_bridge.profiles import Device, Profile
+
+
+@click.group("drive", invoke_without_command=True, short_help="a simulated CANopen drive on any CAN interface")
+@click.option("--profile", "-p", "name", type=click.Choice([*MODULES, *DEVICES]),
+              help="The vendor's drive, or cia401: an I/O module.")  # fmt: skip
+@click.option("--node", "-n", type=click.IntRange(1, 127), default=1, show_default=True, help="Its node-ID.")
+@click.option("--interface", "-i", help="python-can's interface: socketcan, slcan, udp_multicast, ...")
+@click.option("--channel", "-c", help="The interface's channel: can0, /dev/ttyACM0, 239.74.163.2, ...")
+@click.option("--bitrate", type=int, default=1_000_000, show_default=True, help="For interfaces that have one.")
+@click.option("--option", "options", multiple=True, metavar="NAME=VALUE", help="More arguments of the interface, such as "
+              "port=43114; repeat.")  # fmt: skip
+@click.option(
+    "--eds", type=click.Path(dir_okay=False, path_type=Path), help="Object dictionary instead of the profile's."
+)
+@click.option(
+    "--write-eds", type=click.Path(dir_okay=False, path_type=Path), help="Write the profile's EDS file and end."
+)
+@click.option("--store", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Keep there what 1010h "
+              "stores, also after the process.")  # fmt: skip
+@click.option("--control", type=click.IntRange(0, 65535), metavar="PORT", help="Take faults of twin drive inject there; "
+              "0: any free port.")  # fmt: skip
+@click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
+              help="Folder for compiled objects.")  # fmt: skip
+@click.pass_context
+def command(
+    context: click.Context, name: str | None, node: int, interface: str | None, channel: str | None, bitrate: int,
+    options: tuple[str, ...], eds: Path | None, write_eds: Path | None, store: Path | None, control: int | None, build: Path,
+) -> None:  # fmt: skip
+    """Run a simulated CANopen drive with its motor, or an I/O module, paced by the wall clock, until Ctrl-C.
+
+    It refuses to start where another node answers on its ID: a simulated drive does not belong on a real machine's bus.
+
+    \b
+    twin drive --profile epos4 --node 3 --interface socketcan --channel vcan0
+    twin drive -p faulhaber_v3 -n 1 -i udp_multicast -c 239.74.163.2
+    twin drive -p cia401 -n 9 -i udp_multicast -c 239.74.163.2
+    twin drive -p mclm --write-eds mclm.eds
+    """
+    if context.invoked_subcommand is not None:
+        return
+    from hw_bridge import eds as files
+    from hw_bridge.profiles import Profile
+
+    if name is None:
+        raise click.UsageError(f"Name --profile: {', '.join([*MODULES, *DEVICES])}.")
+    chosen = profile(name) if name in MODULES else device(name)
+    if write_eds is not None:
+        write_eds.write_text(files.export(chosen))
+        return
+    if interface is None or channel is None:
+        raise click.UsageError("Name --interface and --channel, such as -i socketcan -c vcan0, or use --write-eds.")
+    if eds is not None:
+        chosen = files.adopt(chosen, eds) if isinstance(chosen, Profile) else replace(chosen, objects=files.load(eds))
+    serve(chosen, node, interface, channel, bitrate, build, control, store, named(options))
+
+
+WIDTH = max(map(len, Cause))
+TABLE = "\b\n" + "\n".join(f"{one:{WIDTH}}  {text}" for one, text in MEANINGS.items())
+
+
+@command.command("inject", short_help="let a fault happen in a running twin drive", epilog=TABLE)
+@click.argument("fault", type=click.Choice([str(one) for one in Cause]), metavar="FAULT")
+@click.option("--control", type=click.IntRange(1, 65535), required=True, metavar="PORT", help="Its --control.")
+@click.option("--code", metavar="HEX", default="0", help="EMCY code, such as 7300h, with emcy.")
+@click.option("--lasting", is_flag=True, help="The error cannot be reset.")
+@click.option(
+    "--for",
+    "duration",
+    type=click.FloatRange(0),
+    metavar="S",
+    help="How long frames are disturbed [s]; else to the end.",
+)
+@click.option(
+    "--share", type=click.FloatRange(0, 1, min_open=True), default=1.0, help="Share of the frames that is hit."
+)
+@click.option("--count", type=click.IntRange(1), help="So many frames at most.")
+@click.option("--delay", type=click.FloatRange(0), default=0.01, metavar="S", help="With delay [s].", show_default=True)
+@click.option("--jitter", type=click.FloatRange(0), default=0.0, metavar="S", help="Up to so much more [s].")
+@click.option("--factor", type=click.FloatRange(0), default=2.0, metavar="X", help="With friction, grip, slow.",
+              show_default=True)  # fmt: skip
+@click.option("--offset", type=float, default=0.0, metavar="X", help="With encoder_offset [m or rad of the motor].")
+@click.option("--identifiers", metavar="LOW-HIGH", help="With drop, delay, corrupt: these frames, such as 180h-1FFh.")
+def inject_fault(
+    fault: str, control: int, code: str, lasting: bool, duration: float | None, share: float, count: int | None,
+    delay: float, jitter: float, factor: float, offset: float, identifiers: str | None,
+) -> None:  # fmt: skip
+    """Let FAULT happen in a simulated drive that was started with --control.
+
+    \b
+    twin drive --profile epos4 --node 3 -i socketcan -c vcan0 --control 4703
+    twin drive inject emcy --code 7320h --control 4703
+    twin drive inject heartbeat --for 0.5 --control 4703
+    """
+    from hw_bridge.command.control import request
+
+    for name, value in (("for", duration), ("share", share), ("delay", delay), ("jitter", jitter), ("factor", factor),
+                        ("offset", offset)):  # fmt: skip
+        if value is not None and not abs(value) <= LARGEST:  # not a number, too
+            raise click.UsageError(f"--{name} {value}: expected a number of at most {LARGEST:g}.")
+    try:
+        number = int(code.removesuffix("h"), 16)
+    except ValueError:
+        raise click.UsageError(f"--code {code}: expected an EMCY code such as 7300h.") from None
+    ends = None
+    if identifiers is not None:
+        try:
+            low, high = (int(end.removesuffix("h"), 16) for end in identifiers.split("-"))
+        except ValueError:
+            raise click.UsageError(f"--identifiers {identifiers}: expected two such as 180h-1FFh.") from None
+        ends = (low, high)
+    request(control, Fault(
+        Cause(fault), number, lasting, NEVER if duration is None else round(duration * 1e9), share,
+        NEVER if count is None else count, round(delay * 1e9), round(jitter * 1e9), offset, factor, ends,
+    ))  # fmt: skip
+    say(f"{fault}: {MEANINGS[Cause(fault)]}")
+
+
+def named(options: tuple[str, ...]) -> dict[str, Any]:
+    """Arguments by name, numbers as numbers."""
+    found: dict[str, Any] = {}
+    for one in options:
+        name, mark, value = one.partition("=")
+        if not (name and mark):
+            raise click.UsageError(f"--option {one}: expected NAME=VALUE, such as port=43114.")
+        found[name] = int(value) if value.lstrip("-").isdecimal() else value
+    return found
+
+
+def made(chosen: Profile | Device, node: int, build: Path) -> Slave:
+    """The simulated device of a profile."""
+    from hw_bridge.device import Drive, Module, Motor
+    from hw_bridge.profiles import Profile
+
+    if isinstance(chosen, Profile):
+        return Drive(chosen, node, Motor(chosen.motor, build=build))
+    return Module(chosen, node)
+
+
+def serve(
+    chosen: Profile | Device,
+    node: int,
+    interface: str,
+    channel: str,
+    bitrate: int,
+    build: Path,
+    port: int | None = None,
+    store: Path | None = None,
+    options: dict[str, Any] | None = None,
+) -> None:
+    """Run the drive on an interface until a signal ends it."""
+    from hw_bridge.command.control import Control
+    from hw_bridge.device import Module, Store
+    from hw_bridge.wire import Wire, hasten, opened, refuse_if_taken
+
+    control: Control | None = None
+    slave = made(chosen, node, build)
+    if store is not None:
+        slave.remember(Store(store, chosen.name, node))
+    bus = opened(interface, channel, bitrate, options or {})
+    try:
+        refuse_if_taken(bus, node)
+        wire = Wire(slave, bus)
+        if port is not None:
+            control = Control(port, slave, wire)
+            wire.look = control.look
+        if isinstance(slave, Module):
+            wire.look = switching(slave, wire.look)
+        _stop_on_signals(wire.stop)
+        hasten()
+        takes = f" Faults: --control {control.port}." if control is not None else ""
+        say(f"{chosen.title}: node {node} on {interface} {channel}.{takes} Ctrl-C ends it.")
+        wire.run()
+        say(f"stopped after {slave.port.agenda.now / 1e9:.1f} s, {wire.overruns} overruns, {wire.lost} frames lost")
+    finally:
+        if control is not None:
+            control.close()
+        bus.shutdown()
+
+
+def switching(module: Module, other: Callable[[], None]) -> Callable[[], None]:
+    """Tells each change of a module's outputs, beside another look."""
+    before = -1
+
+    def look() -> None:
+        nonlocal before
+        other()
+        if (now := module.outputs) != before:
+            say(f"{module.port.agenda.now / 1e9:.3f} s: outputs {now:0{2 * cia401.BYTES}X}h")
+            before = now
+
+    return look
+
+
+def _stop_on_signals(stop: threading.Event) -> None:
+    def handle(_signal: int, _frame: FrameType | None) -> None:
+        stop.set()
+
+    signal.signal(signal.SIGINT, handle)
+    signal.signal(signal.SIGTERM, handle)
+
+
+def main() -> None:
+    """Run the command as `twin` would."""
+    from twin.cli import invoke
+
+    invoke(command, "python -m hw_bridge.drive")

@@ -1,0 +1,138 @@
+"""The motor behind a drive: a component of the twin, told what to do by the drive's profile generators.
+
+The component brings its own cascaded loops, and the voltage that its supply has, so that currents and following errors
+are physical. A motor that is switched off is one whose current limit is 0.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from math import isfinite
+from pathlib import Path
+
+from hw_bridge.bus import MILLISECOND
+from hw_bridge.profiles import EFFORT, MotorModel
+from twin import clock
+from twin.component import OK
+from twin.coupling import RecordMember
+from twin.errors import SimulationError
+from twin.scenario import Form, members
+
+CYCLE = MILLISECOND  # control cycle of a drive [ns]; a multiple of the sampling time of the motor's loops
+CSP, CSV, CST = 8, 9, 10
+
+
+class Motor:
+    """One motor in SI units, linear or rotary, advanced a control cycle at a time. Its side of a gear counts."""
+
+    def __init__(
+        self, model: MotorModel, form: Form = Form.compiled, build: Path = Path("build"), position: float = 0.0
+    ) -> None:
+        self.model = model
+        values = {**model.parameters, "target_position": position / model.ratio, "mode_of_operation": CSP}
+        member = members.make("motor", model.component, values, form, build)
+        assert isinstance(member, RecordMember)
+        self._member = member
+        self._views = member.component.views
+        member.instantiate()
+        member.enter_initialization(0.0, None)
+        member.exit_initialization()
+        member.get(model.position)
+        prototype = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_double, ctypes.c_double)
+        self._step = prototype(member.step_function)
+        self.strongest = float(self._views["current_maximum"])  # the motor's own limit [A]
+        if "current_continuous" in self._views:
+            self._views["current_continuous"][...] = 10.0 * self.strongest  # I2t is the drive's, by its own objects
+        self._tuned: dict[str, float] = {}  # gains, as multiples of the component's
+        self.powered = True
+        self.grip = 1.0  # share of the load that reaches it
+        self.offset = 0.0  # error of the sensor [m or rad]
+        self._stuck: float | None = None  # where the sensor stands still
+        self.off()
+
+    @property
+    def measured_position(self) -> float:
+        """What its sensor says [m or rad]."""
+        if self._stuck is not None:
+            return self._stuck
+        return self.model.ratio * float(self._views["position_actual_value"]) + self.offset
+
+    def stick(self) -> None:
+        """The sensor stands still from now on. The motor's own loops go on as if it did not."""
+        self._stuck = self.measured_position
+
+    @property
+    def measured_velocity(self) -> float:
+        """Filtered difference of the measured position [m/s or rad/s]."""
+        return 0.0 if self._stuck is not None else self.model.ratio * float(self._views["velocity_actual_value"])
+
+    @property
+    def position(self) -> float:
+        """The true position [m or rad]."""
+        return self.model.ratio * float(self._views[self.model.position])
+
+    @property
+    def current(self) -> float:
+        """Current in the winding [A]."""
+        return float(self._views["current"])
+
+    @property
+    def supply(self) -> float:
+        """Voltage of its power stage [V]."""
+        return self.get("supply_voltage")
+
+    def load(self, force: float) -> None:
+        """Force [N] or torque [N*m] of the load from now on, behind the gear."""
+        if not isfinite(force):
+            raise SimulationError(f"motor: {self.model.load} is {force}. Look at what it comes from.")
+        self._views[self.model.load][...] = force * self.grip
+
+    def set(self, parameter: str, value: float) -> None:
+        """Change a parameter of the component."""
+        self._views[parameter][...] = value * self._tuned.get(parameter, 1.0)
+
+    def tune(self, parameter: str, factor: float) -> None:
+        """Make a gain so many times what the component has; above 0."""
+        if (before := self._tuned.get(parameter, 1.0)) != factor:
+            self._tuned[parameter] = factor
+            self._views[parameter][...] *= factor / before
+
+    def scale(self, parameter: str, factor: float) -> None:
+        """Multiply a parameter of the component."""
+        self._views[parameter][...] *= factor
+
+    def get(self, name: str) -> float:
+        """A variable of the component."""
+        return float(self._views[name])
+
+    def off(self) -> None:
+        """No current."""
+        self.powered = False
+        self._views["current_maximum"][...] = 0.0
+        # the loops begin anew when power comes back: nothing was gathered, and no position was followed meanwhile
+        self._views["current_integral"][...] = 0.0
+        self._views["mode_of_operation"][...] = CSV
+
+    def follow_position(self, position: float, limit: float) -> None:
+        """Go to a position [m or rad] with no more than `limit` [A]."""
+        self._follow(CSP, "target_position", (position - self.offset) / self.model.ratio, limit)
+
+    def follow_velocity(self, velocity: float, limit: float) -> None:
+        """Keep a speed [m/s or rad/s]."""
+        self._follow(CSV, "target_velocity", velocity / self.model.ratio, limit)
+
+    def follow_current(self, current: float, limit: float) -> None:
+        """Keep a current [A]."""
+        target, constant = EFFORT[self.model.load]
+        self._follow(CST, target, current * self.get(constant), limit)
+
+    def _follow(self, mode: int, target: str, value: float, limit: float) -> None:
+        self.powered = True
+        self._views["mode_of_operation"][...] = mode
+        self._views[target][...] = value
+        self._views["current_maximum"][...] = min(limit, self.strongest)
+
+    def advance(self, time: int) -> None:
+        """Go one control cycle on from `time` [ns]."""
+        if self._step(self._member.instance, clock.seconds(time), clock.seconds(CYCLE)) != OK:
+            raise SimulationError("motor: its step failed. The control cycle has to be a multiple of its drive_period.")

@@ -1,0 +1,188 @@
+"""A CANopen slave: frames in, frames out, `advance(t)`; it does not know whether its time is simulated."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING
+
+from hw_bridge.device.emergency import Emergency
+from hw_bridge.device.nmt import Nmt
+from hw_bridge.device.pdo import ReceivePdo, TransmitPdo
+from hw_bridge.device.port import Port, check_identifier
+from hw_bridge.device.sdo import SdoServer
+from hw_bridge.device.storage import Storage
+from hw_bridge.dictionary import Abort, Code, Dictionary, NmtState, cia301
+from hw_bridge.profiles import Rules
+from twin.errors import DeclarationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from hw_bridge.bus import Frame
+    from hw_bridge.device.store import Store
+    from hw_bridge.dictionary import Entry, Value
+
+PRODUCER = 1 << 30  # bit of 1005h: send SYNC
+
+
+class Slave(ABC):
+    """The services of CiA 301 around one object dictionary; a device adds what it does.
+
+    `boot_time` and `sdo_time` [ns]: from power-on to the boot-up message, from an SDO request to its response.
+    """
+
+    def __init__(self, entries: Iterable[Entry], node: int, rules: Rules, boot_time: int, sdo_time: int) -> None:
+        self.dictionary = Dictionary(entries, node)
+        self.port = Port(self.dictionary)
+        self.node = node
+        self.sdo_time = sdo_time
+        self.storage = Storage(self.dictionary)
+        self.emergency = Emergency(self.port)
+        self.sdo = SdoServer(self.dictionary)
+        self.nmt = Nmt(self.port, boot_time, self._state_changed, self._reset, self.master_lost)
+        numbers = range(4)
+        self.rpdos = [ReceivePdo(self.port, rules, n, self.communication_error, self.data_received) for n in numbers]
+        self.tpdos = [TransmitPdo(self.port, rules, n) for n in numbers]
+        self.dictionary.checks[0x1005] = self._check_sync
+        self._configure()
+        self.nmt.start()
+
+    # -------------------------------------------------------------------------------------------- what a device adds
+
+    @abstractmethod
+    def communication_error(self, code: int) -> None:
+        """An error of communication with this EMCY code occurred."""
+
+    @abstractmethod
+    def master_lost(self) -> None:
+        """A heartbeat that is watched, or node guarding, did not come in time."""
+
+    @abstractmethod
+    def data_received(self, mapped: list[Entry]) -> None:
+        """A receive PDO with these objects was taken over."""
+
+    @abstractmethod
+    def nmt_changed(self) -> None:
+        """The NMT state is another one."""
+
+    @abstractmethod
+    def power_on(self) -> None:
+        """Begin anew with the values of the dictionary."""
+
+    @abstractmethod
+    def error_passive(self) -> None:
+        """The bus repeats much of what this node sends."""
+
+    @abstractmethod
+    def bus_off(self) -> None:
+        """The bus has disconnected this node after too many errors."""
+
+    @abstractmethod
+    def bus_on(self) -> None:
+        """The node is back on the bus."""
+
+    # ------------------------------------------------------------------------------------------------------ the bus
+
+    def connect(self, send: Callable[[Frame], None]) -> None:
+        """Frames go there from now on."""
+        self.port.send = send
+
+    def remember(self, store: Store) -> None:
+        """Power on with the memory that is in a file, and keep it there."""
+        self.storage.attach(store)
+        try:
+            self._reset(application=True)
+        except (Abort, ArithmeticError) as error:  # each value is possible, all of them together are not
+            raise DeclarationError(
+                f"{store.path}: what is stored does not fit together ({error}). Remove the file to begin anew."
+            ) from None
+
+    @property
+    def now(self) -> int:
+        """Time reached [ns]."""
+        return self.port.agenda.now
+
+    def restart(self) -> None:
+        """Begin anew, as after the NMT command Reset node."""
+        self.nmt.command(bytes([cia301.RESET_NODE, self.node]))
+
+    def next_time(self) -> int:
+        """When the slave wants to be advanced at the latest [ns]."""
+        return self.port.agenda.next_time()
+
+    def advance(self, time: int) -> None:
+        """Do everything that is due until `time` [ns]."""
+        self.port.agenda.advance(time)
+
+    def receive(self, frame: Frame) -> None:
+        """A frame arrived, at the time of the last advance."""
+        if not self.port.online:
+            return
+        dictionary, node = self.dictionary, self.node
+        if frame.remote:
+            self._requested(frame.id)
+        elif frame.id == 0:
+            self.nmt.command(frame.data)
+        elif self.port.state is NmtState.INITIALIZING:
+            return
+        elif cia301.ERROR_CONTROL < frame.id < cia301.ERROR_CONTROL + 0x80:
+            self.nmt.heard(frame.id - cia301.ERROR_CONTROL)
+        elif frame.id == cia301.SDO_REQUEST + node:
+            if self.port.state is not NmtState.STOPPED and (answer := self.sdo.answer(frame.data)) is not None:
+                respond = self._responding(answer)
+                self.port.agenda.at(self.port.agenda.now + self.sdo_time, respond)
+            self.refresh()
+        elif frame.id == dictionary.get(0x1005) & 0x7FF:
+            self._sync()
+        else:
+            meant = [pdo for pdo in self.rpdos if pdo.hears(frame.id)]
+            for pdo in meant:
+                pdo.receive(frame.data)
+            if meant:
+                self.refresh()
+
+    def refresh(self) -> None:
+        """Let transmit PDOs look for changes."""
+        for pdo in self.tpdos:
+            pdo.changed()
+
+    def _responding(self, answer: bytes) -> Callable[[], None]:
+        return lambda: self.port.transmit(cia301.SDO_RESPONSE + self.node, answer)
+
+    def _requested(self, identifier: int) -> None:
+        if identifier == cia301.ERROR_CONTROL + self.node:
+            self.nmt.guard()
+        for pdo in self.tpdos:
+            if pdo.hears(identifier):
+                pdo.requested()
+
+    def _sync(self) -> None:
+        """Actual values are those of the SYNC, then targets act."""
+        for sending in self.tpdos:
+            sending.sync()
+        for receiving in self.rpdos:
+            receiving.sync()
+        self.refresh()
+
+    @staticmethod
+    def _check_sync(_: Entry, value: Value) -> None:
+        assert isinstance(value, int)
+        if value & PRODUCER:  # none of them can
+            raise Abort(Code.VALUE_RANGE)
+        check_identifier(value)
+
+    def _configure(self) -> None:
+        for pdo in (*self.rpdos, *self.tpdos):
+            pdo.configure()
+
+    def _state_changed(self) -> None:
+        for pdo in (*self.rpdos, *self.tpdos):
+            pdo.reset()
+        self.nmt_changed()
+        self.refresh()
+
+    def _reset(self, application: bool) -> None:
+        self.storage.load(application)
+        self._configure()
+        if application:
+            self.power_on()

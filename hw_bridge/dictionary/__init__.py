@@ -1,0 +1,46 @@
+"""The object dictionary of CANopen, and the tables of CiA 301, 401 and 402."""
+
+from hw_bridge.dictionary import cia301, cia401, cia402
+from hw_bridge.dictionary.abort import Abort, Code, told
+from hw_bridge.dictionary.cia301 import NmtState
+from hw_bridge.dictionary.cia402 import Command, Mode, State, command_of, state_of, supported
+from hw_bridge.dictionary.dictionary import Dictionary
+from hw_bridge.dictionary.entry import I8, I16, I32, TEXT, TYPES, U8, U16, U32, Entry, NodeId, Value, record, sub, var
+from hw_bridge.dictionary.moves import BLOCKS_FAULHABER, BLOCKS_MAXON, METHODS, REVERSING, Move, Until
+
+__all__ = [
+    "BLOCKS_FAULHABER",
+    "BLOCKS_MAXON",
+    "I8",
+    "I16",
+    "I32",
+    "METHODS",
+    "REVERSING",
+    "TEXT",
+    "TYPES",
+    "U8",
+    "U16",
+    "U32",
+    "Abort",
+    "Code",
+    "Command",
+    "Dictionary",
+    "Entry",
+    "Mode",
+    "Move",
+    "NmtState",
+    "NodeId",
+    "State",
+    "Until",
+    "Value",
+    "cia301",
+    "cia401",
+    "cia402",
+    "command_of",
+    "record",
+    "state_of",
+    "sub",
+    "supported",
+    "told",
+    "var",
+]

@@ -1,0 +1,105 @@
+"""The object dictionary: what a device offers under which index, and the checks on every access."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hw_bridge.dictionary.abort import Abort, Code
+from hw_bridge.dictionary.entry import Entry, NodeId, Value
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+
+class Dictionary:
+    """Entries with their present values.
+
+    `checks[index](entry, value)` may abort a client's write, `effects[index](entry)` follows one.
+
+    """
+
+    def __init__(self, entries: Iterable[Entry], node: int) -> None:
+        self.node = node
+        self.objects: dict[int, dict[int, Entry]] = {}
+        for entry in entries:
+            self.objects.setdefault(entry.index, {})[entry.sub] = entry
+        self.values: dict[tuple[int, int], Value] = {}
+        self.checks: dict[int, Callable[[Entry, Value], None]] = {}
+        self.effects: dict[int, Callable[[Entry], None]] = {}
+        self.version = 0  # counts what came from outside: clients, PDOs, resets
+        self.restore(self.defaults())
+
+    def defaults(self) -> dict[tuple[int, int], Value]:
+        """The values of a new device with this node-ID."""
+        return {
+            (e.index, e.sub): int(e.default) + self.node if isinstance(e.default, NodeId) else e.default
+            for e in self.entries()
+        }
+
+    def entries(self) -> list[Entry]:
+        """All entries in the order of index and subindex."""
+        return [subs[number] for _, subs in sorted(self.objects.items()) for number in sorted(subs)]
+
+    def restore(self, values: dict[tuple[int, int], Value]) -> None:
+        """Take over values without checks: at power-on and at a reset."""
+        self.version += 1
+        self.values.update(values)
+
+    def __contains__(self, index: int) -> bool:
+        return index in self.objects
+
+    def entry(self, index: int, subindex: int = 0) -> Entry:
+        """The entry, or the abort that says what is missing."""
+        found = self.objects.get(index)
+        if found is None:
+            raise Abort(Code.NO_OBJECT)
+        if subindex not in found:
+            raise Abort(Code.NO_SUBINDEX)
+        return found[subindex]
+
+    def get(self, index: int, subindex: int = 0, missing: int = 0) -> int:
+        """The device's own look at a number; `missing` if it has no such object."""
+        value = self.values.get((index, subindex), missing)
+        assert isinstance(value, int)
+        return value
+
+    def put(self, index: int, value: Value, subindex: int = 0) -> None:
+        """The device's own writing, without checks; nothing happens if it has no such object."""
+        if (index, subindex) in self.values:
+            self.values[index, subindex] = value
+
+    def upload(self, index: int, subindex: int) -> bytes:
+        """What a client reads."""
+        entry = self.entry(index, subindex)
+        if not entry.readable:
+            raise Abort(Code.WRITE_ONLY)
+        return entry.encode(self.values[index, subindex])
+
+    def download(self, index: int, subindex: int, data: bytes) -> None:
+        """What a client writes, with all checks."""
+        entry = self.entry(index, subindex)
+        self.check_writable(entry)
+        self.write(entry, entry.decode(data))
+
+    def check_writable(self, entry: Entry) -> None:
+        """Abort if clients may not write the entry."""
+        if not entry.writable:
+            raise Abort(Code.READ_ONLY)
+
+    def write(self, entry: Entry, value: Value) -> None:
+        """Check and take over a client's value, then let it act."""
+        self.check(entry, value)
+        self.values[entry.index, entry.sub] = value
+        self.act(entry)
+
+    def check(self, entry: Entry, value: Value) -> None:
+        """Abort if the value is out of range or does not fit the state of the device."""
+        entry.check(value)
+        if check := self.checks.get(entry.index):
+            check(entry, value)
+
+    def act(self, entry: Entry) -> None:
+        """Let a value that was written act."""
+        self.version += 1
+        if effect := self.effects.get(entry.index):
+            effect(entry)

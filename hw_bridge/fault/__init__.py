@@ -1,0 +1,14 @@
+"""What can go wrong with simulated devices and on their bus."""
+
+from hw_bridge.fault.action import inject
+from hw_bridge.fault.check import problem
+from hw_bridge.fault.fault import LARGEST, MEANINGS, Cause, Fault
+
+__all__ = [
+    "LARGEST",
+    "MEANINGS",
+    "Cause",
+    "Fault",
+    "inject",
+    "problem",
+]

@@ -1,0 +1,20 @@
+"""The hardware file: its keys, and every problem of it as a line."""
+
+from hw_bridge.hardware import plausible
+from hw_bridge.hardware.events import planned
+from hw_bridge.hardware.file import load, overloaded
+from hw_bridge.hardware.keys import ContactKeys, FaultKeys, HardwareKeys, LimitKeys, ModuleKeys, NodeKeys, ShadowKeys
+
+__all__ = [
+    "ContactKeys",
+    "FaultKeys",
+    "HardwareKeys",
+    "LimitKeys",
+    "ModuleKeys",
+    "NodeKeys",
+    "ShadowKeys",
+    "load",
+    "overloaded",
+    "planned",
+    "plausible",
+]

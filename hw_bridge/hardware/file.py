@@ -1,0 +1,176 @@
+"""The hardware file read and checked, with a line for every problem."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pydantic import ValidationError
+
+from hw_bridge.bus import Frame, bit_count
+from hw_bridge.dictionary import cia402
+from hw_bridge.fault import Cause, problem
+from hw_bridge.hardware import plausible
+from hw_bridge.hardware.keys import (
+    MASTER,
+    ContactKeys,
+    FaultKeys,
+    HardwareKeys,
+    HeartbeatKeys,
+    HomingKeys,
+    LimitKeys,
+    ModuleKeys,
+    NodeKeys,
+    ShadowKeys,
+)
+from hw_bridge.profiles import MODULES, profile
+from twin.errors import ScenarioError, nearest
+from twin.scenario import Keys, Node, dotted, quoted, read
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+PROCESS_DATA = (4, 7, 7, 8, 1)  # bytes of a drive's frames in a cycle: two RPDOs, two TPDOs, a heartbeat
+SWITCHING = (8, *PROCESS_DATA[1:])  # the same with digital outputs in the first RPDO
+IN_AND_OUT = (4, 1, 1)  # of a module: outputs, inputs, a heartbeat
+FORCE_DATA = 2  # bytes of one more RPDO, for a drive that is told a force
+FULL = 0.8  # more leaves no room for what is repeated
+
+
+def bus_load(keys: HardwareKeys, forces: int = 0) -> float:
+    """Share of a cycle that its process data, SYNC and heartbeats take on the wire at most. `forces`: drives told one."""
+    sizes = [size for node in keys.nodes.values() for size in (SWITCHING if node.outputs else PROCESS_DATA)]
+    sizes += [size for _ in keys.modules for size in IN_AND_OUT]
+    sizes += forces * [FORCE_DATA]
+    frames = [*(Frame(0, bytes(size)) for size in sizes), Frame(0), Frame(0, b"0")]
+    return sum(map(bit_count, frames)) / keys.bit_rate * 1e9 / keys.cycle
+
+
+def overloaded(keys: HardwareKeys, forces: int = 0) -> str:
+    """That the bus has too little time in a cycle, or nothing."""
+    if (share := bus_load(keys, forces)) <= FULL:
+        return ""
+    return (
+        f"cycle: process data fills {100 * share:.0f} % of {keys.cycle / 1e6:g} ms at {keys.bit_rate} bit/s. "
+        f"Make the cycle longer or the bit rate higher."
+    )
+
+
+def load(path: Path) -> HardwareKeys:
+    """Read and check a hardware file; ScenarioError lists every problem with file and line."""
+    root = read(path, str(path))
+    try:
+        keys = HardwareKeys.model_validate(root.plain())
+    except ValidationError as error:
+        raise ScenarioError([line(root, one) for one in error.errors(include_url=False)]) from None
+    if problems := check(keys, root) + check_outputs(keys, root) + plausible.check(keys, root):
+        raise ScenarioError(problems)
+    return keys
+
+
+def check(keys: HardwareKeys, root: Node) -> list[str]:
+    """What no single key can tell."""
+    from hw_bridge.bus import BIT_RATES
+
+    problems = []
+    if not keys.simulated and not (keys.interface and keys.channel):
+        problems.append(f"{root.place}: interface and channel are missing. Add them, or `simulated: true`.")
+    if keys.bit_rate not in BIT_RATES:
+        place = root.find(("bit_rate",)).place
+        problems.append(f"{place}: bit_rate: {keys.bit_rate} is none of CANopen's. Use 1000000, 500000, ...")
+    elif problem := overloaded(keys):
+        problems.append(f"{root.find(('cycle',)).place}: {problem}")
+    taken = {keys.master: "this program"}
+    for group, name, one in keys.stations():
+        where = root.find((group, name, "node")).place
+        if one.node in taken:
+            problems.append(
+                f"{where}: {group}.{name}: node {one.node} is {taken[one.node]} already. Use another node-ID."
+            )
+        taken[one.node] = f"`{name}`"
+        if one.heartbeat.lost_after <= one.heartbeat.every:
+            place = root.find((group, name, "heartbeat")).place
+            problems.append(
+                f"{place}: {group}.{name}.heartbeat: lost_after is not longer than every. Use three times as long."
+            )
+        if group == "modules" and name in (*keys.nodes, MASTER):
+            problems.append(f"{where}: modules.{name}: something else has this name. Use another one.")
+    for name, node in keys.nodes.items():
+        low, high = node.limits.position
+        if low >= high:
+            place = root.find(("nodes", name, "limits", "position")).place
+            problems.append(
+                f"{place}: nodes.{name}.limits.position: the first limit is not below the second. Swap them."
+            )
+    return problems + check_faults(keys, root)
+
+
+def check_faults(keys: HardwareKeys, root: Node) -> list[str]:
+    """Faults that cannot be done."""
+    return [
+        f"{root.find(('faults', place)).place}: faults[{place + 1}]: {text}"
+        for place, one in enumerate(keys.faults)
+        if (text := fault_problem(one, keys))
+    ]
+
+
+def fault_problem(one: FaultKeys, keys: HardwareKeys) -> str:
+    """Why a fault cannot be done on a bench, or nothing."""
+    if not keys.simulated:
+        return "only a bench with `simulated: true` can have faults. Use twin drive inject."
+    known = [*keys.nodes, *keys.modules, MASTER]
+    if one.node not in known:
+        return f"no node {one.node!r}. {nearest(one.node, known)}"
+    chosen = profile(keys.nodes[one.node].profile) if one.node in keys.nodes else None
+    text = problem(one.made(), chosen, master=one.node == MASTER)
+    return f"{text}." if text else ""
+
+
+def check_outputs(keys: HardwareKeys, root: Node) -> list[str]:
+    """Outputs that the drive has not, or that nobody said what is safe for."""
+    problems = []
+    for name, node in keys.nodes.items():
+        if not node.outputs:
+            continue
+        where = f"{root.find(('nodes', name, 'outputs')).place}: nodes.{name}.outputs"
+        chosen = profile(node.profile)
+        if not any(entry.index == cia402.OUTPUTS and entry.sub and entry.mappable for entry in chosen.objects):
+            problems.append(f"{where}: {chosen.title} has no digital outputs 60FEh.1. Use those of another drive.")
+        if node.safe_outputs is None:
+            problems.append(f"{where}: what are they after a stop? Add `safe_outputs`, such as `safe_outputs: 0`.")
+    return problems
+
+
+def line(root: Node, error: Any, model: type[Keys] | None = None) -> str:
+    """One problem that pydantic found, as one line. `model`: what `root` holds; nothing: a hardware file."""
+    path = tuple(error["loc"])
+    place, what = root.find(path).place, dotted(path)
+    kind, given = error["type"], error["input"]
+    if kind == "extra_forbidden":
+        return f"{place}: {what}: unknown key.{_near(path, model)}"
+    if kind == "missing":
+        return f"{place}: {what}: is missing. Add it."
+    if kind in ("model_type", "dict_type"):
+        begin = f"{what}: " if what else ""
+        return f"{place}: {begin}expected keys with values, such as `node: 1`, not {quoted(given)}. Correct it."
+    if kind == "literal_error" and path[-1] == "profile":
+        return f"{place}: {what}: {quoted(given)} is no drive profile. {nearest(str(given), list(MODULES))}"
+    if kind == "literal_error" and path[-1] == "fault":
+        return f"{place}: {what}: {quoted(given)} is no fault. {nearest(str(given), [str(one) for one in Cause])}"
+    text = error["msg"].removeprefix("Value error, ").rstrip(".")
+    return f"{place}: {what}: {text[0].lower()}{text[1:]}" + (
+        "." if kind == "value_error" else f", not {quoted(given)}. Correct it."
+    )
+
+
+KEYS: dict[str, type[Keys]] = {
+    "limits": LimitKeys, "heartbeat": HeartbeatKeys, "homing": HomingKeys, "contact": ContactKeys, "faults": FaultKeys,
+    "shadow": ShadowKeys, "modules": ModuleKeys,
+}  # fmt: skip
+
+
+def _near(path: tuple[str | int, ...], model: type[Keys] | None) -> str:
+    """The key that was probably meant."""
+    parents = [str(one) for one in path[:-1] if isinstance(one, str)]
+    group = ModuleKeys if parents[:1] == ["modules"] else NodeKeys
+    model = KEYS.get(parents[-1], group) if parents else model or HardwareKeys
+    return " " + nearest(str(path[-1]), list(model.model_fields))

@@ -1,0 +1,306 @@
+"""Keys of the hardware file: which drives on which bus stand for which members of a scenario, and what they may do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from hw_bridge.bus import NEVER
+from hw_bridge.fault import Cause, Fault, inject
+from twin.errors import CouplingError
+from twin.scenario import Keys, Period, Reference, Text, Time, duration, number, reference, short
+
+if TYPE_CHECKING:
+    from hw_bridge.bus import Device, Medium
+
+SOFTWARE = ("virtual", "udp_multicast")  # interfaces of python-can without any hardware
+MILLISECOND = 1_000_000
+MASTER = "master"  # this program, where a fault names a node
+BITS = 32  # digital outputs
+LARGEST = 1e6  # of any quantity, in SI: more is a mistake, and no drive could count it
+
+
+EXAMPLES = {"m": "30 mm", "m/s": "300 mm/s", "m/s^2": "10 m/s^2", "N": "15 N", "N/A": "11.64 N/A", "A": "60 mA"}
+
+
+def without_unit(value: Any) -> bool:
+    """Whether a value is a bare number, which could be meant in any unit; zero is zero in all of them."""
+    try:
+        return not isinstance(value, bool) and isfinite(float(value)) and float(value) != 0.0
+    except (TypeError, ValueError):
+        return False
+
+
+def quantity(*symbols: str) -> Any:
+    """A type of key that converts text such as `5 mm` to SI, of the first kind that fits; a bare number is refused."""
+
+    def convert(value: Any) -> float:
+        if without_unit(value):
+            raise ValueError(f"{short(value)} has no unit. Write it with one, such as {EXAMPLES[symbols[0]]}")
+        problems = []
+        for symbol in symbols:
+            try:
+                found = number(value, symbol, "")
+            except CouplingError as error:
+                problems.append(str(error).removeprefix(": "))
+                continue
+            if not abs(found) <= LARGEST:  # not a number, too
+                raise ValueError(f"expected a number of at most {LARGEST:g}, not {short(value)}")
+            return found
+        raise ValueError(problems[0])
+
+    return BeforeValidator(convert)
+
+
+def timed(value: Any) -> int:
+    """A time above zero [ns]; a bare number is refused, as it is of a quantity: 60 would be a minute."""
+    if without_unit(value):
+        raise ValueError(f"{short(value)} has no unit. Write it with one, such as 60 ms")
+    time: int = duration(value)
+    if time <= 0:
+        raise ValueError(f"expected a time above zero, such as 60 ms, not {short(value)}")
+    return time
+
+
+def whole_milliseconds(value: Any) -> int:
+    """A time in whole milliseconds, which is what drives count in [ns]."""
+    if without_unit(value):
+        raise ValueError(f"{short(value)} has no unit. Write it with one, such as 60 ms")
+    time: int = duration(value)
+    if time <= 0 or time % MILLISECOND:
+        raise ValueError(f"expected whole milliseconds above zero, such as 5 ms, not {short(value)}")
+    return time
+
+
+# of a linear axis, or of one that turns
+Place = Annotated[float, quantity("m", "rad")]
+Distance = Annotated[float, quantity("m", "rad"), Field(gt=0)]
+Speed = Annotated[float, quantity("m/s", "rad/s"), Field(gt=0)]
+Acceleration = Annotated[float, quantity("m/s^2", "rad/s^2"), Field(gt=0)]
+Force = Annotated[float, quantity("N", "N*m"), Field(gt=0)]
+ForceConstant = Annotated[float, quantity("N/A", "N*m/A"), Field(gt=0)]
+Milliseconds = Annotated[int, BeforeValidator(whole_milliseconds)]
+Lapse = Annotated[int, BeforeValidator(timed)]
+
+
+def catalogued(value: Any) -> int:
+    """A number as data sheets print it: 11601, 0x61500000 or 61500000h."""
+    text = str(value)
+    try:
+        if isinstance(value, bool | float):
+            raise ValueError  # noqa: TRY301, TRY004
+        return int(text[:-1], 16) if text.endswith("h") else int(text, 0)
+    except ValueError:
+        raise ValueError(f"expected a number such as 11601 or 0x61500000, not {short(value)}") from None
+
+
+Unsigned32 = Annotated[int, BeforeValidator(catalogued), Field(ge=0, lt=2**32)]
+
+
+def object_name(value: Any) -> dict[tuple[int, int], int]:
+    """`{3001.1: 2410}`: index and subindex in hexadecimal and decimal."""
+    if not isinstance(value, dict):
+        raise ValueError(f"expected objects such as {{'3001h.1': 2410}}, not {short(value)}")  # noqa: TRY004
+    found = {}
+    for key, one in value.items():
+        index, _, sub = str(key).partition(".")
+        try:
+            if isinstance(one, bool | float):  # a part of a number would be lost
+                raise ValueError  # noqa: TRY301, TRY004
+            found[int(index.removesuffix("h"), 16), int(sub or "0")] = catalogued(one)
+        except (ValueError, TypeError):
+            raise ValueError(f"expected an object such as '3001h.1': 2410, not {short(key)}: {short(one)}") from None
+    return found
+
+
+def output_bits(value: Any) -> dict[int, str]:
+    """`{0: "sequencer.valve[1]"}`: a bit of 60FEh.1 and the signal that it follows."""
+    if not isinstance(value, dict):
+        raise ValueError(f"expected bits such as {{0: 'sequencer.valve[1]'}}, not {short(value)}")  # noqa: TRY004
+    found = {}
+    for key, signal in value.items():
+        text = str(key)
+        if not (text.isdecimal() and int(text) < BITS):
+            raise ValueError(f"expected a bit from 0 to {BITS - 1}, not {short(key)}")
+        found[int(text)] = reference(signal)
+    return found
+
+
+def emergency_code(value: Any) -> int:
+    """`7300h`, or a number."""
+    try:
+        return value if isinstance(value, int) else int(str(value).removesuffix("h"), 16)
+    except ValueError:
+        raise ValueError(f"expected an EMCY code such as 7300h, not {short(value)}") from None
+
+
+class LimitKeys(Keys):
+    """What a drive may do; checked each cycle, and written into the drive where it has objects for it."""
+
+    position: Annotated[list[Place], Field(min_length=2, max_length=2)] = Field(default=[-0.035, 0.035])
+    velocity: Speed = 0.3
+    force: Force = 15.0
+    following_error: Distance = 5e-3
+    acceleration: Acceleration = 10.0
+
+
+class HeartbeatKeys(Keys):
+    """How often each side tells that it lives, and how long a silence is taken for its end."""
+
+    every: Milliseconds = 20 * MILLISECOND
+    lost_after: Milliseconds = 60 * MILLISECOND
+
+
+class HomingKeys(Keys):
+    """A method of 6098h, and what position `at` the place that it finds has. Then the drive goes to where it begins.
+
+    Without homing, the place where the drive stands is where the scenario begins.
+    """
+
+    method: Annotated[int, Field(strict=True, ge=-128, le=127)]
+    at: Place = 0.0
+    speed: Speed = 0.02
+    timeout: Milliseconds = 30_000 * MILLISECOND
+
+
+class ContactKeys(Keys):
+    """A force that is watched: above the limit, or silent, the drive retracts.
+
+    Without it, the only output `measured_force` of the scenario is watched, unless `watch_contact` is false.
+    """
+
+    signal: Reference
+    above: Force = 0.4
+    silent_for: Lapse = 100 * MILLISECOND
+    distance: Distance = 30e-3  # the sheath keeps 8 mm of it, and the wall was pressed in
+    speed: Speed = 0.05
+    direction: Literal["positive", "negative"] = "negative"
+
+
+class ShadowKeys(Keys):
+    """A twin beside the drive. Bands of residuals, as means over `window`; `moving`: above this speed it moves.
+
+    Estimates, none of them measured on a real bench: position, five increments of 8 um and as much for a belt or
+    coupling; velocity, an increment in a cycle of 5 ms; current, half of what 1.5 N of friction take on an LM 2070. On a
+    bench run the scenario without a fault first, and take three times the largest residual that the report tells.
+    """
+
+    position: Distance = 0.1e-3
+    velocity: Speed = 2e-3
+    current: Annotated[float, quantity("A"), Field(gt=0)] = 0.06
+    window: Lapse = 1_000 * MILLISECOND
+    moving: Speed = 2e-3
+
+
+class FaultKeys(Keys):
+    """A fault of a simulated bench at a time of the scenario. `node`: a member, or `master`. `offset`: of the member."""
+
+    at: Time
+    fault: Literal[tuple(Cause)]  # type: ignore[valid-type]
+    node: Text = ""
+    code: Annotated[int, BeforeValidator(emergency_code)] = 0
+    lasting: bool = False
+    duration: Period = NEVER
+    share: Annotated[float, Field(gt=0, le=1)] = 1.0
+    count: Annotated[int, Field(strict=True, ge=1)] = NEVER
+    delay: Period = 10 * MILLISECOND
+    jitter: Time = 0
+    offset: Place = 0.0
+    factor: Annotated[float, Field(ge=0, le=LARGEST)] = 2.0
+    identifiers: Annotated[list[Annotated[int, BeforeValidator(catalogued)]], Field(min_length=2, max_length=2)] | None = None
+
+    @property
+    def text(self) -> str:
+        """What happens to whom: `heartbeat of servomotor`."""
+        return f"{self.fault} of {self.node}"
+
+    def act(self, place: Medium, number: int, device: Device | None, sign: float) -> None:
+        """Let it happen now: told at the member, done at the motor."""
+        fault = self.made()
+        inject(replace(fault, offset=fault.offset / sign), place, number, device)
+
+    def made(self) -> Fault:
+        """The fault as it is injected."""
+        low_high = (self.identifiers[0], self.identifiers[1]) if self.identifiers is not None else None
+        return Fault(
+            Cause(self.fault), self.code, self.lasting, self.duration, self.share, self.count, self.delay, self.jitter,
+            self.offset, self.factor, low_high,
+        )  # fmt: skip
+
+
+class NodeKeys(Keys):
+    """The drive that stands for a member.
+
+    `outputs`: bits of 60FEh.1 and the Boolean signals that they follow, for valves of grippers. `safe_outputs`: all of
+    60FEh.1 before the start and after every stop.
+    """
+
+    node: Annotated[int, Field(strict=True, ge=1, le=126)]
+    profile: Literal["faulhaber_v3", "mclm", "epos4"]
+    product: Unsigned32 | None = None
+    serial: Unsigned32 | None = None
+    scale: Annotated[float, Field(ge=1 / LARGEST, le=LARGEST)] = 1.0
+    inverted: bool = False
+    force_constant: ForceConstant | None = None
+    limits: LimitKeys = LimitKeys()
+    heartbeat: HeartbeatKeys = HeartbeatKeys()
+    homing: HomingKeys | None = None
+    contact: ContactKeys | None = None
+    watch_contact: bool = True
+    shadow: ShadowKeys | None = None
+    outputs: Annotated[dict[int, str], BeforeValidator(output_bits)] = Field(default={})
+    safe_outputs: Unsigned32 | None = None
+    objects: Annotated[dict[tuple[int, int], int], BeforeValidator(object_name)] = Field(default={})
+    description: Text = ""
+
+
+class ModuleKeys(Keys):
+    """An I/O module: bits of its outputs (6200h, from 0) and the Boolean signals that they follow, for valves.
+
+    `safe_outputs`: all of them before the start, after every stop, and when the module misses this program.
+    """
+
+    node: Annotated[int, Field(strict=True, ge=1, le=126)]
+    profile: Literal["cia401"] = "cia401"
+    vendor: Unsigned32 | None = None
+    product: Unsigned32 | None = None
+    serial: Unsigned32 | None = None
+    heartbeat: HeartbeatKeys = HeartbeatKeys()
+    outputs: Annotated[dict[int, str], BeforeValidator(output_bits), Field(min_length=1)]
+    safe_outputs: Unsigned32
+    objects: Annotated[dict[tuple[int, int], int], BeforeValidator(object_name)] = Field(default={})
+    description: Text = ""
+
+
+class HardwareKeys(Keys):
+    """A hardware file. `simulated`: drives and bus are part of the run, in simulated time."""
+
+    title: Text = ""
+    description: Text = ""
+    simulated: bool = False
+    interface: Text = ""
+    channel: Text = ""
+    bit_rate: Annotated[int, Field(strict=True)] = 1_000_000
+    options: dict[str, Any] = Field(default={})
+    cycle: Milliseconds = 5 * MILLISECOND
+    master: Annotated[int, Field(strict=True, ge=1, le=127)] = 127
+    nodes: Annotated[dict[str, NodeKeys], Field(min_length=1)]
+    modules: dict[str, ModuleKeys] = Field(default={})
+    faults: list[FaultKeys] = Field(default=[])
+
+    def stations(self) -> list[tuple[str, str, NodeKeys | ModuleKeys]]:
+        """Group, name and keys of all drives and modules."""
+        drives = [("nodes", name, one) for name, one in self.nodes.items()]
+        return [*drives, *(("modules", name, one) for name, one in self.modules.items())]
+
+    def is_software(self) -> bool:
+        """Whether no current can flow: the bus is simulated, or its interface exists in software only."""
+        channel = self.channel
+        pty = channel.startswith("/dev/pts/") or (
+            channel.startswith("/") and str(Path(channel).resolve()).startswith("/dev/pts/")
+        )
+        return self.simulated or self.interface in SOFTWARE or channel.startswith("vcan") or pty

@@ -1,0 +1,128 @@
+"""What a hardware file asks for that its drives have not, or in units of another kind of axis."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+from hw_bridge.dictionary import cia402
+from hw_bridge.profiles import profile
+from twin.errors import CouplingError
+from twin.scenario import number
+
+if TYPE_CHECKING:
+    from hw_bridge.dictionary import Entry
+    from hw_bridge.hardware.keys import HardwareKeys, NodeKeys
+    from hw_bridge.profiles import Profile
+    from twin.scenario import Node
+
+MILLISECOND = 1_000_000
+SLOWEST = 255 * MILLISECOND  # 60C2h.1 has a byte
+LONGEST = 65_535 * MILLISECOND  # 1016h and 1017h have two
+UNITS = {  # of a linear axis and of one that turns
+    ("limits", "position"):        ("m", "rad"),
+    ("limits", "velocity"):        ("m/s", "rad/s"),
+    ("limits", "force"):           ("N", "N*m"),
+    ("limits", "following_error"): ("m", "rad"),
+    ("limits", "acceleration"):    ("m/s^2", "rad/s^2"),
+    ("homing", "at"):              ("m", "rad"),
+    ("homing", "speed"):           ("m/s", "rad/s"),
+    ("contact", "distance"):       ("m", "rad"),
+    ("contact", "speed"):          ("m/s", "rad/s"),
+    ("shadow", "position"):        ("m", "rad"),
+    ("shadow", "velocity"):        ("m/s", "rad/s"),
+    ("force_constant",):           ("N/A", "N*m/A"),
+}  # fmt: skip
+
+
+def check(keys: HardwareKeys, root: Node) -> list[str]:
+    """Everything that no drive of these profiles can do."""
+    problems = []
+    if keys.cycle > SLOWEST:
+        place = root.find(("cycle",)).place
+        problems.append(
+            f"{place}: cycle: {keys.cycle / 1e6:g} ms is more than 255 ms, which drives can count. Shorten it."
+        )
+    for name, node in keys.nodes.items():
+        problems += [f"{root.find(('nodes', name, *path)).place}: nodes.{name}.{'.'.join(path)}: {text}"
+                     for path, text in _node(node, keys.simulated)]  # fmt: skip
+    for k, one in enumerate(keys.faults):
+        where = f"{root.find(('faults', k)).place}: faults[{k + 1}]"
+        if one.at < 0:
+            problems.append(f"{where}: a time is below zero. Count from the beginning of the scenario.")
+    return problems
+
+
+def _node(node: NodeKeys, simulated: bool) -> list[tuple[tuple[str, ...], str]]:
+    """Problems of one node, each with the key that it is about."""
+    chosen = profile(node.profile)
+    found: list[tuple[tuple[str, ...], str]] = []
+    if node.homing is not None and node.homing.method not in chosen.homing:
+        known = ", ".join(map(str, sorted(chosen.homing)))
+        text = f"{chosen.title} has no method {node.homing.method}. There are: {known}."
+        found.append((("homing", "method"), text))
+    if max(node.heartbeat.every, node.heartbeat.lost_after) > LONGEST:
+        found.append((("heartbeat",), "more than 65535 ms, which 1016h and 1017h can count. Shorten it."))
+    if (
+        node.safe_outputs is not None
+        and not node.outputs
+        and not any(one.index == cia402.OUTPUTS for one in chosen.objects)
+    ):
+        text = f"{chosen.title} has no digital outputs 60FEh. Leave it out, or use those of another drive."
+        found.append((("safe_outputs",), text))
+    for (index, sub), value in node.objects.items():
+        if text := _object(chosen, index, sub, value, simulated):
+            found.append((("objects",), f"{index:04X}h.{sub}: {text}"))
+    return found
+
+
+def _object(chosen: Profile, index: int, sub: int, value: int, simulated: bool) -> str:
+    """What is wrong with a value of an object, or nothing."""
+    entry: Entry | None = next((one for one in chosen.objects if (one.index, one.sub) == (index, sub)), None)
+    if entry is None:  # a real drive has more objects than its profile, and says itself what it has not
+        return f"{chosen.title} has no such object. Correct it." if simulated else ""
+    if not entry.writable:
+        return f"{entry.name} cannot be written. Leave it out."
+    if not entry.type.form:
+        return f"{entry.name} is text. Only numbers can be written."
+    try:
+        entry.encode(value)
+    except struct.error:
+        return f"{value} is no {entry.type.name}. Correct it."
+    low, high = entry.low, entry.high
+    if (low is not None and value < low) or (high is not None and value > high):
+        return (
+            f"{value} is outside {low if low is not None else '-'} to {high if high is not None else '-'}. Correct it."
+        )
+    return ""
+
+
+def gearing(node: NodeKeys, rotary: bool) -> str:
+    """That nobody said what turns a rotary motor into a linear axis, or the other way round; or nothing."""
+    chosen = profile(node.profile)
+    turns = chosen.motor.unit == "rad"
+    if turns is rotary or "scale" in node.model_fields_set:
+        return ""
+    kinds = ("moves along a line", "turns")
+    return (
+        f"the motor of {chosen.title} {kinds[turns]}, the member {kinds[rotary]}. "
+        f"Add `scale`, the member's way for 1 {chosen.motor.unit} of the motor."
+    )
+
+
+def units(root: Node, name: str, rotary: bool) -> list[str]:
+    """Limits and the like of a member in units of the other kind of axis: degrees of a carriage."""
+    found = []
+    for path, kinds in UNITS.items():
+        given = root.find(("nodes", name))
+        for key in path:
+            if key not in given.entries:
+                break
+            given = given.entries[key]
+        else:
+            for one in given.items or [given]:
+                try:
+                    number(one.value, kinds[rotary], f"{one.place}: nodes.{name}.{'.'.join(path)}")
+                except CouplingError as error:
+                    found.append(f"{error} The member {'turns' if rotary else 'moves along a line'}.")
+    return found

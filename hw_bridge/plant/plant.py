@@ -1,0 +1,105 @@
+"""A simulated drive inside a co-simulation: its motor is the member that it stands for, and feels that member's load."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from hw_bridge.device import Drive, Motor
+from hw_bridge.dictionary import State
+from hw_bridge.profiles import MotorModel, profile
+from twin.component import Float64, Role
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from hw_bridge.hardware import NodeKeys
+    from twin.component import Component
+
+STANDSTILL = 1e-3  # slower than this is at rest [m/s or rad/s]
+OWN = ("current_maximum", "current_continuous")  # parameters of a motor that its drive uses for itself
+
+TRUE = {"velocity", "angular_velocity", "motor_angle", "current", "force", "torque"}
+
+
+def beginning(axis: Component) -> float:
+    """Where a member begins [m or rad]."""
+    return float(axis.views["target_position"]) if "target_position" in axis.views else 0.0
+
+
+class Plant:
+    """Drive and motor. Positions of the member are those of the motor, but for scale, direction and origin."""
+
+    def __init__(self, axis: Component, keys: NodeKeys, position: float, build: Path) -> None:
+        vendor = profile(keys.profile)
+        self.axis, self.keys = axis, keys
+        self.sign = -keys.scale if keys.inverted else keys.scale
+        self.parameters: dict[str, float] = {}
+        model = self.model(vendor.motor)
+        self.motor = Motor(model, build=build, position=0.0 if keys.homing else position / self.sign)
+        self.drive = Drive(vendor, keys.node, self.motor)
+        self.load = self.sign * model.ratio  # of the member's load, what the motor's component takes
+        self.origin = 0.0
+
+    def model(self, own: MotorModel) -> MotorModel:
+        """The motor of the vendor's profile with the member's parameters; a rotary drive brings its own gear."""
+        declared = {v.name: v for v in type(self.axis).variables if v.role is Role.parameter and v.type is Float64}
+        values = {key: float(self.axis.views[key]) for key in declared if not declared[key].shape}
+        name = self.axis.replaced.__module__.split(".")[-2]  # type: ignore[attr-defined]
+        given = {key: value for key, value in values.items() if value != declared[key].start}
+        if "gear_ratio" in values and own.unit == "rad":
+            self.parameters = {key: value for key, value in values.items() if key not in OWN}
+            return replace(
+                own, component=name, parameters=given, position="angle", load="load_torque", ratio=values["gear_ratio"]
+            )
+        if name != own.component:
+            return own
+        if own.parameters:  # another motor than the member's
+            return own
+        self.parameters = {key: value for key, value in values.items() if key not in OWN}
+        return replace(own, parameters=given)
+
+    def zero(self, position: float) -> None:
+        """True and measured positions count from the same place, where this one is measured [m or rad]."""
+        self.origin = self.sign * self.motor.measured_position - position
+
+    def feel(self) -> None:
+        """Take over load and parameters that changed."""
+        views = self.axis.views
+        for name in ("load_force", "load_torque"):
+            if name in views:
+                self.motor.load(float(views[name]) * self.load)
+        for key, before in self.parameters.items():
+            if (value := float(views[key])) != before:
+                self.parameters[key] = value
+                self.motor.set(key, value)
+
+    def restless(self, speed: float) -> str:
+        """What is not as it should be at rest: power, motion of the motor [m/s or rad/s], outputs."""
+        drive, keys = self.drive, self.keys
+        speed *= keys.scale
+        found = [f"{drive.state}"] if drive.state is State.ENABLED else []
+        found += [f"moves at {speed:.3g} {self.motor.model.unit}/s"] if speed > STANDSTILL else []
+        if keys.safe_outputs is not None and drive.outputs != keys.safe_outputs:
+            found.append(f"outputs {drive.outputs}, not {keys.safe_outputs}")
+        return f"node {keys.node}: {', '.join(found)}." if found else ""
+
+    def shown(self) -> dict[str, Callable[[], float]]:
+        """What only a simulated motor can tell."""
+        found: dict[str, Callable[[], float]] = {
+            "position": self.position, "angle": self.position, "overload": lambda: self.drive.axis.level,
+        }  # fmt: skip
+        if self.parameters:  # it is the member's own component
+            found |= {name: partial(self.true, name) for name in TRUE & set(self.axis.views)}
+        return found
+
+    def position(self) -> float:
+        """True position of the member [m or rad]."""
+        return self.sign * self.motor.position - self.origin
+
+    def true(self, name: str) -> float:
+        """A variable of the motor, in the member's direction."""
+        value = self.motor.get(name)
+        return value if self.sign > 0.0 else -value

@@ -1,0 +1,108 @@
+"""What makes one vendor's drive: its dictionary, units, errors and choices, as data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING, NamedTuple
+
+from hw_bridge.bus import MILLISECOND
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from hw_bridge.dictionary import Code, Dictionary, Entry, Mode, Move
+    from hw_bridge.profiles.motor import MotorModel
+
+
+class Reaction(StrEnum):
+    """What an error does to the drive."""
+
+    REPORT = "only told"
+    CONNECTION = "abort connection option 6007h"
+    RAMP = "fault, with reaction option 605Eh"
+    OFF = "fault, power stage off at once"
+
+
+class Fault(NamedTuple):
+    """A row of a vendor's table of errors: bits of the error register 1001h, of the vendor's own register 2320h."""
+
+    register: int
+    vendor: int
+    reaction: Reaction
+    meaning: str
+
+
+class Units(NamedTuple):
+    """SI value of one device unit: the only table that scales."""
+
+    position: float  # [m or rad]
+    velocity: float  # [m/s or rad/s]
+    acceleration: float  # [m/s2 or rad/s2]
+    torque: float  # current [A] of one unit of 6071h and 6077h; 0 where there is none
+
+
+@dataclass(frozen=True, slots=True)
+class Rules:
+    """How a vendor's drive behaves where CiA 301 leaves a choice. `remap`: abort for a mapping that is in use."""
+
+    objects: int
+    remap: Code
+
+
+class Currents(NamedTuple):
+    """Limits of the current."""
+
+    continuous: float  # [A]
+    peak: float  # [A]
+    lag: float  # thermal time constant of the limit [s]
+
+
+# what options mean where a drive has no object for them
+FIXED = {0x605A: 2, 0x605B: 0, 0x605C: 1, 0x605D: 1, 0x605E: 2, 0x6007: 0}
+
+
+@dataclass(frozen=True)
+class Device:
+    """A CANopen device that is no drive."""
+
+    name: str
+    title: str
+    objects: tuple[Entry, ...]
+    faults: dict[int, Fault]
+    rules: Rules
+    boot_time: int = 100 * MILLISECOND
+    sdo_time: int = MILLISECOND
+
+
+@dataclass(frozen=True)
+class Profile:
+    """One vendor's drive."""
+
+    name: str
+    title: str
+    objects: tuple[Entry, ...]
+    modes: tuple[Mode, ...]
+    homing: dict[int, tuple[Move, ...]]  # methods of 6098h
+    faults: dict[int, Fault]
+    motor: MotorModel
+    units: Callable[[Dictionary], Units]
+    currents: Callable[[Dictionary], Currents]
+    rules: Rules
+    bus_off: int  # EMCY after recovery from bus-off
+    options: dict[int, int] = field(default_factory=dict)  # instead of FIXED
+    target_beyond_limit: int = 0  # EMCY for a target outside 607Dh; 0: it is clipped
+    limits_off_when_zero: bool = False  # 607Dh with both limits 0 means none
+    power_stage_bit: bool = False  # statusword bit 4 shows the power stage instead of the supply
+    rpdo_timeout: bool = False  # 8250h when cyclic targets stay away
+    deviation: Callable[[Dictionary], tuple[float, int]] | None = None  # of speed: window [device units], time [ms]
+    gains: dict[tuple[int, int], dict[str, int]] = field(default_factory=dict)  # what a gain does to the motor's: power
+    twins: dict[int, int] = field(default_factory=dict)  # targets in increments: object, the one in user units
+    masks: bool = False  # 2321h says which errors are told and which trip
+    supply: Callable[[Dictionary], tuple[float, float]] = lambda _: (9.0, 56.0)  # under- and overvoltage [V]
+    boot_time: int = 100 * MILLISECOND
+    sdo_time: int = MILLISECOND
+
+    def option(self, dictionary: Dictionary, index: int) -> int:
+        """An option code, from the dictionary or as the vendor fixed it."""
+        return dictionary.get(index, missing=self.options.get(index, FIXED[index]))

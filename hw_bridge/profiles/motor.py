@@ -1,0 +1,35 @@
+"""The motor that a profile names, as data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from twin.component import catalog
+
+# what a component with this load calls its target in cst, and the force or torque of one ampere
+EFFORT = {"load_force": ("target_force", "force_constant"), "load_torque": ("target_torque", "torque_constant")}
+
+
+@dataclass(frozen=True)
+class MotorModel:
+    """A component with its parameters, and what it calls true position and load. `unit`: m or rad.
+
+    `ratio`: turns of the motor for one of what the component's positions count, where a gear is in it.
+    """
+
+    component: str
+    unit: str
+    resolution: float  # one increment of its sensor [unit]
+    index: float  # distance between index pulses [unit]
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    position: str = "position"
+    load: str = "load_force"
+    ratio: float = 1.0
+
+    @property
+    def force_constant(self) -> float:
+        """Force [N] or torque [N*m] of one ampere, before the gear."""
+        name = EFFORT[self.load][1]
+        declared = getattr(catalog.component(self.component), name)
+        return float(self.parameters.get(name, declared.start))

@@ -1,0 +1,65 @@
+"""The contact force as the bridge watches it: too much of it, or a sensor that says nothing, and the drive retracts."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from hw_bridge.hardware import ContactKeys
+    from hw_bridge.master import Node
+
+NEVER = 2**62
+PATIENCE = 3  # times as long as a retraction should take [-]
+
+
+class ContactWatch:
+    """Looks at every communication point. A sensor is silent when its value is not finite or does not change at all."""
+
+    def __init__(self, name: str, keys: ContactKeys, node: Node, start: int) -> None:
+        self.name, self.keys, self.node = name, keys, node
+        self.reason = ""  # why it retracts, if it does
+        self._value = float("nan")
+        self._changed = self._now = start
+        self._from = 0.0  # position where the retraction began [m]
+        self._end = NEVER
+
+    def look(self, t: int, force: float) -> None:
+        """The force [N] at t [ns]."""
+        self._now = t
+        if isfinite(force) and force != self._value:
+            self._value, self._changed = force, t
+        if self.reason:
+            return
+        silence = t - self._changed
+        if force > self.keys.above:
+            self._retract(f"{self.name}: {self.keys.signal} is {force:.3f} N, above {self.keys.above:g} N.")
+        elif silence > self.keys.silent_for:
+            self._retract(f"{self.name}: {self.keys.signal} has not changed for {silence / 1e6:.0f} ms.")
+
+    def _retract(self, why: str) -> None:
+        keys = self.keys
+        self.reason = f"{why} Retracted {1e3 * keys.distance:g} mm."
+        self._from = self.node.position
+        self._end = self._now + round(PATIENCE * 1e9 * keys.distance / keys.speed)
+
+    @property
+    def sign(self) -> float:
+        """Direction of the way out."""
+        return 1.0 if self.keys.direction == "positive" else -1.0
+
+    def _room(self) -> float:
+        """Way to the position limit in that direction, a millimeter kept [m]."""
+        low, high = self.node.keys.limits.position
+        return (high - self.node.position if self.sign > 0 else self.node.position - low) - 1e-3
+
+    def _arrived(self) -> bool:
+        return self.sign * (self.node.position - self._from) >= self.keys.distance or self._room() <= 0.0
+
+    def velocity(self) -> float:
+        """What the drive is told while it retracts [m/s]."""
+        return 0.0 if self._arrived() else self.sign * self.keys.speed
+
+    def done(self) -> bool:
+        """Whether it is out of the way, or should have been for long."""
+        return self._arrived() or self._now >= self._end

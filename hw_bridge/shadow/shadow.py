@@ -1,0 +1,140 @@
+"""Shadow: a simulated drive hears all that the real one is told, and what they do differently points at a part.
+
+The twin of a drive gets the same frames at the same times, and the load that the scenario knows. Residuals are the
+drive's values minus its twin's, in the member's direction and scale, sampled at the same SYNC.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from math import copysign
+from typing import TYPE_CHECKING, Any
+
+from hw_bridge.bus import unconnected
+from hw_bridge.dictionary import cia301
+from hw_bridge.plant import Plant, beginning
+from hw_bridge.shadow.symptoms import SYMPTOMS, Figures, Sample, Symptom, figures_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from hw_bridge.bus import Frame, Network
+    from hw_bridge.device import Drive
+    from hw_bridge.hardware import HardwareKeys, NodeKeys, ShadowKeys
+    from hw_bridge.master import Node
+    from twin.component import Component
+
+
+class Shadow:
+    """One drive and its twin. `look` once per cycle; a symptom that stays is told once."""
+
+    def __init__(
+        self, axis: Component, keys: NodeKeys, bands: ShadowKeys, node: Node, network: Network, position: float,
+        master: int, cycle: int, build: Path,
+    ) -> None:  # fmt: skip
+        self.axis, self.node, self.bands, self.cycle, self.network = axis, node, bands, cycle / 1e9, network
+        self.plant = Plant(axis, keys, position, build)
+        self.plant.drive.connect(unconnected)
+        number = keys.node
+        self.mine = {cia301.NMT, cia301.SYNC, cia301.SDO_REQUEST + number, cia301.ERROR_CONTROL + master} | {
+            base + number for base in range(0x200, 0x600, 0x100)
+        }
+        self.raw = (0, 0, 0)  # position, velocity, current of the twin at the last SYNC [device units]
+        self.samples: deque[Sample] = deque(maxlen=max(2, round(bands.window / cycle)))
+        self.warnings: list[str] = []
+        self.largest = {"position": 0.0, "velocity": 0.0, "current": 0.0}
+        self._told: dict[str, int] = {}  # parts that were told, and when they were last seen [ns]
+        self._symptom: Symptom | None = None  # what is seen, and since when [ns]
+        self._since = 0
+        self._zero: float | None = None
+        self._missed = self._gap = False
+        network.observe(self.hear)
+
+    def hear(self, time: int, frame: Frame | None) -> None:
+        """A frame of the bus; those to the drive are for its twin too."""
+        if frame is None or frame.id not in self.mine:
+            return
+        drive = self._advance(time)
+        if frame.id == cia301.SYNC:
+            word, get = self.node.vendor.current, drive.dictionary.get
+            self.raw = (get(0x6064), get(0x606C), get(word >> 16, word >> 8 & 0xFF))
+        drive.receive(frame)
+
+    def _advance(self, time: int) -> Drive:
+        """The twin at a time [ns]."""
+        drive = self.plant.drive
+        drive.advance(max(time, drive.port.agenda.now))
+        return drive
+
+    def feel(self) -> None:
+        """The twin feels what the scenario knows of the load, from now on."""
+        self._advance(self.network.now)
+        self.plant.feel()
+
+    def look(self, t: int) -> None:
+        """Compare what the drive said since the last SYNC; t [ns] is the scenario's."""
+        node, (position, velocity, current) = self.node, self.raw
+        stale, self._missed = self._missed and node.answered < 2, node.answered == 0
+        if self._missed or stale:  # process data that came late belong to an earlier SYNC
+            self._gap = True
+            return
+        direction = copysign(1.0, node.sign)
+        way = node.sign * node.units.position * (node.raw_position - position)
+        if self._zero is None:  # both may have begun anywhere
+            self._zero = way
+        views = self.axis.views
+        load = next((float(views[name]) for name in ("load_force", "load_torque") if name in views), 0.0)
+        sample = Sample(
+            way - self._zero,
+            node.sign * node.units.velocity * (node.raw_velocity - velocity),
+            direction * node.ampere * (node.raw_current - current),
+            node.sign * node.units.velocity * velocity,
+            load,
+            self._gap,
+        )
+        self._gap = False
+        self.samples.append(sample)
+        for name in self.largest:
+            self.largest[name] = max(self.largest[name], abs(getattr(sample, name)))
+        if len(self.samples) == self.samples.maxlen:
+            self._judge(t)
+
+    def _judge(self, t: int) -> None:
+        """A symptom counts once it has lasted for a window: on the way there others are seen."""
+        figures = figures_of(list(self.samples), self.bands, self.cycle)
+        symptom = next((one for one in SYMPTOMS if one.shows(figures)), None)
+        if symptom is not self._symptom:
+            self._symptom, self._since = symptom, t
+        if symptom is None:
+            return
+        known = self._told.get(symptom.part)
+        if known is not None and t - known <= self.bands.window:
+            self._told[symptom.part] = t
+        elif symptom.at_once or t - self._since >= self.bands.window:
+            self._told[symptom.part] = t
+            self.warnings.append(
+                f"{self.node.name}: at {t / 1e9:.3f} s {symptom.seen} ({self._shown(figures)}). Look at {symptom.part}."
+            )
+
+    @staticmethod
+    def _shown(figures: Figures) -> str:
+        named = {name: value for name, value in figures._asdict().items() if abs(value) > 1}
+        return ", ".join(f"{name} {value:.1f}" for name, value in named.items()) + " of the band"
+
+    def report(self) -> dict[str, Any]:
+        """Largest residuals in SI, and warnings."""
+        return {"largest": self.largest, "warnings": self.warnings}
+
+
+def shadows(
+    keys: HardwareKeys, network: Network, axes: Mapping[str, Component], nodes: Mapping[str, Node], build: Path
+) -> dict[str, Shadow]:
+    """Those that a hardware file asks for, by drive."""
+    return {
+        name: Shadow(
+            axes[name], one, one.shadow, nodes[name], network, beginning(axes[name]), keys.master, keys.cycle, build
+        )
+        for name, one in keys.nodes.items()
+        if one.shadow is not None
+    }

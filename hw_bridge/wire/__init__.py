@@ -1,0 +1,17 @@
+"""Any python-can interface, or trace file of python-can's: the only room that knows it."""
+
+from hw_bridge.wire.adapter import hasten, opened
+from hw_bridge.wire.files import TraceWriter, read
+from hw_bridge.wire.network import WireNetwork
+from hw_bridge.wire.taken import refuse_if_taken
+from hw_bridge.wire.wire import Wire
+
+__all__ = [
+    "TraceWriter",
+    "Wire",
+    "WireNetwork",
+    "hasten",
+    "opened",
+    "read",
+    "refuse_if_taken",
+]

@@ -1,0 +1,128 @@
+"""Any python-can interface: opened, heard, and its messages as frames."""
+
+from __future__ import annotations
+
+import logging
+import os
+import time
+from collections import deque
+from contextlib import suppress
+from typing import Any
+
+import can
+
+from hw_bridge.bus import Frame
+from twin.errors import SimulationError
+
+# python-can's slcan looks at the time only after each wait for a byte, which is 1 ms long by default
+OPTIONS: dict[str, dict[str, Any]] = {"slcan": {"timeout": 0.0002}}
+HIGHEST, LONGEST = 0x7FF, 8  # identifier of CAN 2.0A, bytes of a frame
+UNREADABLE = 20, 0.05  # so many failed reads within this time [s] are the end of an interface; fewer are garbage
+PRIORITY = 10  # of SCHED_FIFO: above everything ordinary, below what the kernel's own threads have
+
+
+def hasten() -> bool:
+    """Go before ordinary processes, where the system has that and allows it; a loop that always waits may."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
+    except (AttributeError, OSError):
+        return False
+    return True
+
+
+def opened(interface: str, channel: str, bit_rate: int, options: dict[str, Any]) -> can.BusABC:
+    """A python-can bus; SimulationError in one line if it cannot be opened."""
+    logging.getLogger("can").setLevel(logging.ERROR)  # what a half-opened bus says besides its error
+    try:
+        bus = can.Bus(**{**OPTIONS.get(interface, {}), **options, "channel": channel, "interface": interface,
+                         "bitrate": bit_rate})  # fmt: skip
+    except Exception as error:  # drivers of adapters raise whatever they meet
+        what = " ".join(str(error).split()).rstrip(".!") or type(error).__name__
+        raise SimulationError(
+            f"{interface} {channel}: cannot be opened: {what}. Check the interface's name, its driver and the adapter."
+        ) from error
+    if interface == "slcan":
+        bus.serialPortOrig = Gulps(bus.serialPortOrig)  # type: ignore[attr-defined]
+    return bus
+
+
+def from_message(message: can.Message) -> Frame | None:
+    """The frame of a python-can message; nothing for what CANopen does not use, or what no CAN frame can be."""
+    if message.is_error_frame or message.is_extended_id or message.is_fd:
+        return None
+    if message.arbitration_id > HIGHEST or len(message.data) > LONGEST:  # of a serial line that garbles
+        return None
+    if message.is_remote_frame:
+        return Frame(message.arbitration_id, remote=True, length=message.dlc)
+    return Frame(message.arbitration_id, bytes(message.data))
+
+
+def to_message(frame: Frame) -> can.Message:
+    """The python-can message of a frame."""
+    dlc = frame.length if frame.remote else len(frame.data)
+    return can.Message(
+        arbitration_id=frame.id, data=frame.data, dlc=dlc, is_extended_id=False, is_remote_frame=frame.remote
+    )
+
+
+class Gulps:
+    """A serial port that is asked for single bytes and reads all that there are.
+
+    python-can's slcan wants each byte by itself: with a system call for each, three drives fill a cycle of 5 ms.
+    """
+
+    def __init__(self, port: Any) -> None:
+        self.port = port
+        self.bytes: deque[int] = deque()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.port, name)
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in ("port", "bytes"):
+            super().__setattr__(name, value)
+        else:
+            setattr(self.port, name, value)
+
+    @property
+    def in_waiting(self) -> int:
+        """Bytes that can be read at once."""
+        return len(self.bytes) or self.port.in_waiting
+
+    def read(self, _size: int = 1) -> bytes:
+        """The next byte, or none within the port's timeout."""
+        if not self.bytes:
+            self.bytes.extend(self.port.read(max(self.port.in_waiting, 1)))
+        return bytes((self.bytes.popleft(),)) if self.bytes else b""
+
+    def reset_input_buffer(self) -> None:
+        """Forget what was not read."""
+        self.bytes.clear()
+        self.port.reset_input_buffer()
+
+
+class Ear:
+    """Hears a python-can bus. What cannot be read is passed over; SimulationError where nothing can any more."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self.bus = bus
+        self.failed, self.since = 0, 0.0  # reads in a row, since when [s]
+
+    def message(self, timeout: float) -> can.Message | None:
+        """What comes next, or nothing within `timeout` [s]."""
+        try:
+            message = self.bus.recv(timeout)
+        except (can.CanError, OSError, ValueError, IndexError) as error:
+            number, time_span = UNREADABLE
+            now = time.monotonic()
+            if now - self.since > time_span:
+                self.failed, self.since = 0, now
+            self.failed += 1
+            if self.failed > number:
+                raise SimulationError(f"bus: cannot be read: {error}. Check the adapter.") from error
+            if (flush := getattr(self.bus, "flush", None)) is not None:  # slcan would read the same bytes for ever
+                with suppress(can.CanError, OSError):
+                    flush()
+            return None
+        self.failed = 0
+        return message

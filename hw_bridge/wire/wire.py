@@ -1,0 +1,123 @@
+"""Any python-can interface as the bus of a simulated drive, paced by the wall clock."""
+
+from __future__ import annotations
+
+import random
+import threading
+import time
+from typing import TYPE_CHECKING
+
+import can
+
+from hw_bridge.bus import BUS_OFF, Kind
+from hw_bridge.wire.adapter import Ear, from_message, to_message
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from hw_bridge.bus import Disturbance, Frame
+    from hw_bridge.device import Slave
+
+PATIENCE = 0.05  # longest wait [s] before a look at the request to stop
+RECOVERY = 2_000_000  # from bus-off to the return [ns]: 128 x 11 bits at 1 Mbit/s and a little more
+LATE = 10_000_000  # the wall clock this far ahead counts as an overrun [ns]
+OLDEST = 1.0  # a frame cannot have waited longer for this process: its time stamp is of another clock [s]
+
+
+def nothing() -> None:
+    """Nobody looks."""
+
+
+class Wire:
+    """Carries one slave on a python-can bus until `stop` is set; then it is silent and the bus still open.
+
+    Disturbances hit what the slave sends and hears as on the deterministic bus. The interface itself is not disturbed:
+    there a destroyed frame is seen once it gets through, or never.
+    """
+
+    def __init__(self, slave: Slave, bus: can.BusABC) -> None:
+        self.slave, self.bus, self.ear = slave, bus, Ear(bus)
+        self.stop = threading.Event()
+        self.overruns = 0
+        self.lost = 0  # frames that the interface did not take
+        self.disturbances: list[Disturbance] = []
+        self.look: Callable[[], None] = nothing  # called between frames
+        self._errors = 0  # transmit error counter
+        self._chance = random.Random(1)  # noqa: S311 - which frames are hit
+        slave.connect(self._wanted)
+
+    @property
+    def now(self) -> int:
+        """Time of the slave [ns]."""
+        return self.slave.port.agenda.now
+
+    def _disturbed(self, frame: Frame) -> Disturbance | None:
+        return next((one for one in self.disturbances if one.hits(frame, self.now, self._chance)), None)
+
+    def _later(self, hit: Disturbance, then: Callable[[], None]) -> None:
+        self.slave.port.agenda.at(self.now + hit.delay + round(self._chance.random() * hit.jitter), then)
+
+    def _wanted(self, frame: Frame) -> None:
+        """The slave sends a frame."""
+        hit = self._disturbed(frame) if self.disturbances else None
+        if hit is None:
+            self._errors = max(self._errors - 1, 0)
+            self._send(frame)
+        elif hit.kind is Kind.DELAY:
+            self._later(hit, lambda: self._send(frame))
+        elif hit.kind is Kind.CORRUPT:
+            self._destroyed(frame, hit)
+
+    def _destroyed(self, frame: Frame, hit: Disturbance) -> None:
+        """The sender repeats until it gets through or is bus-off; here all of that takes no time."""
+        repeated = min(hit.count + 1, (BUS_OFF - self._errors + 7) // 8)
+        hit.count -= repeated - 1
+        self._errors += 8 * repeated
+        if self._errors < BUS_OFF:
+            self._send(frame)
+            return
+        self._errors = 0
+        self.slave.bus_off()
+        self.slave.port.agenda.at(self.now + RECOVERY, self.slave.bus_on)
+
+    def _send(self, frame: Frame) -> None:
+        try:
+            self.bus.send(to_message(frame))
+        except (can.CanError, OSError):
+            self.lost += 1
+
+    def _heard(self, frame: Frame) -> None:
+        """A frame for the slave."""
+        hit = self._disturbed(frame) if self.disturbances else None
+        if hit is None or hit.kind is Kind.CORRUPT:
+            self.slave.receive(frame)
+        elif hit.kind is Kind.DELAY:
+            self._later(hit, lambda: self.slave.receive(frame))
+
+    def run(self) -> None:
+        """Let simulated time follow the monotonic clock.
+
+        A frame acts at the time when it reached this machine. A process that the system lets wait would else find its
+        timeouts expired before it has read what came in the meantime, which no drive does.
+        """
+        slave, late = self.slave, False
+        begin = time.monotonic_ns() - slave.port.agenda.now
+        while not self.stop.is_set():
+            self.look()
+            wait = (slave.next_time() - (time.monotonic_ns() - begin)) / 1e9
+            message = self.ear.message(min(max(wait, 0.0), PATIENCE))
+            now, before = time.monotonic_ns() - begin, late
+            late = now - slave.next_time() > LATE
+            self.overruns += late and not before
+            frame = from_message(message) if message is not None else None
+            if message is None or frame is None:
+                slave.advance(now)
+            else:
+                slave.advance(max(now - waited(message), slave.port.agenda.now))
+                self._heard(frame)
+
+
+def waited(message: can.Message) -> int:
+    """How long a frame has been on this machine [ns]; 0 where its interface tells the time of another clock."""
+    age = time.time() - message.timestamp
+    return round(age * 1e9) if 0.0 < age < OLDEST else 0

@@ -1,0 +1,65 @@
+"""What a command imports before it works, and what it needs of the home folder: nothing."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from twin import installed
+from twin.cli.added import WIDTH, added, summary
+
+MODULES = "import sys; from twin.cli import group; group(sys.argv[1:], standalone_mode=False); print(*sys.modules, file=sys.stderr)"
+
+
+def modules(*arguments):
+    done = subprocess.run([sys.executable, "-c", MODULES, *arguments], capture_output=True, text=True, check=True)
+    return set(done.stderr.split())
+
+
+def test_help_imports_no_command():
+    assert modules("--help").isdisjoint({"numpy", "importlib.metadata", "hw_bridge", "twin.cli.run", "pydantic"})
+
+
+def test_a_command_of_ours_asks_for_no_others():
+    found = modules("run", "--help")
+    assert found.isdisjoint({"numpy", "importlib.metadata", "hw_bridge", "pydantic"})
+
+
+@pytest.mark.parametrize("name", added())
+def test_the_line_of_another_command_is_its_own(name):
+    assert summary(name) == installed.load(added()[name]).get_short_help_str(limit=WIDTH)
+
+
+def test_a_command_that_does_not_show_is_asked(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "odd_commands.py").write_text("import click\ncommand = click.Command('odd', help='Odd one. More.')\n")
+    monkeypatch.setitem(added(), "odd", "odd_commands:command")
+    assert summary("odd") == "Odd one."
+
+
+SCENARIO = """
+stop_time: 1 s
+members: {heart: {component: heart}}
+metrics: {reach: {signal: heart.position, reduce: max, unit: inch}}
+"""
+
+
+@pytest.mark.parametrize("home", ["missing", "a file", "a damaged cache", "none"])
+def test_no_home_is_needed(tmp_path, home):
+    """A unit that only pint knows: it keeps nothing in the home folder, and reads nothing there."""
+    place = tmp_path / "home"
+    if home == "a file":
+        place.touch()
+    if home == "a damaged cache":
+        (place / ".cache" / "pint").mkdir(parents=True)
+        (place / ".cache" / "pint" / "x.pickle").write_bytes(b"\x80")
+    (tmp_path / "one.yaml").write_text(SCENARIO)
+    environment = {**os.environ, "HOME": str(place), "XDG_CACHE_HOME": str(place / ".cache")}
+    if home == "none":
+        del environment["HOME"], environment["XDG_CACHE_HOME"]
+    before = sorted(place.rglob("*")) if place.is_dir() else None
+    command = [sys.executable, "-c", "from twin.cli import main; main()", "check", str(tmp_path / "one.yaml")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert (sorted(place.rglob("*")) if place.is_dir() else None) == before

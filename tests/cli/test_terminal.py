@@ -1,0 +1,96 @@
+"""What commands print: whatever stands in files, whoever reads, whatever the terminal can show."""
+
+import io
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from twin.cli import terminal
+
+ROOT = Path(__file__).parents[2]
+MAIN = [sys.executable, "-c", "from twin.cli import main; main()"]
+HOSTILE = """\
+title: "T [/b] [link=http://x]y[/link] \\e[31m \\u202E"
+stop_time: 1 s
+members: {heart: {component: heart}}
+metrics: {"m[red] [/b]": {signal: heart.position, reduce: final}}
+expect: [{name: "e[/b]\\e[31m", metric: "m[red] [/b]", at_least: 0 m}]
+"""
+
+
+@pytest.fixture
+def hostile(tmp_path):
+    path = tmp_path / "s.yaml"
+    path.write_text(HOSTILE)
+    return path
+
+
+def run(words, folder, **options):
+    return subprocess.run([*MAIN, *words], cwd=folder, capture_output=True, check=False, timeout=120, **options)
+
+
+def test_texts_of_files_are_shown_as_they_are(hostile, build):
+    words = ["run", str(hostile), "--no-report", "--as", "interpreted", "--runs", str(hostile.parent / "r")]
+    done = run([*words, "--build", str(build)], hostile.parent, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("T [/b] [link=http://x]y[/link] \\x1b[31m \\u202e\n")
+    assert "m[red] [/b]" in done.stdout
+    assert "e[/b]\\x1b[31m" in done.stdout
+    assert "\x1b" not in done.stdout + done.stderr
+
+
+def test_also_on_a_terminal(hostile, monkeypatch):
+    class Screen(io.StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.setattr(sys, "stdout", Screen())
+    monkeypatch.setenv("TERM", "xterm")
+    console = terminal.paper()
+    console.print("a[red]b[/b] :smile: \x1b[31m\x9b", style="bold")
+    assert re.sub(r"\x1b\[[0-9;]*m", "", sys.stdout.getvalue()) == "a[red]b[/b] :smile: \\x1b[31m\\x9b\n"
+
+
+@pytest.mark.parametrize("words", [["--help"], ["check", "{file}"], ["run", "{file}"], ["nothing"]])
+def test_who_reads_may_leave_at_any_time(hostile, words):
+    read, write = os.pipe()
+    os.close(read)
+    words = [word.format(file=hostile) for word in words]
+    done = subprocess.run(
+        [*MAIN, *words, *(["--as", "interpreted", "--no-report"] if words[0] == "run" else [])],
+        cwd=hostile.parent, stdout=write, stderr=write, check=False, timeout=120,
+    )  # fmt: skip
+    os.close(write)
+    assert done.returncode == terminal.CLOSED
+
+
+def test_streams_may_be_closed(hostile):
+    command = f'exec "$@" <&- >&- 2>"{hostile.parent / "err"}"'
+    done = subprocess.run(["sh", "-c", command, "sh", *MAIN, "check", str(hostile)], check=False, timeout=120)
+    assert (done.returncode, (hostile.parent / "err").read_text()) == (0, "")
+
+
+def test_a_terminal_may_lack_letters(hostile):
+    hostile.write_text(HOSTILE.replace("members", "mжmbers"))
+    done = run(["check", str(hostile)], hostile.parent, env={**os.environ, "PYTHONIOENCODING": "latin-1"})
+    assert done.returncode == 1
+    assert rb"unknown key `m\u0436mbers`" in done.stdout
+
+
+def test_nothing_else_prints():
+    """Texts from files reach the terminal of a command through `twin.cli.terminal` alone."""
+    wrong = [
+        f"{path.relative_to(ROOT)}: {found}"
+        for folder in ("twin", "hw_bridge")
+        for path in (ROOT / folder).rglob("*.py")
+        if path != Path(terminal.__file__) and not {"face", "process"} & set(path.parts)
+        for found in re.findall(
+            r"(?:click\.s?echo|(?<![\w.])print|(?<!\w)Console|(?<!\w)Progress)\(.*", path.read_text()
+        )
+    ]
+    allowed = ("click.echo((outcome.folder",)  # JSON, which escapes by itself
+    assert [one for one in wrong if not any(word in one for word in allowed)] == []

@@ -1,0 +1,95 @@
+"""Units: one door for every text, whoever wrote it."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from twin.component import unit
+from twin.component.unit import Unit
+from twin.errors import CouplingError, TwinError
+
+NONE = (0,) * 8
+BOMBS = (
+    "m**9**9**9", "m^9^9^9^9", "((((m^9)^9)^9)^9)^9", "(" * 29 + "m" + ")^9" * 10, "9**9**9**9 m", "m**99999999", "m" * 10**6,
+    "m⁹⁹⁹⁹⁹⁹⁹", "m9" * 30, "m**9.9e9", "(GPa^9)^9", "a" * 59 + "!", "x {1e999 m + 0}", "x {1 m**9**9**9 + 0}", "x {" * 99,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "factor", "exponents"),
+    [
+        ("N", 1.0, (1, 1, -2, 0, 0, 0, 0, 0)),
+        ("mm/(s^2*N)", 1e-3, (-1, 0, 0, 0, 0, 0, 0, 0)),
+        ("m/s²", 1.0, (0, 1, -2, 0, 0, 0, 0, 0)),
+        ("m ** -2", 1.0, (0, -2, 0, 0, 0, 0, 0, 0)),
+        ("N.m", 1.0, (1, 2, -2, 0, 0, 0, 0, 0)),
+        ("J/(kg.K)", 1.0, (0, 2, -2, 0, -1, 0, 0, 0)),
+        ("kg.m2/s2", 1.0, (1, 2, -2, 0, 0, 0, 0, 0)),
+        ("s-1", 1.0, (0, 0, -1, 0, 0, 0, 0, 0)),
+        ("cmH2O", 98.0665, (1, -1, -2, 0, 0, 0, 0, 0)),
+        ("W/degC", 1.0, (1, 2, -3, 0, -1, 0, 0, 0)),
+        ("%", 0.01, NONE),
+        ("-", 1.0, NONE),
+    ],
+)
+def test_what_a_text_means(text: str, factor: float, exponents: tuple[int, ...]) -> None:
+    assert unit.describe(text) == Unit(factor, 0.0, exponents)
+
+
+@pytest.mark.parametrize("text", [*BOMBS, "a -> b", "2*m", "m^1.5", "dB", "bit", "nan", "(", "m > s", "\x00", "\ud800"])
+def test_what_is_no_unit_is_told_in_one_line(text: str) -> None:
+    with pytest.raises(CouplingError, match=r"^unit '.{0,42}' (is|has) no") as caught:
+        unit.describe(text)
+    assert len(str(caught.value)) < 150
+
+
+@given(st.one_of(st.text(), st.text("mkNs0129^*/(){}+-. e⁹°%", max_size=80)))
+@example("m**9**9**9")
+@example("(mm^9)^9")
+def test_any_text_is_little_work(text: str) -> None:
+    """What is let through has few, small powers: there is nothing to compute for long."""
+    try:
+        let_through = unit.spelled(text)
+    except TwinError:
+        pass
+    else:
+        powers = [int(power) for power in unit.POWER.findall(let_through)]
+        assert len(let_through) <= 2 * len(text) <= 120
+        assert math.prod(abs(power) or 1 for power in powers) <= unit.HIGHEST
+    try:
+        found = unit.describe(text)
+    except TwinError:
+        return
+    assert 0.0 < found.factor < math.inf
+    assert math.isfinite(found.offset)
+
+
+@given(
+    st.text(max_size=40), st.floats(1e-30, 1e30), st.floats(-1e6, 1e6), st.lists(st.integers(-4, 4), min_size=8, max_size=8)
+)  # fmt: skip
+def test_what_an_fmu_defines_means_that(name: str, factor: float, offset: float, exponents: list[int]) -> None:
+    meant = Unit(factor, offset, tuple(exponents))
+    text = unit.defined(name, meant)
+    if text == name:
+        return  # too many powers, or the name means the same
+    found = unit.describe(text)
+    assert (found.offset, found.exponents) == (offset, meant.exponents)
+    assert math.isclose(found.factor, factor, rel_tol=1e-14)
+
+
+def test_an_unknown_unit_is_told_with_its_place() -> None:
+    with pytest.raises(CouplingError, match=r"^in.csv: column 'u': unit 'fork' is not known"):
+        unit.conversion("fork", "m", "in.csv: column 'u'")
+
+
+def test_a_name_that_means_the_same_stays() -> None:
+    celsius = Unit(1.0, 273.15, (0, 0, 0, 0, 1, 0, 0, 0))
+    assert unit.defined("degC", celsius) == "degC"
+    assert unit.defined("C", celsius) == "C {1.0 K + 273.15}"
+    assert unit.describe("C {1.0 K + 273.15}") == celsius
+    assert unit.shown("C {1.0 K + 273.15}") == "C"
+    assert unit.defined("x", Unit(0.0, 0.0, NONE)) == "x"

@@ -1,0 +1,298 @@
+"""Scenarios, runs and FMUs from Python."""
+
+import json
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import twin
+from tests.face.parts import Types
+from twin.errors import FMUError, ScenarioError, SimulationError, UnknownNameError
+from twin.face import arrays
+
+SCENARIO = """
+title: Pushed
+stop_time: 50 ms
+seeds: [1, 2]
+members:
+  part: {component: "tests.face.parts:Types"}
+variants:
+  plain: {title: as it is}
+  strong: {members: {part: {parameters: {gain: 5}}}}
+  more: {members: {wave: {component: chirp}}, stop_time: 40 ms}
+events:
+  - {at: 10 ms, set: {part.push: 2 N}}
+record: ["*.*"]
+metrics:
+  reached: {signal: part.place, reduce: final, unit: mm, paper: {plain: 4000 mm}, tolerance: 1 %}
+expect:
+  - {signal: part.place, at_most: 20 m}
+plots:
+  - {title: Places, signals: [part.place]}
+"""
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("face")
+    (folder / "pushed.yaml").write_text(SCENARIO)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def scenario(place):
+    return twin.load(place / "pushed.yaml")
+
+
+@pytest.fixture(scope="module")
+def run(scenario, place, build):
+    return scenario.run(out=place / "runs", build=build, form="compiled")
+
+
+def test_a_file_that_is_wrong_lists_all_problems(tmp_path):
+    file = tmp_path / "wrong.yaml"
+    file.write_text(SCENARIO.replace("part.place, at_most", "part.plce, at_most").replace("gain: 5", "gian: 5"))
+    with pytest.raises(ScenarioError) as caught:
+        twin.load(file)
+    assert len(caught.value.problems) == 2
+    assert all(str(file) in problem and "Did you mean" in problem for problem in caught.value.problems)
+    with pytest.raises(ScenarioError, match="cannot be read"):
+        twin.load(tmp_path / "missing.yaml")
+
+
+def test_set_gives_another_scenario(scenario, place, build):
+    before = repr(scenario), scenario.checked
+    changed = scenario.set("part.gain", np.float64(3.0)).set("variants.more.part.gain", "4 m/N").set("seeds", [7])
+    assert (repr(scenario), scenario.checked) == before
+    assert changed.seeds == (7,)
+    reached = changed.run(out=place / "other", build=build, report=False, form="interpreted").metrics
+    assert reached.set_index("variant").value.to_dict() == {"plain": 6000.0, "strong": 6000.0, "more": 8000.0}
+    assert set(reached.verdict) == {"other", "info"}
+    for name, value in (
+        ("part.gian", 1),
+        ("prt.gain", 1),
+        ("part.gain", "3 kg"),
+        ("stop", 1),
+        ("variants.x.part.gain", 1),
+    ):
+        with pytest.raises(ScenarioError) as caught:
+            scenario.set(name, value)
+        assert not any("--" in problem for problem in caught.value.problems)
+
+
+def test_metrics_are_those_of_the_summary(run):
+    frame = run.metrics
+    assert list(frame) == ["metric", "variant", "seed", "value", "unit", "paper", "verdict"]
+    assert frame[frame.seed == 1].set_index("variant").value.to_dict() == {"plain": 4000, "strong": 10000, "more": 4000}
+    assert set(frame.unit) == {"mm"}
+    assert frame.set_index("variant").verdict.to_dict() == {"plain": "pass", "strong": "info", "more": "info"}
+    assert run.expectations.verdict.tolist() == ["pass"]
+    assert (run.status, run.passed, run.variants, run.seeds) == ("completed", True, ("plain", "strong", "more"), (1, 2))
+    assert run.report.read_text().startswith("<!doctype html>")
+
+
+def test_a_signal_has_axes_and_units(run):
+    signal = run["part.place"]
+    assert signal.dims == ("time", "variant", "seed")
+    assert signal.attrs["units"] == "m"
+    assert signal.sel(variant="strong", seed=2).values[-1] == 10.0
+    # `more` stops earlier
+    assert np.isnan(signal.sel(variant="more", seed=1).values[-10:]).all()
+    assert signal.time.values[-1] == 0.05
+    assert run["part.row"].dims == ("time", "variant", "seed", "element")
+    np.testing.assert_array_equal(run["part.row"].sel(element=3), run["part.row[3]"])
+    assert run["wave.value" if "wave.value" in run else run.signals[-1]].variant.values.tolist() == ["more"]
+    with pytest.raises(UnknownNameError, match=r"Did you mean 'part\.place'") as caught:
+        run["part.plce"]
+    assert isinstance(caught.value, KeyError)
+
+
+def test_whole_numbers_and_booleans_stay(scenario, place, build):
+    run = scenario.run("plain", 1, out=place / "one", build=build, report=False, form="compiled")
+    assert (run["part.count"].dtype, run["part.odd"].dtype) == (np.int64, np.bool_)
+    assert run["part.count"].values[:, 0, 0].tolist() == list(range(51))
+    with pytest.raises(twin.TwinError, match="report=True"):
+        run.report  # noqa: B018
+
+
+def test_plots_by_title_and_by_signals(run, tmp_path):
+    for names in ((), ("Places",), ("part.place",), ("part.place", "part.push", "abs(part.place - part.row[1])")):
+        figure = run.plot(*names, variants="plain")
+        figure.savefig(tmp_path / "plot.png")
+        assert figure._repr_svg_().startswith("<svg")
+    labels = [axis.get_ylabel() for axis in figure.axes]
+    assert labels == ["mm", "part.push [N]"]
+    for names in (("Place",), ("part.plce",), ("part.place + part.push",), ("part.row",), ("part.place +",)):
+        with pytest.raises(twin.TwinError):
+            run.plot(*names)
+    with pytest.raises(twin.TwinError, match="Known: plain"):
+        run.plot("Places", variants="none")
+
+
+def test_an_earlier_run_is_read_when_asked(run, place, tmp_path):
+    earlier = twin.open_run(place / "runs" / "pushed" / "latest")
+    assert earlier.folder == run.folder
+    assert earlier.metrics.equals(run.metrics)
+    assert earlier["part.place"].equals(run["part.place"])
+    assert earlier.plot("Places").axes
+    assert earlier.scenario.title == "Pushed"
+    assert "Pushed" in earlier._repr_html_()
+    copy = tmp_path / "pushed"
+    for name in ("2026-01-01_00-00-00_2", "2026-01-01_00-00-00_10", "2025-12-31_00-00-00"):
+        shutil.copytree(run.folder, copy / name)
+    (copy / "2026-01-01_00-00-01").mkdir()  # has not written its summary
+    assert twin.open_run(str(copy / "latest")).folder.name == "2026-01-01_00-00-00_10"
+    for wrong in (
+        copy,
+        copy / "2026-01-01_00-00-01",
+        copy / "none",
+        tmp_path / "none" / "latest",
+        tmp_path / "puhsed/latest",
+    ):
+        with pytest.raises(twin.TwinError) as caught:
+            twin.open_run(wrong)
+        assert len(caught.value.problems) == 1
+    (copy / "2025-12-31_00-00-00" / "signals.parquet").unlink()
+    rest = twin.open_run(copy / "2025-12-31_00-00-00")
+    assert len(rest.metrics) == 6
+    with pytest.raises(twin.TwinError, match="is not there any more"):
+        rest["part.place"]
+    (copy / "2025-12-31_00-00-00" / "summary.json").write_text("{")
+    with pytest.raises(twin.TwinError, match="cannot be read"):
+        twin.open_run(copy / "2025-12-31_00-00-00")
+
+
+def test_a_notebook_shows_verdicts_and_the_system(run, scenario):
+    text = run._repr_html_()
+    assert text.count("<svg") == 1
+    assert "reached" in text
+    assert "✓ pass" in text
+    assert "strong" in scenario._repr_html_()
+    assert "#000" not in text
+
+
+def test_progress_is_told_to_a_function(scenario, place, build, capsys):
+    seen = []
+    scenario.run("plain", [1], progress=lambda name, part: seen.append((name, part)), out=place / "told", build=build)
+    assert ("plain, seed 1", 1.0) in seen
+    assert capsys.readouterr() == ("", "")
+
+
+def test_an_interruption_returns_what_there_is(scenario, place, build):
+    def interrupt(name, part):
+        if name == "strong, seed 1":
+            raise KeyboardInterrupt
+
+    run = scenario.run(progress=interrupt, out=place / "stopped", build=build, report=False, form="compiled")
+    assert run.status == "interrupted"
+    assert "strong" in run.reason
+    assert run["part.place"].sel(variant="plain", seed=2).values[-1] == 4.0
+
+
+def test_nothing_recorded_is_an_empty_array(run):
+    empty = arrays.array(run.variable("part.row"), {})
+    assert (empty.dims, empty.size, empty.attrs["units"]) == (("time", "variant", "seed", "element"), 0, "m")
+
+
+def test_a_class_takes_a_members_place(scenario, place, build):
+    class Local(Types):
+        """Of this function alone."""
+
+        def step(self, t, h):
+            self.place = 7.0
+
+    run = scenario.set("part.component", Local).run("plain", 1, out=place / "cls", build=build, report=False)
+    assert run.metrics.value.tolist() == [7000.0]
+    with pytest.raises(ScenarioError, match="no component"):
+        scenario.set("part.component", dict)
+
+
+@pytest.fixture(scope="module")
+def fmu(tmp_path_factory, build):
+    return twin.export(Types, tmp_path_factory.mktemp("fmu") / "types.fmu", build=build)
+
+
+def test_inputs_of_every_kind_do_the_same(fmu, tmp_path):
+    times, pushes = [0.0, 0.5, 1.0], [0.0, 1.0, 2.0]
+    frame = pd.DataFrame({"time": times, "push": pushes})
+    frame.to_csv(tmp_path / "in.csv", index=False)
+    given = [
+        frame, frame.set_index("time"), {"time": np.array(times), "push": pushes}, tmp_path / "in.csv",
+        str(tmp_path / "in.csv"), frame.to_records(index=False), pd.DataFrame({"time": times, "push [mN]": [0, 1000, 2000]}),
+    ]  # fmt: skip
+    tables = [twin.simulate(fmu, one, stop_time="1 s", step_size="100 ms") for one in given]
+    assert all(np.allclose(table.to_numpy(float), tables[0].to_numpy(float)) for table in tables)
+    assert tables[0].attrs["units"]["place"] == "m"
+    assert [tables[0][name].dtype.kind for name in ("time", "count", "odd")] == ["f", "i", "b"]
+    # what twin made keeps its units
+    again = pd.DataFrame({"time": times, "push": [0, 1000, 2000]})
+    again.attrs["units"] = {"push": "mN"}
+    assert np.allclose(twin.simulate(fmu, again, stop_time=1, step_size=0.1).place, tables[0].place)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"input": 3}, {"input": {"time": [0, 1], "push": [1]}}, {"input": {"push": [1]}}, {"input": {"time": [None], "push": [1]}},
+        {"input": {"time": [0], "pusch": [1]}}, {"input": {"time": [0], "push": [float("nan")]}}, {"input": {}},
+        {"input": {"time": [1, 0], "push": [1, 1]}}, {"input": "missing.csv"}, {"record": "plce"}, {"stop_time": -1},
+        {"stop_time": "soon"}, {"start_values": {"gian": 1}}, {"step_size": 0},
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_simulation_is_one_line(fmu, wrong):
+    with pytest.raises(twin.TwinError) as caught:
+        twin.simulate(fmu, **{"stop_time": 1, **wrong})
+    assert len(caught.value.problems) == 1
+    assert "--" not in str(caught.value)
+
+
+def test_there_is_no_such_fmu():
+    with pytest.raises(FMUError, match="is not there"):
+        twin.simulate("missing.fmu")
+    assert issubclass(SimulationError, twin.TwinError)
+
+
+def test_an_export_is_refused_or_made(fmu, scenario, tmp_path, build):
+    assert fmu.exists()
+    for arguments, text in (
+        ({"what": Types, "path": fmu}, "force=True"), ({"what": Types, "fmi": "4.0"}, "2.0"), ({"what": "typs"}, "no component"),
+        ({"what": Types, "members": "part"}, "belong to a scenario"), ({"what": scenario}, "members"),
+        ({"what": scenario, "members": ["prt"]}, "Did you mean"), ({"what": Types, "platforms": "x86"}, "not known"),
+    ):  # fmt: skip
+        with pytest.raises(twin.TwinError, match=text) as caught:
+            twin.export(**{"path": tmp_path / "no.fmu", "build": build, **arguments})
+        assert "--" not in str(caught.value)
+    part = twin.export(scenario, tmp_path / "part.fmu", members=["part"], variant="strong", fmi="2.0", build=build)
+    assert (
+        twin.simulate(part, stop_time=0.1, step_size=0.05, start_values={"part.push": 1}).iloc[-1]["part.place"] == 5.0
+    )
+
+
+def test_without_pandas_the_rest_goes_and_the_error_says_what_to_install(run):
+    code = f"""
+import json, sys, twin
+
+class Missing:
+    def find_spec(self, name, path=None, target=None):
+        if name in ("pandas", "xarray"):
+            raise ModuleNotFoundError(name, name=name)
+
+sys.meta_path.insert(0, Missing())
+run = twin.open_run({str(run.folder)!r})
+said = []
+for ask in (lambda: run.metrics, lambda: run["part.place"]):
+    try:
+        ask()
+    except twin.TwinError as error:
+        said += error.problems
+print(json.dumps([run.passed, said]))
+run.plot("Places")
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    passed, said = json.loads(done.stdout)
+    assert passed
+    assert ["catheter-twin[python]" in line for line in said] == [True, True]

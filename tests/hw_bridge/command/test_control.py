@@ -1,0 +1,208 @@
+"""`twin drive inject`: faults of a running drive, and frames that are disturbed on a wire."""
+
+import socket
+import subprocess
+import sys
+import time
+
+import can
+import pytest
+from click.testing import CliRunner
+
+from hw_bridge.bus import MILLISECOND, Disturbance, Frame, Kind
+from hw_bridge.command.control import Control, request
+from hw_bridge.command.drive import command
+from hw_bridge.device import Drive, Motor
+from hw_bridge.fault import Cause, Fault, problem
+from hw_bridge.profiles import profile
+from hw_bridge.wire import Wire
+from hw_bridge.wire.adapter import from_message
+from tests.hw_bridge.command.test_command import multicast  # noqa: F401 - a fixture
+from twin.errors import SimulationError
+
+NODE = 3
+
+
+class Line:
+    """Takes the place of an interface: keeps what is sent."""
+
+    def __init__(self):
+        self.sent = []
+
+    def send(self, message):
+        self.sent.append(from_message(message))
+
+
+@pytest.fixture
+def wire(build):
+    chosen = profile("epos4")
+    wire = Wire(Drive(chosen, NODE, Motor(chosen.motor, build=build)), Line())
+    wire.slave.advance(110 * MILLISECOND)
+    return wire
+
+
+def beats(wire, milliseconds=100):
+    """Heartbeats that get out."""
+    wire.bus.sent.clear()
+    wire.slave.advance(wire.now + milliseconds * MILLISECOND)
+    return sum(one.id == 0x700 + NODE for one in wire.bus.sent)
+
+
+def test_frames_on_a_wire_are_disturbed(wire):
+    wire.slave.dictionary.download(0x1017, 0, bytes([10, 0]))
+    assert beats(wire) == 10
+    wire.disturbances = [Disturbance(Kind.DROP, 0x703, 0x703, count=4)]
+    assert beats(wire) == 6
+    wire.disturbances = [Disturbance(Kind.DELAY, 0x703, 0x703, delay=25 * MILLISECOND)]
+    assert beats(wire) == 7  # two and a half are under way
+    wire.disturbances = [Disturbance(Kind.CORRUPT, 0x703, 0x703, count=5)]  # repeated, and through
+    assert beats(wire) == 13  # three were late
+    wire.disturbances = [Disturbance(Kind.CORRUPT, 0x703, 0x703, count=32)]
+    assert beats(wire) == 9
+    assert profile("epos4").bus_off in wire.slave.active
+    wire.disturbances = [Disturbance(Kind.DROP, 0x603, 0x603, count=1), Disturbance(Kind.DELAY, 0x603, 0x603, delay=MILLISECOND)]  # fmt: skip
+    for answers in (0, 1):
+        wire.bus.sent.clear()
+        wire._heard(Frame(0x603, bytes([0x40, 0, 0x10, 0, 0, 0, 0, 0])))
+        wire.slave.advance(wire.now + 5 * MILLISECOND)
+        assert sum(one.id == 0x583 for one in wire.bus.sent) == answers
+
+
+def test_a_request_acts_or_says_why_not(wire):
+    control = Control(0, wire.slave, wire)
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr("socket.socket.recv", lambda one, size: (control.look(), one.recvfrom(size)[0])[1])
+            request(control.port, Fault(Cause.EMCY, 0x7320))
+            assert 0x7320 in wire.slave.active
+            request(control.port, Fault(Cause.DROP, count=3, identifiers=(0x703, 0x703)))
+            assert (wire.disturbances[0].count, wire.disturbances[0].only) == (3, {0x703})
+            with pytest.raises(SimulationError, match="has no error 1234h"):
+                request(control.port, Fault(Cause.EMCY, 0x1234))
+            assert "not understood" in control._done(b"{}")
+            assert "not understood" in control._done(b"\xff")
+    finally:
+        control.close()
+
+
+def test_nobody_answers_and_a_port_that_is_taken(wire):
+    control = Control(0, wire.slave, wire)
+    try:
+        with pytest.raises(SimulationError, match=f"--control {control.port}: .*Choose another port"):
+            Control(control.port, wire.slave, wire)
+    finally:
+        control.close()
+    with pytest.raises(SimulationError, match=f"--control {control.port}: no drive answers"):
+        request(control.port, Fault(Cause.RESET))
+
+
+def test_faults_of_a_process(multicast):  # noqa: F811
+    """EMCY, lost heartbeat and reset of a drive that runs by itself, seen on the bus."""
+    channel, line = multicast
+    process = subprocess.Popen([*line, "--control", "0"], stdout=subprocess.PIPE, text=True)
+    try:
+        port = process.stdout.readline().partition("--control ")[2].partition(".")[0]
+        inject = [sys.executable, "-c", "from hw_bridge.command.drive import command; command()", "inject"]
+        with can.Bus(channel=channel, interface="udp_multicast") as bus:
+            for _ in range(50):  # a drive that still boots tells no errors
+                bus.send(can.Message(arbitration_id=0x609, data=[0x40, 0, 0x10, 0, 0, 0, 0, 0], is_extended_id=False))
+                if (answer := bus.recv(0.2)) is not None and answer.arbitration_id == 0x589:
+                    break
+            for words, identifier, data in (
+                (["emcy", "--code", "8611h"], 0x089, b"\x11\x86"),
+                (["reset"], 0x709, b"\0"),
+            ):
+                done = subprocess.run([*inject, *words, "--control", port], capture_output=True, text=True, check=False)
+                assert (done.returncode, done.stderr) == (0, "")
+                while (message := bus.recv(5.0)) is not None:
+                    if message.arbitration_id == identifier and bytes(message.data).startswith(data):
+                        break
+                assert message is not None, words
+    finally:
+        process.terminate()
+        process.communicate(timeout=20)
+    assert process.returncode == 0
+
+
+def test_words_that_are_wrong():
+    runner = CliRunner()
+    assert runner.invoke(command, ["inject", "emcy", "--control", "9", "--code", "zz"]).exit_code == 2
+    assert (
+        "expected an EMCY code" in runner.invoke(command, ["inject", "emcy", "--control", "9", "--code", "zz"]).output
+    )
+    assert "bus_off" in runner.invoke(command, ["inject", "--help"]).output
+    assert "Name --profile" in runner.invoke(command, []).output
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        (Fault(Cause.ENCODER_OFFSET, offset=float("nan")), "offset is nan: expected a number from -1e+06 to 1e+06"),
+        (Fault(Cause.FRICTION, factor=float("inf")), "factor is inf"),
+        (Fault(Cause.DROP, share=float("nan")), "share is nan"),
+        (Fault(Cause.DELAY, delay=-5), "delay is -5"),
+        (Fault(Cause.DELAY, jitter="x"), "jitter is x"),
+        (Fault(Cause.DROP, identifiers=(0, 10**12)), "identifiers are (0, 1000000000000): expected two of 0 to 0x7FF"),
+        (Fault(Cause.DROP, identifiers=(5, 1)), "identifiers are (5, 1)"),
+        (Fault(Cause.EMCY, code=-5), "code is -5"),
+    ],
+)
+def test_numbers_that_would_break_a_drive(said, message):
+    assert message in problem(said, profile("epos4"))
+
+
+@pytest.mark.parametrize("request_", [b"", b"{}", b"[]", b"null", b"\xff", b'"x"', b'{"cause": "emcy"}', b"[" * 4000])
+def test_requests_that_are_none_are_answered(wire, request_):
+    control = Control(0, wire.slave, wire)
+    try:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
+            asking.settimeout(2.0)
+            asking.connect(("127.0.0.1", control.port))
+            asking.send(request_)
+            control.look()
+            assert asking.recv(4096)
+    finally:
+        control.close()
+
+
+@pytest.mark.parametrize(
+    "words", [["drop", "--for", "nan"], ["delay", "--delay", "inf"], ["friction", "--factor", "nan"]]
+)
+def test_odd_numbers_on_the_command_line(words):
+    done = CliRunner().invoke(command, ["inject", *words, "--control", "1"])
+    assert done.exit_code == 2
+    assert "expected a number of at most 1e+06" in done.output
+
+
+def test_frames_act_when_they_came(wire):
+    """A process that had to wait finds heartbeats from the meantime, and no timeout."""
+    slave, messages, timeout = wire.slave, [], 60
+    slave.dictionary.download(0x1016, 1, (0x7F << 16 | timeout).to_bytes(4, "little"))
+    wire._heard(Frame(0x77F, b"\x05"))
+    assert slave.active == {}
+
+    def stall(_timeout):
+        begin = time.time()
+        time.sleep(0.2)
+        messages.extend(can.Message(arbitration_id=0x77F, data=[5], is_extended_id=False, timestamp=begin + 0.02 * k)
+                        for k in range(10))  # fmt: skip
+        wire.bus.recv = lambda _timeout: messages.pop(0) if messages else wire.stop.set()
+        return messages.pop(0)
+
+    wire.bus.recv = stall
+    wire.run()
+    assert not messages
+    assert slave.active == {}
+    wire.slave.advance(wire.now + (timeout + 20) * MILLISECOND)
+    assert 0x8130 in slave.active
+
+
+def test_identifiers_are_taken_as_a_range(monkeypatch):
+    asked = []
+    monkeypatch.setattr("hw_bridge.command.control.request", lambda _port, fault: asked.append(fault))
+    words = ["inject", "drop", "--control", "9", "--identifiers"]
+    assert CliRunner().invoke(command, [*words, "180h-1FF"]).exit_code == 0
+    assert asked[0].identifiers == (0x180, 0x1FF)
+    for bad in ("180h", "1-2-3", "x-y"):
+        assert "expected two such as 180h-1FFh" in CliRunner().invoke(command, [*words, bad]).output
+    assert len(asked) == 1

@@ -1,0 +1,453 @@
+"""The I/O module of CiA 401: outputs, what they become without a master, and as valves of the rig."""
+
+import os
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
+import uuid
+from pathlib import Path
+
+import can
+import numpy as np
+import pytest
+
+from benchmarks import hil
+from hw_bridge import eds
+from hw_bridge.bridge.entry import load
+from hw_bridge.bus import MILLISECOND, Bus, Disturbance, Frame, Kind, never
+from hw_bridge.bus.recorder import Recorder
+from hw_bridge.command.control import Control, request
+from hw_bridge.command.hil import differences
+from hw_bridge.device import Module
+from hw_bridge.dictionary import NmtState
+from hw_bridge.fault import Cause, Fault
+from hw_bridge.hardware import file as hardware
+from hw_bridge.profiles import device
+from hw_bridge.session import Session
+from hw_bridge.trace import Decoder
+from hw_bridge.wire import Wire, WireNetwork, read
+from twin.errors import ScenarioError, SimulationError
+from twin.run import run_scenario
+from twin.scenario import Form, load_scenario, parse_scenario
+
+ROOT = Path(__file__).parents[3]
+BENCHES = ROOT / "hw_bridge/benches"
+NODE, MASTER = 9, 127
+SHORT = """extends: racs.yaml
+stop_time: 3.5 s
+record: {every: 1 ms, variables: ["sequencer.valve", "instrument.tip_position"]}
+plots: []
+"""
+FORCE = """simulated: true
+nodes: {servomotor: {node: 1, profile: faulhaber_v3}}
+modules: {valves: {node: 9, outputs: {0: servomotor.limited, 9: servomotor.limited}, safe_outputs: 5}}
+"""
+
+
+class Bench:
+    """A module in Pre-operational and a master that sends what a test says."""
+
+    def __init__(self):
+        self.module, self.master, self.bus = Module(device("cia401"), NODE), Recorder(), Bus()
+        self.bus.attach(self.module)
+        self.bus.attach(self.master)
+        self.go(110)
+
+    def go(self, milliseconds):
+        self.bus.advance(self.bus.now + milliseconds * MILLISECOND)
+
+    def send(self, identifier, data=b""):
+        self.master.send(Frame(identifier, bytes(data)))
+        self.go(1)
+
+    def write(self, index, sub, value, size=1):
+        form = {1: (0x2F, "<BHBBxxx"), 2: (0x2B, "<BHBHxx"), 4: (0x23, "<BHBI")}[size]
+        self.send(0x600 + NODE, struct.pack(form[1], form[0], index, sub, value))
+        self.go(2)
+        assert [frame.data[0] for frame in self.heard(0x580 + NODE)][-1] == 0x60
+
+    def heard(self, identifier):
+        return [frame for _, frame in self.master.heard if frame.id == identifier]
+
+    def codes(self):
+        return [struct.unpack_from("<H", frame.data)[0] for frame in self.heard(0x80 + NODE)]
+
+
+@pytest.fixture
+def bench():
+    """A module that watches node 127, writes half of its outputs' error bits, and is Operational."""
+    bench = Bench()
+    bench.write(0x6206, 1, 0x0F)
+    bench.write(0x6207, 1, 0x0A)
+    bench.write(0x1016, 1, MASTER << 16 | 50, 4)
+    bench.send(0, [1, NODE])
+    bench.send(0x700 + MASTER, [5])
+    bench.send(0x200 + NODE, [0x55, 0, 0, 0])
+    return bench
+
+
+def test_outputs_follow_process_data(bench):
+    assert bench.module.outputs == 0x55
+    bench.send(0x200 + NODE, [1, 2, 3, 4])
+    assert bench.module.outputs == 0x04030201
+
+
+def test_inputs_are_told_when_they_change(bench):
+    before = len(bench.heard(0x180 + NODE))
+    bench.module.set_inputs(0x0102)
+    bench.go(1)
+    assert [frame.data for frame in bench.heard(0x180 + NODE)[before:]] == [bytes([2, 1, 0, 0])]
+
+
+FAILURES = {
+    "heartbeat lost": (lambda bench: bench.go(60), [0x8130]),
+    "stopped":        (lambda bench: bench.send(0, [2, NODE]), []),
+    "bus off":        (lambda bench: bench.bus.disturbances.append(Disturbance(Kind.CORRUPT, 0x189, 0x189, count=40)), None),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("which", FAILURES)
+def test_a_failure_takes_the_error_values_where_the_mode_says_so(bench, which):
+    event, codes = FAILURES[which]
+    event(bench)
+    if which == "bus off":
+        bench.module.set_inputs(1)  # something to send
+        bench.go(20)
+        assert 0x8140 in bench.codes()
+    else:
+        assert bench.codes() == codes
+    assert bench.module.outputs == 0x5A
+    bench.send(0, [1, NODE])
+    assert bench.module.outputs == 0x55
+
+
+def test_a_lost_heartbeat_leaves_operational_and_process_data_acts_no_more(bench):
+    bench.go(60)
+    assert bench.module.port.state is NmtState.PRE_OPERATIONAL
+    bench.send(0x200 + NODE, [0xFF, 0, 0, 0])
+    assert bench.module.outputs == 0x5A
+    assert bench.module.dictionary.get(0x1001) == 0x11
+    bench.send(0, [1, NODE])
+    assert bench.codes() == [0x8130, 0]
+
+
+def test_pre_operational_by_command_keeps_outputs(bench):
+    bench.send(0, [128, NODE])
+    assert bench.module.outputs == 0x55
+
+
+def test_a_reset_begins_anew(bench):
+    bench.go(60)
+    bench.send(0, [129, NODE])
+    bench.go(110)
+    assert (bench.module.outputs, bench.module.failed) == (0, False)
+
+
+# ------------------------------------------------------------------------------------------------------------ the rig
+
+
+def rig_run(tmp_path, build, bench, at=0, event=None):
+    """A short run of the rig: its outcome, the session, and levels of both valves at each step."""
+    seen = []
+    advance = Session.advance
+
+    def watched(self, t, h):
+        if event is not None and round(t / 1e6) == at:
+            event(self)
+        advance(self, t, h)
+        drives = [self.bench.plants[name].drive.outputs for name in ("servomotor_1", "servomotor_2")]
+        word = self.bench.modules["valves"].outputs if self.bench.modules else drives[0] | drives[1] << 1
+        seen.append([word & 1, word >> 1])
+
+    found = load(BENCHES / bench, build=build)
+    scenario = parse_scenario(SHORT, ROOT / "scenarios/short_racs.yaml")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Session, "advance", watched)
+        outcome = run_scenario(scenario, Form.compiled, root=tmp_path, build=build, report=False, hardware=found)
+    (session,) = found.sessions
+    return outcome, session, np.array(seen)
+
+
+def test_the_same_verdict_as_with_outputs_of_the_drives(tmp_path, build):
+    """And the valves switch in the same milliseconds, within a cycle of the sequencer."""
+    runs = [rig_run(tmp_path, build, name) for name in ("simulated_racs.yaml", "simulated_racs_module.yaml")]
+    (at_drives, _, drives), (at_module, session, module) = runs
+    verdicts = [[(one.name, one.verdict) for one in outcome.evaluation.outcomes] for outcome, _, _ in runs]
+    assert verdicts[0] == verdicts[1]
+    assert at_drives.passed
+    assert at_module.passed
+    for number in (0, 1):
+        (table,) = at_module.tables.values()
+        valve = table.values["sequencer.valve"][1:, number].astype(int)
+        switched, answered = (np.flatnonzero(np.diff(one)) + 1 for one in (valve, module[:, number]))
+        assert len(answered) == len(switched) >= 1
+        assert np.all((answered - switched >= 0) & (answered - switched <= 6))
+        assert np.array_equal(np.flatnonzero(np.diff(drives[:, number])) + 1, answered)
+    assert session.bench.modules["valves"].outputs == 3
+    assert session.report()["nodes"]["valves"]["lost_pdos"] == 0
+
+
+def raised(_session):
+    raise RuntimeError("a member failed")
+
+
+def interrupted(_session):
+    raise KeyboardInterrupt
+
+
+def plug_pulled(session):
+    """The program is gone in a moment, as by SIGKILL: nothing of it is on the bus any more."""
+    session.bench.bus.detach(session.master.network.terminal)
+
+
+def encoder_failed(session):
+    session.bench.plants["servomotor_2"].drive.inject(0x7300)
+
+
+def module_lost(session):
+    session.bench.bus.disturbances.append(Disturbance(Kind.DROP, 0x709, 0x709))
+
+
+@pytest.mark.parametrize("event", [raised, interrupted, encoder_failed, plug_pulled, module_lost])
+def test_both_valves_are_safe_after_every_stop(tmp_path, build, event):
+    """While one of them is open in a regrip."""
+    outcome, session, seen = rig_run(tmp_path, build, "simulated_racs_module.yaml", 2500, event)
+    assert outcome.run.status == ("interrupted" if event is interrupted else "failed")
+    assert [0, 1] in seen[-200:].tolist() or [1, 0] in seen[-200:].tolist()
+    session.bench.bus.advance(session.bench.bus.now + 200 * MILLISECOND)
+    assert session.bench.modules["valves"].outputs == 3
+    assert session.account.unsafe == []
+
+
+@pytest.mark.parametrize("bench", ["simulated_racs.yaml", "simulated_racs_module.yaml"])
+def test_only_a_module_is_safe_without_a_master(tmp_path, build, bench):
+    """Outputs of drives stay as they were, which the run tells; the module closes the gripper that was open."""
+    text = (
+        SHORT
+        + "events: [{at: 2.5 s, fault: bus_off, node: master}]\nexpect: [{ends: stopped, from: 2.5 s, to: 2.6 s}]\n"
+    )
+    scenario = parse_scenario(text, ROOT / "scenarios/short_racs.yaml")
+    outcome = run_scenario(
+        scenario, Form.compiled, root=tmp_path, build=build, report=False, hardware=load(BENCHES / bench, build=build)
+    )
+    (one,) = [one for one in outcome.evaluation.outcomes if one.name.startswith("ends with")]
+    print(one.detail)
+    assert one.verdict == ("pass" if "module" in bench else "fail")
+    assert ("outputs 0, not 1" in one.detail) == ("module" not in bench)
+
+
+def test_grippers_hold_until_the_drives_stand(tmp_path, build):
+    """The module's outputs become safe after the quick stop."""
+    switched = []
+
+    def event(session):
+        module, drives = session.bench.modules["valves"], [plant.drive for plant in session.bench.plants.values()]
+        module.dictionary.effects[0x6200] = lambda _: switched.append(
+            (module.outputs, max(abs(drive.axis.velocity) for drive in drives[:2]))
+        )
+        session.bench.plants["servomotor_2"].drive.inject(0x7300)
+
+    rig_run(tmp_path, build, "simulated_racs_module.yaml", 2500, event)
+    first = next(speed for word, speed in switched if word == 3)
+    assert first < 0.01
+
+
+@pytest.mark.parametrize(
+    ("fault", "text"),
+    [
+        ("heartbeat", "valves: no heartbeat for"),
+        ("reset", "valves: no process data for 5 cycles|valves: started anew"),
+        ("drop", "valves: no process data for 5 cycles"),
+        ("bus_off", "valves: EMCY 8140h, recovered from bus-off"),
+    ],
+)
+def test_faults_of_a_module_stop_everything(tmp_path, build, fault, text):
+    path = tmp_path / "bench.yaml"
+    path.write_text(FORCE + f"faults: [{{at: 0.2 s, fault: {fault}, node: valves}}]\n")
+    scenario = parse_scenario(FORCE_SHORT, ROOT / "scenarios/short.yaml")
+    outcome = run_scenario(
+        scenario, Form.compiled, root=tmp_path, build=build, report=False, hardware=load(path, build=build)
+    )
+    assert outcome.run.status == "failed"
+    with pytest.raises(SimulationError, match=text):
+        raise SimulationError(outcome.run.reason)
+
+
+FORCE_SHORT = """extends: heart_wall_force.yaml
+stop_time: 0.5 s
+seeds: [1]
+variants: {PI+FF: null, PI+FF+BW: null}
+metrics: {force_error_std: null, force_error_max: null, force_error_mean: null}
+expect: []
+plots: []
+"""
+
+
+def test_a_trace_names_its_outputs_and_can_be_replayed(tmp_path, build):
+    path, trace = tmp_path / "bench.yaml", tmp_path / "run.log"
+    path.write_text(FORCE)
+    for more in ({"trace": trace}, {"replay": str(trace)}):
+        outcome = run_scenario(
+            parse_scenario(FORCE_SHORT, ROOT / "scenarios/short.yaml"), Form.compiled, root=tmp_path, build=build,
+            report=False, hardware=load(path, build=build, **more),
+        )  # fmt: skip
+        assert outcome.run.status == "completed", outcome.run.reason
+    decoder = Decoder.of_bench(hardware.load(path))
+    said = [decoder.decode(time, frame) for time, frame, _ in read(trace) if frame is not None]
+    text = {line.text for line in said if line.frame.id == 0x209}
+    # neither output of the two is limited: of the safe 5 bit 2 is left
+    assert "valves RPDO1: Write output 8-bit: Outputs 1 to 8 4; Write output 8-bit: Outputs 9 to 16 0" in text
+
+
+def test_its_dictionary_is_an_eds_file(tmp_path):
+    path = tmp_path / "cia401.eds"
+    path.write_text(eds.export(device("cia401")))
+    assert {(one.index, one.sub) for one in eds.load(path)} == {
+        (one.index, one.sub) for one in device("cia401").objects
+    }
+
+
+def test_it_takes_faults_of_frames_while_it_runs():
+    """Those of a motor are refused."""
+    with can.Bus(uuid.uuid4().hex, interface="virtual") as bus:
+        module = Module(device("cia401"), NODE)
+        wire = Wire(module, bus)
+        control = Control(0, module, wire)
+        try:
+            for fault, answer in (
+                (Fault(Cause.ENCODER), "encoder is a fault of a drive"),
+                (Fault(Cause.HEARTBEAT), None),
+            ):
+                asked = threading.Thread(target=control_asks, args=(control.port, fault, told := []))
+                asked.start()
+                while asked.is_alive():
+                    control.look()
+                    time.sleep(0.01)
+                assert (answer in told[0]) if answer else told == [None]
+        finally:
+            control.close()
+        assert [one.only for one in wire.disturbances] == [frozenset({0x700 + NODE})]
+
+
+def control_asks(port, fault, told):
+    try:
+        told.append(request(port, fault))
+    except SimulationError as error:
+        told.append(str(error))
+
+
+# ------------------------------------------------------------------------------------------------------ hardware file
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("node: 9, ", "node: 1, ", "bench.yaml:3: modules.valves: node 1 is `servomotor` already."),
+        (", safe_outputs: 5", "", "bench.yaml:3: modules.valves.safe_outputs: is missing. Add it."),
+        ("node: 9, ", "node: 9, prodct: 3, ", "modules.valves.prodct: unknown key. Did you mean 'product'?"),
+        ("{0: servomotor.limited, 9: servomotor.limited}", "{}", "modules.valves.outputs: "),
+        ("valves:", "servomotor:", "modules.servomotor: something else has this name."),
+        ("node: 9, ", "node: 9, heartbeat: {lost_after: 10 ms}, ", "modules.valves.heartbeat: lost_after is not longer"),
+        ("safe_outputs: 5", "safe_outputs: 5, profile: epos4", "modules.valves.profile: `epos4` is no"),
+    ],
+)  # fmt: skip
+def test_mistakes_are_named_with_their_line(tmp_path, old, new, message):
+    path = tmp_path / "bench.yaml"
+    path.write_text(FORCE.replace(old, new))
+    with pytest.raises(ScenarioError) as caught:
+        hardware.load(path)
+    (line,) = caught.value.problems
+    assert message in line
+    assert "\n" not in line
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("fault: encoder", "faults[1]: encoder is a fault of a drive. Name a drive."),
+        ("fault: emcy, code: 8130h", "faults[1]: emcy is a fault of a drive."),
+    ],
+)
+def test_a_module_has_no_motor(tmp_path, text, message):
+    path = tmp_path / "bench.yaml"
+    path.write_text(FORCE + f"faults: [{{at: 1 s, node: valves, {text}}}]\n")
+    with pytest.raises(ScenarioError) as caught:
+        hardware.load(path)
+    assert message in str(caught.value)
+
+
+def test_the_scenario_has_to_fit(tmp_path):
+    path = tmp_path / "bench.yaml"
+    path.write_text(FORCE.replace("valves:", "sheath:").replace("0: servomotor.limited", "0: sensor.measured_force"))
+    with pytest.raises(ScenarioError) as caught:
+        load(path).apply(load_scenario(ROOT / "scenarios/heart_wall_force.yaml"))
+    assert "modules.sheath: the scenario has a member of this name." in str(caught.value)
+    assert "modules.sheath.outputs.0: sensor.measured_force is Float64, an output needs one Boolean." in str(
+        caught.value
+    )
+
+
+def test_check_tells_another_device(tmp_path, build, monkeypatch):
+    path = tmp_path / "bench.yaml"
+    path.write_text(FORCE.replace("node: 9, ", "node: 9, product: 7, "))
+    assert differences(hardware.load(path), build) == [
+        "valves: node 9: product code is 191h, expected 7h. Correct the hardware file or the wiring."
+    ]
+    begin = Module.__init__
+
+    def other(self, *words):
+        begin(self, *words)
+        self.dictionary.put(0x1000, 0x00010191)
+
+    monkeypatch.setattr(Module, "__init__", other)
+    (text,) = differences(hardware.load(path), build)
+    assert text == "valves: node 9 is no module with digital outputs: 1000h is 00010191h. Check the node-ID."
+
+
+# ------------------------------------------------------------------------------------------------- its own process
+
+
+@pytest.mark.slow
+@pytest.mark.real_time
+@pytest.mark.skipif(sys.platform != "linux", reason="multicast")
+def test_valves_are_safe_when_the_program_is_killed(tmp_path, build):
+    """SIGKILL: the module's own outputs, told by its process, are the safe ones soon after."""
+    channel = f"239.76.{os.getpid() >> 8 & 0xFF}.{os.getpid() & 0xFF}"
+    try:
+        network = WireNetwork("udp_multicast", channel, 1_000_000, hil.options("udp_multicast"))
+    except (can.CanError, OSError, SimulationError) as error:
+        pytest.skip(f"no multicast: {error}")
+    words = ["-p", "cia401", "-n", "9", "-i", "udp_multicast", "-c", channel, "--option", f"port={hil.PORT}"]
+    line = [sys.executable, "-u", "-c", "from hw_bridge.command.drive import main; main()", *words]
+    valves = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
+    try:
+        assert "CiA 401" in valves.stdout.readline()
+        with hil.drive("faulhaber_v3", "udp_multicast", channel, build):
+            path = hil.bench(tmp_path, "faulhaber_v3", "udp_multicast", channel)
+            path.write_text(path.read_text() + "modules:\n  valves: {node: 9, outputs: {0: servomotor.limited}, "
+                            "safe_outputs: 1, heartbeat: {every: 20 ms, lost_after: 100 ms}}\n")  # fmt: skip
+            run = subprocess.Popen(
+                hil.run_line(path, 20.0, tmp_path / "runs", build), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+            )
+            try:
+                heard = []
+                network.hear = heard.append
+                network.advance(
+                    network.now + 60_000_000_000, lambda: sum(one.id == 0x080 for one in heard[-(10**6) :]) > 400
+                )
+                run.send_signal(signal.SIGKILL)
+                run.wait()
+                network.advance(network.now + 500_000_000, never)
+            finally:
+                run.kill()
+    finally:
+        network.close()
+        valves.terminate()
+        told = valves.communicate(timeout=20)[0].splitlines()
+    print(*told, sep="\n")
+    levels = [one.partition("outputs ")[2] for one in told if "outputs" in one]
+    assert levels[-3:] == ["00000001h", "00000000h", "00000001h"]  # the first line may have been read with the title
+    assert any(one.id == 0x089 and one.data[:2] == b"\x30\x81" for one in heard)

@@ -1,0 +1,92 @@
+"""Motors of the twin behind one face."""
+
+from dataclasses import replace
+from math import sqrt
+
+import pytest
+
+from hw_bridge.device import Motor
+from hw_bridge.device.motor import CYCLE
+from hw_bridge.profiles import profile
+from twin.scenario import Form
+
+LM2070, EC_I_40 = profile("faulhaber_v3").motor, profile("epos4").motor
+
+
+def run(motor, cycles):
+    for cycle in range(cycles):
+        motor.advance(cycle * CYCLE)
+
+
+def test_without_power_there_is_no_current(build):
+    motor = Motor(LM2070, build=build)
+    motor.load(5.0)
+    run(motor, 50)
+    assert motor.current == 0.0
+    assert motor.position > 1e-3  # the load moves it
+
+
+def test_current_is_what_was_demanded(build):
+    for model in (LM2070, EC_I_40):
+        for demand in (0.3, -0.5):
+            motor = Motor(model, build=build)
+            motor.follow_current(demand, 2.0)
+            run(motor, 10)
+            assert motor.current == pytest.approx(demand, rel=1e-6)
+
+
+@pytest.mark.parametrize(("limit", "supply"), [(0.4, 24.0), (99.0, 24.0), (99.0, 48.0)])
+def test_the_limit_holds(build, limit, supply):
+    """Of the demand, of the motor, and of what its supply can drive."""
+    motor = Motor(LM2070, build=build)
+    motor.set("supply_voltage", supply)
+    motor.follow_velocity(1.0, limit)
+    run(motor, 5)
+    possible = (supply - 9.5 * motor.get("velocity")) / (sqrt(1.5) * 10.83)
+    assert motor.current == pytest.approx(min(limit, 2.37, possible), rel=2e-3)
+
+
+def test_interpreted_and_compiled_are_the_same(build):
+    found = []
+    for form in (Form.interpreted, Form.compiled):
+        motor = Motor(LM2070, form, build, position=0.01)
+        motor.follow_position(0.012, 1.0)
+        run(motor, 20)
+        found.append((motor.position, motor.measured_velocity, motor.current))
+    assert found[0] == found[1]
+
+
+def test_behind_a_gear_the_motor_counts(build):
+    geared = Motor(replace(LM2070, ratio=5.0), build=build)
+    geared.follow_position(0.05, 2.0)
+    run(geared, 400)
+    assert geared.measured_position == pytest.approx(0.05, abs=5e-5)
+
+
+def test_the_ec_i_40_counts_before_its_gear(build):
+    motor = Motor(EC_I_40, build=build)
+    motor.follow_position(10.0, 15.0)
+    run(motor, 1500)
+    assert motor.measured_position == pytest.approx(10.0, abs=2.0 * EC_I_40.resolution)
+    assert motor.get("angle") == pytest.approx(2.0, abs=3e-3)  # half of the backlash
+    assert (LM2070.force_constant, EC_I_40.force_constant) == (11.64, 0.091)
+
+
+@pytest.mark.parametrize("model", [LM2070, EC_I_40], ids=["LM 2070", "EC-i 40"])
+def test_where_it_was_pushed_to_without_power_is_no_jump(build, model):
+    """Power comes back with the place where the motor is as its target."""
+    motor = Motor(model, build=build)
+    motor.follow_position(0.0, 2.0)
+    run(motor, 5)
+    motor.off()
+    motor.load(20.0)
+    run(motor, 30)
+    motor.load(0.0)
+    run(motor, 2000)  # friction brakes the rig
+    place = motor.measured_position
+    assert abs(place) > 1e-3
+    for cycle in range(50):
+        motor.follow_position(place, 2.0)
+        motor.advance(cycle * CYCLE)
+        assert abs(motor.current) < 0.05
+    assert motor.measured_position == pytest.approx(place, abs=2.0 * model.resolution)

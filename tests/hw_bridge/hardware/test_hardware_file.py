@@ -1,0 +1,276 @@
+"""Hardware files, `twin hil check` and `twin run --hardware`."""
+
+import importlib
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from hw_bridge.bridge.entry import load
+from hw_bridge.command import hil
+from hw_bridge.device import Drive, Motor
+from hw_bridge.hardware import file as hardware
+from hw_bridge.profiles import profile
+from hw_bridge.session.targets import unknown_mode
+from twin.errors import ScenarioError
+from twin.run import run_scenario
+from twin.scenario import load_scenario
+
+run = importlib.import_module("twin.cli.run")  # the package has a function of this name
+ROOT = Path(__file__).parents[3]
+BENCHES = sorted((ROOT / "hw_bridge/benches").glob("*.yaml"))
+SCENARIO = ROOT / "scenarios/heart_wall_force.yaml"
+SHORT = ROOT / "tests/conformance/short_force.yaml"
+SIMULATED = "hw_bridge/benches/simulated_force.yaml"
+
+GOOD = """simulated: true
+nodes:
+  servomotor: {node: 1, profile: faulhaber_v3}
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text):
+        path = tmp_path / "bench.yaml"
+        path.write_text(text)
+        return path
+
+    return write
+
+
+FOR = {
+    "force": "heart_wall_force",
+    "regripping": "regripping",
+    "racs": "racs",
+    "hysteresis": "hysteresis_identification",
+}  # last word of a bench: its scenario
+
+
+@pytest.mark.parametrize("path", BENCHES, ids=lambda path: path.stem)
+def test_every_bench_is_well_formed_and_fits_its_scenario(path):
+    name = FOR[path.stem.split("_")[1]]
+    scenario = load(path, arm=True).apply(load_scenario(ROOT / f"scenarios/{name}.yaml"))
+    for case in scenario.variants:
+        for name in hardware.load(path).nodes:
+            assert case.members[name].made.__name__ == f"Drive_{name}"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("simulated: true", "interface: socketcan", "bench.yaml:1: interface and channel are missing."),
+        ("simulated", "simulate", "bench.yaml:1: simulate: unknown key. Did you mean 'simulated'?"),
+        ("faulhaber_v3", "faulhaber", "bench.yaml:3: nodes.servomotor.profile: `faulhaber` is no drive profile. Did you mean"),
+        ("node: 1", "node: 200", "bench.yaml:3: nodes.servomotor.node: input should be less than or equal to 126, not 200."),
+        ("node: 1, ", "", "bench.yaml:3: nodes.servomotor.node: is missing. Add it."),
+        ("true", "true\ncycle: 2.5 ms", "bench.yaml:2: cycle: expected whole milliseconds above zero, such as 5 ms"),
+        ("true", "true\nbit_rate: 123", "bench.yaml:2: bit_rate: 123 is none of CANopen's."),
+        ("true", "true\ncycle: 1 ms\nbit_rate: 500000", "bench.yaml:2: cycle: process data fills 133 % of 1 ms at 500000 bit/s."),
+        ("true", "true\nmaster: 1", "bench.yaml:4: nodes.servomotor: node 1 is this program already."),
+        ("node: 1", "node: 1, limits: {force: 5 mm}", "nodes.servomotor.limits.force: `5 mm` does not convert to N."),
+        ("node: 1", "node: 1, limits: {forces: 5 N}", "limits.forces: unknown key. Did you mean 'force'?"),
+        ("node: 1", "node: 1, limits: {position: [1 mm, -1 mm]}", "limits.position: the first limit is not below"),
+        ("node: 1", "node: 1, heartbeat: {every: 60 ms}", "heartbeat: lost_after is not longer than every."),
+        ("node: 1", "node: 1, objects: {speed: 3}", "expected an object such as '3001h.1': 2410, not speed: 3"),
+        ("node: 1", "node: 1, objects: 3", "nodes.servomotor.objects: expected objects such as"),
+        ("node: 1", "node: 1, limits: {velocity: .inf}", "limits.velocity: expected a number of at most 1e+06, not inf."),
+        ("node: 1", "node: 1, limits: {force: .nan}", "limits.force: expected a number of at most 1e+06, not nan."),
+        ("node: 1", "node: 1, scale: .inf", "nodes.servomotor.scale: input should be less than or equal to"),
+        ("node: 1", "node: 1, heartbeat: {lost_after: 70 s}", "heartbeat: more than 65535 ms, which 1016h and 1017h can count."),
+        ("node: 1", "node: 1, homing: {method: 99}", "homing.method: FAULHABER Motion Control V3.0 has no method 99."),
+        ("node: 1", "node: 1, objects: {'9999h': 1}", "objects: 9999h.0: FAULHABER Motion Control V3.0 has no such object."),
+        ("node: 1", "node: 1, objects: {'6041h': 1}", "objects: 6041h.0: Statusword cannot be written."),
+        ("node: 1", "node: 1, objects: {'6083h': 99999999999}", "objects: 6083h.0: 99999999999 is no UNSIGNED32."),
+        ("node: 1", "node: 1, objects: {'6083h': 1.5}", "expected an object such as '3001h.1': 2410, not 6083h: 1.5"),
+        ("node: 1", "node: 1, objects: {'6083h': .inf}", "expected an object such as '3001h.1': 2410, not 6083h: inf"),
+        ("node: 1, profile: faulhaber_v3", "node: 1, profile: mclm, safe_outputs: 1", "CO has no digital outputs 60FEh."),
+        ("true", "true\ncycle: 1 s", "cycle: 1000 ms is more than 255 ms, which drives can count."),
+        ("true", "true\nfaults: [{at: 1 s, fault: fire}]", "faults[1].fault: `fire` is no fault. Known: "),
+        ("true", "true\nfaults: [{at: -1 s, fault: sync, node: master}]", "faults[1]: a time is below zero."),
+        ("true", "true\nfaults: [{at: 1 s, fault: drop, node: master, identifiers: [-5, 100000000000]}]", "faults[1]: identifiers are (-5, 100000000000): expected two of"),
+        (GOOD, "- 1\n", "bench.yaml:1: expected keys with values, such as `node: 1`, not a list."),
+        ("node: 1", "node: 1, inverted: maybe", "nodes.servomotor.inverted: input should be a valid boolean"),
+    ],
+)  # fmt: skip
+def test_mistakes_are_named_with_their_line(write, old, new, message):
+    with pytest.raises(ScenarioError) as caught:
+        hardware.load(write(GOOD.replace(old, new, 1)))
+    (line,) = caught.value.problems
+    assert message in line
+    assert "\n" not in line
+
+
+def test_values_are_in_si(write):
+    keys = hardware.load(write(GOOD.replace("node: 1", "node: 1, limits: {velocity: 50 mm/s, force: 3}")))
+    assert keys.nodes["servomotor"].limits.velocity == pytest.approx(0.05)
+    assert keys.nodes["servomotor"].limits.force == 3.0
+    assert keys.cycle == 5_000_000
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (GOOD.replace("servomotor", "servo"), "nodes.servo: no such member. Did you mean 'servomotor'?"),
+        (GOOD.replace("servomotor", "wall"), "nodes.wall: Wall has no target_velocity, position_actual_value."),
+        (
+            GOOD.replace("node: 1", "node: 1, limits: {position: [-5 mm, 5 deg]}"),
+            "bench.yaml:3: nodes.servomotor.limits.position: `5 deg` does not convert to m. Give it as m. The member moves along a line.",
+        ),
+        (GOOD.replace("node: 1", "node: 1, contact: {signal: sensr.force}"), "contact: no member for sensr.force"),
+    ],
+)
+def test_what_does_not_fit_the_scenario(write, text, message):
+    with pytest.raises(ScenarioError) as caught:
+        load(write(text)).apply(load_scenario(SCENARIO))
+    assert message in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "member", "profile", "unit"),
+    [("servomotor", "servomotor", "epos4", "rad"), ("frame", "rotary_drive", "mclm", "m")],
+)
+def test_a_gear_between_kinds_has_to_be_told(tmp_path, write, name, member, profile, unit):
+    """Else a meter would be a radian."""
+    scenario = tmp_path / "one.yaml"
+    scenario.write_text(f"title: one\nstop_time: 1 s\nmembers: {{{name}: {{component: {member}}}}}\n")
+    text = f"simulated: true\nnodes:\n  {name}: {{node: 1, profile: {profile}}}\n"
+    with pytest.raises(ScenarioError, match=f"nodes.{name}: the motor of .* Add `scale`, .* for 1 {unit} of the motor"):
+        load(write(text)).apply(load_scenario(scenario))
+    assert load(write(text.replace("node: 1", "node: 1, scale: 2.5"))).apply(load_scenario(scenario)).variants
+
+
+def test_a_real_drive_may_have_objects_that_the_profile_has_not(write):
+    text = (
+        "interface: socketcan\nchannel: can0\nnodes: {servomotor: {node: 1, profile: mclm, objects: {2FFFh.1: 15}}}\n"
+    )
+    assert hardware.load(write(text)).nodes["servomotor"].objects == {(0x2FFF, 1): 15}
+
+
+def test_a_force_for_a_drive_without_cst(write):
+    scenario = load_scenario(SCENARIO, ["servomotor.mode_of_operation=10"])
+    load(write(GOOD)).apply(scenario)
+    with pytest.raises(
+        ScenarioError, match=r"servomotor is a drive: mode_of_operation 10: FAULHABER MCLM 300x CO has no"
+    ):
+        load(write(GOOD.replace("faulhaber_v3", "mclm"))).apply(scenario)
+
+
+def test_a_force_for_a_member_that_has_none():
+    with_force, without = ("target_velocity", "target_torque"), ("target_velocity", "target_position")
+    assert unknown_mode(10, profile("epos4"), with_force) == ""
+    assert "cst needs a member with target_force or target_torque" in unknown_mode(10, profile("epos4"), without)
+
+
+@pytest.mark.parametrize(
+    ("interface", "channel", "free"),
+    [
+        ("socketcan", "can0", False), ("slcan", "/dev/ttyACM0", False), ("pcan", "PCAN_USBBUS1", False),
+        ("socketcan", "vcan0", True), ("virtual", "here", True), ("udp_multicast", "239.74.163.2", True),
+        ("slcan", "/dev/pts/3", True),
+    ],
+)  # fmt: skip
+def test_real_interfaces_have_to_be_armed(write, interface, channel, free):
+    path = write(GOOD.replace("simulated: true", f"interface: {interface}\nchannel: {channel}"))
+    scenario = load_scenario(SCENARIO)
+    if free:
+        load(path).apply(scenario)
+    else:
+        with pytest.raises(ScenarioError, match=r"may move real drives\. Add --arm"):
+            load(path).apply(scenario)
+        load(path, arm=True).apply(scenario)
+
+
+def test_the_contact_force_is_watched_by_default(write):
+    for text, signal in (
+        (GOOD, "sensor.measured_force"),
+        (GOOD.replace("node: 1", "node: 1, watch_contact: false"), None),
+    ):
+        scenario = load(write(text)).apply(load_scenario(SCENARIO))
+        found = [one.source for one in scenario.variants[0].connections if one.target == "servomotor.contact_force"]
+        assert found == ([signal] if signal else [])
+
+
+def test_a_step_that_does_not_fit_the_cycle(write):
+    path = write(GOOD + "cycle: 1 ms\n")
+    with pytest.raises(ScenarioError, match=r"cycle: 1 ms is not a multiple of the scenario's step, 5 ms"):
+        load(path).apply(load_scenario(SCENARIO, ["step=5 ms"]))
+
+
+def test_the_command_runs_a_scenario_on_drives(tmp_path, build, monkeypatch):
+    monkeypatch.chdir(ROOT)
+    monkeypatch.setattr(run, "load_hardware", load)
+    arguments = [str(SHORT), "--hardware", SIMULATED, "--variant", "PI", "--runs", str(tmp_path), "--build", str(build)]
+    done = CliRunner().invoke(run.command, [*arguments, "--json"])
+    assert done.exit_code == 0, done.output
+    summary = json.loads(done.stdout)
+    (case,) = summary["hardware"]["cases"]
+    assert case["cycles"] == 30
+    assert case["nodes"]["servomotor"] == {"late_pdos": 0, "lost_pdos": 0, "emergencies": []}
+    assert 0.05 < case["bus_load"] < 0.3
+    assert summary["hardware"]["simulated"] is True
+
+
+def test_every_case_gets_drives_of_its_own(tmp_path, build):
+    found = load(ROOT / SIMULATED, build=build)
+    outcome = run_scenario(load_scenario(SHORT), hardware=found, root=tmp_path, build=build, report=False)
+    assert outcome.run.status == "completed", outcome.run.reason
+    assert len([one for one in found.sessions if one.begun]) == 3
+    assert found.notes() == []
+
+
+def test_the_report_shows_the_jitter(build):
+    found = load(ROOT / SIMULATED, build=build)
+    assert found.pictures() == []
+    found.jitter = lambda: np.array([1e-4, -1e-4, 2e-4])
+    (picture,) = found.pictures()
+    assert picture["svg"].startswith("<svg ")
+    assert "3 of them" in picture["note"]
+
+
+def test_check_says_what_differs(write, build):
+    runner = CliRunner()
+    done = runner.invoke(hil.command, ["check", str(write(GOOD)), "--build", str(build)])
+    assert done.exit_code == 0, done.output
+    assert done.stdout.startswith("node 1: FAULHABER Motion Control V3.0, vendor 147h")
+    keys = hardware.load(write(GOOD.replace("node: 1", "node: 1, serial: 12")))
+    assert hil.differences(keys, build) == [
+        (
+            "servomotor: node 1: serial number is 1h, expected Ch (FAULHABER Motion Control V3.0). "
+            "Correct the hardware file or the wiring."
+        )
+    ]
+
+
+def test_check_finds_strangers_and_missing_nodes(write, build, monkeypatch):
+    present = hardware.load(write(GOOD.replace("node: 1", "node: 5").replace("faulhaber_v3", "mclm")))
+    network = hil.bench_network
+    monkeypatch.setattr(hil, "bench_network", lambda _keys, build: network(present, build))
+    assert hil.differences(hardware.load(write(GOOD)), build) == [
+        "servomotor: node 1 does not answer. Check its power and node-ID.",
+        "node 5 is not in the hardware file. Add it, or take it off the bus.",
+    ]
+
+
+def test_check_notices_a_drive_of_another_profile(write, build, monkeypatch):
+    """Same vendor, no product given: the other profile's product code is not just any."""
+    keys = hardware.load(write(GOOD))
+    other = hil.bench_network(keys, build)
+    monkeypatch.setattr(hil, "bench_network", lambda *_: other)
+    found = hil.differences(hardware.load(write(GOOD.replace("faulhaber_v3", "mclm"))), build)
+    assert len(found) == 1
+    assert "product code is 2D51h" in found[0]
+
+
+def test_check_notices_two_nodes_with_one_id(write, build, monkeypatch):
+    keys = hardware.load(write(GOOD))
+    network = hil.bench_network(keys, build)
+    chosen = profile("faulhaber_v3")
+    network.bus.attach(Drive(chosen, 1, Motor(chosen.motor, build=build)))
+    monkeypatch.setattr(hil, "bench_network", lambda *_: network)
+    found = hil.differences(keys, build)
+    assert found == [
+        "servomotor: node 1: 2 answers to one question: several nodes have this ID. Give one of them another."
+    ]

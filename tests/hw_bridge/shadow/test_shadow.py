@@ -1,0 +1,103 @@
+"""The twin beside the drive: the same to the bit without a fault, and the right part with one."""
+
+from math import copysign
+
+import pytest
+
+from hw_bridge.shadow.symptoms import SYMPTOMS, Figures, explained
+from tests.hw_bridge.axis import Rig, node
+from tests.hw_bridge.bridge.test_bridge import NODES
+
+FAULTS = {
+    "friction": ({"fault": "friction", "factor": 2.0}, "friction: guide rail"),
+    "worn":     ({"fault": "friction", "factor": 0.2}, "friction has fallen"),
+    "grip":     ({"fault": "grip", "factor": 0.2}, "the grip: sleeve slipping, or air low"),
+    "slow":     ({"fault": "slow", "factor": 0.2}, "the drive: gains"),
+    "encoder":  ({"fault": "encoder_offset", "offset": 0.5e-3}, "the encoder"),
+}  # fmt: skip
+QUIET = Figures(jump=0.1, way=0.1, lag=0.1, ahead=0.1, back=-0.1, both=True, relieved=0.1, by_load=False)
+
+
+def to_and_fro(rig, seconds):
+    """1 Hz, 20 mm/s, with a load that does not follow the motion."""
+    for _ in range(round(1000 * seconds)):
+        phase = rig.t % 1000
+        slope = phase / 250 if phase < 250 else 2 - phase / 250 if phase < 750 else phase / 250 - 4
+        rig.set(target_velocity=0.02 * slope, load_force=-4.0 + copysign(1.0, 500 - (rig.t + 250) % 1000))
+        rig.go(1)
+
+
+@pytest.mark.parametrize("name", NODES)
+def test_no_residual_without_a_fault(build, name):
+    """Targets, load and bus are the same, and so is every increment."""
+    rig = Rig(build, {"servomotor": NODES[name] | {"shadow": {"window": "0.2 s"}}})
+    to_and_fro(rig, 0.6)
+    (shadow,) = rig.session.observers.values()
+    assert len(shadow.samples) == 40
+    assert shadow.largest == {"position": 0.0, "velocity": 0.0, "current": 0.0}
+    assert max(abs(one.speed) for one in shadow.samples) > 0.005
+    rig.axis.close()
+    assert rig.session.account.notes == []
+
+
+@pytest.mark.parametrize("which", FAULTS)
+@pytest.mark.parametrize("inverted", [False, True])
+def test_a_fault_speaks_for_its_part(build, which, inverted):
+    fault, part = FAULTS[which]
+    keys = node(shadow={}, inverted=inverted, limits={"force": "30 N"})
+    rig = Rig(build, {"servomotor": keys}, faults=[{"at": "1.5 s", "node": "servomotor", **fault}])
+    to_and_fro(rig, 4.5)
+    (shadow,) = rig.session.observers.values()
+    assert len(shadow.warnings) == 1, shadow.warnings
+    assert part in shadow.warnings[0]
+    assert 1.5 < float(shadow.warnings[0].split("at ")[1].split(" s")[0]) < 4.5
+    rig.axis.close()
+    assert rig.session.account.notes == shadow.warnings
+    assert rig.session.report()["shadow"]["servomotor"]["warnings"] == shadow.warnings
+
+
+def test_late_process_data_are_no_residual(build):
+    """On a bus that is late half of the time the drive is compared where both are of the same SYNC."""
+    late = {"at": "0.1 s", "node": "servomotor", "fault": "delay", "identifiers": [0x181, 0x2FF], "delay": "4.7 ms",
+            "share": 0.5}  # fmt: skip
+    rig = Rig(build, {"servomotor": node(shadow={"window": "0.2 s"})}, faults=[late])
+    to_and_fro(rig, 1.0)
+    (shadow,) = rig.session.observers.values()
+    assert rig.master.nodes["servomotor"].late > 20
+    assert len(shadow.warnings) == 0
+    assert shadow.largest["position"] < 1.2 * 0.02 * 5e-3  # at most one cycle's way
+
+
+def test_a_symptom_that_comes_back_is_told_again(build):
+    jumps = [{"at": f"{at} s", "node": "servomotor", "fault": "encoder_offset", "offset": x * 1e-3}
+             for at, x in ((0.5, 0.4), (1.5, -0.4))]  # fmt: skip
+    rig = Rig(build, {"servomotor": node(shadow={"window": "0.3 s"})}, faults=jumps)
+    to_and_fro(rig, 2.0)
+    (shadow,) = rig.session.observers.values()
+    assert [line.partition(" s ")[0] for line in shadow.warnings] == ["servomotor: at 0.505", "servomotor: at 1.505"]
+
+
+@pytest.mark.parametrize(
+    ("seen", "part"),
+    [
+        ({}, ""),
+        ({"jump": 2.0, "way": 2.0}, "encoder"),
+        ({"lag": 2.0, "ahead": 3.0}, "collision"),
+        ({"lag": 2.0}, "gains"),
+        ({"relieved": 1.5, "by_load": True, "ahead": -2.0, "back": 2.0}, "grip"),
+        ({"ahead": 2.0, "back": -2.0}, "guide rail"),
+        ({"ahead": -2.0, "back": 2.0}, "fallen"),
+        ({"ahead": 2.0, "back": 2.0}, "load"),
+        ({"ahead": 2.0, "both": False}, "load"),
+        ({"way": -3.0}, "scaling"),
+    ],
+)
+def test_the_table(seen, part):
+    found = next((one.part for one in SYMPTOMS if one.shows(QUIET._replace(**seen))), "")
+    assert (part in found) if part else not found
+
+
+def test_what_explains():
+    assert explained([1.0, -2.0], [2.0, -4.0]) == pytest.approx(1.0)
+    assert explained([1.0, 1.0], [1.0, -1.0]) == 0.0
+    assert explained([0.0], [0.0]) == 0.0

@@ -1,0 +1,147 @@
+"""The master's network on python-can: time of the wall clock, errors of the interface."""
+
+import gc
+import os
+import time
+import uuid
+
+import can
+import pytest
+
+from hw_bridge.bus import Frame
+from hw_bridge.wire import WireNetwork
+from hw_bridge.wire import network as wire
+from twin.errors import SimulationError
+
+
+@pytest.fixture
+def pair():
+    channel = uuid.uuid4().hex
+    with can.Bus(channel, interface="virtual") as other:
+        network = WireNetwork("virtual", channel, 1_000_000, {})
+        yield network, other
+        network.close()
+
+
+def test_frames_and_time(pair):
+    network, other = pair
+    heard = []
+    network.hear = heard.append
+    network.send(Frame(0x123, b"\1"))
+    assert other.recv(1.0).arbitration_id == 0x123
+    other.send(can.Message(arbitration_id=0x321, is_extended_id=False))
+    other.send(can.Message(arbitration_id=1, is_extended_id=True))
+    begin = time.monotonic()
+    network.advance(network.now + 20_000_000)
+    assert time.monotonic() - begin >= 0.02
+    assert heard == [Frame(0x321)]
+
+
+def test_a_condition_ends_the_wait(pair):
+    network, other = pair
+    heard = []
+    network.hear = heard.append
+    other.send(can.Message(arbitration_id=0x321, is_extended_id=False))
+    begin = time.monotonic()
+    network.advance(network.now + 10_000_000_000, lambda: bool(heard))
+    assert time.monotonic() - begin < 5.0
+
+
+def test_the_process_is_as_before_at_the_end():
+    assert gc.isenabled()
+    before = os.sched_getscheduler(0) if hasattr(os, "sched_getscheduler") else None
+    network = WireNetwork("virtual", uuid.uuid4().hex, 1_000_000, {})
+    assert not gc.isenabled()
+    network.close()
+    assert gc.isenabled()
+    assert before is None or os.sched_getscheduler(0) == before
+
+
+def test_without_permission_for_priority(monkeypatch):
+    def refused(*_):
+        raise PermissionError
+
+    monkeypatch.setattr(wire.os, "sched_setscheduler", refused, raising=False)
+    assert not wire.hasten()
+
+
+def test_an_interface_that_cannot_be_opened():
+    with pytest.raises(SimulationError, match="nonsense x: cannot be opened"):
+        WireNetwork("nonsense", "x", 1_000_000, {})
+
+
+@pytest.mark.parametrize(("method", "message"), [("send", "does not take frames"), ("recv", "cannot be read")])
+def test_an_interface_that_fails(pair, monkeypatch, method, message):
+    network, _ = pair
+
+    def failing(*_args, **_more):
+        raise can.CanOperationError("unplugged")
+
+    monkeypatch.setattr(network.bus, method, failing)
+    with pytest.raises(SimulationError, match=f"{message}: unplugged"):
+        network.send(Frame(0)) if method == "send" else network.advance(network.now + 1_000_000)
+
+
+def test_bus_off_of_the_interface(pair, monkeypatch):
+    network, _ = pair
+    monkeypatch.setattr(network.bus, "recv", lambda _timeout: can.Message(is_error_frame=True))
+    monkeypatch.setattr(type(network.bus), "state", can.BusState.ERROR)
+    with pytest.raises(SimulationError, match="bus-off"):
+        network.advance(network.now + 1_000_000)
+
+
+def test_bus_off_of_socketcan_is_in_the_identifier(pair):
+    network, other = pair
+    network._error_classes = True
+    other.send(can.Message(arbitration_id=0x40, is_extended_id=False, is_error_frame=True))
+    with pytest.raises(SimulationError, match="bus-off"):
+        network.advance(network.now + 50_000_000)
+
+
+def test_a_bus_full_of_foreign_frames_does_not_keep_the_program(pair, monkeypatch):
+    network, _ = pair
+    monkeypatch.setattr(network.bus, "recv", lambda _timeout: can.Message(arbitration_id=1, is_extended_id=True))
+    begin = time.monotonic()
+    network.advance(network.now + 1_000_000)
+    assert time.monotonic() - begin < 1.0
+
+
+def test_what_came_late_is_heard(pair):
+    network, other = pair
+    heard = []
+    network.hear = heard.append
+    for number in range(50):
+        other.send(can.Message(arbitration_id=number, is_extended_id=False))
+    network.advance(network.now - 1_000_000_000)
+    assert len(heard) == 50
+
+
+def test_garbage_on_a_serial_line_is_passed_over(monkeypatch):
+    """slcan: bytes that are no text are flushed, what no CAN frame can be is not taken."""
+    import pty
+
+    ours, theirs = pty.openpty()
+    network = WireNetwork("slcan", os.ttyname(theirs), 1_000_000, {"sleep_after_open": 0})
+    try:
+        heard = []
+        network.hear = heard.append
+        for line in (
+            b"\xff\xfe\r",
+            b"t1\r",
+            b"tzzz8\r",
+            b"tFFF0\r",
+            b"t1239" + b"00" * 9 + b"\r",
+            b"t1232\r",
+            b"",
+            b"\r",
+        ):
+            os.write(ours, line)
+            network.advance(network.now + 20_000_000)
+        os.write(ours, b"t18121122\r")
+        network.advance(network.now + 50_000_000)
+        assert heard[-1] == Frame(0x181, b"\x11\x22")
+        assert all(frame.id <= 0x7FF and len(frame.data) <= 8 for frame in heard)
+    finally:
+        network.close()
+        os.close(ours)
+        os.close(theirs)

@@ -1,0 +1,46 @@
+"""Arrays for pyarrow that its own converters would give, without these."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pyarrow as pa
+import pytest
+
+from twin.results.arrow import column, word
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int32, np.int64, np.bool_])
+@pytest.mark.parametrize("count", [0, 1, 7, 8, 9, 1000])
+def test_column(dtype, count):
+    values = (np.arange(2 * count) % 3).astype(dtype)
+    assert column(values).equals(pa.array(values))
+    assert column(values[::2]).equals(pa.array(np.ascontiguousarray(values[::2])))
+
+
+def test_numbers_that_are_none_stay():
+    values = column(np.array([np.nan, np.inf, -0.0]))
+    assert values.null_count == 0
+    assert np.isnan(values[0].as_py())
+    assert values[1].as_py() == np.inf
+
+
+@pytest.mark.parametrize("text", ["PI", "", "Größe µ"])
+def test_word(text):
+    assert word(text).to_pylist() == [text]
+
+
+def test_pandas_is_not_imported_where_it_is_installed(tmp_path):
+    (tmp_path / "pandas.py").write_text("raise SystemExit('pandas was imported')\n")
+    code = """
+import numpy as np
+from pathlib import Path
+from twin.results import Signals, recording
+table = Signals(np.arange(3.0), {"a.x": np.arange(3.0), "a.on": np.array([True, False, True])}, {})
+columns = [recording.Column("a.x"), recording.Column("a.on", np.dtype(bool)), recording.Column("a.missing")]
+with recording.SignalFile(Path("signals.parquet"), columns, {"scenario": "x"}) as file:
+    file.write("PI", 1, table)
+"""
+    subprocess.run(
+        [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n{code}"], check=True, cwd=tmp_path
+    )

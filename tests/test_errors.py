@@ -1,0 +1,56 @@
+"""What is told about a wrong name, and what of a text reaches a terminal."""
+
+import difflib
+import string
+import unicodedata
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from twin.errors import LIKE, nearest, printable
+
+NAMES = st.text(string.ascii_lowercase + "_", min_size=1, max_size=12)
+
+
+@pytest.mark.parametrize(
+    ("name", "known", "expected"),
+    [
+        ("pressure", ["pressure_ok", "supply_pressure", "valve"], "Did you mean 'pressure_ok' or 'supply_pressure'?"),
+        ("rat", ["rate", "phase"], "Did you mean 'rate'?"),
+        ("Rate", ["rate", "phase"], "Did you mean 'rate'?"),
+        ("heart", ["three", "other"], "Known: other, three."),  # nothing in common
+        ("sdt", ["std", "mean"], "Did you mean 'std'? Known: mean, std."),  # a guess
+        ("x", [], "There are none."),
+        ("q", [f"variable_{i:02}" for i in range(9)], f"Known: {', '.join(f'variable_{i:02}' for i in range(9))}."),
+    ],
+)
+def test_what_may_have_been_meant(name, known, expected):
+    assert nearest(name, known) == expected
+
+
+def test_a_long_list_says_how_long():
+    text = nearest("?", [f"variable_{i:05}" for i in range(50_000)])
+    assert text.endswith(" more.")
+    assert len(text) < 300
+
+
+@given(NAMES, st.lists(NAMES, max_size=8))
+@example("ab_cdef", ["zz_cdef"])
+def test_a_hint_has_something_in_common(name, known):
+    question, _, _ = nearest(name, known).partition("?")
+    for meant in question.split("'")[1::2]:
+        assert meant in known
+        shared = {part for part in name.split("_") if len(part) > 2} & set(meant.split("_"))
+        assert shared or difflib.SequenceMatcher(a=meant, b=name).ratio() >= LIKE
+
+
+@given(st.text())
+@example("\x1b[31m\x9b\u202e\n\r\udc80\u2028")
+def test_nothing_controls_the_terminal(text):
+    shown = printable(text)
+    assert not any(unicodedata.category(letter) in ("Cc", "Cs", "Zl", "Zp") for letter in shown)
+    assert not any(unicodedata.bidirectional(letter) in ("RLO", "LRO", "RLI", "LRI", "FSI") for letter in shown)
+    assert printable(shown) == shown
+    if text.isascii() and text.isprintable():
+        assert shown == text

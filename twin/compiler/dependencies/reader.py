@@ -1,0 +1,70 @@
+"""What an expression reads."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import FunctionType
+
+from twin.compiler.dependencies.flows import LOCAL, RESULT, own
+from twin.compiler.resolve import Source
+
+
+class UnsureError(Exception):
+    """The source cannot be followed."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reader:
+    """Expressions of one function."""
+
+    source: Source
+    me: str | None  # the argument that is the component
+    arrays: Mapping[str, bool]  # whether a variable is an array
+
+    def name(self, node: ast.AST) -> str | None:
+        """The variable or local name at the bottom of `a`, `self.a`, `a[i][j]`."""
+        while isinstance(node, ast.Subscript | ast.Starred):
+            node = node.value
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == self.me:
+            return node.attr
+        if isinstance(node, ast.Name):
+            if node.id == self.me:
+                raise UnsureError
+            return f"{LOCAL}{node.id}"
+        return None
+
+    def array(self, node: ast.AST) -> str | None:
+        """The same, if it may be an array."""
+        name = self.name(node)
+        return name if name and (name.startswith(LOCAL) or self.arrays.get(name, True)) else None
+
+    def reads(self, node: ast.AST) -> set[str]:
+        """All variables and local names in an expression, and results of helpers that get the component."""
+        found: set[str] = set()
+        owners = {id(n.value) for n in ast.walk(node) if isinstance(n, ast.Attribute)}
+        for call in (n for n in ast.walk(node) if isinstance(n, ast.Call)):
+            place = self.whole(call)
+            if place is not None:
+                owners.add(id(call.args[place]))
+                found.add(own(RESULT, self.helper(call).__name__))
+        for part in ast.walk(node):
+            if isinstance(part, ast.Attribute) or (isinstance(part, ast.Name) and id(part) not in owners):
+                name = self.name(part)
+                if name:
+                    found.add(name)
+        return found
+
+    def whole(self, call: ast.Call) -> int | None:
+        """Which argument of a call is the component itself, as in `publish(self)`."""
+        places = [i for i, one in enumerate(call.args) if isinstance(one, ast.Name) and one.id == self.me]
+        return places[0] if places else None
+
+    def helper(self, call: ast.Call) -> FunctionType:
+        """The function of the component's module that is called by its name."""
+        known = self.source.function.__globals__
+        found = known.get(call.func.id) if isinstance(call.func, ast.Name) else None
+        if not isinstance(found, FunctionType) or call.keywords:
+            raise UnsureError
+        return found

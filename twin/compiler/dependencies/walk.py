@@ -1,0 +1,179 @@
+"""One function, statement by statement, and the helpers it calls."""
+
+from __future__ import annotations
+
+import ast
+from types import FunctionType, ModuleType
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+from twin.compiler.dependencies.flows import LOCAL, RESULT, Flows, own
+from twin.compiler.dependencies.reader import Reader, UnsureError
+from twin.compiler.resolve import TranslationError, source_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+PURE_MODULES = {"math", "numpy", "cmath"}
+OPAQUE = ast.Try | ast.With | ast.FunctionDef | ast.Lambda | ast.Match | ast.Global | ast.ListComp
+
+
+def followed(
+    function: FunctionType, me: int | None, arrays: Mapping[str, bool], seen: tuple[FunctionType, ...] = ()
+) -> Flows:
+    """What a function does whose argument at place `me` is the component; UnsureError if that cannot be told."""
+    try:
+        source = source_of(function)
+        reader = Reader(source, None if me is None else source.parameters[me], arrays)
+    except (TranslationError, IndexError):
+        raise UnsureError from None
+    walk = _Walk(reader, (*seen, function))
+    for statement in source.tree.body:
+        walk.visit(statement)
+    walk.flows.settle()
+    return walk.flows
+
+
+class _Walk(ast.NodeVisitor):
+    """Notes in `flows` what each statement does; `seen`: this function and those it was called from."""
+
+    def __init__(self, reader: Reader, seen: tuple[FunctionType, ...]) -> None:
+        self.reader, self.seen, self.flows = reader, seen, Flows()
+
+    def generic_visit(self, node: ast.AST) -> None:
+        if isinstance(node, OPAQUE):
+            raise UnsureError
+        super().generic_visit(node)
+
+    def visit_Assign(self, node: ast.Assign) -> None:
+        self.generic_visit(node)
+        for target in node.targets:
+            for place, value in _pairs(target, node.value):
+                self._write(place, self.reader.reads(value))
+            self._alias(target, node.value)
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
+        if node.value is not None:
+            self.visit_Assign(ast.Assign([node.target], node.value))
+
+    def visit_AugAssign(self, node: ast.AugAssign) -> None:
+        self.generic_visit(node)
+        self._write(node.target, self.reader.reads(node.value) | self.reader.reads(node.target))
+
+    def visit_NamedExpr(self, node: ast.NamedExpr) -> None:
+        self.generic_visit(node)
+        self._write(node.target, self.reader.reads(node.value))
+
+    def visit_If(self, node: ast.If | ast.While) -> None:
+        self.visit(node.test)
+        self._block(node, self.reader.reads(node.test))
+
+    def visit_While(self, node: ast.While) -> None:
+        self.visit_If(node)
+
+    def visit_For(self, node: ast.For) -> None:
+        self.visit(node.iter)
+        self.visit(node.target)
+        self._write(node.target, self.reader.reads(node.iter))
+        self._alias(node.target, node.iter)
+        self._block(node, self.reader.reads(node.iter))
+
+    def visit_Return(self, node: ast.Return) -> None:
+        self.generic_visit(node)
+        self.flows.leave()
+        if node.value is not None:
+            self.flows.write(RESULT, self.reader.reads(node.value))
+
+    def visit_Break(self, _: ast.Break) -> None:
+        self.flows.leave()
+
+    def visit_Continue(self, _: ast.Continue) -> None:
+        self.flows.leave()
+
+    def _block(self, node: ast.If | ast.While | ast.For, condition: set[str]) -> None:
+        with self.flows.under(condition):
+            for statement in (*node.body, *node.orelse):
+                self.visit(statement)
+
+    def _write(self, target: ast.AST, sources: set[str]) -> None:
+        if isinstance(target, ast.Tuple | ast.List):
+            for element in target.elts:
+                self._write(element, sources)
+            return
+        name = self.reader.name(target)
+        if name is None:
+            raise UnsureError
+        while isinstance(target, ast.Subscript):
+            self.flows.mutated.add(name)
+            sources = sources | self.reader.reads(target.slice)
+            target = target.value
+        self.flows.write(name, sources)
+
+    def _alias(self, target: ast.AST, value: ast.AST) -> None:
+        """A local name may stand for an array from now on."""
+        for place, one in _pairs(target, value):
+            if isinstance(one, ast.IfExp):
+                self._alias(place, one.body)
+                self._alias(place, one.orelse)
+            elif isinstance(place, ast.Name) and isinstance(one, ast.Name | ast.Attribute | ast.Subscript):
+                base = self.reader.array(one)
+                if base:
+                    self.flows.aliases.append((f"{LOCAL}{place.id}", base))
+
+    # -------------------------------------------------------------------------------------------------- calls
+
+    def visit_Call(self, node: ast.Call) -> None:
+        """A helper may write the arrays it is given; what it writes hangs on all it is given."""
+        self.generic_visit(node)
+        whole = self.reader.whole(node)
+        if whole is not None:
+            self._follow(node, whole)
+        for place, argument in enumerate(node.args):
+            if place == whole or not isinstance(argument, ast.Name | ast.Attribute | ast.Subscript | ast.Starred):
+                continue
+            name = self.reader.array(argument)
+            if name and self._mutates(node.func, place):
+                self.flows.mutated.add(name)
+                self.flows.write(name, self.reader.reads(node))
+
+    def _follow(self, call: ast.Call, whole: int) -> None:
+        """What a helper that gets the component reads and writes of it is read and written here."""
+        helper = self.reader.helper(call)
+        if helper in self.seen:
+            raise UnsureError
+        for target, sources in followed(helper, whole, self.reader.arrays, self.seen).within(helper.__name__):
+            self.flows.write(target, sources)
+        for place, (name, argument) in enumerate(zip(source_of(helper).parameters, call.args, strict=False)):
+            if place != whole:
+                self.flows.write(own(f"{LOCAL}{name}", helper.__name__), self.reader.reads(argument))
+
+    def _mutates(self, called: ast.expr, place: int) -> bool:
+        """Whether a called function may write its argument at a place."""
+        source = self.reader.source
+        if isinstance(called, ast.Attribute):
+            module = source.reached(called.value)
+            if isinstance(module, ModuleType) and module.__name__ in PURE_MODULES:
+                return False
+        helper = source.reached(called)
+        if isinstance(helper, FunctionType):
+            return helper in self.seen or place in _mutated_places(helper, self.seen)
+        return helper is None or getattr(helper, "__module__", None) not in {*PURE_MODULES, "builtins"}
+
+
+def _pairs(target: ast.AST, value: ast.AST) -> list[tuple[ast.AST, ast.AST]]:
+    """What goes where: one value to its place, or several to several."""
+    if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple) and len(target.elts) == len(value.elts):
+        return [pair for one, other in zip(target.elts, value.elts, strict=True) for pair in _pairs(one, other)]
+    return [(target, value)]
+
+
+# what was found before: sources do not change while a process lives
+_places: WeakKeyDictionary[FunctionType, set[int]] = WeakKeyDictionary()
+
+
+def _mutated_places(helper: FunctionType, seen: tuple[FunctionType, ...]) -> set[int]:
+    """Which of its arguments a function writes in place."""
+    if helper not in _places:
+        mutated = followed(helper, None, {}, seen).mutated
+        _places[helper] = {p for p, name in enumerate(source_of(helper).parameters) if f"{LOCAL}{name}" in mutated}
+    return _places[helper]

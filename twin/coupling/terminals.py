@@ -1,0 +1,139 @@
+"""Terminals, variables that are connected together: a connection of two as the single connections that it stands for.
+
+Members match by name, as FMI 3.0 has it (section 2.4.9.2): of a plug each must have its partner, of a bus some may be
+missing; those of a sequence are named by their places, 1, 2, ... Which side is the source of a pair, causality says.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from twin.coupling.member import TerminalMember
+from twin.errors import CouplingError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from twin.coupling.member import MemberVariable
+
+    Catalog = Mapping[str, Mapping[str, MemberVariable]]
+    Pair = tuple[MemberVariable, TerminalMember]
+
+ELEMENT = re.compile(r"(.+)\[(\d+(?:\s*,\s*\d+)*)\]")
+RULES = ("plug", "bus", "sequence")
+FLOWS = {
+    "inflow": "in",
+    "outflow": "out",
+}  # FMI's variableKind: what flows through a terminal, by its positive direction
+SHOWN = 6  # names in a message
+
+
+@dataclass(frozen=True, slots=True)
+class Terminal:
+    """A terminal of a member as a connection names it. `index`: the element of its arrays, `[2]`, or nothing."""
+
+    path: str
+    member: str
+    index: str
+    members: dict[str, Pair]  # by the name that they have at the other side
+
+    def end(self, name: str) -> str:
+        """A member as the end of a single connection."""
+        variable = self.members[name][0]
+        return f"{self.member}.{variable.name}{self.index if variable.shape else ''}"
+
+
+def names(variables: Mapping[str, MemberVariable]) -> list[str]:
+    """The terminals of a member."""
+    return list(dict.fromkeys(place.terminal for one in variables.values() for place in one.terminals))
+
+
+def find(path: str, catalog: Catalog) -> Terminal | None:
+    """The terminal that `member.terminal` or `member.terminal[2]` names; None if it names none."""
+    member, _, name = path.partition(".")
+    variables = catalog.get(member, {})
+    element = ELEMENT.fullmatch(name)
+    if name in variables or (element and element[1] in variables):
+        return None
+    found, index = members(variables, name), ""
+    if not found and element:
+        found, index = members(variables, element[1]), f"[{element[2]}]"
+    return Terminal(path, member, index, found) if found else None
+
+
+def members(variables: Mapping[str, MemberVariable], terminal: str) -> dict[str, Pair]:
+    """What belongs to a terminal."""
+    return {
+        place.name: (one, place) for one in variables.values() for place in one.terminals if place.terminal == terminal
+    }
+
+
+def single(a: Terminal, b: Terminal) -> list[tuple[str, str]]:
+    """Source and target of each connection between two terminals; CouplingError with all that does not fit."""
+    problems = [*misfits(a, b), *wrong_index(a), *wrong_index(b)]
+    pairs: list[tuple[str, str]] = []
+    for name in (name for name in a.members if name in b.members):
+        ends = a.end(name), b.end(name)
+        is_input = [one.members[name][0].causality == "input" for one in (a, b)]
+        if problem := flow_problem(a.members[name][1].kind, b.members[name][1].kind):
+            problems.append(f"{name}: {ends[0]} and {ends[1]} {problem}")
+        elif is_input[0] == is_input[1]:
+            what = "both inputs" if is_input[0] else "no inputs, both"
+            problems.append(f"{name}: {ends[0]} and {ends[1]} are {what}. Connect terminals of opposite sides.")
+        else:
+            pairs.append(ends if is_input[1] else ends[::-1])
+    if problems:
+        raise CouplingError(problems)
+    return pairs
+
+
+def misfits(a: Terminal, b: Terminal) -> list[str]:
+    """Members that have no partner and need one."""
+    lonely = []
+    for one, other in ((a, b), (b, a)):
+        rules = {place.rule for _, place in one.members.values()}
+        if unknown := sorted(rules - set(RULES)):
+            return [f"{one.path} has the matching rule {unknown[0]!r}. Connect its variables one by one."]
+        if missing := [n for n, (_, place) in one.members.items() if n not in other.members and place.rule != "bus"]:
+            lonely.append(f"{listed(missing)} of {one.path}")
+    if lonely:
+        verb = "has" if len(lonely) == 1 and ", " not in lonely[0] else "have"
+        return [
+            f"{' and '.join(lonely)} {verb} no partner at the other side. Connect terminals with the same members, or "
+            "variables one by one."
+        ]
+    if not a.members.keys() & b.members.keys():
+        return [f"nothing in common: {listed(a.members)} and {listed(b.members)}. Connect terminals of one kind."]
+    return []
+
+
+def wrong_index(one: Terminal) -> list[str]:
+    """What is wrong with the element that a terminal is meant for."""
+    arrays = [variable for variable, _ in one.members.values() if variable.shape]
+    if not one.index:
+        return []
+    if not arrays:
+        return [f"{one.path}: none of its variables is an array. Leave the brackets out."]
+    index = [int(part) for part in one.index[1:-1].split(",")]
+    for variable in arrays:
+        shape = variable.shape
+        if len(index) != len(shape) or not all(1 <= i <= n for i, n in zip(index, shape, strict=True)):
+            return [f"{one.path}: {variable.name} has shape {list(shape)}, elements count from 1."]
+    return []
+
+
+def flow_problem(a: str, b: str) -> str:
+    """Why the value of one member is not that of the other."""
+    if unknown := [kind for kind in (a, b) if kind not in (*FLOWS, "signal")]:
+        return f"are of the kind {unknown[0]!r}, whose values are not just copied. Connect them by themselves."
+    if a == b and a in FLOWS:
+        return f"both count what flows {FLOWS[a]}: one is minus the other. Change the sign in a component between them."
+    return ""
+
+
+def listed(found: Mapping[str, object] | list[str]) -> str:
+    """Some names for a message."""
+    every = list(found)
+    return ", ".join(every[:SHOWN]) + (f" and {len(every) - SHOWN} more" if len(every) > SHOWN else "")

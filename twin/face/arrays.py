@@ -1,0 +1,84 @@
+"""Recorded signals as arrays with named axes, and tables of figures: what notebooks compute with."""
+
+from __future__ import annotations
+
+from functools import reduce
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.face.words import needed
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import pandas as pd
+    import xarray as xr
+
+    from twin.results import Recorded, Signals
+
+    Cases = Mapping[tuple[str, int], Signals]
+
+METRICS = ("metric", "variant", "seed", "value", "unit", "paper", "verdict")
+EXPECTATIONS = ("name", "verdict", "detail")
+
+
+def array(variable: Recorded, cases: Cases) -> xr.DataArray:
+    """The axes are time x variant x seed x elements; `cases` are those that recorded the variable.
+
+    A case that did not come as far as the others is NaN from there on, and so is one that was not run: whole numbers
+    and Booleans are floats then. Without cases it is empty.
+    """
+    xarray = needed("xarray")
+    variants, seeds = (list(dict.fromkeys(case[i] for case in cases)) for i in (0, 1))
+    times = [signals.time for signals in cases.values()]
+    first = times[0] if times else np.zeros(0)
+    time = first if all(np.array_equal(first, one) for one in times) else reduce(np.union1d, times)
+    values = [signals.values[variable.name] for signals in cases.values()]
+    is_whole = len(cases) == len(variants) * len(seeds) and all(len(one) == len(time) for one in times)
+    kind = np.result_type(*values) if is_whole and values else np.dtype(np.float64)
+    data = np.zeros((len(time), len(variants), len(seeds), *variable.shape), kind)
+    if not is_whole:
+        data[...] = np.nan
+    for ((variant, seed), signals), one in zip(cases.items(), values, strict=True):
+        data[np.searchsorted(time, signals.time), variants.index(variant), seeds.index(seed)] = one
+    axes = ["element"] if len(variable.shape) == 1 else [f"element_{i + 1}" for i in range(len(variable.shape))]
+    coordinates = {
+        "time": ("time", time, {"units": "s"}), "variant": variants, "seed": seeds,
+        **{axis: np.arange(1, size + 1) for axis, size in zip(axes, variable.shape, strict=True)},
+    }  # fmt: skip
+    notes = {"units": variable.unit, "display_units": variable.display_unit, "long_name": variable.description}
+    attributes = {key: text for key, text in notes.items() if text or key == "units"}
+    return xarray.DataArray(data, coordinates, ["time", "variant", "seed", *axes], variable.name, attributes)
+
+
+def frame(time: Any, values: Mapping[str, Any], units: Mapping[str, str]) -> pd.DataFrame:
+    """Column `time` [s], then one for each scalar, an array's as `x[1]`, `x[2]`; units in `.attrs["units"]`."""
+    columns = {"time": time}
+    known = {"time": "s"}
+    for name, array in values.items():
+        for index in np.ndindex(array.shape[1:]):
+            label = name + (f"[{','.join(str(i + 1) for i in index)}]" if index else "")
+            columns[label] = array[(slice(None), *index)]
+            known[label] = units.get(name, "")
+    made = needed("pandas").DataFrame(columns)
+    made.attrs["units"] = known
+    return made
+
+
+def metrics(summary: Mapping[str, Any]) -> pd.DataFrame:
+    """One row for each metric, variant and seed, in the metric's unit; the verdict is on the mean over the seeds."""
+    rows = [
+        (name, variant, int(seed), value, metric["unit"], one["paper"], one["verdict"])
+        for name, metric in summary["metrics"].items()
+        for variant, one in metric["variants"].items()
+        for seed, value in one["values"].items()
+    ]
+    frame = needed("pandas").DataFrame(rows, columns=METRICS)
+    return frame.astype({"seed": int, "value": float, "paper": float})
+
+
+def expectations(summary: Mapping[str, Any]) -> pd.DataFrame:
+    """One row for each expectation."""
+    rows = [[one[key] for key in EXPECTATIONS] for one in summary["expectations"]]
+    return needed("pandas").DataFrame(rows, columns=EXPECTATIONS)

@@ -1,0 +1,56 @@
+"""How far a run is: nothing, a function of one's own, or a bar."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from twin.run import silent
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    Told: TypeAlias = Callable[[str, float], object]  # of a case's name, and the part of it that is done (0 to 1)
+    Progress: TypeAlias = bool | Told | None
+
+
+class Bar:
+    """A bar on stderr or in a notebook's output, gone at the end."""
+
+    def __init__(self, title: str) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+        columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:3.0f} %"))
+        console: Any = Console(stderr=not in_notebook())
+        self._bar = Progress(*columns, TimeElapsedColumn(), console=console, transient=True)
+        self._task = self._bar.add_task(title, total=1.0)
+        self._bar.start()
+
+    def __call__(self, case: str, part: float) -> None:
+        """Show how far a case is."""
+        self._bar.update(self._task, description=case, completed=part)
+
+    def close(self) -> None:
+        """Remove the bar."""
+        self._bar.stop()
+
+
+def in_notebook() -> bool:
+    """Whether a notebook's kernel runs this."""
+    return "ipykernel" in sys.modules
+
+
+@contextmanager
+def shown(progress: Progress, title: str) -> Iterator[Told]:
+    """The function that a run calls; a bar is removed at the end."""
+    if callable(progress):
+        yield progress
+        return
+    bar = Bar(title) if progress else None
+    try:
+        yield bar or silent
+    finally:
+        if bar:
+            bar.close()

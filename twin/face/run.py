@@ -1,0 +1,253 @@
+"""A run in Python: figures, signals and plots, each read from the run's folder when it is asked for."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
+from twin.face import arrays, notebook
+from twin.face.words import listed
+from twin.results import Curve, Plot, Recorded, dimension, expression, plotting, read_variables, recorded
+from twin.scenario import examine
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import pandas as pd
+    import xarray as xr
+
+    from twin.face.scenario import Scenario
+    from twin.results import Expression
+    from twin.scenario import Scenario as Checked
+
+LATEST = "latest"  # of the folder of a scenario's runs: the one that began last
+STAMP = re.compile(r"(\d{4}-\d\d-\d\d_\d\d-\d\d-\d\d)(?:_(\d+))?")
+
+
+def open_run(path: str | Path) -> Run:
+    """An earlier run, by its folder, or the last one as `runs/<scenario>/latest`; TwinError if there is none."""
+    folder = Path(path)
+    if folder.name == LATEST and not folder.exists():
+        folder = latest(folder.parent)
+    if not (folder / "summary.json").is_file():
+        if folder.is_dir() and any(map(finished, folder.iterdir())):
+            raise TwinError(f"{folder}: holds runs, and is none. Name one of them, or {folder / LATEST}.")
+        what = "has no summary.json: the run is not finished" if folder.is_dir() else "is not there"
+        raise TwinError(f"{folder}: {what}. Give the folder of a finished run, such as runs/heart_wall_force/{LATEST}.")
+    return Run(folder)
+
+
+def finished(folder: Path) -> bool:
+    """Whether a folder is that of a finished run."""
+    return STAMP.fullmatch(folder.name) is not None and (folder / "summary.json").is_file()
+
+
+def latest(parent: Path) -> Path:
+    """The last finished run in the folder of a scenario."""
+    found = [folder for folder in parent.iterdir() if finished(folder)] if parent.is_dir() else []
+    if not found:
+        known = [one.name for one in parent.parent.iterdir() if one.is_dir()] if parent.parent.is_dir() else []
+        hint = nearest(parent.name, known) if not parent.is_dir() else "Run the scenario first."
+        raise TwinError(f"{parent}: holds no finished run. {hint}")
+
+    def order(folder: Path) -> tuple[str, int]:
+        stamp = STAMP.fullmatch(folder.name)
+        assert stamp
+        return stamp[1], int(stamp[2] or 1)
+
+    return max(found, key=order)
+
+
+class Run:
+    """Results of a scenario: `metrics`, signals as `run["member.variable"]`, `plot`, `report`.
+
+    `summary` is all of summary.json. Nothing else is read before it is asked for.
+    """
+
+    def __init__(self, folder: Path, scenario: Scenario | None = None, notes: Sequence[str] = ()) -> None:
+        self.folder = folder
+        try:
+            self.summary: dict[str, Any] = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise TwinError(f"{folder / 'summary.json'}: cannot be read ({error}). Run the scenario again.") from None
+        self.notes: list[str] = [*notes, *self.summary.get("notes", [])]
+        self._scenario = scenario
+
+    @property
+    def status(self) -> str:
+        """`completed`, `interrupted` or `failed`."""
+        return str(self.summary["status"])
+
+    @property
+    def reason(self) -> str:
+        """Why the run ended early, or nothing."""
+        return str(self.summary["reason"])
+
+    @property
+    def passed(self) -> bool:
+        """Whether the run is complete and everything that was expected holds."""
+        return bool(self.summary["passed"])
+
+    @property
+    def variants(self) -> tuple[str, ...]:
+        """Variants that were run."""
+        return tuple(dict.fromkeys(one["variant"] for one in self.summary["cases"]))
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """Seeds that were run."""
+        return tuple(dict.fromkeys(one["seed"] for one in self.summary["cases"]))
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of all recorded variables."""
+        return tuple(self._recorded)
+
+    @property
+    def metrics(self) -> pd.DataFrame:
+        """Columns metric, variant, seed, value (in its unit), unit, paper, verdict (on the mean over the seeds)."""
+        return arrays.metrics(self.summary)
+
+    @property
+    def expectations(self) -> pd.DataFrame:
+        """Columns name, verdict, detail."""
+        return arrays.expectations(self.summary)
+
+    @property
+    def report(self) -> Path:
+        """report.html."""
+        path = self.folder / "report.html"
+        if not path.exists():
+            raise TwinError(f"{path}: was not written. Run the scenario with report=True.")
+        return path
+
+    @property
+    def scenario(self) -> Scenario:
+        """The scenario as it was run, to run it again; ScenarioError if its components are not there any more."""
+        if self._scenario is None:
+            from twin.face.scenario import load
+
+            self._scenario = load(self.folder / "scenario.yaml")
+        return self._scenario
+
+    @cached_property
+    def _checked(self) -> Checked:
+        """The scenario; of an earlier run as far as it can be read, for its components may be gone or others by now."""
+        return self._scenario.checked if self._scenario else examine(self.folder / "scenario.yaml", imports=False)[0]
+
+    @cached_property
+    def _recorded(self) -> dict[str, Recorded]:
+        return recorded(self._signals)
+
+    @property
+    def _signals(self) -> Path:
+        path = self.folder / "signals.parquet"
+        if not path.exists():
+            raise TwinError(f"{path}: is not there any more. Run the scenario again.")
+        return path
+
+    def variable(self, name: str) -> Recorded:
+        """A recorded variable, or one element of it as `sheath.x[3]`, counted from 1; UnknownNameError if there is none."""
+        if name in self._recorded:
+            return self._recorded[name]
+        whole = name.partition("[")[0]
+        if whole in self._recorded and name in (variable := self._recorded[whole]).columns:
+            return Recorded(name, (name,), (), variable.unit, variable.display_unit, variable.description)
+        raise UnknownNameError(f"{self.folder}: {name!r} was not recorded. {nearest(name, self.signals)}")
+
+    def __getitem__(self, name: str) -> xr.DataArray:
+        """A variable over time x variant x seed (x element), in its own unit `.attrs["units"]`.
+
+        Variants that have not recorded it are left out.
+        """
+        variable = self.variable(name)
+        cases = read_variables(self._signals, [variable])
+        return arrays.array(variable, {case: signals for case, signals in cases.items() if name in signals.values})
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._recorded
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.signals)
+
+    def plot(self, *what: str, variants: str | Sequence[str] = (), seeds: int | Sequence[int] = ()) -> Any:
+        """A figure of matplotlib: plots of the scenario by their titles, or any signals, those of one unit in one panel.
+
+        Signals may be expressions, such as `abs(sensor.force - controller.setpoint)`. Without names: all plots.
+        """
+        own = {plot.title: plot for plot in self._checked.plots}
+        plots = [self._in_unit(own[one]) for one in (what or own) if one in own]
+        plots += self._of_signals([one for one in what if one not in own], own)
+        if not plots and not what:
+            plots = self._of_signals(list(self.signals)[:4], own)
+        expressions = [one for plot in plots for curve in plot.curves for one in (curve.signal, curve.x) if one]
+        names = dict.fromkeys(signal.name for one in expressions for signal in one.signals if signal.name in self)
+        cases = read_variables(self._signals, [self._recorded[name] for name in names])
+        chosen = {(variant, seed): signals for (variant, seed), signals in cases.items()
+                  if variant in (listed(variants) or self.variants) and seed in (listed(seeds) or self.seeds)}  # fmt: skip
+        if not chosen:
+            raise TwinError(
+                f"{self.folder}: nothing was run with these variants and seeds. Known: {', '.join(self.variants)}."
+            )
+        events = {event.time_ns / 1e9 for case in self._checked.variants for event in case.events}
+        figure = plotting.figure(plots, chosen, sorted(events), titled=True)
+        if figure is None:
+            raise TwinError(f"{self.folder}: none of the signals was recorded in these variants. Choose others.")
+        return figure
+
+    def _of_signals(self, texts: list[str], titles: dict[str, Plot]) -> list[Plot]:
+        """Plots of signals, those of one unit together."""
+        groups: dict[str, list[Curve]] = {}
+        for text in texts:
+            try:
+                parsed = expression.parse(text)
+            except ScenarioError as error:
+                hint = nearest(text, [*titles, *self.signals])
+                raise UnknownNameError(f"{self.folder}: there is no plot {text!r}, and {error}. {hint}") from None
+            for signal in parsed.signals:
+                self.variable(signal.name)
+            shapes = {signal.name: self._recorded[signal.name].shape for signal in parsed.signals}
+            if problem := parsed.array_problem(shapes):
+                raise TwinError(f"{self.folder}: {problem}")
+            groups.setdefault(self._unit(parsed), []).append(Curve(parsed, text))
+        return [
+            Plot(
+                "",
+                tuple(curves),
+                label=curves[0].label if len(curves) == 1 else "",
+                unit=unit,
+                per_variant=len(curves) > 1,
+            )
+            for unit, curves in groups.items()
+        ]
+
+    def _in_unit(self, plot: Plot) -> Plot:
+        """A plot in the unit of its first signal if it states none and all are of one kind."""
+        units = {self._unit(curve.signal) for curve in plot.curves}
+        across = {self._unit(curve.x) for curve in plot.curves if curve.x is not None}
+        return replace(plot, unit=plot.unit or (units.pop() if len(units) == 1 else ""),
+                       x_unit=plot.x_unit or (across.pop() if len(across) == 1 else ""))  # fmt: skip
+
+    def _unit(self, parsed: Expression) -> str:
+        """The unit that an expression is shown in; ScenarioError if it adds what does not fit."""
+        known = {name: self._recorded[name] for name in (signal.name for signal in parsed.signals) if name in self}
+        units: dict[str, str | None] = {name: one.unit for name, one in known.items()}
+        found = dimension.of(parsed, units)
+        return dimension.preferred(found, {name: one.unit for name, one in known.items()},
+                                   {name: one.display_unit for name, one in known.items()})  # fmt: skip
+
+    def __repr__(self) -> str:
+        cases = f"{len(self.variants)} variants x {len(self.seeds)} seeds"
+        return f"<Run {self.folder}: {self.status}, {'passed' if self.passed else 'not passed'}, {cases}>"
+
+    def _repr_html_(self) -> str:
+        return notebook.page(
+            notebook.heading(self.summary["scenario"]["title"]), notebook.state(self.summary, self.folder),
+            *map(notebook.paragraph, self.notes), notebook.verdicts(self.summary), notebook.expectations(self.summary),
+            notebook.scenario_system(self._checked),
+        )  # fmt: skip

@@ -1,0 +1,147 @@
+"""A scenario file in Python: what it says, other values, runs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from html import escape
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from twin.component import Component
+from twin.errors import ScenarioError
+from twin.face import notebook
+from twin.face.progress import shown
+from twin.face.run import Run
+from twin.face.words import as_arguments, choice, listed, written
+from twin.run import prepare, run_scenario
+from twin.scenario import Form, changed, examine, has_source
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from twin.face.progress import Progress
+    from twin.scenario import Scenario as Checked
+
+
+def load(path: str | Path) -> Scenario:
+    """Read and check a scenario file; ScenarioError with all `problems`, as of `twin check`."""
+    checked, problems = examine(path)
+    if problems:
+        raise ScenarioError(problems)
+    return Scenario(checked, {})
+
+
+class Scenario:
+    """A checked scenario file; it never changes. `checked`: what the command line works with."""
+
+    def __init__(self, checked: Checked, classes: Mapping[str, type[Component]]) -> None:
+        self._classes = dict(classes)  # by how the scenario names them
+        variants = []
+        for case in checked.variants:
+            members = {name: replace(one, made=self._classes.get(one.component, one.made))
+                       for name, one in case.members.items()}  # fmt: skip
+            variants.append(replace(case, members=members))
+        self.checked = replace(checked, variants=tuple(variants))
+
+    @property
+    def name(self) -> str:
+        """Name of the file, and of the folder of its runs."""
+        return self.checked.name
+
+    @property
+    def title(self) -> str:
+        """Title."""
+        return self.checked.title
+
+    @property
+    def description(self) -> str:
+        """What it is for."""
+        return self.checked.description
+
+    @property
+    def path(self) -> Path:
+        """The file."""
+        return self.checked.path
+
+    @property
+    def variants(self) -> tuple[str, ...]:
+        """Names of the variants, in the order of the file."""
+        return tuple(case.variant for case in self.checked.variants)
+
+    @property
+    def seeds(self) -> tuple[int, ...]:
+        """Seeds with which each variant runs."""
+        return self.checked.seeds
+
+    @property
+    def plots(self) -> tuple[str, ...]:
+        """Titles of the plots."""
+        return tuple(plot.title for plot in self.checked.plots)
+
+    def set(self, name: str, value: Any) -> Scenario:
+        """The scenario with another value; this one stays as it is. ScenarioError with all `problems`.
+
+        `name` is that of `twin run --set`: `member.parameter`, `member.component`, `variants.NAME.member.parameter`,
+        `stop_time`, `step`, `seeds`, ... `value`: text with a unit, a number in SI, a list or an array; for a component
+        also a class. It holds in every variant, also in one that says something else: name the variant to change it alone.
+        """
+        classes = dict(self._classes)
+        if isinstance(value, type):
+            text = reference(value, classes)
+            classes[text] = value
+            value = text
+        with as_arguments():
+            scenario = Scenario(changed(self.checked, [f"{name}={written(value)}"]), classes)
+            prepare(scenario.checked)
+        return scenario
+
+    def run(
+        self, variants: str | Sequence[str] | None = None, seeds: int | Sequence[int] | None = None, *,
+        progress: Progress = None, report: bool = True, out: str | Path = "runs", build: str | Path = "build",
+        form: str = "fmu",
+    ) -> Run:  # fmt: skip
+        """Run variants with seeds, all if not given, and write the folder `out/<name>/<time>/`.
+
+        `progress`: True for a bar, or a function of a case's name and the part of it that is done. `form`: fmu, compiled
+        or interpreted. A member that fails and Ctrl-C end a run early: its `status` and `reason` tell, and what was
+        recorded is there.
+        """
+        with as_arguments(), shown(progress, self.title) as told:
+            outcome = run_scenario(
+                self.checked, Form(choice(form, Form, "form")), variants=listed(variants), seeds=listed(seeds),
+                root=Path(out), build=Path(build), progress=told, report=report,
+            )  # fmt: skip
+        return Run(outcome.folder, self, [] if form == Form.interpreted else sourceless(self._classes.values()))
+
+    def __repr__(self) -> str:
+        variants, seeds = ", ".join(self.variants), ", ".join(map(str, self.seeds))
+        return f"<Scenario {self.name}: {self.title}; variants {variants}; seeds {seeds}>"
+
+    def _repr_html_(self) -> str:
+        checked = self.checked
+        titles = [(escape(one.variant), escape(one.title)) for one in checked.variants]
+        overrides = f"set: {', '.join(checked.overrides)}" if checked.overrides else ""
+        return notebook.page(
+            notebook.heading(checked.title), notebook.paragraph(checked.description), notebook.paragraph(overrides),
+            notebook.table({"variant": "text", "what": "text"}, titles if len(titles) > 1 else []),
+            notebook.scenario_system(checked),
+        )  # fmt: skip
+
+
+def reference(cls: type, known: Mapping[str, type[Component]]) -> str:
+    """How a scenario names a class; an older one of the same name may be in use too."""
+    if not issubclass(cls, Component):
+        raise ScenarioError(f"{cls.__name__} is no component. Derive it from twin.component.Component.")
+    text = f"{cls.__module__}:{cls.__qualname__}"
+    while known.get(text, cls) is not cls:
+        text += "'"
+    return text
+
+
+def sourceless(classes: Iterable[type[Component] | None]) -> list[str]:
+    """A remark for each class that runs as Python because the text of its functions is not there."""
+    return [
+        f"{cls.__name__} runs interpreted: its source cannot be found. Define it in a file or in a cell of a notebook."
+        for cls in dict.fromkeys(classes)
+        if cls is not None and not has_source(cls)
+    ]

@@ -1,0 +1,179 @@
+"""A running simulation in Python's hands: go ahead, look, set."""
+
+from __future__ import annotations
+
+import weakref
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from twin import clock
+from twin.coupling import Memory, find
+from twin.errors import CouplingError, SimulationError, TwinError, UnknownNameError
+from twin.face.arrays import frame
+from twin.face.scenario import sourceless
+from twin.face.words import finite, nanoseconds
+from twin.run import happen, signals, simulation
+from twin.scenario import EventSpec, Form, event_problems
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    import pandas as pd
+
+    from twin.coupling import Catalog
+    from twin.results import Signals
+    from twin.scenario import Case
+
+WHERE = "simulation"  # in messages
+BUFFER_BYTES = 1 << 20  # for rows: many short simulations are as usual here as a long one
+
+
+class Simulation:
+    """Members that run: `simulation["member.variable"]` reads and writes, `advance` goes ahead.
+
+    Use it with `with`: at its end all members are freed, and `results` stay.
+    """
+
+    def __init__(self, case: Case, catalog: Catalog, form: Form, build: Path, stops: bool, silent: bool) -> None:
+        self._case = case
+        self._targets = {connection.target for connection in case.system(catalog).single()[0]}
+        self.notes = [] if form is Form.interpreted else sourceless(one.made for one in self._case.members.values())
+        self._failed = ""
+        self._signals: Signals | None = None
+        self._simulated = simulation(self._case, catalog, form, build, Memory(BUFFER_BYTES))
+        if silent:
+            self._simulated.recorded = []
+        self._close = weakref.finalize(self, self._simulated.terminate)
+        self._catalog = {name: member.variables for name, member in self._simulated.members.items()}
+        try:
+            self._simulated.initialize(self._case.start_ns, self._case.stop_ns if stops else None)
+        except BaseException:
+            self._close()
+            raise
+
+    @property
+    def time(self) -> float:
+        """Communication point that was reached [s]."""
+        return clock.seconds(self._simulated.time)
+
+    @property
+    def finished(self) -> bool:
+        """Whether a member ended the simulation."""
+        return self._simulated.finished
+
+    @property
+    def reason(self) -> str:
+        """Why it ended before it was closed: a member's wish, or its failure."""
+        return self._failed or self._simulated.failure
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of all variables."""
+        return tuple(f"{member}.{name}" for member, variables in self._catalog.items() for name in variables)
+
+    def advance(
+        self, duration: float | str | None = None, *, until: float | str | None = None,
+        progress: Callable[[float], object] | None = None,
+    ) -> float:  # fmt: skip
+        """Go ahead by `duration`, or to the time `until`, one step if neither is given; the time reached [s].
+
+        Whole steps only. SimulationError if a member fails; what was recorded is kept. If a member ends the simulation,
+        `finished` is set. `progress` is called with the time [s] some twenty times a second.
+        """
+        self._check_open()
+        if duration is not None and until is not None:
+            raise TwinError("advance: duration and until are both given. Keep one.")
+        now = self._simulated.time
+        end = nanoseconds(until, "until") if until is not None else now + self._case.step_ns
+        if duration is not None:
+            end = now + nanoseconds(duration, "duration")
+        if end < now:
+            raise TwinError(f"advance: {clock.text(end)} is before {clock.text(now)}. Time only goes on.")
+        if end > self._case.stop_ns:
+            raise TwinError(
+                f"advance: {clock.text(end)} is after the stop, {clock.text(self._case.stop_ns)}. Simulate anew."
+            )
+        try:
+            self._simulated.advance(end, progress and (lambda time: progress(clock.seconds(time))))
+        except SimulationError as error:
+            self._failed = str(error)
+            raise
+        return self.time
+
+    def __getitem__(self, name: str) -> Any:
+        """A variable now, or an element `member.x[1]`, in its own unit: a number, True or False, text, or an array."""
+        self._check_open()
+        reference = self._find(name)
+        variable = reference.variable
+        value = self._simulated.value(reference.key)
+        if variable.type == "Boolean":
+            value = value.astype(np.bool_)  # a C int in FMI 2.0, a byte in an array
+        if reference.element is not None:
+            return value.reshape(-1)[reference.element].item()
+        return value if variable.shape else value.item()
+
+    def __setitem__(self, name: str, value: Any) -> None:
+        """Set a tunable parameter or an input that is not connected, text with a unit or in SI, from now on."""
+        self._happen("set", name, value)
+
+    def override(self, name: str, value: Any) -> None:
+        """From now on all who read this output, or the member that has this input, see `value` instead."""
+        self._happen("override", name, value)
+
+    def release(self, name: str) -> None:
+        """End an override."""
+        self._happen("release", name)
+
+    def _happen(self, kind: str, name: str, value: Any = None) -> None:
+        self._check_open()
+        if self._find(name).element is not None and kind != "set":
+            raise TwinError(f"{WHERE}: {name} is one element. Override or release all of {name.partition('[')[0]}.")
+        event = EventSpec(self._simulated.time, kind, name, finite(value, f"{WHERE}: {name}"), WHERE)
+        if problems := event_problems(event, self._catalog, self._targets):
+            raise CouplingError(problems)
+        happen(event, self._case, self._simulated, self._catalog)
+
+    def _find(self, name: str) -> Any:
+        try:
+            return find(name, self._catalog)
+        except CouplingError as error:
+            raise UnknownNameError(f"{WHERE}: {error}") from None
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.variables
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return list(self.variables)
+
+    def _check_open(self) -> None:
+        if not self._close.alive:
+            raise TwinError(f"{WHERE}: is closed. Make a new one with System.simulate.")
+        if self._failed:
+            raise SimulationError(f"{WHERE}: has failed: {self._failed}")
+
+    @property
+    def results(self) -> pd.DataFrame:
+        """What was recorded: column `time` [s], then one for each scalar; units in `.attrs["units"]`."""
+        signals = self._signals or self._recorded()
+        return frame(signals.time, signals.values, signals.units)
+
+    def _recorded(self) -> Signals:
+        return signals(self._simulated, True)
+
+    def close(self) -> None:
+        """Free all members; `results` stay. Safe to call twice."""
+        if self._close.alive:
+            self._signals = self._recorded()
+            self._close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        state = self.reason or ("running" if self._close.alive else "closed")
+        return f"<Simulation at {clock.text(self._simulated.time)}: {state}>"

@@ -1,0 +1,129 @@
+"""A system without a file: members and connections, checked as they are added."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from twin.component import Component
+from twin.errors import ScenarioError, nearest
+from twin.face import notebook
+from twin.face.scenario import Scenario, reference
+from twin.face.simulation import Simulation
+from twin.face.words import as_arguments, choice, listed, nanoseconds, plain
+from twin.run import prepare
+from twin.scenario import Form, made_scenario
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from twin.coupling import Catalog
+    from twin.scenario import Case
+
+NAME = "system"  # in messages
+DAYS = 100 * 86_400 * 10**9  # how long a simulation may go on if nobody says when it stops [ns]
+
+
+class System:
+    """Members and connections, as in a scenario file, but for a program that goes step by step.
+
+    Problems are found when a member or a connection is added: ScenarioError, and the system stays as it was.
+    """
+
+    def __init__(self) -> None:
+        self._members: dict[str, dict[str, Any]] = {}
+        self._connections: list[dict[str, str]] = []
+        self._classes: dict[str, type[Component]] = {}
+
+    @property
+    def members(self) -> dict[str, str]:
+        """Name and component of each member."""
+        return {name: str(member["component"]) for name, member in self._members.items()}
+
+    @property
+    def connections(self) -> list[tuple[str, str]]:
+        """Source and target of each connection."""
+        return [(one["from"], one["to"]) for one in self._connections]
+
+    def add(
+        self, name: str, component: str | Path | type[Component], *, period: float | str | None = None,
+        parameters: Mapping[str, Any] | None = None, **values: Any,
+    ) -> None:  # fmt: skip
+        """Add a member: a component by its name in fmus/, `module:Class`, a class, or the path of an FMU.
+
+        `values`: parameters and start values of inputs, text with a unit or numbers in SI; `parameters`: those whose
+        names are none in Python, such as `x[1]`. `period`: as of a scenario's member.
+        """
+        if name in self._members:
+            raise ScenarioError(f"{NAME}: there is already a member `{name}`. Choose another name.")
+        classes = dict(self._classes)
+        if isinstance(component, type):
+            text = reference(component, classes)
+            classes[text] = component
+        else:
+            text = str(component)
+        member: dict[str, Any] = {"component": text}
+        if given := {key: plain(value) for key, value in {**(parameters or {}), **values}.items()}:
+            member["parameters"] = given
+        if period is not None:
+            member["period"] = plain(period)
+        members = {**self._members, name: member}
+        self._checked(members, self._connections, classes)
+        self._members, self._classes = members, classes
+
+    def connect(self, source: str, *targets: str) -> None:
+        """Connect an output to inputs, all as `member.variable` or an element `member.x[1]`; units are converted."""
+        for end in (source, *targets):
+            member = end.partition(".")[0]
+            if member not in self._members:
+                raise ScenarioError(
+                    f"{NAME}: there is no member `{member}` for {end}. {nearest(member, self._members)}"
+                )
+        connections = [*self._connections, *({"from": source, "to": target} for target in targets)]
+        self._checked(self._members, connections, self._classes)
+        self._connections = connections
+
+    def simulate(
+        self, step: float | str = "1 ms", *, start: float | str = 0.0, stop: float | str | None = None,
+        algorithm: str = "jacobi", seed: int = 0, form: str = "compiled", record: str | Sequence[str] | None = None,
+        every: float | str | None = None, build: str | Path = "build",
+    ) -> Simulation:  # fmt: skip
+        """Initialize the members at `start`; use it with `with`, which frees them at the end.
+
+        `step`: communication step. `stop`: told to FMUs, and there it ends. `record`: patterns as in a scenario, all
+        outputs if not given, nothing if []; `every`: how often. `form`: fmu, compiled or interpreted; a class whose
+        source cannot be found runs interpreted, and `notes` of the simulation say so.
+        """
+        step_ns = nanoseconds(step, "step")
+        begin = nanoseconds(start, "start")
+        # a run must be whole steps
+        end = nanoseconds(stop, "stop") if stop is not None else begin + DAYS // max(step_ns, 1) * step_ns
+        recorded: dict[str, Any] = {"variables": listed(record)}
+        if every is not None:
+            recorded["every"] = plain(every)
+        more = {
+            "step": f"{step_ns} ns", "start_time": f"{begin} ns", "stop_time": f"{end} ns", "algorithm": algorithm,
+            "seeds": [plain(seed)], "record": recorded,
+        }  # fmt: skip
+        with as_arguments():
+            case, catalog = self._checked(self._members, self._connections, self._classes, more)
+            return Simulation(
+                case, catalog, Form(choice(form, Form, "form")), Path(build), stop is not None, record == []
+            )
+
+    def _checked(
+        self, members: dict[str, Any], connections: list[dict[str, str]], classes: dict[str, type[Component]],
+        more: dict[str, Any] | None = None,
+    ) -> tuple[Case, Catalog]:  # fmt: skip
+        """The system as the case of a scenario, and its members' variables; ScenarioError with all that is wrong."""
+        data = {"stop_time": "1 s", "members": members, "connections": connections, **(more or {})}
+        checked = Scenario(made_scenario(data, NAME), classes).checked
+        case = checked.cases()[0]
+        return case, prepare(checked)[case.variant]
+
+    def __repr__(self) -> str:
+        members = ", ".join(f"{name}: {component}" for name, component in self.members.items())
+        return f"<System {members or 'without members'}; {len(self._connections)} connections>"
+
+    def _repr_html_(self) -> str:
+        return notebook.page(notebook.system(self.members, self.connections) or notebook.paragraph(repr(self)))

@@ -1,0 +1,83 @@
+"""Who a process is, so that what a dead one left is told from what a living one uses: number and time of its start."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+PREFIX = "twin-"
+
+
+def started(pid: int) -> str:
+    """When a process started, as the system counts; nothing if there is none, `0` where the system does not tell."""
+    try:
+        with Path(f"/proc/{pid}/stat").open("rb") as file:
+            fields = file.read().rpartition(b")")[2].split()
+        return "" if fields[0] in (b"Z", b"X") else fields[19].decode()
+    except FileNotFoundError:
+        if Path("/proc/self/stat").exists():
+            return ""
+    except (OSError, IndexError):
+        return "0"
+    return "0" if there(pid) else ""
+
+
+def there(pid: int) -> bool:
+    """Whether a process is there, on systems without /proc."""
+    if os.name == "nt":  # where `os.kill` would end it
+        import ctypes
+
+        system = ctypes.windll.kernel32  # type: ignore[attr-defined,unused-ignore]
+        handle = system.OpenProcess(0x100000, False, pid)
+        alone = bool(handle) and system.WaitForSingleObject(handle, 0) == 0x102
+        system.CloseHandle(handle)
+        return alone
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def owner(pid: int = 0) -> str:
+    """`1234-567890`: a process and its start."""
+    pid = pid or os.getpid()
+    return f"{pid}-{started(pid) or '0'}"
+
+
+def alive(who: str) -> bool:
+    """Whether the process that `owner` named is there."""
+    pid, _, start = who.partition("-")
+    return pid.isdecimal() and bool(start) and started(int(pid)) == start
+
+
+def temporary() -> Path:
+    """The system's folder for temporary files, as `tempfile` would find it."""
+    given = (os.environ.get(name, "") for name in ("TMPDIR", "TEMP", "TMP"))
+    return next((Path(one) for one in given if one and os.access(one, os.W_OK | os.X_OK)), Path("/tmp"))  # noqa: S108
+
+
+def folder_of(place: Path, who: str) -> Path:
+    """The folder for temporary files of a run."""
+    return place / f"{PREFIX}{who}"
+
+
+def sweep(place: Path) -> None:
+    """Remove the folders that dead runs left."""
+    try:
+        left = [one for one in place.iterdir() if one.name.startswith(PREFIX)]
+    except OSError:
+        return
+    for one in left:
+        who = one.name.removeprefix(PREFIX)
+        if who.replace("-", "").isdecimal() and who.count("-") == 1 and not alive(who):
+            remove(one)
+
+
+def remove(one: Path) -> None:
+    """Remove a folder, as far as it goes."""
+    import shutil
+
+    shutil.rmtree(one, ignore_errors=True)

@@ -1,0 +1,306 @@
+"""A small process that watches the one that works, and is left when that dies.
+
+`supervise` is called before anything heavy is imported. It forks: in the child it returns, in the parent never. What
+the child records lies in memory of both; the parent takes it into a file, passes signals on, and when the child dies
+forks another one, which is told how, and finishes. Without `fork` the process watches itself by a thread.
+"""
+
+from __future__ import annotations
+
+import atexit
+import marshal
+import os
+import select
+import signal
+import sys
+import time
+from collections import deque
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from twin.process.death import LINES, Death, innermost
+from twin.process.link import INTERVAL, Link, Watched
+from twin.process.owner import folder_of, owner, remove, sweep, temporary
+from twin.process.shared import NOTES, Drainer, Shared
+from twin.process.stop import SIGNALS, once
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+STOP_TIME = 10.0  # a case has this time to end after a signal [s]
+FINISH_TIME = 120.0  # and all that is to be written [s]
+DUMP_TIME = 0.5  # and Python to tell its stack [s]
+DUMP = getattr(signal, "SIGUSR2", 0)
+UNLIMITED = ": termination"  # of what takes as long as it takes: drives are stopped there
+TRIES = 2  # deaths while finishing that are borne
+
+
+def command_line() -> None:
+    """Say that the process is that of a command alone: `supervise` may fork it."""
+    Supervisor.allowed = hasattr(os, "fork")
+
+
+def supervise(timeout: float = 0.0) -> Link:
+    """Go on in a child that is watched; `timeout`: kill it where one thing takes longer [s], 0: never.
+
+    Elsewhere than on a command line, and without `fork`, the process goes on alone.
+    """
+    if not Supervisor.allowed:
+        return Link()
+    place = temporary()
+    wanted = folder_of(place, owner())
+    try:
+        wanted.mkdir(mode=0o700)
+        folder: Path | None = wanted
+    except OSError:  # a full disk, or somebody else's
+        folder = None
+    supervisor = Supervisor(Shared(), timeout, str(folder or ""))
+    link = supervisor.begin()
+    if link is not None:
+        return link
+    try:
+        sweep(place)
+        code_or_link = supervisor.run()
+    finally:
+        if supervisor.link is None and folder is not None:
+            remove(folder)
+    return code_or_link if isinstance(code_or_link, Link) else leave(code_or_link)
+
+
+def leave(code: int) -> NoReturn:
+    """End this process, which has begun nothing that would have to be ended; no signal changes how."""
+    for one in SIGNALS:
+        signal.signal(one, signal.SIG_IGN)
+    with suppress(OSError, ValueError):
+        sys.stdout.flush()
+        sys.stderr.flush()
+    os._exit(code)
+
+
+class Supervisor:
+    """The parent. In a child that it forks, `link` is set."""
+
+    allowed = False  # whether this process may be forked
+
+    def __init__(self, shared: Shared, timeout: float, folder: str) -> None:
+        self.shared, self.timeout, self.folder = shared, timeout, folder
+        self.link: Watched | None = None
+        self.kept: dict[str, Any] = {}
+        self.attempt = self.tries = 0
+        self.asked = 0  # first signal that came
+        self.asked_at = 0.0
+        self.wake, self._woken = os.pipe()
+        for end in (self.wake, self._woken):
+            os.set_blocking(end, False)
+
+    def begin(self, death: Death | None = None) -> Watched | None:
+        """Fork; the link in the child, nothing in the parent."""
+        self.shared.clear()
+        pipes = [os.pipe() for _ in range(4)]  # messages, answers, native stderr, stacks
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+        sys.stdout.flush()
+        sys.stderr.flush()
+        self.pid = os.fork()
+        if self.pid == 0:
+            self.link = self._child(pipes, death)
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+            return self.link
+        (self.messages, out), (back, self.answers), (self.errors, err), (self.stacks, dump) = pipes
+        for end in (out, back, err, dump):
+            os.close(end)
+        for end in (self.messages, self.errors, self.stacks):
+            os.set_blocking(end, False)
+        self.drainer = Drainer(self.shared)
+        self.pending, self.stack = b"", b""
+        self.done, self.last = False, (0, 0, 0)
+        self.quiet = 0.0
+        self.lines: dict[str, deque[str]] = {}
+        if self.attempt == 0:
+            for one in SIGNALS:
+                if signal.getsignal(one) is not signal.SIG_IGN or one == signal.SIGINT:
+                    signal.signal(one, self._heard)
+            signal.signal(signal.SIGCHLD, lambda *_: None)
+            signal.set_wakeup_fd(self._woken, warn_on_full_buffer=False)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        return None
+
+    def _child(self, pipes: list[tuple[int, int]], death: Death | None) -> Watched:
+        import faulthandler
+
+        Supervisor.allowed = False
+        parent = os.getppid()
+        signal.set_wakeup_fd(-1)
+        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+        for one in SIGNALS:
+            if signal.getsignal(one) is not signal.SIG_IGN:
+                signal.signal(one, once)
+        (messages, out), (back, answers), (errors, err), (stacks, dump) = pipes
+        for end in (messages, answers, errors, stacks, self.wake, self._woken):
+            os.close(end)
+        terminal = os.dup(2)
+        os.dup2(err, 2)
+        os.close(err)
+        sys.stderr = os.fdopen(terminal, "w", buffering=1, encoding=sys.stderr.encoding, errors="backslashreplace")
+        faulthandler.enable(dump)
+        faulthandler.register(DUMP, dump)
+        if self.folder:
+            os.environ["TMPDIR"] = self.folder
+            if "tempfile" in sys.modules:
+                sys.modules["tempfile"].tempdir = None  # type: ignore[attr-defined]
+        link = Watched(self.shared, out, back, parent)
+        link.attempt, link.kept, link.death, link.temporary = self.attempt, dict(self.kept), death, self.folder
+        atexit.register(link.done)
+        die_with(parent)
+        return link
+
+    def _heard(self, number: int, _frame: object) -> None:
+        """Pass a signal on: a terminal sends it to both, and to the child the first one is all that counts."""
+        if not self.asked:
+            self.asked, self.asked_at = number, time.monotonic()
+        if self.pid:
+            with suppress(ProcessLookupError):
+                os.kill(self.pid, number)
+
+    def run(self) -> int | Link:
+        """Watch children until one ends by itself; its exit code. In a further child: its link."""
+        while True:
+            status = self.watch()
+            code = os.waitstatus_to_exitcode(status)
+            if self.done or (code == 0 and not self.kept):
+                return max(code, 0) if code >= 0 else self.kept.get("code", 1)
+            death = self.death(code)
+            self.tries += bool(self.kept.pop("finishing", False)) or not self.kept.pop("begun", False)
+            if "resume" not in self.kept or self.tries >= TRIES:
+                return self.give_up(death)
+            self.attempt += 1
+            self.asked_at = time.monotonic()
+            for end in (self.messages, self.answers, self.errors, self.stacks):
+                os.close(end)
+            if (link := self.begin(death)) is not None:
+                return link
+
+    def give_up(self, death: Death) -> int:
+        """Say what happened where nothing can be finished."""
+        print(f"error: {death.text()}", file=sys.stderr)
+        if hint := self.kept.get("hint"):
+            print(hint, file=sys.stderr)
+        return 130 if death.from_outside else 1
+
+    def watch(self) -> int:
+        """Drain and listen until the child is dead; its status."""
+        silent = 0.0
+        then = time.monotonic()
+        while True:
+            busy = self.drainer.file >= 0 or self.timeout or self.asked
+            with suppress(InterruptedError):
+                select.select([self.messages, self.errors, self.stacks, self.wake], [], [], INTERVAL if busy else 1.0)
+            with suppress(BlockingIOError):
+                os.read(self.wake, 512)
+            self.listen()
+            self.drainer.drain()
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            if pid:
+                self.listen()
+                self.drainer.drain()
+                self.drainer.close()
+                self.pid = 0
+                return status
+            now = time.monotonic()
+            silent, then = self.stuck(silent, min(now - then, 4 * INTERVAL)), now
+            late = self.asked and now - self.asked_at > (FINISH_TIME if self.kept.get("finishing") else STOP_TIME)
+            if (self.timeout and silent > self.timeout) or late:
+                self.quiet = silent if not late else 0.0
+                self.kill()
+
+    def stuck(self, silent: float, passed: float) -> float:
+        """For how long the child has been at the same thing [s]; a process that was stopped is not stuck."""
+        told = self.drainer.told
+        words = (
+            self.shared.word(NOTES),
+            *((self.shared.word(told[key]) for key in ("tick", "at")) if told else (0, 0)),
+        )
+        noted = self.shared.noted
+        at_work = bool(words[2]) or (bool(noted) and not noted.endswith(UNLIMITED))
+        if words == self.last and at_work:
+            return silent + passed
+        self.last = words
+        return 0.0
+
+    def kill(self) -> None:
+        """End the child, after it has told where Python is."""
+        with suppress(ProcessLookupError):
+            os.kill(self.pid, DUMP)
+            end = time.monotonic() + DUMP_TIME
+            while time.monotonic() < end and b"Current thread" not in self.stack:
+                select.select([self.stacks], [], [], 0.05)
+                self.listen()
+            time.sleep(0.02)
+            self.listen()
+            os.kill(self.pid, signal.SIGKILL)
+
+    def listen(self) -> None:
+        """Take what the child says, on all ways."""
+        self.pending += taken(self.messages)
+        while len(self.pending) >= 4 and len(self.pending) >= 4 + (size := int.from_bytes(self.pending[:4], "little")):
+            message = marshal.loads(self.pending[4 : 4 + size])  # noqa: S302 - from our own child
+            self.pending = self.pending[4 + size :]
+            self.hear(message)
+        self.stack += taken(self.stacks)
+        if text := taken(self.errors):
+            with suppress(OSError):
+                os.write(2, text)
+            lines = self.lines.setdefault("", deque(maxlen=LINES))
+            lines.extend(line for line in text.decode(errors="replace").splitlines() if line.strip())
+
+    def hear(self, message: dict[str, Any]) -> None:
+        """Do what the child asks for."""
+        if "open" in message:
+            self.drainer.open(message["open"])
+        if "sync" in message:
+            self.drainer.drain()
+        if "shut" in message:
+            self.drainer.drain()
+            self.drainer.close()
+            self.drainer.told = {}
+        if "keep" in message:
+            self.kept |= message["keep"]
+        if "log" in message:
+            member, line = message["log"]
+            self.lines.setdefault(member, deque(maxlen=LINES)).append(line)
+        self.done = self.done or "done" in message
+        if "count" in message:
+            with suppress(BrokenPipeError):
+                os.write(self.answers, bytes([message["count"]]))
+
+    def death(self, code: int) -> Death:
+        """How the child ended, and where it was."""
+        told = self.drainer.told
+        tick, at = (self.shared.word(told[key]) for key in ("tick", "at")) if told else (0, 0)
+        number = -code if code < 0 else 0
+        return Death(
+            signal=number, exit=code if code >= 0 else None, silent=round(self.timeout, 3) if self.quiet else 0.0,
+            asked=self.asked, tick=tick, at=at, note=self.shared.noted,
+            log={member: list(lines) for member, lines in self.lines.items()},
+            stack=innermost(self.stack.decode(errors="replace")),
+        )  # fmt: skip
+
+
+def taken(file: int) -> bytes:
+    """All that can be read at once."""
+    found = b""
+    with suppress(BlockingIOError):
+        while data := os.read(file, 1 << 16):
+            found += data
+    return found
+
+
+def die_with(parent: int) -> None:
+    """Have the system send SIGTERM when who watches dies; where it cannot, the loop notices it a moment later."""
+    if sys.platform != "linux":
+        return
+    import ctypes
+
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(1, signal.SIGTERM)
+    if os.getppid() != parent:
+        os.kill(os.getpid(), signal.SIGTERM)

@@ -1,0 +1,259 @@
+"""What a run records while it goes on: readable at any moment and at any length, whatever became of who wrote it.
+
+    runs/<scenario>/<time>/.recording/
+        journal.jsonl    a line for each thing that happened: the run, a case with the columns of its rows, its end
+        0.rows           rows of 64-bit words, of the first case: the tick, then Float64 or Int64; the last may be cut off
+        0.position       where the loop was: tick, address of the call at work, what is done outside of the loop
+        owner            the process that writes, or finishes
+
+At the end signals.parquet holds the same, and the folder is removed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock
+from twin.errors import TwinError
+from twin.process import Death, alive
+from twin.results.recording import Column
+from twin.results.signals import Signals
+
+if TYPE_CHECKING:
+    from twin.coupling import Layout
+
+FOLDER, JOURNAL, OWNER = ".recording", "journal.jsonl", "owner"
+WORD = 8
+LARGE = 1 << 30  # signals of more are read from the file one by one as they are needed [byte]
+SLICE = 1 << 20  # rows of these that are written at once
+FORMAT = 1
+DTYPES: dict[str, Any] = {"f": np.float64, "u": np.uint64}
+
+
+class Journal:
+    """The folder of a recording, to be written. What cannot be written is kept in `trouble`."""
+
+    def __init__(self, run: Path) -> None:
+        self.folder = run / FOLDER
+        self.layout: dict[str, Any] = {}  # of the rows of the last case
+        self.trouble: OSError | None = None
+
+    def begin(self, about: Mapping[str, Any], owners: str) -> None:
+        """Make the folder and the first line."""
+        self.folder.mkdir()
+        self.own(owners)
+        self.add(format=FORMAT, run=about)
+
+    def own(self, owners: str) -> None:
+        """Say which processes look after the recording."""
+        (self.folder / OWNER).write_text(owners, encoding="utf-8")
+
+    def start(self, number: int) -> None:
+        """A case begins."""
+        self.layout = {}
+        self.add(start=number)
+
+    def add(self, **line: Any) -> None:
+        """Append a line, in one piece."""
+        try:
+            with (self.folder / JOURNAL).open("ab", buffering=0) as file:
+                file.write((json.dumps(line, ensure_ascii=False) + "\n").encode())
+        except OSError as error:
+            self.trouble = self.trouble or error
+
+    def rows(self, number: int, layout: Layout) -> tuple[Path, Path]:
+        """Say how the rows of a case lie; the files for them and for the position."""
+        columns = [
+            [f"{member}.{name}", first, list(one.shape), "b" if one.type == "Boolean" else one.dtype.kind, one.unit,
+             one.display_unit]
+            for (member, name), first, one in layout.columns
+        ]  # fmt: skip
+        calls = {str(address): call for address, call in layout.calls.items()}
+        self.layout = {"begin": layout.begin_ns, "step": layout.step_ns, "words": layout.words, "columns": columns}
+        self.add(rows=number, **self.layout, calls=calls)
+        return self.folder / f"{number}.rows", self.folder / f"{number}.position"
+
+    def remove(self) -> None:
+        """Everything of it is elsewhere now."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+@dataclass
+class Part:
+    """What a recording holds of one case."""
+
+    number: int
+    rows: dict[str, Any] = field(default_factory=dict)
+    end: dict[str, Any] | None = None
+
+
+@dataclass
+class Stream:
+    """A recording, read."""
+
+    folder: Path
+    about: dict[str, Any]
+    parts: list[Part]
+
+    @property
+    def cases(self) -> list[tuple[str, int]]:
+        """All cases of the run, in order: variant and seed."""
+        return [(variant, seed) for variant, seed in self.about["cases"]]
+
+    def signals(self, number: int) -> Signals:
+        """What was recorded of a case until now."""
+        part = self.parts[number]
+        end = part.end or {"complete": False, "last": None}
+        return signals(self.folder, number, part.rows, end["complete"], end["last"])
+
+    def located(self, number: int, death: Death | None) -> Death:
+        """A death with the member, the function and the time, as far as they are known. None: nobody was left to tell."""
+        rows = self.parts[number].rows
+        death = death or Death(signal=9, **self.position(number))
+        call = rows.get("calls", {}).get(str(death.at))
+        if call:
+            death.member, death.function = call
+        elif ": " in death.note:
+            death.member, _, death.function = death.note.partition(": ")
+        if rows:
+            death.time_ns = rows["begin"] + death.tick * rows["step"]
+        return death
+
+    def position(self, number: int) -> dict[str, Any]:
+        """Where the loop was, when it was last looked at."""
+        try:
+            text = (self.folder / f"{number}.position").read_text(encoding="utf-8", errors="replace").partition("\n")[0]
+            tick, at, note = text.split(" ", 2)
+            return {"tick": int(tick), "at": int(at), "note": note}
+        except (OSError, ValueError):
+            return {}
+
+
+def read(run: Path) -> Stream:
+    """Read what a run has recorded until now, or until its death."""
+    folder = run / FOLDER
+    try:
+        text = (folder / JOURNAL).read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        raise TwinError(f"{run}: holds no recording. Name the folder of a run that was killed, or goes on.") from None
+    try:
+        lines = [json.loads(line) for line in text.split("\n")[:-1]]
+        known = lines[0]["format"] == FORMAT
+    except (ValueError, LookupError, TypeError):
+        known = False
+    if not known:
+        raise TwinError(f"{folder / JOURNAL}: is damaged, or of another version. Use that one, or remove {folder}.")
+    parts: list[Part] = []
+    for line in lines[1:]:
+        if "start" in line:
+            parts.append(Part(line["start"]))
+        elif "rows" in line:
+            parts[-1].rows = line
+        elif "end" in line:
+            parts[-1].end = line
+    return Stream(folder, lines[0]["run"], parts)
+
+
+def has_begun(run: Path) -> bool:
+    """Whether a recording came as far as its first line."""
+    try:
+        return b"\n" in (run / FOLDER / JOURNAL).read_bytes()
+    except OSError:
+        return False
+
+
+def signals(folder: Path, number: int, layout: Mapping[str, Any], complete: bool, last: int | None = None) -> Signals:
+    """The signals of a case in its rows; large ones are read from the file when they are asked for.
+
+    `last`: tick of the last row that counts, or None.
+    """
+    if not layout:
+        return Signals(np.zeros(0), {}, complete=complete)
+    words = whole_rows(folder / f"{number}.rows", layout["words"])
+    words = words if last is None else words[words[:, 0] <= last]
+    time = (layout["begin"] + np.ascontiguousarray(words[:, 0]) * layout["step"]) / clock.NANOSECONDS
+    found: Mapping[str, Any] = Columns(words, {name: (first, tuple(shape), kind)
+                                               for name, first, shape, kind, *_ in layout["columns"]})  # fmt: skip
+    if words.nbytes < LARGE:
+        found = dict(found)
+    units = {name: unit for name, _, _, _, unit, _ in layout["columns"]}
+    displayed = {name: unit for name, _, _, _, _, unit in layout["columns"] if unit}
+    return Signals(time, found, units, complete, displayed)
+
+
+def whole_rows(file: Path, width: int) -> np.ndarray[Any, Any]:
+    """The rows that a file has, without one that is cut off."""
+    count = file.stat().st_size // (WORD * width) if file.exists() else 0
+    if not count:
+        return np.zeros((0, width), np.int64)
+    return np.memmap(file, np.int64, "r", shape=(count, width))
+
+
+class Columns(Mapping[str, Any]):
+    """Signals in rows of words: each is taken out when it is asked for. `places`: first word, shape, kind."""
+
+    def __init__(self, words: np.ndarray[Any, Any], places: Mapping[str, tuple[int, tuple[int, ...], str]]) -> None:
+        self.words, self.places = words, places
+
+    def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
+        first, shape, kind = self.places[name]
+        size = int(np.prod(shape, dtype=int))
+        block = np.ascontiguousarray(self.words[:, first : first + size])
+        values: np.ndarray[Any, Any] = block != 0 if kind == "b" else block.view(DTYPES.get(kind, np.int64))
+        return np.asarray(values).reshape(len(block), *shape)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.places)
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+
+def unfinished(root: Path) -> list[Path]:
+    """Folders of runs whose recording nobody looks after any more."""
+    found = []
+    with suppress(OSError):
+        for scenario in os.scandir(root):
+            if scenario.is_dir(follow_symlinks=False):
+                found += [Path(run.path) for run in os.scandir(scenario) if (Path(run.path) / FOLDER).exists()]
+    return sorted(run for run in found if abandoned(run))
+
+
+def abandoned(run: Path) -> bool:
+    """Whether the process that looked after a recording is dead."""
+    try:
+        return not any(map(alive, (run / FOLDER / OWNER).read_text(encoding="utf-8").split()))
+    except OSError:
+        return True
+
+
+def slices(signals: Signals) -> Iterator[Signals]:
+    """Signals in parts that fit into memory; most are one part."""
+    if not isinstance(signals.values, Columns):
+        yield signals
+        return
+    for begin in range(0, len(signals.time), SLICE):
+        rows = slice(begin, begin + SLICE)
+        yield replace(
+            signals, time=signals.time[rows], values=Columns(signals.values.words[rows], signals.values.places)
+        )
+
+
+def plain_column(column: Column) -> dict[str, Any]:
+    """A column as plain data."""
+    return {**vars(column), "dtype": column.dtype.str, "shape": list(column.shape), "index": list(column.index)}
+
+
+def column_of(told: Mapping[str, Any]) -> Column:
+    """A column from plain data."""
+    own = {"dtype": np.dtype(told["dtype"]), "shape": tuple(told["shape"]), "index": tuple(told["index"])}
+    return Column(**{**told, **own})
