@@ -18,12 +18,18 @@ from importlib import metadata
 from pathlib import Path
 from typing import TextIO
 
-from benchmarks import export, first_times, force, group, hil, peers, rig, ring, startup
+from benchmarks import export, first_times, force, group, hil, isolate, peers, rig, ring, startup
 
 RESULTS = Path(__file__).parent / "results"
 PACKAGES = (
-    "numpy", "ziglang", "fmpy", "fmu-manipulation-toolbox", "ecospy", "tbb", "libcosimpy",
-)  # fmt: skip
+    "numpy",
+    "ziglang",
+    "fmpy",
+    "fmu-manipulation-toolbox",
+    "ecospy",
+    "tbb",
+    "libcosimpy",
+)
 
 
 class Both:
@@ -100,6 +106,7 @@ def main() -> None:
         startup.measure()
         first_times.main()
         group.main()
+        isolate.main()
         hil.show(60.0)
         export.main()
         force.main()

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 from twin.coupling import CoSimulation
 from twin.run import prepare, simulation
-from twin.scenario import Form, load_scenario
+from twin.scenario import ConnectionSpec, Form, load_scenario
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog
@@ -43,8 +43,8 @@ def one_core() -> None:
 def with_copies(case: Case, catalog: Catalog, name: str) -> tuple[Case, Catalog]:
     """The case with copies of one member that take the same inputs; only what was recorded is."""
     copies = [f"{name}_{i}" for i in range(COPIES)]
-    taken = [one for one in case.connections if one.target.startswith(f"{name}.")]
-    added = [replace(one, target=copy + one.target.removeprefix(name)) for copy in copies for one in taken]
+    taken = [one for one in case.system(catalog).single()[0] if one.target.startswith(f"{name}.")]
+    added = [ConnectionSpec(one.source, copy + one.target.removeprefix(name)) for copy in copies for one in taken]
     return replace(
         case,
         members={**case.members, **dict.fromkeys(copies, case.members[name])},

@@ -108,8 +108,14 @@ def run_line(hardware: Path, seconds: float, runs: Path, build: Path) -> list[st
 def rig_line(hardware: Path, seconds: float, runs: Path, build: Path, stroke: int = 50) -> list[str]:
     """The command that runs the whole rig on it: out for half of the time, then back."""
     distance = round(0.02 * (seconds - 2.0) / 2.0, 3)
-    return line(hardware, LONG_RIG.format(scenario=os.path.relpath(RIG, hardware.parent), seconds=seconds, distance=distance,
-                stroke=stroke), runs, build)  # fmt: skip
+    return line(
+        hardware,
+        LONG_RIG.format(
+            scenario=os.path.relpath(RIG, hardware.parent), seconds=seconds, distance=distance, stroke=stroke
+        ),
+        runs,
+        build,
+    )
 
 
 def line(hardware: Path, text: str, runs: Path, build: Path, *more: str) -> list[str]:
@@ -218,9 +224,15 @@ def measure(interface: str, channel: str, seconds: float, folder: Path, build: P
 
 
 def measure_rig(
-    interface: str, channel: str, seconds: float, folder: Path, build: Path, profiles: tuple[str, ...] = RIG_DRIVES,
-    cycle: str = "5 ms", stroke: int = 50,
-) -> dict[str, Any]:  # fmt: skip
+    interface: str,
+    channel: str,
+    seconds: float,
+    folder: Path,
+    build: Path,
+    profiles: tuple[str, ...] = RIG_DRIVES,
+    cycle: str = "5 ms",
+    stroke: int = 50,
+) -> dict[str, Any]:
     """Summary of a run of the whole rig of so many seconds."""
     with bus(interface, channel, 4) as (ours, *theirs), drives(profiles, interface, theirs, build):
         return summary(

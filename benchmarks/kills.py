@@ -119,8 +119,8 @@ def experiment(name: str, text: str, hardware: list[str], count: int, stop: floa
                     wrong.append(f"status {summary['status']}: {summary['reason']}")
                 if incomplete and target != "supervisor":
                     key = incomplete[-1]["variant"], incomplete[-1]["seed"]
-                    # one that had come to its end was being closed, or written
-                    if key in cases and len(cases[key].time) and cases[key].time[-1] < stop - 1e-6:
+                    # one that had come to its end was being closed, or written; in its first step the clock shows nothing
+                    if key in cases and len(cases[key].time) > 1 and cases[key].time[-1] < stop - 1e-6:
                         ages.append(death - last_row(cases[key]))
                         if ages[-1] > LOST:
                             wrong.append(f"the last row is {ages[-1]:.3f} s old")

@@ -264,9 +264,11 @@ def fmpy(fmu: Path, members: int, steps: int) -> Result:
     slaves = []
     for i in range(members):
         slave = FMU2Slave(
-            guid=description.guid, unzipDirectory=folder, instanceName=f"m{i}",
+            guid=description.guid,
+            unzipDirectory=folder,
+            instanceName=f"m{i}",
             modelIdentifier=description.coSimulation.modelIdentifier,
-        )  # fmt: skip
+        )
         slave.instantiate()
         if i == 0:
             slave.setReal([number["offset"]], [OFFSET])

@@ -103,9 +103,14 @@ def save(figure: Any, name: str) -> None:
 # ------------------------------------------------------------------------------------------------- the force experiment
 
 PLACES = {
-    "heart": (0, 0.85), "estimate": (1.5, 0.85), "controller": (3.0, 0.85), "servomotor": (3.0, 0),
-    "sheath": (1.5, 0), "wall": (0, 0), "sensor": (1.5, 1.6),
-}  # fmt: skip
+    "heart": (0, 0.85),
+    "estimate": (1.5, 0.85),
+    "controller": (3.0, 0.85),
+    "servomotor": (3.0, 0),
+    "sheath": (1.5, 0),
+    "wall": (0, 0),
+    "sensor": (1.5, 1.6),
+}
 WIDTH, HEIGHT = 0.84, 0.42
 LABELS = {
     ("heart", "estimate"): "position", ("heart", "wall"): "position", ("estimate", "controller"): "estimated\nposition",
@@ -132,9 +137,15 @@ def draw_system(outcome: Outcome) -> None:
             axis.add_patch(
                 FancyBboxPatch(corner, WIDTH, HEIGHT, boxstyle="round,pad=0,rounding_size=0.06", fc="white", ec=color)
             )
-            note = {"controller": "one of three", "sheath": "play, friction, EA", "wall": "bending, silicone",
-                    "servomotor": "drive and rod", "heart": "7 harmonics", "estimate": "late, with error",
-                    "sensor": "200 Hz, noise"}[name]  # fmt: skip
+            note = {
+                "controller": "one of three",
+                "sheath": "play, friction, EA",
+                "wall": "bending, silicone",
+                "servomotor": "drive and rod",
+                "heart": "7 harmonics",
+                "estimate": "late, with error",
+                "sensor": "200 Hz, noise",
+            }[name]
             axis.text(x, y + 0.05, name, ha="center", va="center", weight="bold", color=color, fontsize=11)
             axis.text(x, y - 0.11, note, ha="center", va="center", color="#52606d", fontsize=8)
         for link in sorted(links):

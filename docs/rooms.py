@@ -138,15 +138,17 @@ def draw() -> str:
         top = max(bottom for _, bottom in made)
     width = max(place.x + place.columns * (place.width + ASIDE) + ASIDE for place in (ABOVE | BELOW).values()) + 10
     mark = '<marker id="a" viewBox="0 0 8 8" refX="7" refY="4" markerWidth="7" markerHeight="7" orient="auto">'
-    return "\n".join([
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {top}" role="img">',
-        f"<style>{STYLE}</style>",
-        f'<defs>{mark}<path d="M0 0L8 4L0 8" /></marker></defs>',
-        f'<rect width="{width}" height="{top}" fill="#fff"/>',
-        *shapes,
-        "</svg>",
-        "",
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {top}" role="img">',
+            f"<style>{STYLE}</style>",
+            f'<defs>{mark}<path d="M0 0L8 4L0 8" /></marker></defs>',
+            f'<rect width="{width}" height="{top}" fill="#fff"/>',
+            *shapes,
+            "</svg>",
+            "",
+        ]
+    )
 
 
 if __name__ == "__main__":

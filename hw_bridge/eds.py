@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from hw_bridge.profiles import Device, Profile
 
 ACCESS = ("ro", "wo", "rw", "const")
+VENDORS = range(0x2000, 0x6000)  # objects that each vendor has as he likes
+PDOS = range(0x1400, 0x1C00)
 LONGEST = 160  # characters of what a parser says
 DATED = {"CreationDate": "01-01-2026", "CreationTime": "12:00AM", "EdsVersion": "4.0"}
 DATED |= {"ModificationDate": DATED["CreationDate"], "ModificationTime": DATED["CreationTime"]}  # same in, same out
@@ -62,16 +64,20 @@ def export(profile: Profile | Device) -> str:
     return target.getvalue()
 
 
-def load(path: Path) -> tuple[Entry, ...]:
-    """The entries of an EDS file."""
+def load(path: Path, own: Iterable[Entry] = ()) -> tuple[Entry, ...]:
+    """The entries of an EDS file. Where it has no default, that of a profile's `own` entry counts, else 0."""
     advice = "Write one with `twin drive --profile epos4 --write-eds FILE`."
+    known = {(one.index, one.sub): one for one in own}
     try:
         data = path.read_bytes()
         source = io.StringIO(_text(data))
         if not data.strip():
             raise ValueError("it is empty")  # noqa: TRY301 - as all else that is wrong with the file
         whole = eds.import_eds(source, None)
-        return tuple(_entry(variable, title) for title, variable in _variables(whole))
+        return tuple(
+            _entry(variable, title, known.get((variable.index, variable.subindex)))
+            for title, variable in _variables(whole)
+        )
     except OSError as error:
         raise DeclarationError(f"{path}: cannot be read: {error.strerror}. {advice}") from error
     except (ValueError, KeyError, TypeError, Error) as error:
@@ -87,17 +93,13 @@ def _text(data: bytes) -> str:
         return data.decode("cp1252", errors="strict")
 
 
-def adopt(profile: Profile, path: Path) -> Profile:
-    """The profile with the object dictionary of an EDS file; DeclarationError if it is of another drive."""
-    entries = load(path)
-    found = {(one.index, one.sub): one for one in entries}
-    for own in profile.objects:
-        other = found.get((own.index, own.sub))
-        if other is not None and other.type is not own.type:
-            raise DeclarationError(
-                f"{path}: {own.index:04X}h.{own.sub} is {other.type.name}, {profile.title} has {own.type.name}. "
-                f"Use a file of this drive."
-            )
+def adopt(profile: Profile, path: Path) -> tuple[Profile, list[str]]:
+    """The profile with the object dictionary of an EDS file, and warnings: what the file has otherwise.
+
+    A vendor's file counts for the vendor's objects. Of those that CiA defines the profile's types stay: the drive
+    computes with them. DeclarationError if the file is of another drive.
+    """
+    entries, warnings = merged(profile, path)
     changed = replace(profile, objects=entries)
     try:
         dictionary = Dictionary(entries, 1)
@@ -108,7 +110,25 @@ def adopt(profile: Profile, path: Path) -> Profile:
         raise DeclarationError(
             f"{path}: says not how {profile.title} scales: an object is missing or 0. Use a file of this drive."
         )
-    return changed
+    return changed, warnings
+
+
+def merged(known: Profile | Device, path: Path) -> tuple[tuple[Entry, ...], list[str]]:
+    """The entries of a file beside what is known of the device, and a line for each object whose type differs."""
+    own = {(one.index, one.sub): one for one in known.objects}
+    entries, warnings = [], []
+    for entry in load(path, known.objects):
+        before = own.get((entry.index, entry.sub), entry)
+        if before.type is entry.type:
+            entries.append(entry)
+            continue
+        vendors = entry.index in VENDORS and bool(entry.type.form) == bool(before.type.form)
+        entries.append(entry if vendors else before)
+        warnings.append(
+            f"{path}: {entry.index:04X}h.{entry.sub} {entry.name} is {entry.type.name}, {known.title} has "
+            f"{before.type.name} here. {'The file' if vendors else 'The profile'} counts."
+        )
+    return tuple(entries), warnings
 
 
 def _variables(whole: objectdictionary.ObjectDictionary) -> Iterator[tuple[str, ODVariable]]:
@@ -119,19 +139,25 @@ def _variables(whole: objectdictionary.ObjectDictionary) -> Iterator[tuple[str, 
             yield from ((one.name, one.subindices[sub]) for sub in sorted(one.subindices))
 
 
-def _entry(variable: ODVariable, title: str) -> Entry:
+def _entry(variable: ODVariable, title: str, own: Entry | None) -> Entry:
     kind = TYPES.get(variable.data_type or 0, TEXT)
     raw = getattr(variable, "default_raw", "")
     where = f"{variable.index:04X}h.{variable.subindex}"
+    if variable.index in PDOS and not kind.form:
+        raise ValueError(f"{where}: is {kind.name}, parameters of PDOs are numbers")
     default: Value
     try:
         if "$NODEID" in raw.upper():
             default = NodeId(int(raw.upper().replace(" ", "").replace("$NODEID", "").strip("+") or "0", 0))
-        elif kind is TEXT:
+        elif not kind.form:
             default = raw
         else:
             default = int(raw, 0) if raw else 0
-        if kind is not TEXT:
+            if kind.signed and raw.lower().startswith("0x") and default > kind.span[1]:
+                default -= 1 << 8 * kind.size  # some write the bits
+        if not raw and own is not None and bool(own.type.form) == bool(kind.form):
+            default = own.default
+        if kind.form:
             struct.pack(kind.form, default)
     except (ValueError, struct.error):
         raise ValueError(f"{where}: the default {raw[:20]} is no {kind.name}") from None
@@ -139,6 +165,14 @@ def _entry(variable: ODVariable, title: str) -> Entry:
     if access not in ACCESS:
         raise ValueError(f"{where}: the access {access[:20]} is none of {', '.join(ACCESS)}")
     return Entry(
-        variable.index, variable.subindex, variable.name, kind, access, default, variable.min, variable.max,
-        bool(variable.pdo_mappable), title,
-    )  # fmt: skip
+        variable.index,
+        variable.subindex,
+        variable.name,
+        kind,
+        access,
+        default,
+        variable.min,
+        variable.max,
+        bool(variable.pdo_mappable),
+        title,
+    )

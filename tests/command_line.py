@@ -32,8 +32,11 @@ class CommandLine:
         self.output = str(place / "twin")
         self.process = subprocess.Popen(
             [sys.executable, "-P", "-c", SERVER],
-            env={**os.environ, "PYTHONPATH": str(root)}, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-        )  # fmt: skip
+            env={**os.environ, "PYTHONPATH": str(root)},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
 
     def run(self, words: list[str], folder: Path) -> subprocess.CompletedProcess:
         """One command; its status and what it printed."""

@@ -8,6 +8,7 @@ xdist's own way to group tests writes into node IDs, which newer versions of pyt
 
 import os
 import re
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,18 +16,36 @@ import pytest
 from hypothesis import settings
 from xdist.scheduler import LoadScopeScheduling
 
+# tests start many processes, and each would compile all it imports where bytecode is not kept
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 # no deadlines: cores are shared, and the first call of a component compiles it
 settings.register_profile("repeatable", derandomize=True, deadline=None, print_blob=True)
 settings.register_profile("random", derandomize=False, deadline=None, print_blob=True)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
 # begun in this order: what compiles the components that others need, then what takes long; the others fill the end
-ORDER = ("conformance/test_components.py", "conformance/test_symbols.py", "conformance/test_scenarios.py", "test_docs.py",
-         "hw_bridge/command/test_command.py", "hw_bridge/bridge/test_bridge_force.py", "fmus/test_regripping.py", "fmi/test_export.py",
-         "fmi/test_calls.py")  # fmt: skip
+ORDER = (
+    "conformance/test_components.py",
+    "conformance/test_symbols.py",
+    "conformance/test_scenarios.py",
+    "test_docs.py",
+    "hw_bridge/command/test_command.py",
+    "hw_bridge/bridge/test_bridge_force.py",
+    "fmus/test_regripping.py",
+    "fmi/test_export.py",
+    "fmi/test_calls.py",
+)
 BY_CASE = ("conformance/", "test_docs.py")
-MULTICAST = ("hw_bridge/command/test_command.py", "hw_bridge/command/test_control.py", "hw_bridge/device/test_module.py",
-             "hw_bridge/bridge/test_bridge_processes.py", "hw_bridge/test_base_node402_process.py", "hw_bridge/bridge/test_three_axes.py")  # fmt: skip
+MULTICAST = (
+    "hw_bridge/command/test_command.py",
+    "hw_bridge/command/test_control.py",
+    "hw_bridge/device/test_module.py",
+    "hw_bridge/bridge/test_bridge_processes.py",
+    "hw_bridge/test_base_node402_process.py",
+    "hw_bridge/bridge/test_three_axes.py",
+)
 
 
 @pytest.fixture(scope="session")

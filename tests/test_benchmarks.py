@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from benchmarks import force, injection, peers, rig, ring, startup
+from benchmarks import force, injection, isolate, peers, rig, ring, startup
 from benchmarks.parts import Relay
 from twin.fmi import exporter
 
@@ -26,6 +26,12 @@ def test_both_loops_of_the_ring_give_the_same(build, version):
     assert last == c_last == 2.0 - 0.5**20
     assert ours > 0
     assert theirs > 0
+
+
+def test_isolated_members_are_measured(build, capsys):
+    isolate.main(2, 5)
+    lines = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines())
+    assert all(float(lines[f"isolate_{count}_us"]) > 0 for count in (1, 2, 4))
 
 
 def test_peers_that_are_there_are_measured_and_others_named(build, capsys):

@@ -157,7 +157,9 @@ def check_table(text, folder):
 def test_links_lead_somewhere(page):
     for match in LINK.finditer(page.read_text()):
         target = match[1] or match[2] or ""
-        assert not target or target.startswith("https://") or (page.parent / target).exists(), f"{named(page)}: {target}"
+        assert not target or target.startswith("https://") or (page.parent / target).exists(), (
+            f"{named(page)}: {target}"
+        )
 
 
 def test_the_rooms_are_drawn_as_they_are():

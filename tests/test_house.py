@@ -40,8 +40,11 @@ def test_rooms_are_entered_by_their_doors():
     places = [
         place.parent.relative_to(ROOT) for tree in ("twin", "hw_bridge") for place in ROOT.glob(f"{tree}/*/__init__.py")
     ]
-    rooms = {".".join(place.parts): importlib.import_module(".".join(place.parts)).__all__
-             for place in places if place.parts not in COMMAND_LINES}  # fmt: skip
+    rooms = {
+        ".".join(place.parts): importlib.import_module(".".join(place.parts)).__all__
+        for place in places
+        if place.parts not in COMMAND_LINES
+    }
     assert {"twin.coupling", "hw_bridge.bus"} <= rooms.keys()
     wrong = []
     for path in [*ROOT.glob("twin/**/*.py"), *ROOT.glob("hw_bridge/**/*.py"), *ROOT.glob("fmus/**/*.py")]:

@@ -81,9 +81,10 @@ class Fitting:
     def forced(self, case: Case) -> set[str]:
         """Members that are told a force, on drives that follow one."""
         follow = [
-            name for name, node in self.keys.nodes.items()
+            name
+            for name, node in self.keys.nodes.items()
             if Mode.CST in profile(node.profile).modes and name in case.members
-        ]  # fmt: skip
+        ]
         connected = connected_inputs(case) if follow else set()
         return {name for name in follow if targets.told_force(name, case, connected)}
 
@@ -92,9 +93,10 @@ class Fitting:
         found = [
             f"{member}.{MEASURED}"
             for member, spec in case.members.items()
-            if member not in self.keys.nodes and not spec.component.endswith(".fmu")
+            if member not in self.keys.nodes
+            and not spec.component.endswith(".fmu")
             and any(v.name == MEASURED and v.role is Role.output for v in replaced(spec).variables)
-        ]  # fmt: skip
+        ]
         if len(found) == 1:
             self.contacts[name] = ContactKeys(signal=found[0])
         if len(found) < 2:

@@ -74,7 +74,9 @@ class Hardware:
             made.forced = name in forced
             own = f"{ROOM}:{name}"
             # finite: what a drive cannot tell is NaN
-            members[name] = replace(spec, component=own, made=made, period_ns=None, communication_ns=None, finite=False)
+            members[name] = replace(
+                spec, component=own, made=made, period_ns=None, communication_ns=None, finite=False, isolate=False
+            )
             if name in self.fitting.contacts:
                 source = self.fitting.contacts[name].signal
                 connections.append(ConnectionSpec(source, f"{name}.{CONTACT}", f"{self.path}: nodes.{name}"))

@@ -33,10 +33,15 @@ def report(path: Path, keys: HardwareKeys, sessions: Sequence[Session], jitter: 
         if session.trace is not None:
             told.append(f"{session.trace}: {one['frames']} frames")
     return {
-        "file": str(path), "simulated": keys.simulated, "interface": keys.interface,
-        "cycle": keys.cycle / 1e9, "shown": told, "cases": reports,
-        "nodes": keys.model_dump()["nodes"], "modules": keys.model_dump()["modules"],
-    }  # fmt: skip
+        "file": str(path),
+        "simulated": keys.simulated,
+        "interface": keys.interface,
+        "cycle": keys.cycle / 1e9,
+        "shown": told,
+        "cases": reports,
+        "nodes": keys.model_dump()["nodes"],
+        "modules": keys.model_dump()["modules"],
+    }
 
 
 def pictures(keys: HardwareKeys, jitter: Jitter) -> list[dict[str, str]]:

@@ -17,6 +17,7 @@ from twin.errors import printable
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from hw_bridge.profiles import Profile
     from hw_bridge.trace import Decoder, Line
 
 SERVICES = ("nmt", "sync", "emcy", "time", "pdo", "sdo", "heartbeat", "guard", "error", "other")
@@ -35,6 +36,8 @@ def command() -> None:
 )
 @click.option("--node", "-n", "nodes", multiple=True, type=click.IntRange(1, 127), help="The node of each --profile; "
               "without one, show these nodes only.")  # fmt: skip
+@click.option("--eds", "files", multiple=True, type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
+              help="A node's own objects, of any vendor; one for each --node.")  # fmt: skip
 @click.option("--only", multiple=True, type=click.Choice(SERVICES), help="Show these services only; repeat.")
 @click.option("--events", is_flag=True, help="Show only what is more than the daily exchange.")
 @click.option(
@@ -44,9 +47,17 @@ def command() -> None:
 @click.option("--json", "form", flag_value="json", help="One JSON object per line.")
 @click.option("--csv", "form", flag_value="csv", help="One row per frame, values included.")
 def decode(
-    trace: Path, bench: Path | None, profiles: tuple[str, ...], nodes: tuple[int, ...], only: tuple[str, ...],
-    events: bool, begin: float, end: float, form: str | None,
-) -> None:  # fmt: skip
+    trace: Path,
+    bench: Path | None,
+    profiles: tuple[str, ...],
+    nodes: tuple[int, ...],
+    files: tuple[Path, ...],
+    only: tuple[str, ...],
+    events: bool,
+    begin: float,
+    end: float,
+    form: str | None,
+) -> None:
     """Print the frames of TRACE (.asc, .blf, .log) as candump does, with their meaning.
 
     PDO mappings and scaling follow the SDO traffic in the trace, from the profile's defaults on. A node whose identity
@@ -55,13 +66,16 @@ def decode(
     \b
     twin can decode run.blf --bench hw_bridge/benches/simulated_force.yaml
     twin can decode run.log --profile epos4 --node 3 --events
+    twin can decode run.log --node 3 --eds drive.eds
     """
     if profiles and len(profiles) != len(nodes):
         raise click.UsageError("Name one --node for each --profile, in the same order.")
     if bench is not None and profiles:
         raise click.UsageError("Name a --bench or --profile, not both.")
-    decoder = made(bench, profiles, nodes)
-    shown = () if profiles else nodes
+    if files and len(files) != len(nodes):
+        raise click.UsageError("Name one --node for each --eds, in the same order.")
+    decoder = made(bench, profiles, nodes, files)
+    shown = () if profiles or files else nodes
     lines = (
         line
         for line in decoded(trace, decoder)
@@ -77,15 +91,19 @@ def decode(
         sys.stderr.close()
 
 
-def made(bench: Path | None, profiles: tuple[str, ...], nodes: tuple[int, ...]) -> Decoder:
+def made(bench: Path | None, profiles: tuple[str, ...], nodes: tuple[int, ...], files: tuple[Path, ...]) -> Decoder:
     """A decoder for what the command line names."""
+    from hw_bridge import eds
     from hw_bridge.hardware import load
     from hw_bridge.profiles import profile
     from hw_bridge.trace import Decoder, Party
 
+    objects = {node: eds.load(file) for node, file in zip(nodes, files, strict=False)}
     if bench is not None:
-        return Decoder.of_bench(load(bench))
-    return Decoder(Party(node, profile(name)) for name, node in zip(profiles, nodes, strict=False))
+        return Decoder.of_bench(load(bench), objects=objects)
+    chosen: dict[int, Profile | None] = dict.fromkeys(objects)
+    chosen |= {node: profile(name) for name, node in zip(profiles, nodes, strict=False)}
+    return Decoder(Party(node, one, objects=objects.get(node, ())) for node, one in chosen.items())
 
 
 def decoded(trace: Path, decoder: Decoder) -> Iterator[Line]:
@@ -123,13 +141,20 @@ def as_json(lines: Iterator[Line]) -> None:
     """One object per line; values are in SI where a unit is known."""
     for line in lines:
         frame = line.frame
-        say(json.dumps({
-            "time": line.time / 1e9,
-            "id": frame.id if frame is not None else None,
-            "data": frame.data.hex() if frame is not None else None,
-            "node": line.node, "service": line.service, "text": line.text, "values": line.values,
-            "event": line.notable,
-        }))  # fmt: skip
+        say(
+            json.dumps(
+                {
+                    "time": line.time / 1e9,
+                    "id": frame.id if frame is not None else None,
+                    "data": frame.data.hex() if frame is not None else None,
+                    "node": line.node,
+                    "service": line.service,
+                    "text": line.text,
+                    "values": line.values,
+                    "event": line.notable,
+                }
+            )
+        )
 
 
 def as_csv(lines: Iterator[Line]) -> None:
@@ -138,9 +163,14 @@ def as_csv(lines: Iterator[Line]) -> None:
     rows.writerow(["time [s]", "id", "data", "node", "service", "text", "values"])
     for line in lines:
         frame = line.frame
-        rows.writerow([
-            f"{line.time / 1e9:.6f}",
-            f"{frame.id:03X}" if frame is not None else "",
-            frame.data.hex() if frame is not None else "",
-            line.node, line.service, printable(line.text), " ".join(f"{key}={value}" for key, value in line.values.items()),
-        ])  # fmt: skip
+        rows.writerow(
+            [
+                f"{line.time / 1e9:.6f}",
+                f"{frame.id:03X}" if frame is not None else "",
+                frame.data.hex() if frame is not None else "",
+                line.node,
+                line.service,
+                printable(line.text),
+                " ".join(f"{key}={value}" for key, value in line.values.items()),
+            ]
+        )

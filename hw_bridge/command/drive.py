@@ -47,9 +47,19 @@ if TYPE_CHECKING:
               help="Folder for compiled objects.")  # fmt: skip
 @click.pass_context
 def command(
-    context: click.Context, name: str | None, node: int, interface: str | None, channel: str | None, bitrate: int,
-    options: tuple[str, ...], eds: Path | None, write_eds: Path | None, store: Path | None, control: int | None, build: Path,
-) -> None:  # fmt: skip
+    context: click.Context,
+    name: str | None,
+    node: int,
+    interface: str | None,
+    channel: str | None,
+    bitrate: int,
+    options: tuple[str, ...],
+    eds: Path | None,
+    write_eds: Path | None,
+    store: Path | None,
+    control: int | None,
+    build: Path,
+) -> None:
     """Run a simulated CANopen drive with its motor, or an I/O module, paced by the wall clock, until Ctrl-C.
 
     It refuses to start where another node answers on its ID: a simulated drive does not belong on a real machine's bus.
@@ -74,7 +84,13 @@ def command(
     if interface is None or channel is None:
         raise click.UsageError("Name --interface and --channel, such as -i socketcan -c vcan0, or use --write-eds.")
     if eds is not None:
-        chosen = files.adopt(chosen, eds) if isinstance(chosen, Profile) else replace(chosen, objects=files.load(eds))
+        if isinstance(chosen, Profile):
+            chosen, warnings = files.adopt(chosen, eds)
+        else:
+            entries, warnings = files.merged(chosen, eds)
+            chosen = replace(chosen, objects=entries)
+        for warning in warnings:
+            say(f"warning: {warning}", err=True)
     serve(chosen, node, interface, channel, bitrate, build, control, store, named(options))
 
 
@@ -105,9 +121,19 @@ TABLE = "\b\n" + "\n".join(f"{one:{WIDTH}}  {text}" for one, text in MEANINGS.it
 @click.option("--offset", type=float, default=0.0, metavar="X", help="With encoder_offset [m or rad of the motor].")
 @click.option("--identifiers", metavar="LOW-HIGH", help="With drop, delay, corrupt: these frames, such as 180h-1FFh.")
 def inject_fault(
-    fault: str, control: int, code: str, lasting: bool, duration: float | None, share: float, count: int | None,
-    delay: float, jitter: float, factor: float, offset: float, identifiers: str | None,
-) -> None:  # fmt: skip
+    fault: str,
+    control: int,
+    code: str,
+    lasting: bool,
+    duration: float | None,
+    share: float,
+    count: int | None,
+    delay: float,
+    jitter: float,
+    factor: float,
+    offset: float,
+    identifiers: str | None,
+) -> None:
     """Let FAULT happen in a simulated drive that was started with --control.
 
     \b
@@ -117,8 +143,14 @@ def inject_fault(
     """
     from hw_bridge.command.control import request
 
-    for name, value in (("for", duration), ("share", share), ("delay", delay), ("jitter", jitter), ("factor", factor),
-                        ("offset", offset)):  # fmt: skip
+    for name, value in (
+        ("for", duration),
+        ("share", share),
+        ("delay", delay),
+        ("jitter", jitter),
+        ("factor", factor),
+        ("offset", offset),
+    ):
         if value is not None and not abs(value) <= LARGEST:  # not a number, too
             raise click.UsageError(f"--{name} {value}: expected a number of at most {LARGEST:g}.")
     try:
@@ -132,10 +164,22 @@ def inject_fault(
         except ValueError:
             raise click.UsageError(f"--identifiers {identifiers}: expected two such as 180h-1FFh.") from None
         ends = (low, high)
-    request(control, Fault(
-        Cause(fault), number, lasting, NEVER if duration is None else round(duration * 1e9), share,
-        NEVER if count is None else count, round(delay * 1e9), round(jitter * 1e9), offset, factor, ends,
-    ))  # fmt: skip
+    request(
+        control,
+        Fault(
+            Cause(fault),
+            number,
+            lasting,
+            NEVER if duration is None else round(duration * 1e9),
+            share,
+            NEVER if count is None else count,
+            round(delay * 1e9),
+            round(jitter * 1e9),
+            offset,
+            factor,
+            ends,
+        ),
+    )
     say(f"{fault}: {MEANINGS[Cause(fault)]}")
 
 
@@ -219,8 +263,9 @@ def _stop_on_signals(stop: threading.Event) -> None:
     def handle(_signal: int, _frame: FrameType | None) -> None:
         stop.set()
 
-    signal.signal(signal.SIGINT, handle)
-    signal.signal(signal.SIGTERM, handle)
+    for one in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if hasattr(signal, one):
+            signal.signal(getattr(signal, one), handle)
 
 
 def main() -> None:

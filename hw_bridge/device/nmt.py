@@ -26,9 +26,13 @@ class Nmt:
     """Changes the state of the port. `reset(application)` restores values, `lost()` is told when a master is silent."""
 
     def __init__(
-        self, port: Port, boot_time: int, changed: Callable[[], None], reset: Callable[[bool], None],
+        self,
+        port: Port,
+        boot_time: int,
+        changed: Callable[[], None],
+        reset: Callable[[bool], None],
         lost: Callable[[], None],
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.port = port
         self.boot_time = boot_time
         self.changed, self.reset, self.lost = changed, reset, lost

@@ -5,7 +5,24 @@ from hw_bridge.dictionary.abort import Abort, Code, told
 from hw_bridge.dictionary.cia301 import NmtState
 from hw_bridge.dictionary.cia402 import Command, Mode, State, command_of, state_of, supported
 from hw_bridge.dictionary.dictionary import Dictionary
-from hw_bridge.dictionary.entry import I8, I16, I32, TEXT, TYPES, U8, U16, U32, Entry, NodeId, Value, record, sub, var
+from hw_bridge.dictionary.entry import (
+    I8,
+    I16,
+    I32,
+    OCTETS,
+    TEXT,
+    TYPES,
+    U8,
+    U16,
+    U32,
+    U64,
+    Entry,
+    NodeId,
+    Value,
+    record,
+    sub,
+    var,
+)
 from hw_bridge.dictionary.moves import BLOCKS_FAULHABER, BLOCKS_MAXON, METHODS, REVERSING, Move, Until
 
 __all__ = [
@@ -15,12 +32,14 @@ __all__ = [
     "I16",
     "I32",
     "METHODS",
+    "OCTETS",
     "REVERSING",
     "TEXT",
     "TYPES",
     "U8",
     "U16",
     "U32",
+    "U64",
     "Abort",
     "Code",
     "Command",

@@ -62,9 +62,13 @@ CONTROL = {  # controlword 6040h, bits 7, 3, 2, 1, 0
     Command.QUICK_STOP:      Pattern(0x86, 0x02),
 }  # fmt: skip
 TYPICAL = {
-    Command.SHUTDOWN: 0x06, Command.SWITCH_ON: 0x07, Command.ENABLE: 0x0F, Command.DISABLE_VOLTAGE: 0x00,
-    Command.QUICK_STOP: 0x02, Command.FAULT_RESET: 0x80,
-}  # fmt: skip
+    Command.SHUTDOWN: 0x06,
+    Command.SWITCH_ON: 0x07,
+    Command.ENABLE: 0x0F,
+    Command.DISABLE_VOLTAGE: 0x00,
+    Command.QUICK_STOP: 0x02,
+    Command.FAULT_RESET: 0x80,
+}
 
 NEW_SET_POINT = 0x0010  # controlword bit 4 in pp: rising edge; in hm: start homing while set
 CHANGE_IMMEDIATELY = 0x0020

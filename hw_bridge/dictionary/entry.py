@@ -43,8 +43,9 @@ class Type:
 BOOL = Type("BOOLEAN", 0x01, "<B")
 I8, I16, I32 = Type("INTEGER8", 0x02, "<b"), Type("INTEGER16", 0x03, "<h"), Type("INTEGER32", 0x04, "<i")
 U8, U16, U32 = Type("UNSIGNED8", 0x05, "<B"), Type("UNSIGNED16", 0x06, "<H"), Type("UNSIGNED32", 0x07, "<I")
-TEXT = Type("VISIBLE_STRING", 0x09, "")
-TYPES = {kind.code: kind for kind in (BOOL, I8, I16, I32, U8, U16, U32, TEXT)}
+U64 = Type("UNSIGNED64", 0x1B, "<Q")
+TEXT, OCTETS = Type("VISIBLE_STRING", 0x09, ""), Type("OCTET_STRING", 0x0A, "")
+TYPES = {kind.code: kind for kind in (BOOL, I8, I16, I32, U8, U16, U32, U64, TEXT, OCTETS)}
 
 
 class NodeId(int):
@@ -102,17 +103,31 @@ class Entry:
 
 
 def var(
-    index: int, name: str, type_: Type, access: str, default: Value = 0, low: int | None = None,
-    high: int | None = None, *, pdo: bool = False,
-) -> tuple[Entry, ...]:  # fmt: skip
+    index: int,
+    name: str,
+    type_: Type,
+    access: str,
+    default: Value = 0,
+    low: int | None = None,
+    high: int | None = None,
+    *,
+    pdo: bool = False,
+) -> tuple[Entry, ...]:
     """An object without subindices, as a row of a profile's table."""
     return (Entry(index, 0, name, type_, access, default, low, high, pdo),)
 
 
 def sub(
-    number: int, name: str, type_: Type, access: str, default: Value = 0, low: int | None = None,
-    high: int | None = None, *, pdo: bool = False,
-) -> Entry:  # fmt: skip
+    number: int,
+    name: str,
+    type_: Type,
+    access: str,
+    default: Value = 0,
+    low: int | None = None,
+    high: int | None = None,
+    *,
+    pdo: bool = False,
+) -> Entry:
     """A subindex inside `record`."""
     return Entry(0, number, name, type_, access, default, low, high, pdo)
 

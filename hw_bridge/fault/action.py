@@ -99,12 +99,16 @@ def disturbance(fault: Fault, now: int, node: int, master: bool) -> Disturbance:
 # NMT, SYNC, RPDOs and SDO requests of all nodes
 MASTER = frozenset({0, cia301.SYNC}) | {
     base + node for base in (0x200, 0x300, 0x400, 0x500, 0x600) for node in range(1, 128)
-}  # fmt: skip
+}
 
 KINDS = {
-    Cause.HEARTBEAT: Kind.DROP, Cause.SYNC: Kind.DROP, Cause.DROP: Kind.DROP, Cause.DELAY: Kind.DELAY,
-    Cause.CORRUPT: Kind.CORRUPT, Cause.BUS_OFF: Kind.CORRUPT,
-}  # fmt: skip
+    Cause.HEARTBEAT: Kind.DROP,
+    Cause.SYNC: Kind.DROP,
+    Cause.DROP: Kind.DROP,
+    Cause.DELAY: Kind.DELAY,
+    Cause.CORRUPT: Kind.CORRUPT,
+    Cause.BUS_OFF: Kind.CORRUPT,
+}
 
 
 def _emcy(fault: Fault, drive: Drive) -> None:
@@ -139,6 +143,11 @@ def _slow(fault: Fault, drive: Drive) -> None:
 
 
 ACTIONS: dict[Cause, Callable[[Fault, Drive], None]] = {
-    Cause.EMCY: _emcy, Cause.OVERCURRENT: _overcurrent, Cause.ENCODER: _encoder,
-    Cause.ENCODER_OFFSET: _encoder_offset, Cause.FRICTION: _friction, Cause.GRIP: _grip, Cause.SLOW: _slow,
-}  # fmt: skip
+    Cause.EMCY: _emcy,
+    Cause.OVERCURRENT: _overcurrent,
+    Cause.ENCODER: _encoder,
+    Cause.ENCODER_OFFSET: _encoder_offset,
+    Cause.FRICTION: _friction,
+    Cause.GRIP: _grip,
+    Cause.SLOW: _slow,
+}

@@ -163,9 +163,14 @@ def line(root: Node, error: Any, model: type[Keys] | None = None) -> str:
 
 
 KEYS: dict[str, type[Keys]] = {
-    "limits": LimitKeys, "heartbeat": HeartbeatKeys, "homing": HomingKeys, "contact": ContactKeys, "faults": FaultKeys,
-    "shadow": ShadowKeys, "modules": ModuleKeys,
-}  # fmt: skip
+    "limits": LimitKeys,
+    "heartbeat": HeartbeatKeys,
+    "homing": HomingKeys,
+    "contact": ContactKeys,
+    "faults": FaultKeys,
+    "shadow": ShadowKeys,
+    "modules": ModuleKeys,
+}
 
 
 def _near(path: tuple[str | int, ...], model: type[Keys] | None) -> str:

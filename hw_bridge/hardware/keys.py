@@ -211,7 +211,9 @@ class FaultKeys(Keys):
     jitter: Time = 0
     offset: Place = 0.0
     factor: Annotated[float, Field(ge=0, le=LARGEST)] = 2.0
-    identifiers: Annotated[list[Annotated[int, BeforeValidator(catalogued)]], Field(min_length=2, max_length=2)] | None = None
+    identifiers: (
+        Annotated[list[Annotated[int, BeforeValidator(catalogued)]], Field(min_length=2, max_length=2)] | None
+    ) = None
 
     @property
     def text(self) -> str:
@@ -227,9 +229,18 @@ class FaultKeys(Keys):
         """The fault as it is injected."""
         low_high = (self.identifiers[0], self.identifiers[1]) if self.identifiers is not None else None
         return Fault(
-            Cause(self.fault), self.code, self.lasting, self.duration, self.share, self.count, self.delay, self.jitter,
-            self.offset, self.factor, low_high,
-        )  # fmt: skip
+            Cause(self.fault),
+            self.code,
+            self.lasting,
+            self.duration,
+            self.share,
+            self.count,
+            self.delay,
+            self.jitter,
+            self.offset,
+            self.factor,
+            low_high,
+        )
 
 
 class NodeKeys(Keys):

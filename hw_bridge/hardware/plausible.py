@@ -44,8 +44,10 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
             f"{place}: cycle: {keys.cycle / 1e6:g} ms is more than 255 ms, which drives can count. Shorten it."
         )
     for name, node in keys.nodes.items():
-        problems += [f"{root.find(('nodes', name, *path)).place}: nodes.{name}.{'.'.join(path)}: {text}"
-                     for path, text in _node(node, keys.simulated)]  # fmt: skip
+        problems += [
+            f"{root.find(('nodes', name, *path)).place}: nodes.{name}.{'.'.join(path)}: {text}"
+            for path, text in _node(node, keys.simulated)
+        ]
     for k, one in enumerate(keys.faults):
         where = f"{root.find(('faults', k)).place}: faults[{k + 1}]"
         if one.at < 0:

@@ -1,6 +1,8 @@
 """The master side of the bus: what makes a drive do what a member of the co-simulation says."""
 
+from hw_bridge.master import setup
 from hw_bridge.master.master import Master
+from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import Node, constant_of
 from hw_bridge.master.sdo import SdoClient, SilentError
 from hw_bridge.master.vendor import SPEED, TRANSMIT, VENDORS, receive
@@ -10,9 +12,11 @@ __all__ = [
     "TRANSMIT",
     "VENDORS",
     "Master",
+    "ModuleNode",
     "Node",
     "SdoClient",
     "SilentError",
     "constant_of",
     "receive",
+    "setup",
 ]

@@ -6,9 +6,7 @@ Call sequence: `begin` once, then `exchange` at every cycle with `wait` in betwe
 
 from __future__ import annotations
 
-import signal
 import struct
-import threading
 from contextlib import contextmanager, suppress
 from math import copysign
 from typing import TYPE_CHECKING, Any
@@ -18,7 +16,10 @@ from hw_bridge.dictionary import Command, Mode, State, cia301, cia402
 from hw_bridge.master import setup
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import AT_REST, Node
+from hw_bridge.master.rival import Rival
+from hw_bridge.master.sdo import SilentError
 from hw_bridge.master.timing import Timing
+from hw_bridge.master.undisturbed import undisturbed
 from hw_bridge.profiles import device, profile
 from twin.errors import SimulationError
 
@@ -36,6 +37,10 @@ RAMP_UP = 2_000 * MILLISECOND  # longest time to Operation enabled
 STANDSTILL = 2_000 * MILLISECOND  # longest time of a quick stop
 SETTLE = 200 * MILLISECOND  # after an approach
 SILENT_CYCLES = 5  # so many cycles without process data are the end of a drive
+# In simulated time cycles begin here in those of the drives [ns], so that results do not depend on how long the set-up
+# took. At 1 Mbit/s targets act 1.0 ms later; real drives have any phase.
+CONTROL_CYCLE, PHASE = MILLISECOND, 990_000
+RESET = "Find the cause, then reset it with `twin hil reset FILE`."
 
 
 class Master:
@@ -60,7 +65,7 @@ class Master:
         self._beating = False
         self._beat_due = 0
         self._exchanged = 0  # when the last targets went out [ns]
-        self._twin_master = False
+        self.rival = Rival(keys.master, {one.number: name for name, one in self.stations.items()})
         self._asked: SdoClient | None = None
         bits = sum(bit_count(frame) for one in self.stations.values() for frame in one.frames()) * 1_000_000_000
         # SYNC leaves after all targets are on the wire: its identifier would win against theirs
@@ -70,8 +75,7 @@ class Master:
     # ------------------------------------------------------------------------------------------------------- frames
 
     def _hear(self, frame: Frame) -> None:
-        if frame.id == cia301.ERROR_CONTROL + self.keys.master:
-            self._twin_master = True
+        self.rival.hear(frame)
         node = self._by_number.get(frame.id & 0x7F)
         if self._asked is not None and frame.id == cia301.SDO_RESPONSE + self._asked.node:
             self._asked.heard(frame.data)
@@ -131,10 +135,19 @@ class Master:
         self.wait(BOOT, self._all_booted)
         return [problem for station in self.stations.values() for problem in self.compare(station)]
 
-    @staticmethod
-    def compare(station: Node | ModuleNode) -> list[str]:
+    def compare(self, station: Node | ModuleNode) -> list[str]:
         """Every difference between a node that answers and the one that the hardware file expects."""
-        return setup.identify(station) if isinstance(station, Node) else station.identify()
+        with self.asking(station):
+            return setup.identify(station) if isinstance(station, Node) else station.identify()
+
+    @contextmanager
+    def asking(self, station: Node | ModuleNode) -> Iterator[None]:
+        """Name the one that does not answer, and that it lives, if it told that."""
+        try:
+            yield
+        except SilentError as error:
+            told = " It tells that it lives, but takes no SDO: switch it off and on." if station.alive else ""
+            raise SilentError(f"{station.name}: {error}{told}") from None
 
     def _all_booted(self) -> bool:
         return all(station.boots for station in self.stations.values())
@@ -143,17 +156,19 @@ class Master:
         """From whatever state to Operation enabled at a standstill, where the scenario begins: `starts`, positions."""
         if problems := self.identify():
             raise SimulationError(" ".join(problems))
-        if self._twin_master:
-            raise SimulationError(
-                f"node {self.keys.master}: another master tells that it lives on this ID. Stop it, or change `master`."
-            )
+        if problems := self.faults():
+            raise SimulationError(f"{' '.join(problems)} {RESET}")
+        if self.rival.text:
+            raise SimulationError(self.rival.text)
         self.running = True
         for node in self.nodes.values():
             self.nmt(cia301.PRE_OPERATIONAL, node.number)
-            setup.configure(node, self.cycle, self.keys.master)
+            with self.asking(node):
+                setup.configure(node, self.cycle, self.keys.master)
         for module in self.modules.values():
             self.nmt(cia301.PRE_OPERATIONAL, module.number)
-            module.configure(self.keys.master)
+            with self.asking(module):
+                module.configure(self.keys.master)
         self._beating, self._beat_due = True, self.network.now
         for station in self.stations.values():
             self.nmt(cia301.START, station.number)
@@ -170,9 +185,12 @@ class Master:
             node.goal, node.target_velocity = State.ENABLED, 0.0
             node.target_position = node.position
         self._until(
-            lambda: all(node.state is State.ENABLED for node in self.nodes.values()), RAMP_UP,
-            lambda: ", ".join(f"{one.name}: {one.state}" for one in self.nodes.values() if one.state is not State.ENABLED),
-        )  # fmt: skip
+            lambda: all(node.state is State.ENABLED for node in self.nodes.values()),
+            RAMP_UP,
+            lambda: ", ".join(
+                f"{one.name}: {one.state}" for one in self.nodes.values() if one.state is not State.ENABLED
+            ),
+        )
         for station in self.stations.values():
             station.forget()
         for node in self.nodes.values():
@@ -180,6 +198,16 @@ class Master:
                 self._approach(node, starts[node.name])
         for module in self.modules.values():
             module.resting = False
+        if not self.network.wall_clock:
+            self.wait((PHASE - self.network.now) % CONTROL_CYCLE)
+
+    def faults(self) -> list[str]:
+        """What drives in Fault say; nobody but a person resets them."""
+        found = []
+        for node in self.nodes.values():
+            with self.asking(node):
+                found.append(setup.faults(node))
+        return [text for text in found if text]
 
     def _until(self, done: Callable[[], bool], limit: int, what: Callable[[], str]) -> None:
         """Cycles until a condition holds; SimulationError if it takes too long."""
@@ -187,6 +215,10 @@ class Master:
         while not done():
             if self.network.now > end:
                 raise SimulationError(f"not enabled after {limit / 1e9:g} s: {what()}.{self._told()}")
+            if any(node.state is State.FAULT for node in self.nodes.values()):
+                raise SimulationError(f"{' '.join(self.faults())}{self._told()} {RESET}")
+            if self.rival.text:
+                raise SimulationError(self.rival.text)
             self.run_cycle()
             for one in self.stations.values():
                 if self._lost(one) or one.silent > 4 * SILENT_CYCLES:
@@ -246,7 +278,7 @@ class Master:
 
     def check(self) -> str:
         """What is wrong with any drive or module, or nothing."""
-        wrong = [*map(self._wrong, self.nodes.values()), *map(self._unwell, self.modules.values())]
+        wrong = [self.rival.text, *map(self._wrong, self.nodes.values()), *map(self._unwell, self.modules.values())]
         return next(filter(None, wrong), "")
 
     def _unwell(self, node: Node | ModuleNode) -> str:
@@ -310,21 +342,23 @@ class Master:
             module.resting = True
         self._cycles_until(lambda node: node.state in AT_REST)
         for node in self.nodes.values():
-            state = node.state
+            state, why = node.state, ""
             try:
                 setup.make_safe(node)
                 state = setup.release(node)
-                confirmed = state in AT_REST
-            except SimulationError:
-                confirmed = False
-            if not confirmed:
+            except SimulationError as error:
+                why = f" {error}"
+            if why or state not in AT_REST:
                 self.notes.append(
-                    f"{node.name}: did not confirm that it is disabled (last state: {state}). Check it before you touch it."
+                    f"{node.name}: did not confirm that it is disabled (last state: {state}).{why} "
+                    f"Check it before you touch it."
                 )
         self.notes += [text for module in self.modules.values() if (text := module.release())]
         self.nmt(cia301.PRE_OPERATIONAL)
         self.wait(self.cycle)
         self._beating = False
+        if self.rival.act:
+            self.notes.append(f"{self.rival.text} It can enable the drives again.")
 
     def _order(self, goal: State) -> None:
         """A goal for all nodes, at once and by SDO too: process data may wait for a SYNC that does not come."""
@@ -365,17 +399,3 @@ class Master:
             for name, node in self.stations.items()
         }
         return {**self.timing.summary(), "nodes": nodes}
-
-
-@contextmanager
-def undisturbed() -> Iterator[None]:
-    """A second Ctrl-C, or SIGTERM, does not keep the drives from being stopped."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {one: signal.signal(one, signal.SIG_IGN) for one in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for one, handler in before.items():
-            signal.signal(one, handler)

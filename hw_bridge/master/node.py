@@ -25,7 +25,6 @@ WINDOW = 1.0  # time over which the way that was driven is compared with the way
 # against an end stop is noticed at a speed of the limit over this time
 MARGIN = 1e-3  # by which a drive may swing back while it leaves an end stop [m or rad]
 TORQUES = (-32768, 32767)  # of an INTEGER16
-RESETS = 3  # a fault that stays has a cause
 
 UP = {  # controlword on the way to Operation enabled
     State.DISABLED:    0x06,
@@ -68,8 +67,6 @@ class Node(Station):
         self.raw_position = self.raw_velocity = self.raw_current = 0
         self.carried = 0.0  # part of the last target that rounding left over [device units]
         self.ways: deque[tuple[float, float]] = deque()  # asked for and driven, one for each cycle [m]
-        self.resets = 0  # attempts to leave Fault
-        self._pulse = False
         self.use_units()
 
     # ------------------------------------------------------------------------------------------------------ scaling
@@ -175,11 +172,7 @@ class Node(Station):
     def controlword(self, state: State) -> int:
         """The next step towards the goal."""
         if self.goal is State.ENABLED:
-            if state is State.FAULT:  # the reset is an edge
-                self._pulse = not self._pulse and self.resets < RESETS
-                self.resets += self._pulse
-                return cia402.FAULT_RESET if self._pulse else 0
-            word = UP.get(state, 0)
+            word = UP.get(state, 0)  # nothing in Fault: to reset it is for a person who knows the cause
             return word | cia402.NEW_SET_POINT if self.homing and state is State.ENABLED else word
         if self.goal is State.QUICK_STOP:
             return DOWN.get(state, 0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from math import ceil
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,7 @@ from hw_bridge.bus import MILLISECOND
 from hw_bridge.dictionary import Mode, State, cia301, cia402, state_of
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.vendor import SPEED, TRANSMIT, receive
-from hw_bridge.profiles import MODULES, identity
+from hw_bridge.profiles import MODULES, UNFIT, identity
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -21,6 +22,8 @@ LONGEST = 4  # bytes of a number
 DRIVE = 402  # device profile: the lower half of 1000h
 IDENTITY = {1: "vendor", 2: "product code", 3: "revision", 4: "serial number"}
 KNOWN = {(one[1], one[2]) for one in map(identity, MODULES)}  # vendor and product code of each profile
+ACCELERATIONS, VELOCITIES, FOLLOWING_ERROR = (0x6083, 0x6084, 0x6085), (0x607F, 0x6080, 0x6081), 0x6065
+RAMPS = (*ACCELERATIONS, *VELOCITIES, FOLLOWING_ERROR)
 SCALING = (0x2350, 0x3001, 0x3010, 0x608F, 0x6075, 0x6091, 0x6092, 0x60A9)  # what units follow from
 
 
@@ -71,6 +74,9 @@ def identify(node: Node) -> list[str]:
     if device & 0xFFFF != DRIVE:
         return [f"{name}: node {node.number} is no drive: 1000h is {device:08X}h. Check the node-ID."]
     found = {sub: node.sdo.number(0x1018, sub) for sub in IDENTITY}
+    if (title := UNFIT.get((found[1], found[2]))) is not None:
+        text = f"{name}: node {node.number} is a {title}, another device than {node.profile.title}, with another dictionary."
+        return [f"{text} No profile fits it. Use another drive."]
     expected = {1: node.mirror.get(0x1018, 1)}
     if keys.product is not None:
         expected[2] = keys.product
@@ -83,6 +89,61 @@ def identify(node: Node) -> list[str]:
         for sub, value in expected.items()
         if found[sub] != value
     ]
+
+
+def faults(node: Node) -> str:
+    """What a drive in Fault says about it, 603Fh and 1003h; or nothing. It is only read."""
+    if state_of(node.sdo.number(0x6041) & 0xFFFF) not in (State.FAULT, State.REACTION):
+        return ""
+    present = _told(node, 0x603F)
+    history = [_told(node, 0x1003, sub + 1) for sub in range(int(_asked(node, 0x1003) or 0))]
+    told = [f"603Fh: {present}"] if present else []
+    told += [f"1003h: {', '.join(filter(None, history))}"] if any(history) else []
+    return f"{node.name}: is in Fault, {'; '.join(told) or 'and does not say why'}."
+
+
+def _asked(node: Node, index: int, sub: int = 0) -> int | None:
+    """A number, if the drive has it."""
+    with suppress(SdoError):
+        return node.sdo.number(index, sub)
+    return None
+
+
+def _told(node: Node, index: int, sub: int = 0) -> str:
+    """An error code with its meaning, where there is one."""
+    code = (_asked(node, index, sub) or 0) & 0xFFFF
+    fault = node.profile.faults.get(code)
+    return f"{code:04X}h" + (f" {fault.meaning}" if fault else "") if code else ""
+
+
+def reset(node: Node) -> State:
+    """Leave Fault, by the edge of bit 7. The state that the drive tells afterwards; its power stage stays off."""
+    for word in (0, cia402.FAULT_RESET, 0):
+        node.sdo.write(0x6040, 0, word.to_bytes(2, "little"))
+    return state_of(node.sdo.number(0x6041) & 0xFFFF)
+
+
+def differing(node: Node) -> tuple[list[str], list[str]]:
+    """Numbers that a run writes: sizes other than in the profile, and those that the drive refuses. Only read."""
+    sizes, refused = [], []
+    for index, sub in written(node):
+        known = node.mirror.objects.get(index, {}).get(sub)
+        try:
+            size = len(ask(node, index, sub))
+        except SdoError as error:
+            refused.append(f"{node.name}: {error} A run writes it. Correct the hardware file or the profile.")
+            continue
+        if known is not None and size != known.type.size:
+            sizes.append(f"{node.name}: {index:04X}h.{sub} has {size} bytes, in the profile {known.type.size}.")
+    return sizes, refused
+
+
+def written(node: Node) -> list[tuple[int, int]]:
+    """Objects with parameters that a run writes, beside the standard ones for process data and heartbeats."""
+    own = [(index, sub) for index, sub, _ in node.vendor.setup] + list(node.keys.objects)
+    entries = node.mirror.objects
+    common = [(index, 0) for index in RAMPS] + [(0x607D, 1), (0x607D, 2), (0x60C2, 1)]
+    return own + [one for one in common if one[1] in entries.get(one[0], {})]
 
 
 def configure(node: Node, cycle: int, master: int) -> None:
@@ -118,11 +179,11 @@ def configure(node: Node, cycle: int, master: int) -> None:
 def ramps(node: Node) -> None:
     """Accelerations and the largest speed, in the drive's units."""
     limits, scale, units = node.keys.limits, node.keys.scale, node.units
-    for index in (0x6083, 0x6084, 0x6085):
+    for index in ACCELERATIONS:
         put(node, index, 0, ceil(limits.acceleration / (scale * units.acceleration)))
-    for index in (0x607F, 0x6080, 0x6081):
+    for index in VELOCITIES:
         put(node, index, 0, ceil(limits.velocity / (scale * units.velocity)))
-    put(node, 0x6065, 0, ceil(limits.following_error / (scale * units.position)))
+    put(node, FOLLOWING_ERROR, 0, ceil(limits.following_error / (scale * units.position)))
 
 
 def limit_positions(node: Node) -> None:

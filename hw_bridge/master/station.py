@@ -37,6 +37,7 @@ class Station:
         self.sizes: dict[tuple[int, int], int] = {}  # bytes of its numbers as the node has them, not as the profile
         self.sdo = SdoClient(keys.node, network.send, wait)
         self.heard_at = 0  # last heartbeat [ns]
+        self.alive = False  # whether it was heard beside answers to SDO
         self.emergencies: list[tuple[int, int]] = []  # time [ns], code
         self.boots = 0  # boot-up messages heard
         self.answered = 0  # process data since the last SYNC
@@ -45,6 +46,7 @@ class Station:
     def heard(self, frame: Frame, now: int) -> None:
         """A frame of this node arrived."""
         base = frame.id - self.number
+        self.alive |= base != 0x580
         if base == 0x580:
             self.sdo.heard(frame.data)
         elif base == 0x80 and len(frame.data) >= 2:

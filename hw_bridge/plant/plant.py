@@ -89,8 +89,10 @@ class Plant:
     def shown(self) -> dict[str, Callable[[], float]]:
         """What only a simulated motor can tell."""
         found: dict[str, Callable[[], float]] = {
-            "position": self.position, "angle": self.position, "overload": lambda: self.drive.axis.level,
-        }  # fmt: skip
+            "position": self.position,
+            "angle": self.position,
+            "overload": lambda: self.drive.axis.level,
+        }
         if self.parameters:  # it is the member's own component
             found |= {name: partial(self.true, name) for name in TRUE & set(self.axis.views)}
         return found

@@ -15,6 +15,9 @@ MODULES = {
 
 DEVICES = {"cia401": "a generic I/O module with digital inputs and outputs (CiA 401)"}
 
+# devices of these vendors that no profile fits, by vendor and product code
+UNFIT = {(0xFB, 0x68500000): "maxon EPOS4 Micro 24/5"}
+
 
 def device(name: str) -> Device:
     """The device of this name that is no drive."""

@@ -15,10 +15,12 @@ from hw_bridge.dictionary import (
     I16,
     I32,
     METHODS,
+    OCTETS,
     TEXT,
     U8,
     U16,
     U32,
+    U64,
     Code,
     Mode,
     NodeId,
@@ -91,7 +93,7 @@ PROCESS_DATA = joined(
 
 VENDOR = joined(
     var(0x2000, "Node-ID", U8, "ro", NodeId(0)),
-    var(0x2001, "CAN bit rate", U16, "rw", 0, 0, 9),
+    var(0x2001, "CAN bit rate", U8, "rw", 0, 0, 9),
     record(0x2200, "Power supply", sub(1, "Power supply voltage [0.1 V]", U16, "ro", 240, pdo=True)),
     record(0x2201, "Voltage limits", sub(1, "Undervoltage limit [mV]", U32, "rw", 8000),
            sub(2, "Overvoltage limit [mV]", U32, "rw", 58000)),
@@ -102,8 +104,8 @@ VENDOR = joined(
            sub(2, "Output current limit [mA]", U32, "rw", 15000), sub(3, "Number of pole pairs", U8, "rw", 1, 1),
            sub(4, "Thermal time constant winding [0.1 s]", U16, "rw", 40, 1),
            sub(5, "Torque constant [uNm/A]", U32, "rw", 0)),
-    # acts on nothing, like 3003h, 30A3h and 3142h; types of these assumed
-    record(0x3002, "Electrical data motor", sub(1, "Resistance [mOhm]", U32, "rw", 0), sub(2, "Inductance [uH]", U32, "rw", 0)),
+    # acts on nothing, like 3003h, 30A3h and 3142h
+    record(0x3002, "Electrical data motor", sub(1, "Resistance [mOhm]", U32, "rw", 0), sub(2, "Inductance [uH]", U16, "rw", 0)),
     record(0x3003, "Gear configuration", sub(1, "Reduction numerator", U32, "rw", 1, 1),
            sub(2, "Reduction denominator", U32, "rw", 1, 1), sub(3, "Max input speed [rpm]", U32, "rw", 100000)),
     record(0x3010, "Digital incremental encoder 1", sub(1, "Number of pulses", U32, "rw", PULSES, 16),
@@ -130,6 +132,50 @@ VENDOR = joined(
            sub(2, "I2t level power stage [%]", U16, "ro")),
 )  # fmt: skip
 
+# what users and the vendor's tools read and write beside it; acts on nothing
+TOOLS = joined(
+    record(0x3012, "SSI absolute encoder", sub(1, "Data rate", U16, "rw", 2000, 400, 2000),
+           sub(2, "Number of data bits", U32, "rw", 0xC00), sub(3, "Encoding type", U16, "rw", 1),
+           sub(5, "Timeout time", U16, "rw", 30, 0, 50), sub(6, "Special bits trailing data", U16, "ro", pdo=True),
+           sub(7, "Refresh frequency", U32, "ro"), sub(8, "Power up time", U16, "rw", 200, 0, 10000),
+           sub(9, "Position raw value", U32, "ro"), sub(10, "Commutation offset value", U32, "rw"),
+           sub(11, "Position bits", U32, "rw", 12), sub(12, "Special bits leading data", U16, "ro", pdo=True),
+           sub(13, "Position raw value complete", U64, "ro")),
+    record(0x301A, "Digital Hall sensor", sub(1, "Type", U16, "rw", 0), sub(2, "Pattern", U16, "ro")),
+    record(0x3150, "Digital output properties", sub(1, "Logic state", U16, "ro", pdo=True),
+           sub(2, "Polarity", U16, "rw")),
+    record(0x3151, "Digital output configuration", sub(1, "Output 1", U8, "rw", 16), sub(2, "Output 2", U8, "rw", 17),
+           sub(3, "High-speed output 1", U8, "rw", 255)),
+    record(0x3158, "Holding brake", sub(1, "Rise time", U16, "rw", 10, 0, 5000),
+           sub(2, "Fall time", U16, "rw", 10, 0, 5000), sub(3, "State", U8, "ro")),
+    record(0x31E0, "Recorder variables", *(sub(n, f"Variable {n}", U32, "rw") for n in range(1, 5))),
+    record(0x31E1, "Recorder configuration", sub(1, "Sampling period", U16, "rw", 120, 40, 65534),
+           sub(2, "Number of samples", U16, "rw", 500, 1, 500)),
+    record(0x31E2, "Recorder trigger", sub(1, "Variable", U32, "rw"), sub(2, "Mode", U8, "rw"),
+           sub(3, "High value", U32, "rw"), sub(4, "Low value", U32, "rw"), sub(5, "Mask", U32, "rw", 0xFFFFFFFF),
+           sub(6, "Preceding samples", U16, "rw", 0, 0, 499)),
+    record(0x31E4, "Recorder control", sub(1, "Controlword", U16, "rw"), sub(2, "Statusword", U16, "ro")),
+    record(0x31E5, "Recorder data", sub(1, "Recorded samples", U16, "ro"), sub(2, "Time stamp", U32, "ro"),
+           sub(3, "Snapshot", OCTETS, "ro", "")),
+    *(record(0x31E5 + n, f"Recorder buffer {n}", sub(1, "Complete", OCTETS, "ro", ""), sub(2, "Part 1", OCTETS, "ro", ""))
+      for n in range(1, 5)),
+    record(0x3202, "Functional safety", sub(1, "STO input states", U8, "ro")),
+    record(0x324B, "Mechanical tuning configuration", sub(1, "Cut-off frequency", U32, "rw", 8000, 1, 200000),
+           sub(2, "Target amplitude", U32, "rw", 1, 1, 82000), sub(3, "Identify Km", U8, "rw", 1, 0, 1),
+           sub(4, "P gain dynamic friction", U32, "rw", 1000), sub(5, "I gain dynamic friction", U32, "rw", 100),
+           sub(0x20, "Target velocity", I32, "rw"), sub(0x21, "Profile acceleration", U32, "rw", 10000, 1),
+           sub(0x22, "Profile deceleration", U32, "rw", 10000, 1)),
+    record(0x324C, "Mechanical tuning parameters", sub(1, "Cycle duration", U32, "ro"), sub(2, "Set current", U16, "ro"),
+           sub(3, "Position peak", U32, "ro"), sub(4, "Dynamic friction", U32, "ro"), sub(6, "Extra delay", U32, "ro"),
+           sub(0x20, "Velocity demand", I32, "ro"), sub(0x21, "Velocity averaged", I32, "ro")),
+    record(0x324D, "Velocity tuning configuration", sub(1, "Step amplitude", U32, "rw", 500, 1, 2500000),
+           sub(2, "Cycle time", U32, "ro"), sub(3, "Target amplitude", U16, "rw", 3, 3, 3000),
+           sub(4, "Max cycle time factor", U16, "rw", 11, 11, 60)),
+    record(0x324E, "Velocity tuning parameter", sub(1, "Excitation amplitude", U32, "ro")),
+    record(0x324F, "Velocity tuning positions", *(sub(n, f"Positions {n}", OCTETS, "ro", "") for n in range(1, 8))),
+    record(0x3250, "Velocity tuning offset", *(sub(n, f"Offset {n}", I32, "ro") for n in range(1, 4))),
+)  # fmt: skip
+
 APPLICATION = joined(
     var(0x6007, "Abort connection option code", I16, "rw", 3, 0, 3),
     var(0x603F, "Error code", U16, "ro", pdo=True),
@@ -153,6 +199,8 @@ APPLICATION = joined(
     var(0x6076, "Motor rated torque [uNm]", U32, "ro", 0),
     var(0x6077, "Torque actual value", I16, "ro", pdo=True),
     var(0x607A, "Target position", I32, "rw", pdo=True),
+    record(0x607B, "Position range limit", sub(1, "Min position range limit", I32, "rw", 0, 0, 0, pdo=True),
+           sub(2, "Max position range limit", I32, "rw", 0, 0, 0, pdo=True)),
     record(0x607D, "Software position limit", sub(1, "Min position limit", I32, "rw"),
            sub(2, "Max position limit", I32, "rw")),
     var(0x607F, "Max profile velocity", U32, "rw", 50000, 1),
@@ -177,6 +225,11 @@ APPLICATION = joined(
     var(0x60C5, "Max acceleration", U32, "rw", 0xFFFFFFFF),  # not used in cyclic modes
     record(0x60E3, "Supported homing methods", *(sub(n, f"Method {n}", I8, "ro", method)
            for n, method in enumerate(sorted(HOMING), 1))),
+    record(0x60E4, "Additional position actual values", *(sub(n, f"Position sensor {n}", I32, "ro", pdo=True)
+           for n in range(1, 4))),
+    record(0x60E5, "Additional velocity actual values", *(sub(n, f"Velocity sensor {n}", I32, "ro", pdo=True)
+           for n in range(1, 4)), *(sub(8 + n, f"Velocity averaged sensor {n}", I32, "ro", pdo=True)
+           for n in range(1, 4))),
     var(0x60F4, "Following error actual value", I32, "ro", pdo=True),
     var(0x60FD, "Digital inputs", U32, "ro", pdo=True),
     record(0x60FE, "Digital outputs", sub(1, "Physical outputs", U32, "rw", 0, pdo=True)),
@@ -233,13 +286,15 @@ def supply(dictionary: Dictionary) -> tuple[float, float]:
 
 
 GAINS = {
-    (0x30A1, 1): {"position_gain": 1}, (0x30A2, 1): {"velocity_gain": 1}, (0x30A2, 2): {"velocity_integral": 1},
-}  # fmt: skip
+    (0x30A1, 1): {"position_gain": 1},
+    (0x30A2, 1): {"velocity_gain": 1},
+    (0x30A2, 2): {"velocity_integral": 1},
+}
 
 PROFILE = Profile(
     name="epos4",
     title="maxon EPOS4",
-    objects=COMMUNICATION + PROCESS_DATA + VENDOR + APPLICATION,
+    objects=COMMUNICATION + PROCESS_DATA + VENDOR + TOOLS + APPLICATION,
     modes=MODES,
     homing=HOMING,
     faults=FAULTS,

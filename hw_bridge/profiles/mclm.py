@@ -73,23 +73,25 @@ VENDOR = joined(
            sub(3, "Errout mask", U16, "rw", 0x00FF)),
     record(0x2322, "Deviation", sub(1, "Delay [ms]", U16, "rw", 200), sub(2, "Maximum [mm/s]", U16, "rw", 30000)),
     record(0x2330, "Sampling", sub(1, "Sampling rate", U16, "rw", 1, 1, 20)),
-    # acts on nothing; types follow from the ranges, defaults are values in use on real LM motors or assumed (2331h)
-    record(0x2331, "Velocity control", sub(1, "P term POR", U8, "rw", 40, 1, 255), sub(2, "I term", U8, "rw", 50, 1, 255)),
-    record(0x2332, "Position control", sub(1, "P term PP", U8, "rw", 15, 1, 255),
-           sub(2, "D term PD", U8, "rw", 10, 1, 255)),
+    # acts on nothing; defaults are values in use on real LM motors or assumed (2331h)
+    record(0x2331, "Velocity control", sub(1, "P term POR", U16, "rw", 40, 1, 255),
+           sub(2, "I term", U16, "rw", 50, 1, 255)),
+    record(0x2332, "Position control", sub(1, "P term PP", U16, "rw", 15, 1, 255),
+           sub(2, "D term PD", U16, "rw", 10, 1, 255)),
     record(0x2333, "Current control", sub(1, "Continuous current [mA]", U16, "rw", 790, 0, 12000),  # currents: those
-           sub(2, "Peak current [mA]", U16, "rw", 2370, 0, 12000), sub(3, "Integral", U8, "rw", 3, 1, 255)),  # of LM 2070
+           sub(2, "Peak current [mA]", U16, "rw", 2370, 0, 12000), sub(3, "Integral", U16, "rw", 3, 1, 255)),  # of LM 2070
     var(0x2334, "Current limit [mA]", U16, "ro", pdo=True),
-    record(0x2338, "General settings", sub(1, "Commutation", U8, "rw", 1, 0, 1),
-           sub(2, "Limits in velocity mode", U8, "rw", 0, 0, 1), sub(3, "Limits in position mode", U8, "rw", 1, 0, 1)),
-    record(0x2350, "Motor", sub(1, "KN", U32, "rw", 14000), sub(2, "RM", U32, "rw", 200000),
-           sub(4, "Magnetic pitch [mm]", U16, "rw", 18, 8, 60), sub(5, "Thermal time constant [s]", U16, "rw", 15, 1)),
+    record(0x2338, "General settings", sub(1, "Commutation", U16, "rw", 1, 0, 1),
+           sub(2, "Limits in velocity mode", U16, "rw", 0, 0, 1), sub(3, "Limits in position mode", U16, "rw", 1, 0, 1)),
+    # a range of 200 to 65400 without a unit is taken for ms, its default is assumed
+    record(0x2350, "Motor", sub(1, "KN", U16, "rw", 14000, 0, 16383), sub(2, "RM", U32, "rw", 200000, 0, 320000),
+           sub(4, "Magnetic pitch [mm]", U8, "rw", 18, 8, 60),
+           sub(5, "Thermal time constant [ms]", U16, "rw", 15000, 200, 65400)),
     var(0x2562, "Position demand internal [increments]", I32, "ro", pdo=True),
     var(0x257A, "Target position internal [increments]", I32, "rw", pdo=True),
 )  # fmt: skip
 
 APPLICATION = joined(
-    var(0x603F, "Error code", U16, "ro", pdo=True),
     var(0x6040, "Controlword", U16, "rw", pdo=True),
     var(0x6041, "Statusword", U16, "ro", pdo=True),
     var(0x6060, "Modes of operation", I8, "rw", 1, -9, 8, pdo=True),
@@ -117,7 +119,6 @@ APPLICATION = joined(
     var(0x6083, "Profile acceleration", U32, "rw", 30000, 0, 32000, pdo=True),  # mm/s2
     var(0x6084, "Profile deceleration", U32, "rw", 30000, 0, 32000, pdo=True),
     var(0x6085, "Quick stop deceleration", U32, "rw", 30000, 0, 32000, pdo=True),
-    var(0x6086, "Motion profile type", I16, "ro", 0),
     record(0x608F, "Position encoder resolution", sub(1, "Encoder increments", U32, "ro", PER_PITCH),
            sub(2, "Pitch [mm]", U32, "ro", 18)),
     record(0x6091, "Gear ratio", sub(1, "Motor revolutions", U32, "ro", 1), sub(2, "Shaft revolutions", U32, "ro", 1)),
@@ -130,7 +131,6 @@ APPLICATION = joined(
     var(0x609A, "Homing acceleration", U32, "rw", 50, 1),
     var(0x60FD, "Digital inputs", U32, "ro", pdo=True),
     var(0x60FF, "Target velocity", I32, "rw", pdo=True),
-    var(0x6402, "Motor type", U16, "rw", 3),
     var(0x6502, "Supported drive modes", U32, "const", supported(*MODES)),
 )  # fmt: skip
 
@@ -162,7 +162,7 @@ def units(dictionary: Dictionary) -> Units:
 
 def currents(dictionary: Dictionary) -> Currents:
     """Continuous and peak current with their thermal time constant."""
-    return Currents(dictionary.get(0x2333, 1) / 1e3, dictionary.get(0x2333, 2) / 1e3, float(dictionary.get(0x2350, 5)))
+    return Currents(dictionary.get(0x2333, 1) / 1e3, dictionary.get(0x2333, 2) / 1e3, dictionary.get(0x2350, 5) / 1e3)
 
 
 def deviation(dictionary: Dictionary) -> tuple[float, int]:

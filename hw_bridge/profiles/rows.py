@@ -13,9 +13,16 @@ if TYPE_CHECKING:
 
 
 def pdo(
-    number: int, base: int, mapping: tuple[int, ...], *, receive: bool, objects: int, flags: int = 0,
-    inhibit: int | None = None, event: int | None = None,
-) -> tuple[Entry, ...]:  # fmt: skip
+    number: int,
+    base: int,
+    mapping: tuple[int, ...],
+    *,
+    receive: bool,
+    objects: int,
+    flags: int = 0,
+    inhibit: int | None = None,
+    event: int | None = None,
+) -> tuple[Entry, ...]:
     """Communication and mapping record of PDO `number` from 1; `inhibit` and `event`: defaults where it has them."""
     name = f"{'Receive' if receive else 'Transmit'} PDO {number}"
     subs = [

@@ -41,9 +41,15 @@ class Session:
     """Drives and their master during one case."""
 
     def __init__(
-        self, keys: HardwareKeys, contacts: Mapping[str, ContactKeys], build: Path, company: Company,
-        trace: Path | None = None, faults: Sequence[Override] = (), variant: str = "",
-    ) -> None:  # fmt: skip
+        self,
+        keys: HardwareKeys,
+        contacts: Mapping[str, ContactKeys],
+        build: Path,
+        company: Company,
+        trace: Path | None = None,
+        faults: Sequence[Override] = (),
+        variant: str = "",
+    ) -> None:
         self.variant = variant
         self.keys, self.contacts, self.build, self.trace, self.faults = keys, contacts, build, trace, faults
         self.company = company

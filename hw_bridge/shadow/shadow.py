@@ -30,9 +30,17 @@ class Shadow:
     """One drive and its twin. `look` once per cycle; a symptom that stays is told once."""
 
     def __init__(
-        self, axis: Component, keys: NodeKeys, bands: ShadowKeys, node: Node, network: Network, position: float,
-        master: int, cycle: int, build: Path,
-    ) -> None:  # fmt: skip
+        self,
+        axis: Component,
+        keys: NodeKeys,
+        bands: ShadowKeys,
+        node: Node,
+        network: Network,
+        position: float,
+        master: int,
+        cycle: int,
+        build: Path,
+    ) -> None:
         self.axis, self.node, self.bands, self.cycle, self.network = axis, node, bands, cycle / 1e9, network
         self.plant = Plant(axis, keys, position, build)
         self.plant.drive.connect(unconnected)

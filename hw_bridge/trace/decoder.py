@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import cia301, state_of
@@ -13,9 +14,10 @@ from hw_bridge.trace.party import Party, Route
 from hw_bridge.trace.transfer import Transfer
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from hw_bridge.bus import Frame
+    from hw_bridge.dictionary import Entry
     from hw_bridge.hardware import HardwareKeys
 
 IDENTITY = ((0x1018, 1), (0x1018, 2))
@@ -48,10 +50,16 @@ class Decoder:
         self.resetting: dict[int, bool] = {}  # nodes that were told to begin anew: also the application?
 
     @classmethod
-    def of_bench(cls, keys: HardwareKeys, brief: bool = False) -> Decoder:
-        """A decoder that knows the drives and modules of a hardware file."""
-        made = [Party(one.node, profile(one.profile), one, name) for name, one in keys.nodes.items()]
-        return cls([*made, *(Party(one.node, name=name) for name, one in keys.modules.items())], brief)
+    def of_bench(
+        cls, keys: HardwareKeys, brief: bool = False, objects: Mapping[int, tuple[Entry, ...]] = MappingProxyType({})
+    ) -> Decoder:
+        """A decoder that knows the drives and modules of a hardware file. `objects`: of EDS files, by node-ID."""
+        made = [
+            Party(one.node, profile(one.profile), one, name, objects.get(one.node, ()))
+            for name, one in keys.nodes.items()
+        ]
+        modules = (Party(one.node, name=name, objects=objects.get(one.node, ())) for name, one in keys.modules.items())
+        return cls([*made, *modules], brief)
 
     def party(self, node: int) -> Party:
         """The node with this ID."""

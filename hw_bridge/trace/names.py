@@ -5,14 +5,19 @@ from __future__ import annotations
 from hw_bridge.dictionary import Command, Mode, NmtState, cia301, cia402, command_of, state_of
 
 COMMANDS = {
-    cia301.START: "start", cia301.STOP: "stop", cia301.PRE_OPERATIONAL: "enter pre-operational",
-    cia301.RESET_NODE: "reset node", cia301.RESET_COMMUNICATION: "reset communication",
-}  # fmt: skip
+    cia301.START: "start",
+    cia301.STOP: "stop",
+    cia301.PRE_OPERATIONAL: "enter pre-operational",
+    cia301.RESET_NODE: "reset node",
+    cia301.RESET_COMMUNICATION: "reset communication",
+}
 
 STATES = {
-    NmtState.INITIALIZING: "boot-up", NmtState.STOPPED: "stopped", NmtState.OPERATIONAL: "operational",
+    NmtState.INITIALIZING: "boot-up",
+    NmtState.STOPPED: "stopped",
+    NmtState.OPERATIONAL: "operational",
     NmtState.PRE_OPERATIONAL: "pre-operational",
-}  # fmt: skip
+}
 
 EMERGENCIES = {  # classes of CiA 301 by the high byte of the code; the longer match counts
     "00": "no error", "10": "generic", "20": "current", "21": "current, input side", "22": "current inside the device",
@@ -26,13 +31,18 @@ EMERGENCIES = {  # classes of CiA 301 by the high byte of the code; the longer m
 REGISTER = ("generic", "current", "voltage", "temperature", "communication", "device profile", "bit 6", "manufacturer")
 
 FLAGS = {  # of the statusword beside its state
-    cia402.WARNING: "warning", cia402.TARGET_REACHED: "target reached", cia402.INTERNAL_LIMIT: "internal limit",
-    cia402.BIT_12: "bit 12", cia402.BIT_13: "bit 13",
-}  # fmt: skip
+    cia402.WARNING: "warning",
+    cia402.TARGET_REACHED: "target reached",
+    cia402.INTERNAL_LIMIT: "internal limit",
+    cia402.BIT_12: "bit 12",
+    cia402.BIT_13: "bit 13",
+}
 WISHES = {  # of the controlword beside its command
-    cia402.NEW_SET_POINT: "new set-point", cia402.CHANGE_IMMEDIATELY: "immediately", cia402.RELATIVE: "relative",
+    cia402.NEW_SET_POINT: "new set-point",
+    cia402.CHANGE_IMMEDIATELY: "immediately",
+    cia402.RELATIVE: "relative",
     cia402.HALT: "halt",
-}  # fmt: skip
+}
 
 
 def emergency(code: int) -> str:

@@ -71,8 +71,16 @@ def common() -> tuple[Entry, ...]:
 class Party:
     """A node. Without a profile it has names for what all drives have, and no units."""
 
-    def __init__(self, node: int, chosen: Profile | None = None, keys: NodeKeys | None = None, name: str = "") -> None:
+    def __init__(
+        self,
+        node: int,
+        chosen: Profile | None = None,
+        keys: NodeKeys | None = None,
+        name: str = "",
+        objects: tuple[Entry, ...] = (),
+    ) -> None:
         self.node, self.keys = node, keys
+        self.objects = objects  # of an EDS file, instead of the profile's or of what all have
         self.name = name or f"node {node}"
         self.learned: set[tuple[int, int]] = set()
         self.profile = chosen
@@ -85,7 +93,8 @@ class Party:
         """Take over a vendor's dictionary; what was learned before remains."""
         heard = {key: self.dictionary.values[key] for key in self.learned}
         self.profile = chosen
-        self.dictionary = Dictionary(chosen.objects if chosen is not None else common(), self.node)
+        objects = self.objects or (chosen.objects if chosen is not None else common())
+        self.dictionary = Dictionary(objects, self.node)
         self.stored = dict(self.dictionary.values)  # what it begins with after a reset
         self.dictionary.values.update(heard)
         self._units: Units | None = None
@@ -101,8 +110,9 @@ class Party:
             values[index, sub] = value
         values.update(self.keys.objects)
         for base, start, maps in (
-            (0x200, 0x1400, received), (0x180, 0x1800, (TRANSMIT, (SPEED, vendor.current))),
-        ):  # fmt: skip
+            (0x200, 0x1400, received),
+            (0x180, 0x1800, (TRANSMIT, (SPEED, vendor.current))),
+        ):
             for number in range(PDOS):
                 words = maps[number] if number < len(maps) else ()
                 flags = 0 if words else cia301.INVALID
@@ -194,7 +204,10 @@ class Party:
         if self.profile is None:
             return 1.0, ""
         if self._units is None:
-            self._units = self.profile.units(self.dictionary)
+            try:
+                self._units = self.profile.units(self.dictionary)
+            except ZeroDivisionError:  # the trace, or an EDS file, has 0 or nothing for what they follow from
+                return 1.0, ""
         units, way = self._units, self.profile.motor.unit
         if index in POSITIONS:
             return units.position, way

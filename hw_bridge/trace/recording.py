@@ -24,7 +24,7 @@ NAMES = {  # what a member may call it
     VELOCITY: (VELOCITY, "velocity", "angular_velocity"),
     "current": ("current",),
     STATUSWORD: (STATUSWORD,),
-}  # fmt: skip
+}
 DISORDER = 10_000_000  # by which frames of two channels may be recorded in the wrong order [ns]
 
 

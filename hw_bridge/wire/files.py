@@ -19,8 +19,10 @@ if TYPE_CHECKING:
     from hw_bridge.bus import Frame
 
 READERS: dict[str, Callable[[Any], Iterable[can.Message]]] = {
-    ".asc": can.ASCReader, ".blf": can.BLFReader, ".log": can.CanutilsLogReader,
-}  # fmt: skip
+    ".asc": can.ASCReader,
+    ".blf": can.BLFReader,
+    ".log": can.CanutilsLogReader,
+}
 SUFFIXES = tuple(READERS)
 
 

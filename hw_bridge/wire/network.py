@@ -5,6 +5,8 @@ from __future__ import annotations
 import gc
 import os
 import time
+from collections import Counter
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import can
@@ -31,7 +33,7 @@ class WireNetwork(Network):
         self.ear = Ear(self.bus)
         self._echoes = interface == "udp_multicast"  # what is sent comes back
         self._error_classes = interface == "socketcan"
-        self._own: set[int] = set()  # identifiers that were sent
+        self._sent: Counter[Frame] = Counter()  # what has not come back yet
         self._begin = time.monotonic_ns()
         self._collecting = gc.isenabled()
         gc.disable()  # its pauses are longer than a cycle
@@ -46,11 +48,12 @@ class WireNetwork(Network):
         """Hand a frame to the interface."""
         try:
             self.bus.send(to_message(frame))
-        except (can.CanError, OSError) as error:
+        except Exception as error:  # drivers of adapters raise whatever they meet, not least when one is unplugged
             raise SimulationError(
-                f"bus: does not take frames: {error}. Check wiring, termination and power."
+                f"bus: does not take frames: {error}. Check the adapter, wiring, termination and power."
             ) from error
-        self._own.add(frame.id)
+        if self._echoes:
+            self._sent[frame] += 1
         self.tell(frame)
 
     def advance(self, until: int, done: Condition = never) -> None:
@@ -72,8 +75,12 @@ class WireNetwork(Network):
         if message.is_error_frame and (self.bus.state is can.BusState.ERROR or self._tells_bus_off(message)):
             raise SimulationError("bus: bus-off. Check bit rate, wiring and termination.")
         if (frame := from_message(message)) is not None:
-            if not (self._echoes and frame.id in self._own):
-                self.tell(frame)
+            if frame in self._sent:
+                self._sent[frame] -= 1
+                if not self._sent[frame]:
+                    del self._sent[frame]
+                return
+            self.tell(frame)
             self.hear(frame)
         elif message.is_error_frame:
             self.tell(None)
@@ -83,8 +90,9 @@ class WireNetwork(Network):
         return self._error_classes and bool(message.arbitration_id & BUS_OFF)
 
     def close(self) -> None:
-        """Leave the bus."""
-        self.bus.shutdown()
+        """Leave the bus; an adapter that is gone cannot be told."""
+        with suppress(Exception):
+            self.bus.shutdown()
         if self._collecting:
             gc.enable()
         if self.real_time:

@@ -25,8 +25,11 @@ def test_a_new_component_passes_its_tests_and_builds(twin, tmp_path, build):
     made = twin("new", "my_part")
     assert made.returncode == 0, made.stderr
     assert sorted(path.name for path in (tmp_path / "fmus/my_part").iterdir() if path.is_file()) == [
-        "README.md", "__init__.py", "expected.csv", "model.py",
-    ]  # fmt: skip
+        "README.md",
+        "__init__.py",
+        "expected.csv",
+        "model.py",
+    ]
     tested = twin("test", "my_part", "--build", str(build))
     assert (tested.returncode, tested.stdout) == (0, "my_part: ok\n"), tested.stderr
     built = twin("build", "my_part", "--build", "here")

@@ -62,8 +62,12 @@ def test_who_reads_may_leave_at_any_time(hostile, words):
     words = [word.format(file=hostile) for word in words]
     done = subprocess.run(
         [*MAIN, *words, *(["--as", "interpreted", "--no-report"] if words[0] == "run" else [])],
-        cwd=hostile.parent, stdout=write, stderr=write, check=False, timeout=120,
-    )  # fmt: skip
+        cwd=hostile.parent,
+        stdout=write,
+        stderr=write,
+        check=False,
+        timeout=120,
+    )
     os.close(write)
     assert done.returncode == terminal.CLOSED
 

@@ -73,7 +73,9 @@ CASES = {
     "self.y = self.missing": ("is not declared", "Declare it as a variable"),
     "self.y = missing": ("is not defined", "Import or define it"),
     "self.y = unset": (
-        "is used before it has a value", "Set it first", "while self.n > 5:\n    other = unset\n    unset = other"
+        "is used before it has a value",
+        "Set it first",
+        "while self.n > 5:\n    other = unset\n    unset = other",
     ),
     "w = None": ("gets None", "Use a number that cannot occur"),
     "self.y = recursive(self.n)": ("calls itself", "Write a loop with known bounds"),
@@ -101,7 +103,7 @@ CASES = {
     "self.z[effect(self)] %= 2.0": ("calls a function for the place it changes", "Give the index a name first"),
     "self.y = '1'": ("is a number, but gets no number", "Give it a number"),
     "self.y = (t)(1.0)": ("calls what is no function", "Call functions by their names"),
-}  # fmt: skip
+}
 
 
 def component(statement, before=""):
@@ -110,9 +112,13 @@ def component(statement, before=""):
     scope = dict(globals())
     step = define("step", f"def step(self, t, h):\n    self.y = t\n{body}\n", scope, "test")
     fields = {
-        "n": input("", "whole", type=Int64), "y": output("", "out"), "z": local((0.0,) * 3, "", "array"),
-        "k": parameter(1.0, "", "k"), "step": step, "__doc__": "A test.",
-    }  # fmt: skip
+        "n": input("", "whole", type=Int64),
+        "y": output("", "out"),
+        "z": local((0.0,) * 3, "", "array"),
+        "k": parameter(1.0, "", "k"),
+        "step": step,
+        "__doc__": "A test.",
+    }
     return type("Part", (Component,), fields)
 
 

@@ -141,9 +141,14 @@ def test_the_linter_names_component_line_and_remedy():
     first = Bad.step.__code__.co_firstlineno
     problems = source.check(Bad)
     expected = [
-        (1, "writes input `self.u`"), (2, "writes parameter `self.k`"), (3, "`self.why` is not declared"),
-        (4, "`print()`"), (6, "`raise` is lost"), (7, "`.max()` of an array"), (8, "assigns the whole array `self.z`"),
-    ]  # fmt: skip
+        (1, "writes input `self.u`"),
+        (2, "writes parameter `self.k`"),
+        (3, "`self.why` is not declared"),
+        (4, "`print()`"),
+        (6, "`raise` is lost"),
+        (7, "`.max()` of an array"),
+        (8, "assigns the whole array `self.z`"),
+    ]
     for line, text in expected:
         assert any(f"Bad (compiler/test_native.py:{first + line}): " in p and text in p for p in problems), text
     assert len(problems) == len(expected)

@@ -29,7 +29,7 @@ from math import (
     sqrt,
     tan,
     tanh,
-)  # fmt: skip
+)
 
 import numpy as np
 import pytest

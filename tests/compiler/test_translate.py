@@ -42,7 +42,7 @@ from math import (
     tan,
     tanh,
     trunc,
-)  # fmt: skip
+)
 
 import numpy as np
 import pytest

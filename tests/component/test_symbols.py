@@ -19,8 +19,10 @@ def same(text):
     assert exact is not None, text
     asked = unit.asked(text)
     return (unit.round_trip(float(exact[0])), 0.0, exact[1]) == (
-        unit.round_trip(asked.factor), asked.offset, asked.exponents,
-    )  # fmt: skip
+        unit.round_trip(asked.factor),
+        asked.offset,
+        asked.exponents,
+    )
 
 
 @pytest.mark.parametrize("text", EVERY)

@@ -111,9 +111,17 @@ class Diverging(Component):
 
 
 def couple(
-    build: Path, parts: dict, connections: list[str], algorithm=Algorithm.jacobi, step=1_000_000,
-    mode="compiled", record=None, every=0, periods=None, recorder=None,
-) -> CoSimulation:  # fmt: skip
+    build: Path,
+    parts: dict,
+    connections: list[str],
+    algorithm=Algorithm.jacobi,
+    step=1_000_000,
+    mode="compiled",
+    record=None,
+    every=0,
+    periods=None,
+    recorder=None,
+) -> CoSimulation:
     """A co-simulation of component instances; connections are `a.y -> b.u`."""
     members = {}
     for name, component in parts.items():

@@ -15,7 +15,7 @@ from tests.coupling.parts import (
     SlowHold,
     couple,
     trajectory,
-)  # fmt: skip
+)
 from twin.coupling import Algorithm
 from twin.errors import CouplingError, SimulationError
 

@@ -205,8 +205,9 @@ def test_terminals_that_are_connected_inside_are_not_carried_over():
     assert list(cls.terminals) == ["sheath.gripper", "wall.heart"]
     members = cls.terminals["sheath.gripper"].members
     assert {key: v.name for key, v in members.items()} == {
-        "position": "sheath.gripper_position", "force": "sheath.reaction_force",
-    }  # fmt: skip
+        "position": "sheath.gripper_position",
+        "force": "sheath.reaction_force",
+    }
 
 
 # ---------------------------------------------------------------------------------- groups of other scenarios as members
@@ -251,9 +252,10 @@ def test_a_group_of_another_scenario_is_a_member(tmp_path, build):
     assert values["first.motor.position"][-1] > 5e-3
     assert scenario.cases()[0].values("first", prepare(scenario)["base"]["first"])["sensor.seed"] > 0
     noise = [
-        np.diff(tables[0]["base", seed].values[f"{name}.sensor.measured_force"]) for seed in (1, 2)
+        np.diff(tables[0]["base", seed].values[f"{name}.sensor.measured_force"])
+        for seed in (1, 2)
         for name in ("first", "second")
-    ]  # fmt: skip
+    ]
     assert all(not np.array_equal(noise[0], one) for one in noise[1:])
 
 

@@ -221,9 +221,14 @@ def test_inputs_of_every_kind_do_the_same(fmu, tmp_path):
     frame = pd.DataFrame({"time": times, "push": pushes})
     frame.to_csv(tmp_path / "in.csv", index=False)
     given = [
-        frame, frame.set_index("time"), {"time": np.array(times), "push": pushes}, tmp_path / "in.csv",
-        str(tmp_path / "in.csv"), frame.to_records(index=False), pd.DataFrame({"time": times, "push [mN]": [0, 1000, 2000]}),
-    ]  # fmt: skip
+        frame,
+        frame.set_index("time"),
+        {"time": np.array(times), "push": pushes},
+        tmp_path / "in.csv",
+        str(tmp_path / "in.csv"),
+        frame.to_records(index=False),
+        pd.DataFrame({"time": times, "push [mN]": [0, 1000, 2000]}),
+    ]
     tables = [twin.simulate(fmu, one, stop_time="1 s", step_size="100 ms") for one in given]
     assert all(np.allclose(table.to_numpy(float), tables[0].to_numpy(float)) for table in tables)
     assert tables[0].attrs["units"]["place"] == "m"

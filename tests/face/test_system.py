@@ -103,9 +103,13 @@ def test_what_cannot_be_set_says_so(system, build):
     system.add("angle", "chirp")
     with system.simulate(form="interpreted", build=build) as simulation:
         for name, value, text in (
-            ("part.mass", 2.0, "fixed"), ("part.place", 2.0, "override"), ("part.gain", "3 kg", "convert"),
-            ("part.push", [1, 2], "one value"), ("part.push", float("nan"), "finite"), ("part.push", None, "nothing"),
-        ):  # fmt: skip
+            ("part.mass", 2.0, "fixed"),
+            ("part.place", 2.0, "override"),
+            ("part.gain", "3 kg", "convert"),
+            ("part.push", [1, 2], "one value"),
+            ("part.push", float("nan"), "finite"),
+            ("part.push", None, "nothing"),
+        ):
             with pytest.raises(twin.TwinError, match=text):
                 simulation[name] = value
         for name in ("part.psh", "prt.push", "part", "part.row[4]"):

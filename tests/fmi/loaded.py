@@ -9,9 +9,11 @@ from fmpy import fmi2, fmi3, read_model_description
 
 VERSIONS = ("2.0", "3.0")
 SLAVES = {
-    ("2.0", "CS"): fmi2.FMU2Slave, ("3.0", "CS"): fmi3.FMU3Slave,
-    ("2.0", "ME"): fmi2.FMU2Model, ("3.0", "ME"): fmi3.FMU3Model,
-}  # fmt: skip
+    ("2.0", "CS"): fmi2.FMU2Slave,
+    ("3.0", "CS"): fmi3.FMU3Slave,
+    ("2.0", "ME"): fmi2.FMU2Model,
+    ("3.0", "ME"): fmi3.FMU3Model,
+}
 TYPES_2 = {"Float64": "Real", "Int32": "Integer", "Int64": "Integer", "Boolean": "Boolean"}
 
 

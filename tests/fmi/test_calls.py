@@ -113,9 +113,14 @@ def is_legal(version, part, kind, name, state):
 
 
 NOT_CALLED = {
-    "GetVersion", "GetTypesPlatform", "Instantiate", "InstantiateCoSimulation", "InstantiateModelExchange",
-    "InstantiateScheduledExecution", "FreeInstance",
-}  # fmt: skip
+    "GetVersion",
+    "GetTypesPlatform",
+    "Instantiate",
+    "InstantiateCoSimulation",
+    "InstantiateModelExchange",
+    "InstantiateScheduledExecution",
+    "FreeInstance",
+}
 NO_ANSWER = {"GetIntegerStatus", "GetStringStatus"}  # legal, but there is no such status: Discard
 
 STEP_TO = {"d": 2, "e": 3, "f": 4}
@@ -190,9 +195,12 @@ def call(fmu, name, state, data):
 
 
 VECTORS = {
-    "SetContinuousStates", "GetContinuousStates", "GetDerivatives", "GetContinuousStateDerivatives",
+    "SetContinuousStates",
+    "GetContinuousStates",
+    "GetDerivatives",
+    "GetContinuousStateDerivatives",
     "GetNominalsOfContinuousStates",
-}  # fmt: skip
+}
 
 
 def states_of(fmu):

@@ -181,9 +181,13 @@ def test_the_wall_is_touched_and_lost_at_events(version, build):
     signal["time"] = t
     signal["tip_position"] = wall.surface_position.start - 1e-3 + 5e-3 * np.sin(2.0 * np.pi * t)
     found = simulate_fmu(
-        str(exporter.build(wall, version, build)), fmi_type="ModelExchange", stop_time=2.0, output_interval=1e-3,
-        input=signal, output=["force", "load", "indentation"],
-    )  # fmt: skip
+        str(exporter.build(wall, version, build)),
+        fmi_type="ModelExchange",
+        stop_time=2.0,
+        output_interval=1e-3,
+        input=signal,
+        output=["force", "load", "indentation"],
+    )
     events = found[1:][np.diff(found["time"]) == 0.0]
     touched = np.arcsin(0.2) / (2.0 * np.pi)
     for begin in (0.0, 1.0):

@@ -108,8 +108,23 @@ class Platforms:
         """The importer as a program of a platform."""
         path = self.folder / f"importer-{platform}.exe"
         target = exporter.TARGETS[platform]
-        command = [sys.executable, "-m", "ziglang", "cc", "-target", target.triple, "-std=c11", "-O2", "-Wall", "-Wextra",
-                   "-Werror", "-ffp-contract=off", str(Path(__file__).with_name("importer.c")), "-o", str(path)]  # fmt: skip
+        command = [
+            sys.executable,
+            "-m",
+            "ziglang",
+            "cc",
+            "-target",
+            target.triple,
+            "-std=c11",
+            "-O2",
+            "-Wall",
+            "-Wextra",
+            "-Werror",
+            "-ffp-contract=off",
+            str(Path(__file__).with_name("importer.c")),
+            "-o",
+            str(path),
+        ]
         subprocess.run([*command, *(["-ldl"] if platform.endswith("linux") else [])], check=True, cwd=self.folder)
         return path
 
@@ -134,8 +149,16 @@ class Platforms:
 
             # files, not pipes: what wine leaves behind for a while holds its pipes open
             with files[0].open() as inputs, files[1].open("w") as outputs, files[2].open("w") as errors:
-                done = subprocess.run(command, env=environment, check=False, stdin=inputs, stdout=outputs, stderr=errors,
-                                      timeout=LIMITS.get(platform, 60), cwd=self.folder)  # fmt: skip
+                done = subprocess.run(
+                    command,
+                    env=environment,
+                    check=False,
+                    stdin=inputs,
+                    stdout=outputs,
+                    stderr=errors,
+                    timeout=LIMITS.get(platform, 60),
+                    cwd=self.folder,
+                )
             assert done.returncode == 0, files[2].read_text()
             lines = files[1].read_text().splitlines()
             table = [[struct.unpack(">d", bytes.fromhex(w))[0] for w in line.split()] for line in lines]
@@ -150,8 +173,19 @@ class Platforms:
         outputs = [exposed[v.name] for v in cls.variables if v.role == "output" and v.type is Float64]
         states = sum(v.size for v in cls.variables if v.role == "state")
         token = exporter.plan(cls, version).token
-        return [str(library), version[0], case.kind, token, repr(case.h), str(case.steps), str(states),
-                str(len(inputs)), *inputs, str(len(outputs)), *outputs]  # fmt: skip
+        return [
+            str(library),
+            version[0],
+            case.kind,
+            token,
+            repr(case.h),
+            str(case.steps),
+            str(states),
+            str(len(inputs)),
+            *inputs,
+            str(len(outputs)),
+            *outputs,
+        ]
 
 
 @pytest.fixture(scope="session")

@@ -222,9 +222,13 @@ class Watched:
                 requested[0], at[0] = True, wanted
 
         self.fmu = Fmu(
-            fmus, part, "3.0", earlyReturnAllowed=early, intermediateUpdate=update,
+            fmus,
+            part,
+            "3.0",
+            earlyReturnAllowed=early,
+            intermediateUpdate=update,
             requiredIntermediateVariables=[numbers[name] for name in required],
-        ).begin()  # fmt: skip
+        ).begin()
 
 
 def test_every_substep_is_shown_and_the_result_is_the_same_to_the_bit(fmus):
@@ -290,9 +294,17 @@ def test_it_does_not_end_early_unless_that_is_allowed(fmus):
 
 def test_only_what_was_required_is_within_reach(fmus):
     def act(fmu, t):
-        tries = [lambda: fmu.get("acceleration"), lambda: fmu.get("x"), lambda: fmu.set("stiffness", 1.0),
-                 lambda: fmu.set("total", 1.0), lambda: fmu.step(t, 0.1), fmu.slave.terminate, fmu.slave.reset,
-                 fmu.slave.getFMUState, fmu.slave.enterEventMode]  # fmt: skip
+        tries = [
+            lambda: fmu.get("acceleration"),
+            lambda: fmu.get("x"),
+            lambda: fmu.set("stiffness", 1.0),
+            lambda: fmu.set("total", 1.0),
+            lambda: fmu.step(t, 0.1),
+            fmu.slave.terminate,
+            fmu.slave.reset,
+            fmu.slave.getFMUState,
+            fmu.slave.enterEventMode,
+        ]
         for each in tries:
             with pytest.raises(FMICallException):
                 each()

@@ -161,9 +161,13 @@ def native_fmu(folder: Path, xml: str = NATIVE_XML, source: str = NATIVE) -> Pat
     if not library.exists():
         command = [sys.executable, "-m", "ziglang", "cc", "-shared", "-fPIC", "-O1", "-w"]
         subprocess.run([*command, "-o", str(library), str(folder / "native.c")], check=True, capture_output=True)
-    return archive(folder / "Native.fmu", {
-        "modelDescription.xml": xml.encode(), "binaries/x86_64-linux/Native.so": library.read_bytes(),
-    })  # fmt: skip
+    return archive(
+        folder / "Native.fmu",
+        {
+            "modelDescription.xml": xml.encode(),
+            "binaries/x86_64-linux/Native.so": library.read_bytes(),
+        },
+    )
 
 
 def archive(path: Path, files: dict[str, bytes]) -> Path:

@@ -145,10 +145,18 @@ class Rig:
         self.speed = sum(gripping) / len(gripping) if gripping else 0.0
         self.instrument += self.h * self.speed
         s = self.sequencer
-        self.log.append((
-            self.t, self.speed, *self.rail.position, *self.rail.extension, int(s.step_number), int(s.leading),
-            int(s.state), float(s.instrument_target_velocity),
-        ))  # fmt: skip
+        self.log.append(
+            (
+                self.t,
+                self.speed,
+                *self.rail.position,
+                *self.rail.extension,
+                int(s.step_number),
+                int(s.leading),
+                int(s.state),
+                float(s.instrument_target_velocity),
+            )
+        )
 
     @property
     def table(self):

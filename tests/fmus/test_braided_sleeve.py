@@ -175,9 +175,17 @@ def test_parameters_are_those_that_the_papers_figures_identify(native, values, p
     friction=st.floats(0.0, 1.0),
 )
 def test_stays_finite_and_physical(extension, tension, instrument, relaxed, angle, count, yarn, friction):
-    sleeve = closed(extension, tension, instrument_diameter=instrument, relaxed_diameter=relaxed, relaxed_angle=angle,
-                    yarn_count=count, yarn_diameter=yarn, friction_coefficient=friction,
-                    effective_length=min(5e-3, instrument))  # fmt: skip
+    sleeve = closed(
+        extension,
+        tension,
+        instrument_diameter=instrument,
+        relaxed_diameter=relaxed,
+        relaxed_angle=angle,
+        yarn_count=count,
+        yarn_diameter=yarn,
+        friction_coefficient=friction,
+        effective_length=min(5e-3, instrument),
+    )
     for variable in sleeve.variables:
         assert np.all(np.isfinite(sleeve.record[variable.name])), variable.name
     assert min(limits(sleeve)) >= 0.0

@@ -22,9 +22,13 @@ QUIET = {"deviation_y": 0.0, "deviation_z": 0.0, "deviation_needle": 0.0, "wire_
 
 # a catheter that is not the paper's: softer guide, another bend, more slack, other needle
 OTHER = {
-    "slope": 0.06, "reversal_offset": 2.4, "dead_band": 1.5, "bend_y": (-0.75, 0.05, 0.40, -0.025),
-    "bend_z": (0.3, -0.3, 0.16, -0.007), "needle": (0.5, -0.9, 0.08),
-}  # fmt: skip
+    "slope": 0.06,
+    "reversal_offset": 2.4,
+    "dead_band": 1.5,
+    "bend_y": (-0.75, 0.05, 0.40, -0.025),
+    "bend_z": (0.3, -0.3, 0.16, -0.007),
+    "needle": (0.5, -0.9, 0.08),
+}
 
 
 def readings(**values):
@@ -49,8 +53,9 @@ def readings(**values):
     go(0, 0, 3)
     tables["coupling"] = [
         (pull, handle, *go(handle, pull, 3)[:2])
-        for pull in range(10) for handle in (*range(0, 21, 2), *range(19, -1, -2), 0)
-    ]  # fmt: skip
+        for pull in range(10)
+        for handle in (*range(0, 21, 2), *range(19, -1, -2), 0)
+    ]
     slides = (*np.arange(3.0, 11.6, 0.5), *np.arange(11.0, 2.9, -0.5))
     tables["needle"] = [(pull, slide, go(0, pull, slide)[2]) for pull in (0, 2, 4, 6, 8) for slide in slides]
     tables["steppers"] = [(sign * 1600, sign * way) for way in (7.65, 7.7, 7.75) for sign in (1, -1)]

@@ -15,10 +15,21 @@ def folder(name):
 
 
 NAMES = (
-    "bouc_wen_compensator", "chirp", "em_tracker", "force_sensor", "heart", "heart_estimate", "pi_bouc_wen_control",
-    "pi_control", "pi_feedforward_control", "regripping_sequencer", "servomotor", "sheath",
-    "travel_command", "wall",
-)  # fmt: skip
+    "bouc_wen_compensator",
+    "chirp",
+    "em_tracker",
+    "force_sensor",
+    "heart",
+    "heart_estimate",
+    "pi_bouc_wen_control",
+    "pi_control",
+    "pi_feedforward_control",
+    "regripping_sequencer",
+    "servomotor",
+    "sheath",
+    "travel_command",
+    "wall",
+)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -21,9 +21,13 @@ from twin.scenario import Form, load_scenario
 
 FOLDER = Path(fmus.__path__[0])
 NAMES = (
-    "calibration_program", "camera_tracker", "coordinate_feedforward", "coordinate_program", "pull_wire_catheter",
+    "calibration_program",
+    "camera_tracker",
+    "coordinate_feedforward",
+    "coordinate_program",
+    "pull_wire_catheter",
     "stepper_axis",
-)  # fmt: skip
+)
 
 MAIN = """
 #include <stdio.h>

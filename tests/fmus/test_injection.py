@@ -96,10 +96,16 @@ def test_both_columns_of_table_1_meet_where_the_direction_turns():
     """Why z of eq. (6) is a position: at 0 and at 20 mm a loop must close; in the middle the columns are apart."""
     a = np.linspace(2.0, 9.0, 15)
     gap = {
-        z: np.max(np.abs([injection.surface(injection.COMPRESSION, 5, x, z) - injection.surface(injection.TENSION, 3, x, z)
-                          for x in a]))
+        z: np.max(
+            np.abs(
+                [
+                    injection.surface(injection.COMPRESSION, 5, x, z) - injection.surface(injection.TENSION, 3, x, z)
+                    for x in a
+                ]
+            )
+        )
         for z in (0.0, 16.0, 20.0)
-    }  # fmt: skip
+    }
     assert gap[0.0] < 0.3
     assert gap[20.0] < 1.0
     assert gap[16.0] > 1.5

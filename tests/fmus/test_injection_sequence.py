@@ -40,8 +40,20 @@ class Bench:
             setattr(sequence, name, value)
         assert sequence.advance(self.t, 0.01) == 0
         self.t += 0.01
-        now = {name: sequence.record[name].item() for name in
-               ("target_x", "target_y", "target_z", "target_needle_length", "hold", "flow", "volume", "state", "reason")}  # fmt: skip
+        now = {
+            name: sequence.record[name].item()
+            for name in (
+                "target_x",
+                "target_y",
+                "target_z",
+                "target_needle_length",
+                "hold",
+                "flow",
+                "volume",
+                "state",
+                "reason",
+            )
+        }
         self.record.append({**now, "slide": self.slide})
 
     def run(self, limit=6000, until=(model.DONE, model.ABORTED)):

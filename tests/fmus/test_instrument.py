@@ -14,9 +14,12 @@ from tests.fmus.instruments import guidewire
 
 H = 1e-3
 HELD = {
-    "limit_distal": (20.0, 0.0), "limit_proximal": (20.0, 0.0), "torque_limit": (0.04, 0.0),
-    "grip_stiffness": (4.4e3, 0.0), "grip_torsional_stiffness": (0.1, 0.0),
-}  # fmt: skip
+    "limit_distal": (20.0, 0.0),
+    "limit_proximal": (20.0, 0.0),
+    "torque_limit": (0.04, 0.0),
+    "grip_stiffness": (4.4e3, 0.0),
+    "grip_torsional_stiffness": (0.1, 0.0),
+}
 GUIDEWIRE = guidewire("instrument")
 OUTSIDE = {"section_length": (0.0, 0.0, 0.0)}
 
@@ -36,10 +39,17 @@ def advance(part, seconds, speed=0.0, turning=0.0, h=H):
 @pytest.mark.parametrize("direction", [1, -1])
 def test_thrust_grows_through_the_bends_like_a_rope_on_a_capstan(native, coefficient, direction):
     part = native(
-        Instrument, **HELD, friction=0.0, drag=0.0, drag_free=1e-3, play=0.0, friction_coefficient=coefficient,
-        tip_force=1.0, bending_stiffness=1.0,
+        Instrument,
+        **HELD,
+        friction=0.0,
+        drag=0.0,
+        drag_free=1e-3,
+        play=0.0,
+        friction_coefficient=coefficient,
+        tip_force=1.0,
+        bending_stiffness=1.0,
         initial_insertion=0.6,
-    )  # fmt: skip
+    )
     part.start(0.0)
     advance(part, 3.0, direction * 5e-3)
     # pi rad in all
@@ -78,10 +88,15 @@ def test_is_passive(native, seed, kind):
         assert part.advance(step * h, h) == 0
         values.append(
             (
-                -part.gripper_force[0], -part.gripper_force[1], -part.gripper_torque, -force[step], -torque[step],
-                part.tip_position, part.tip_angle,
+                -part.gripper_force[0],
+                -part.gripper_force[1],
+                -part.gripper_torque,
+                -force[step],
+                -torque[step],
+                part.tip_position,
+                part.tip_angle,
             )
-        )  # fmt: skip
+        )
     values = np.array(values)
     moves = np.diff(np.column_stack((*paths, values[:, 5:])), axis=0)
     efforts = 0.5 * (values[1:, :5] + values[:-1, :5])
@@ -285,6 +300,56 @@ def test_the_communication_step_hardly_counts(native, h):
         advance(part, 1.0, -0.01, -1.0, h=size)
         tips.append((float(part.tip_position), float(part.tip_angle)))
     assert tips[0] == pytest.approx(tips[1], rel=0.01)
+
+
+def forth_and_back(part, steps):
+    """Push and turn, hold, go back, without compiled code: what nodes, grips and thrusts do."""
+    part.start(0.0)
+    found = []
+    for step in range(steps):
+        phase = step * H / 0.05
+        part.gripper_position[0], part.gripper_velocity[0] = 2e-3 * np.sin(phase) ** 3, 0.0
+        part.gripper_angle = 0.3 * np.sin(phase) ** 3
+        part.advance(step * H, H)
+        found.append((*part.position, *part.angle, part.gripper_force[0], part.thrust[1], 100.0 * part.gripper_torque))
+    return np.array(found)
+
+
+KINDS = pytest.mark.parametrize(
+    "kind", [{}, {**GUIDEWIRE, "grip_stiffness": (1.7e3, 0.0)}], ids=["catheter", "guidewire"]
+)
+
+
+@KINDS
+def test_elimination_finds_what_moving_one_node_after_the_other_does(kind, monkeypatch):
+    values = {**HELD, **kind, "tip_force": 0.2}
+    exact = forth_and_back(Instrument(**values), 50)
+    monkeypatch.setattr("fmus.instrument.model.eliminate", lambda part, rate: False)
+    swept = forth_and_back(Instrument(**values), 50)
+    assert np.all(np.ptp(exact[:, [0, 1]], axis=0) > 2e-4)
+    assert np.all(np.ptp(exact[:, [4, 5]], axis=0) > 5e-3)
+    assert exact[:, :4] == pytest.approx(swept[:, :4], abs=1e-7)
+    assert exact[:, 4:8] == pytest.approx(swept[:, 4:8], abs=1e-8)
+    assert exact[:, 8:] == pytest.approx(swept[:, 8:], abs=5e-4)
+
+
+@KINDS
+@pytest.mark.parametrize("depth", [0.5, -0.1])
+def test_grips_that_hold_leave_nothing_to_sweep(kind, depth, monkeypatch):
+    """Reversals, play, sticking and free nodes: all solved by elimination."""
+    monkeypatch.setattr("fmus.instrument.model.sweep", lambda part, dt: pytest.fail("swept"))
+    forth_and_back(Instrument(**{**HELD, **kind, "initial_insertion": depth}), 160)
+
+
+def test_a_closed_grip_without_stiffness_slips(native):
+    part = native(Instrument, **{**HELD, "grip_stiffness": (0.0, 0.0), "grip_torsional_stiffness": (0.0, 0.0)})
+    part.start(0.0)
+    advance(part, 1.0, 5e-3, 0.1)
+    assert part.slipping[0]
+    assert part.slip_distance[0] == pytest.approx(-5e-3)
+    assert part.slip_angle[0] == pytest.approx(-0.1)
+    assert part.slip_distance[1] == 0.0  # an open one does not
+    assert part.tip_position == 0.0
 
 
 PAIR = st.tuples(*[st.floats(0.0, 1.0)] * 2)

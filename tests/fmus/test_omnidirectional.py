@@ -92,9 +92,11 @@ def test_an_antagonist_that_is_not_paid_out_takes_deflection_away():
 def test_feedforward_is_the_inverse_at_every_contraction(coordinates, weight):
     catheter, go = bench(play_spread=0.0)
     controller = OmnidirectionalFeedforward(
-        stiffness_ratio=RATIO, model=feedforward.INTERPOLATED, contraction=(weight,) * feedforward.PHASES,
+        stiffness_ratio=RATIO,
+        model=feedforward.INTERPOLATED,
+        contraction=(weight,) * feedforward.PHASES,
         reversal_threshold=0.0,
-    )  # fmt: skip
+    )
     controller.start()
     catheter.heart_position = weight * -3e-3
     for k, (radius, angle, z) in enumerate(coordinates):

@@ -49,8 +49,14 @@ def test_flow_has_the_limits_of_iso_6358():
 @pytest.mark.parametrize("conductance", [4e-9, 2e-9])
 def test_choked_filling_takes_the_time_of_the_closed_formula(native, conductance):
     """Adiabatic, piston blocked: dp/dt = gamma R T dm/dt / V as long as the flow is choked."""
-    cylinder = native(PneumaticCylinder, conductance_supply=conductance, heat_conductance=0.0, delay_on=0.0,
-                      dead_volume=20e-6, **BLOCKED)  # fmt: skip
+    cylinder = native(
+        PneumaticCylinder,
+        conductance_supply=conductance,
+        heat_conductance=0.0,
+        delay_on=0.0,
+        dead_volume=20e-6,
+        **BLOCKED,
+    )
     cylinder.start(0.0)
     cylinder.valve = True
     h = 1e-4
@@ -86,8 +92,16 @@ def test_walls_bring_the_air_back_to_room_temperature(native):
 
 def test_closed_chambers_follow_the_adiabat(native):
     """A spring that stiffens pushes the piston back while both chambers are as good as closed."""
-    cylinder = native(PneumaticCylinder, conductance_supply=1e-15, conductance_exhaust=1e-15, heat_conductance=0.0,
-                      tube_length=0.0, dead_volume=0.3e-6, valve=True, contact_extension=9e-3)  # fmt: skip
+    cylinder = native(
+        PneumaticCylinder,
+        conductance_supply=1e-15,
+        conductance_exhaust=1e-15,
+        heat_conductance=0.0,
+        tube_length=0.0,
+        dead_volume=0.3e-6,
+        valve=True,
+        contact_extension=9e-3,
+    )
     cylinder.start(0.0)
     names = ["pressure_extend", "pressure_retract", "extension"]
     first = [float(getattr(cylinder, name)) for name in names]
@@ -122,8 +136,9 @@ def test_energy_is_never_made(native):
 @settings(max_examples=25, deadline=None)
 @given(supply=st.floats(1e5, 8e5), stiffness=st.floats(1e3, 2e5))
 def test_static_force_is_pressure_times_area_within_friction(native, supply, stiffness):
-    cylinder = native(PneumaticCylinder, supply_pressure=supply, contact_stiffness=stiffness, contact_extension=1e-3,
-                      stroke=80e-3)  # fmt: skip
+    cylinder = native(
+        PneumaticCylinder, supply_pressure=supply, contact_stiffness=stiffness, contact_extension=1e-3, stroke=80e-3
+    )
     cylinder.start(0.0)
     cylinder.valve = True
     run(cylinder, 1.0)
@@ -220,8 +235,15 @@ def test_grip_rises_with_pressure(native):
     ratio=st.floats(0.0, 0.9),
 )  # fmt: skip
 def test_stays_finite_and_physical(native, inputs, mass, dead_volume, tube_length, conductance, ratio):
-    cylinder = native(PneumaticCylinder, mass=mass, dead_volume=dead_volume, tube_length=tube_length,
-                      conductance_supply=conductance, conductance_exhaust=conductance, ratio_supply=ratio)  # fmt: skip
+    cylinder = native(
+        PneumaticCylinder,
+        mass=mass,
+        dead_volume=dead_volume,
+        tube_length=tube_length,
+        conductance_supply=conductance,
+        conductance_exhaust=conductance,
+        ratio_supply=ratio,
+    )
     cylinder.start(0.0)
     names = ["extension", "velocity", "pressure_extend", "pressure_retract", "tension"]
     for valve, supply, contact, stiffness, relaxed in inputs:

@@ -66,9 +66,19 @@ def test_friction_holds_the_frame_exactly(native):
 
 def test_teeth_transmit_the_ratio_and_the_backlash(native):
     """Without friction a current turns both bodies like one of their joined inertia, after the backlash."""
-    drive = native(RotaryDrive, friction_coulomb=0.0, friction_viscous=0.0, motor_friction=0.0, position_gain=0.0,
-                   velocity_gain=1e4, velocity_integral=0.0, current_maximum=0.5, feedforward=0.0, mode_of_operation=9,
-                   target_velocity=5.0)  # fmt: skip
+    drive = native(
+        RotaryDrive,
+        friction_coulomb=0.0,
+        friction_viscous=0.0,
+        motor_friction=0.0,
+        position_gain=0.0,
+        velocity_gain=1e4,
+        velocity_integral=0.0,
+        current_maximum=0.5,
+        feedforward=0.0,
+        mode_of_operation=9,
+        target_velocity=5.0,
+    )
     drive.start(0.0)
     run(drive, 0.05)
     begin = float(drive.angular_velocity)

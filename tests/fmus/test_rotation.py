@@ -90,10 +90,12 @@ def test_bias_of_a_sum_of_distances(speed):
     count = round(0.5 / speed * 40)
     line = np.outer(np.linspace(0.0, 0.5, count), (1.0, 0.0, 0.0))
     noise = 1e-4
-    bias = np.mean([
-        travelled_distance(line + noise * random.normal(size=(count, 3)))[-1] - travelled_distance(line)[-1]
-        for _ in range(20)
-    ])  # fmt: skip
+    bias = np.mean(
+        [
+            travelled_distance(line + noise * random.normal(size=(count, 3)))[-1] - travelled_distance(line)[-1]
+            for _ in range(20)
+        ]
+    )
     assert bias == pytest.approx(count * noise**2 / 128 / (speed / 40), rel=0.2, abs=8e-5)
 
 

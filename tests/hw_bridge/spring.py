@@ -2,7 +2,7 @@
 
 from math import pi, sin
 
-from twin.component import OK, Component, input, output, parameter
+from twin.component import OK, Component, input, output, parameter, terminal
 
 
 class Spring(Component):
@@ -11,6 +11,8 @@ class Spring(Component):
     position = input("m", "deflection")
     load_force = output("N", "force of the spring on the motor")
     target_force = output("N", "force that is asked for")
+    rod = terminal("end of the motor's rod", position=position, force=load_force)
+    drive = terminal("what the motor is told", target_force=target_force)
     stiffness = parameter(500.0, "N/m", "stiffness", source="chosen: 6 N deflect it by 12 mm")
     amplitude = parameter(6.0, "N", "amplitude of the force that is asked for", source="chosen: half of the limit")
     rate = parameter(2.0, "1/s", "periods in a second", source="chosen: some in a short run")

@@ -4,10 +4,15 @@ import re
 
 import pytest
 from canopen.objectdictionary import import_od
+from click.testing import CliRunner
 
 from hw_bridge import eds
-from hw_bridge.dictionary import NodeId
+from hw_bridge.command import drive
+from hw_bridge.dictionary import OCTETS, NodeId, State
+from hw_bridge.plant import plant
 from hw_bridge.profiles import MODULES, profile
+from tests.hw_bridge.axis import Rig
+from tests.hw_bridge.bridge.test_bridge import NODES
 from twin.errors import DeclarationError
 
 
@@ -61,6 +66,16 @@ def without(text, title):
     return re.sub(rf"(?ms)^\[{title}\].*?(?=^\[|\Z)", "", text)
 
 
+def section(text, name, **changes):
+    """The file with other lines in one section; none: the line is left out."""
+    begin = text.index(f"[{name}]\n")
+    end = text.find("\n[", begin)
+    part = text[begin : end if end >= 0 else None]
+    for key, value in changes.items():
+        part = re.sub(rf"(?m)^{key}=.*\n?", f"{key}={value}\n" if value is not None else "", part)
+    return text[:begin] + part + text[begin + len(text[begin : end if end >= 0 else None]) :]
+
+
 GOOD = eds.export(profile("epos4"))
 
 
@@ -77,7 +92,10 @@ GOOD = eds.export(profile("epos4"))
             GOOD.replace("AccessType=rw\n", "AccessType=maybe\n").encode(),
             "the access maybe is none of ro, wo, rw, const",
         ),
-        (GOOD.replace("DataType=0x0006", "DataType=0x0009").encode(), "is VISIBLE_STRING, maxon EPOS4 has UNSIGNED16"),
+        (
+            section(GOOD, "1400sub1", DataType="0x9").encode(),
+            "1400h.1: is VISIBLE_STRING, parameters of PDOs are numbers",
+        ),
         (without(GOOD, "3001(sub\\w)?").encode(), "says not how maxon EPOS4 scales"),
         (eds.export(profile("mclm")).encode(), "says not how maxon EPOS4 scales"),
     ],
@@ -97,9 +115,78 @@ def test_what_windows_writes_is_read(tmp_path):
         GOOD.replace("Controlword", "Contrôle").encode("cp1252"),
     ):
         path.write_bytes(data)
-        assert len(eds.adopt(profile("epos4"), path).objects) == len(profile("epos4").objects)
+        assert len(eds.adopt(profile("epos4"), path)[0].objects) == len(profile("epos4").objects)
 
 
 def test_a_folder_is_no_file(tmp_path):
     with pytest.raises(DeclarationError, match="cannot be read: Is a directory"):
         eds.load(tmp_path)
+
+
+def as_vendors_write(name, types):
+    """Other types of some objects, no defaults for what a drive has in its memory, objects that no profile has."""
+    text = eds.export(profile(name))
+    for place in ("1000", "1018sub1", "1018sub2", "1018sub3", "1018sub4", "6502"):
+        text = section(text, place, DefaultValue=None)
+    for place, kind in types.items():
+        text = section(text, place, DataType=kind)
+    text = re.sub(r"(?m)^(SupportedObjects=)(\d+)\n((?:\d+=0x[2-5].*\n)+)", longer, text, count=1)
+    return text + (
+        "\n[5FFE]\nParameterName=Program\nObjectType=0x7\nDataType=0xA\nAccessType=wo\nPDOMapping=0\n"
+        "\n[5FFF]\nParameterName=Trim\nObjectType=0x7\nDataType=0x3\nAccessType=rww\nDefaultValue=0xFFFE\nPDOMapping=0\n"
+    )
+
+
+def longer(match):
+    """The list of a vendor's objects with two more."""
+    count = int(match[2])
+    return f"{match[1]}{count + 2}\n{match[3]}{count + 1}=0x5FFE\n{count + 2}=0x5FFF\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "types", "named"),
+    [
+        ("mclm", {"2331sub1": "0x7", "2350sub4": "0x6"}, ["2331h.1", "2350h.4"]),
+        ("epos4", {"2001": "0x6", "3002sub2": "0x7", "6041": "0x9"}, ["2001h.0", "3002h.2", "6041h.0"]),
+        ("faulhaber_v3", {"2344sub1": "0x9"}, ["2344h.1"]),
+    ],
+)
+def test_a_vendors_file_is_taken_as_it_is(tmp_path, build, name, types, named, monkeypatch):
+    """What contradicts the profile is a warning that names the object; the drive runs with it."""
+    path = tmp_path / "vendor.eds"
+    path.write_text(as_vendors_write(name, types))
+    changed, warnings = eds.adopt(profile(name), path)
+    assert [next(one for one in named if one in line) for line in warnings] == named
+    found = {place(one): one for one in changed.objects}
+    own = {place(one): one for one in profile(name).objects}
+    assert found[0x1018, 2].default == own[0x1018, 2].default
+    assert found[0x1000, 0].default & 0xFFFF == 402
+    assert found[0x5FFF, 0].default == -2
+    assert found[0x5FFE, 0].type is OCTETS
+    assert found[0x6041, 0].type is own[0x6041, 0].type  # the drive computes with it
+    monkeypatch.setattr(plant, "profile", lambda _: changed)
+    rig = Rig(build, {"servomotor": NODES[name]})
+    rig.set(target_velocity=0.02)
+    rig.go(100)
+    assert rig.drive.state is State.ENABLED
+
+
+def test_the_command_warns(tmp_path, monkeypatch):
+    path = tmp_path / "vendor.eds"
+    path.write_text(as_vendors_write("epos4", {"2001": "0x6"}))
+    served = []
+    monkeypatch.setattr(drive, "serve", lambda chosen, *_: served.append(chosen))
+    done = CliRunner().invoke(drive.command, ["-p", "epos4", "--eds", str(path), "-i", "virtual", "-c", "x"])
+    assert done.exit_code == 0, done.output
+    assert "warning: " in done.output
+    assert "2001h.0 CAN bit rate is UNSIGNED16, maxon EPOS4 has UNSIGNED8 here. The file counts." in done.output
+    assert len(served) == 1
+
+
+@pytest.mark.parametrize(
+    "index",
+    [0x3012, 0x301A, 0x3150, 0x3151, 0x3158, 0x3202, *range(0x324B, 0x3251), *range(0x31E0, 0x31E3),
+     *range(0x31E4, 0x31EA), 0x607B, 0x60E4, 0x60E5],
+)  # fmt: skip
+def test_the_epos4_has_what_its_users_need(index):
+    assert any(one.index == index for one in profile("epos4").objects)

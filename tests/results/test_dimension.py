@@ -15,10 +15,20 @@ from twin.results import Curve, Expectation, Metric, Plot, Signals, dimension, e
 from twin.run.report import cells
 
 UNITS = {
-    "v.pressure": "Pa", "v.supply": "bar", "v.force": "N", "v.x": "m", "v.speed": "m/s", "v.stiffness": "N/m",
-    "v.area": "m^2", "v.angle": "rad", "v.ratio": "", "v.temperature": "K", "v.ambient": "degC", "v.foreign": None,
+    "v.pressure": "Pa",
+    "v.supply": "bar",
+    "v.force": "N",
+    "v.x": "m",
+    "v.speed": "m/s",
+    "v.stiffness": "N/m",
+    "v.area": "m^2",
+    "v.angle": "rad",
+    "v.ratio": "",
+    "v.temperature": "K",
+    "v.ambient": "degC",
+    "v.foreign": None,
     "v.odd": "fathomless",
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(

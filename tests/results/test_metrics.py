@@ -98,9 +98,15 @@ def test_names_in_expressions() -> None:
 
 
 EXPECTED = {
-    "mean": np.mean, "std": np.std, "min": np.min, "max": np.max, "peak_to_peak": np.ptp, "final": lambda x: x[-1],
-    "max_abs": lambda x: np.abs(x).max(), "rms": lambda x: np.sqrt((x**2).mean()),
-}  # fmt: skip
+    "mean": np.mean,
+    "std": np.std,
+    "min": np.min,
+    "max": np.max,
+    "peak_to_peak": np.ptp,
+    "final": lambda x: x[-1],
+    "max_abs": lambda x: np.abs(x).max(),
+    "rms": lambda x: np.sqrt((x**2).mean()),
+}
 
 
 @pytest.mark.parametrize("reduce", REDUCE)
@@ -273,8 +279,10 @@ def test_nan_breaks_a_limit() -> None:
 def test_what_is_not_finite_passes_no_limit(limits: dict[str, float], value: float) -> None:
     force = np.where(np.arange(1001) == 300, value, 0.2)
     (outcome,) = evaluate(
-        {}, [Expectation("", signal=expression.parse("a.force"), **limits)], {("A", 1): Signals(TIME, {"a.force": force})}
-    ).outcomes  # fmt: skip
+        {},
+        [Expectation("", signal=expression.parse("a.force"), **limits)],
+        {("A", 1): Signals(TIME, {"a.force": force})},
+    ).outcomes
     assert outcome.verdict == "fail"
     assert outcome.detail.startswith(f"a.force is {value} at 3 s in A, seed 1; expected")
 

@@ -53,8 +53,15 @@ def test_signals(tmp_path: Path) -> None:
     table = parquet.read_table(tmp_path / "signals.parquet")
     assert table.column_names == ["variant", "seed", "time", "a.force", "a.x[1]", "a.x[2]", "b.count", "b.on"]
     assert [str(kind) for kind in table.schema.types] == [
-        "dictionary<values=string, indices=int32, ordered=0>", "int64", "double", "double", "double", "double", "int32", "bool",
-    ]  # fmt: skip
+        "dictionary<values=string, indices=int32, ordered=0>",
+        "int64",
+        "double",
+        "double",
+        "double",
+        "double",
+        "int32",
+        "bool",
+    ]
     frame = table.to_pydict()
     assert frame["variant"] == ["PI"] * 100 + ["PI+FF"] * 50
     assert frame["seed"] == [1] * 100 + [2] * 50
@@ -63,8 +70,10 @@ def test_signals(tmp_path: Path) -> None:
     assert frame["b.count"] == [*[None] * 100, *range(50)]
     assert frame["a.force"][149] == pytest.approx(TIME[49] / 1000)  # this variant's component has it in mN
     assert table.schema.field("a.force").metadata == {
-        b"unit": b"N", b"display_unit": b"mN", b"description": b"contact force",
-    }  # fmt: skip
+        b"unit": b"N",
+        b"display_unit": b"mN",
+        b"description": b"contact force",
+    }
     assert table.schema.metadata[b"scenario"] == b"contact"
     assert table.schema.metadata[b"project"].startswith(b"catheter-twin ")
 
@@ -90,8 +99,12 @@ def test_columns_of_two_variants_are_joined() -> None:
         [Column("a.n", np.dtype(np.int32)), Column("a.n"), Column("a.m", shape=(2, 2)), Column("a.m", shape=(1, 2))]
     )
     assert [(one.label, one.dtype.name) for one in flat] == [
-        ("a.n", "float64"), ("a.m[1,1]", "float64"), ("a.m[1,2]", "float64"), ("a.m[2,1]", "float64"), ("a.m[2,2]", "float64"),
-    ]  # fmt: skip
+        ("a.n", "float64"),
+        ("a.m[1,1]", "float64"),
+        ("a.m[1,2]", "float64"),
+        ("a.m[2,1]", "float64"),
+        ("a.m[2,2]", "float64"),
+    ]
 
 
 def test_columns_of_two_kinds_are_refused_before_anything_runs() -> None:

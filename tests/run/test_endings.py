@@ -75,8 +75,13 @@ def test_a_member_may_end_its_process_and_the_other_variants_run(tmp_path, build
     assert summary["reason"].splitlines() == [f"{name}, seed 0: a: {text}" for name, text in ENDS.items()]
     assert [case["complete"] for case in summary["cases"]] == [True, False, False, False, False, True]
     assert {case[0]: len(signals.time) for case, signals in cases.items()} == {
-        "first": 11, "crash": 4, "abort": 4, "exit": 4, "hang": 4, "last": 11,
-    }  # fmt: skip
+        "first": 11,
+        "crash": 4,
+        "abort": 4,
+        "exit": 4,
+        "hang": 4,
+        "last": 11,
+    }
     assert summary["scenario"]["title"] == "ends"
     assert summary["metrics"]["last"]["variants"]["last"]["mean"] == 1.0
 
@@ -123,8 +128,16 @@ class Killed:
         (folder / "s.yaml").write_text(CLOCK)
         self.folder = folder
         self.environment = {**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(folder / "temporary")}
-        self.words = [sys.executable, "-c", "from twin.cli import main; main()", "run", "s.yaml", "--no-report",
-                      "--build", str(build)]  # fmt: skip
+        self.words = [
+            sys.executable,
+            "-c",
+            "from twin.cli import main; main()",
+            "run",
+            "s.yaml",
+            "--no-report",
+            "--build",
+            str(build),
+        ]
         self.task = subprocess.Popen(self.words, cwd=folder, env=self.environment, stderr=-1, text=True)
         while not (rows := list(folder.glob("runs/s/*/.recording/0.rows"))) or rows[0].stat().st_size < 1600:
             time.sleep(0.005)
@@ -197,11 +210,14 @@ def test_all_processes_are_killed(tmp_path, build):
 
 
 def test_a_recording_that_is_larger_than_memory(tmp_path, build, monkeypatch):
-    scenario = parse_scenario("""
+    scenario = parse_scenario(
+        """
         stop_time: 50 ms
         members: {wall: {component: wall}, rail: {component: chirp}}
         record: {variables: ["*.*"]}
-        """, tmp_path / "s.yaml")  # fmt: skip
+        """,
+        tmp_path / "s.yaml",
+    )
     whole = run_scenario(scenario, Form.compiled, root=tmp_path / "a", build=build, report=False)
     monkeypatch.setattr(stream, "LARGE", 0)
     monkeypatch.setattr(stream, "SLICE", 7)

@@ -183,8 +183,18 @@ def test_html() -> None:
     assert tags.seen.count("svg") == 2
     assert {"script", "link", "img"}.isdisjoint(tags.seen)
     assert "http" not in html.replace("http://www.w3.org", "")
-    for part in ("Contact &amp; force", "36.2 mN", "✗ fail", "✓ pass", "stays &lt;in&gt; band", "--set a.k=3", "stiffness",
-                 "set a.k = 4 N/m", "None of its signals was recorded", "Force &lt;per&gt; controller"):  # fmt: skip
+    for part in (
+        "Contact &amp; force",
+        "36.2 mN",
+        "✗ fail",
+        "✓ pass",
+        "stays &lt;in&gt; band",
+        "--set a.k=3",
+        "stiffness",
+        "set a.k = 4 N/m",
+        "None of its signals was recorded",
+        "Force &lt;per&gt; controller",
+    ):
         assert part in html, part
     assert len(html) < 500_000
 

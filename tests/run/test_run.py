@@ -35,11 +35,15 @@ def run(
 
 
 def test_a_pymunk_body_is_pushed(tmp_path: Path, build: Path) -> None:
-    outcome, signals = run(f"""
+    outcome, signals = run(
+        f"""
         stop_time: 1 s
         members: {{puck: {{component: "{PARTS}:Puck"}}}}
         events: [{{at: 0.5 s, set: {{puck.force: 2 N}}}}]
-        """, tmp_path, build)  # fmt: skip
+        """,
+        tmp_path,
+        build,
+    )
     assert outcome.passed
     position = signals.values["puck.position"]
     assert position[500] == 0.0
@@ -47,11 +51,15 @@ def test_a_pymunk_body_is_pushed(tmp_path: Path, build: Path) -> None:
 
 
 def test_a_member_that_fails_ends_the_run_and_keeps_what_was_recorded(tmp_path: Path, build: Path) -> None:
-    outcome, signals = run(f"""
+    outcome, signals = run(
+        f"""
         stop_time: 1 s
         step: 100 ms
         members: {{motor: {{component: "{PARTS}:Burns"}}, load: {{component: chirp}}, other: {{component: "{PARTS}:BusGone"}}}}
-        """, tmp_path, build)  # fmt: skip
+        """,
+        tmp_path,
+        build,
+    )
     assert outcome.summary["status"] == "failed"
     assert "motor: failed with ERROR in the step from t = 300 ms" in outcome.summary["reason"]
     assert "pymunk_parts.py" in outcome.summary["reason"]
@@ -60,12 +68,16 @@ def test_a_member_that_fails_ends_the_run_and_keeps_what_was_recorded(tmp_path: 
 
 
 def test_an_expectation_without_a_sample_fails_the_run(tmp_path: Path, build: Path) -> None:
-    outcome, _ = run(f"""
+    outcome, _ = run(
+        f"""
         stop_time: 1 s
         record: {{every: 100 ms}}
         members: {{puck: {{component: "{PARTS}:Puck"}}}}
         expect: [{{signal: puck.position, at_most: 1 m, from: 0.41 s, to: 0.49 s}}]
-        """, tmp_path, build)  # fmt: skip
+        """,
+        tmp_path,
+        build,
+    )
     assert not outcome.passed
     assert outcome.summary["status"] == "completed"
     (one,) = outcome.evaluation.outcomes
@@ -94,12 +106,16 @@ def run_without_signals(text: str, tmp_path: Path, build: Path) -> tuple[Outcome
 
 def test_structural_parameters_decide_the_shapes(tmp_path: Path, build: Path) -> None:
     native_fmu(tmp_path)
-    outcome, signals = run("""
+    outcome, signals = run(
+        """
         stop_time: 1 s
         step: 100 ms
         members: {a: {component: Native.fmu, parameters: {n: 3, x: [1 m, 20 mm, 3], data: 00ff}}}
         record: {variables: ["a.y*"]}
-        """, tmp_path, build)  # fmt: skip
+        """,
+        tmp_path,
+        build,
+    )
     assert outcome.passed
     last = [float(signals.values[f"a.y[{i}]"][-1]) for i in (1, 2, 3)]
     np.testing.assert_allclose(last, [1.0, 0.02, 3.0])
@@ -109,11 +125,15 @@ def test_structural_parameters_decide_the_shapes(tmp_path: Path, build: Path) ->
 
 def test_a_member_that_ends_the_run_is_noted(tmp_path: Path, build: Path) -> None:
     native_fmu(tmp_path)
-    outcome, _ = run("""
+    outcome, _ = run(
+        """
         stop_time: 1 s
         step: 100 ms
         members: {a: {component: Native.fmu, parameters: {limit: 0.25}}}
-        """, tmp_path, build)  # fmt: skip
+        """,
+        tmp_path,
+        build,
+    )
     assert outcome.passed
     assert "a ended the simulation" in outcome.summary["notes"][0]
 

@@ -64,8 +64,9 @@ def test_a_bound_itself_is_within_also_after_conversion_of_units():
     one = variable(unit="rad", display_unit="deg", minimum=np.deg2rad(-7.3), maximum=np.deg2rad(7.3))
     assert one.outside(np.deg2rad(1) * 7.3) == ("", "")
     assert one.outside(np.array([0.0, np.deg2rad(7.4)])) == (
-        "[2]: 7.4 deg is above the maximum", "Give -7.3 deg to 7.3 deg."
-    )  # fmt: skip
+        "[2]: 7.4 deg is above the maximum",
+        "Give -7.3 deg to 7.3 deg.",
+    )
     assert one.outside(np.nan)[0] == ": nan deg is no number"
     assert variable(minimum=1.0).outside(np.inf)[0] == ": inf is above the maximum"
     assert variable(maximum=2.0, unit="furlong", display_unit="?").outside(3.0)[1] == "Give at most 2 furlong."
@@ -79,8 +80,9 @@ def test_bounds_of_a_foreign_fmu(build, tmp_path):
     with pytest.raises(ScenarioError) as caught:
         prepare(parse_scenario(text, tmp_path / "s.yaml"))
     assert [line.partition(": a.")[2] for line in caught.value.problems] == [
-        "u: 3 mm is above the maximum. Give -1000 mm to 2 mm.", "mode: 0 is below the minimum. Give 1 to 2.",
-    ]  # fmt: skip
+        "u: 3 mm is above the maximum. Give -1000 mm to 2 mm.",
+        "mode: 0 is below the minimum. Give 1 to 2.",
+    ]
     with pytest.raises(FMUError, match=r"a: start value: u: 3 mm is above the maximum. Give -1000 mm to 2 mm."):
         FMUMember("a", tmp_path / "sum.fmu", {"u": "0.003"})
 

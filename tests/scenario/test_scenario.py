@@ -41,8 +41,10 @@ def test_another_component_replaces_the_parameters() -> None:
 def test_connections_and_events_of_variants() -> None:
     pi, ff = parse_scenario(BASE).variants
     assert [(c.source, c.target) for c in pi.connections] == [
-        ("controller.command", "servo.command"), ("sensor.force", "controller.force"), ("sensor.force", "servo.load"),
-    ]  # fmt: skip
+        ("controller.command", "servo.command"),
+        ("sensor.force", "controller.force"),
+        ("sensor.force", "servo.load"),
+    ]
     assert [c.target for c in ff.connections] == ["servo.command", "controller.force"]
     assert [event.time_ns // 10**9 for event in ff.events] == [2, 5, 6, 7]
     assert pi.events[0] == EventSpec(5 * 10**9, "set", "controller.setpoint", "0.3 N")

@@ -61,9 +61,12 @@ def test_alias_bomb() -> None:
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     cases = {
-        "folder": "is a folder", "nothing.yaml": "cannot be read (No such file", "latin.yaml": ":2: byte 0xe9 is not UTF-8",
-        "large.yaml": "is larger than 2 MB", "round.yaml": ":1: extends: round.yaml extends this file again",
-    }  # fmt: skip
+        "folder": "is a folder",
+        "nothing.yaml": "cannot be read (No such file",
+        "latin.yaml": ":2: byte 0xe9 is not UTF-8",
+        "large.yaml": "is larger than 2 MB",
+        "round.yaml": ":1: extends: round.yaml extends this file again",
+    }
     (tmp_path / "folder").mkdir()
     (tmp_path / "latin.yaml").write_bytes(b"a: 1\nb: caf\xe9\n")
     (tmp_path / "large.yaml").write_bytes(b"#" * 2_000_001)
@@ -210,9 +213,11 @@ def test_no_mistake_hides_another(tmp_path: Path) -> None:
         "7: connections[1]: `heart.position",
         "8: 'heart.nowhere': heart has no variable 'nowhere'. Known: ",
         "8: 'sheath.neither': sheath has no variable 'neither'. Known: ",
-        "11: event at 2 s is outside the run", "11: sheath has no variable `absent`.",
-        "14: plot `late`: from 5 s lies outside the run", "15: heart has no variable `unknown`.",
-    ]  # fmt: skip
+        "11: event at 2 s is outside the run",
+        "11: sheath has no variable `absent`.",
+        "14: plot `late`: from 5 s lies outside the run",
+        "15: heart has no variable `unknown`.",
+    ]
     assert [text for text in beginnings if not any(line.startswith(text) for line in found)] == []
     assert len(found) == len(beginnings), found  # and nothing is told of what only `lost` could tell
 

@@ -30,9 +30,11 @@ plots:
     {plot}
 """
 GOOD = {
-    "component": "motor", "metric": "signal: valve.pressure, reduce: max", "limit": "signal: valve.pressure, at_most: 4 bar",
+    "component": "motor",
+    "metric": "signal: valve.pressure, reduce: max",
+    "limit": "signal: valve.pressure, at_most: 4 bar",
     "plot": "signals: [valve.pressure]",
-}  # fmt: skip
+}
 VARIABLES = {
     "valve": [
         variable("pressure", "output", "Pa", display_unit="bar"), variable("supply", "output", "Pa", display_unit="kPa"),
@@ -140,8 +142,9 @@ def test_what_states_no_unit_is_shown_as_its_signal_is() -> None:
     shown = displayed(scenario(plot="signals: [valve.supply, valve.place]"), {"A": CATALOG, "B": CATALOG})
     assert shown.plots[0].unit == ""
     shown = displayed(
-        scenario(limit="metric: high, at_least: 1", plot="xy: [valve.place, motor.temperature]"), {"A": CATALOG, "B": CATALOG}
-    )  # fmt: skip
+        scenario(limit="metric: high, at_least: 1", plot="xy: [valve.place, motor.temperature]"),
+        {"A": CATALOG, "B": CATALOG},
+    )
     assert (shown.expectations[0].unit, shown.plots[0].unit, shown.plots[0].x_unit) == ("bar", "degC", "mm")
 
 

@@ -40,8 +40,12 @@ def _said(name: str) -> click.Command | None:
         for node in tree.body:
             if isinstance(node, ast.FunctionDef) and node.name == function:
                 calls = [one for one in node.decorator_list if isinstance(one, ast.Call)]
-                words = {word.arg: ast.literal_eval(word.value) for one in calls for word in one.keywords
-                         if word.arg in ("help", "short_help", "deprecated")
-                         and ast.unparse(one.func) in ("click.command", "click.group")}  # fmt: skip
+                words = {
+                    word.arg: ast.literal_eval(word.value)
+                    for one in calls
+                    for word in one.keywords
+                    if word.arg in ("help", "short_help", "deprecated")
+                    and ast.unparse(one.func) in ("click.command", "click.group")
+                }
                 return click.Command(name, **{"help": ast.get_docstring(node), **words})
     return None

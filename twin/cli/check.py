@@ -74,8 +74,11 @@ def extent(scenario: Scenario) -> str:
     members = max(len(case.members) for case in scenario.variants)
     connections = max(len(case.connections) for case in scenario.variants)
     numbers = {
-        "variant": len(scenario.variants), "seed": len(scenario.seeds), "member": members, "connection": connections,
-    }  # fmt: skip
+        "variant": len(scenario.variants),
+        "seed": len(scenario.seeds),
+        "member": members,
+        "connection": connections,
+    }
     return ", ".join(counted(number, word) for word, number in numbers.items())
 
 

@@ -49,9 +49,19 @@ PLATFORMS = ("x86_64-linux", "aarch64-linux", "x86_64-windows", "x86_64-darwin",
     help="Folder for compiled objects.",
 )
 def command(
-    what: str, members: str | None, named: str | None, variant: str | None, fmi: str, platforms: tuple[str, ...], target: str,
-    sources: bool, line_directives: bool, output: Path | None, force: bool, build: Path,
-) -> None:  # fmt: skip
+    what: str,
+    members: str | None,
+    named: str | None,
+    variant: str | None,
+    fmi: str,
+    platforms: tuple[str, ...],
+    target: str,
+    sources: bool,
+    line_directives: bool,
+    output: Path | None,
+    force: bool,
+    build: Path,
+) -> None:
     """Write a component of fmus/, a module:Class, or part of a scenario as an FMU without Python inside.
 
     \b

@@ -76,10 +76,21 @@ FORMS = ("fmu", "compiled", "interpreted")
 @click.option("--timeout", type=click.FloatRange(0.0), default=0.0, metavar="S",
               help="End a case where one step of a member takes longer [s]. [default: never]")  # fmt: skip
 def command(
-    file: Path, overrides: tuple[str, ...], variants: tuple[str, ...], seeds: tuple[int, ...], form: str,
-    runs: Path, build: Path, hardware_file: Path | None, trace: Path | None, replay: str | None, arm: bool,
-    as_json: bool, no_report: bool, timeout: float,
-) -> None:  # fmt: skip
+    file: Path,
+    overrides: tuple[str, ...],
+    variants: tuple[str, ...],
+    seeds: tuple[int, ...],
+    form: str,
+    runs: Path,
+    build: Path,
+    hardware_file: Path | None,
+    trace: Path | None,
+    replay: str | None,
+    arm: bool,
+    as_json: bool,
+    no_report: bool,
+    timeout: float,
+) -> None:
     """Run a scenario: every variant with every seed, then metrics beside the paper's figures, and a report.
 
     Results go to runs/<scenario>/<time>/: signals.parquet, summary.json, scenario.yaml, report.html.
@@ -110,9 +121,15 @@ def command(
         hardware = load_hardware(hardware_file, arm, build, trace, replay) if hardware_file is not None else None
         with progress_display(scenario.title, not as_json) as progress:
             outcome = run_scenario(
-                scenario, Form(form), variants=variants, seeds=seeds, root=runs, progress=progress, hardware=hardware,
+                scenario,
+                Form(form),
+                variants=variants,
+                seeds=seeds,
+                root=runs,
+                progress=progress,
+                hardware=hardware,
                 **options,
-            )  # fmt: skip
+            )
     if as_json:
         click.echo((outcome.folder / "summary.json").read_text(), nl=False)
     else:
@@ -195,8 +212,9 @@ def show(outcome: Outcome, report: bool) -> None:
             console.print(f"on the bus at {line}")
     factor = outcome.run.real_time_factor
     if factor:
-        console.print(f"{outcome.run.simulated_time:g} s simulated in {outcome.run.wall_time:.2f} s, "
-                      f"{factor:.0f} times real time")  # fmt: skip
+        console.print(
+            f"{outcome.run.simulated_time:g} s simulated in {outcome.run.wall_time:.2f} s, {factor:.0f} times real time"
+        )
     if outcome.run.status != "completed":
         for line in outcome.run.reason.splitlines():
             say(f"{outcome.run.status}: {line}", err=True)

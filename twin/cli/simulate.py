@@ -102,7 +102,7 @@ def command(
     """Run the Co-Simulation FMU (FMI 2.0 or 3.0) alone and write its outputs.
 
     The folder it is unpacked to is removed at the end.
-    """  # fmt: skip
+    """
     link = supervise(timeout)
     from twin.fmi import FMUMember, left, plan, simulate, tables
 
@@ -115,9 +115,11 @@ def command(
             member, start=start_time, stop=stop_time, step=step_size, interval=output_interval, record=record
         )
         inputs = tables.read_inputs(input_, member) if input_ else None
-        outcome = left(member, planned, link) if link.attempt else simulate(
-            member, planned, inputs, progress=shown, link=link
-        )  # fmt: skip
+        outcome = (
+            left(member, planned, link)
+            if link.attempt
+            else simulate(member, planned, inputs, progress=shown, link=link)
+        )
     finally:
         member.close()
         if shown:

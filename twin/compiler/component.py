@@ -144,10 +144,13 @@ def start_values(cls: type[Component], name: str, struct: Struct) -> str:
     inner = f"    {struct.name} *const record = ({struct.name} *)(void *)self;" if struct.name != kind else ""
     target = "record" if inner else "self"
     lines = [
-        f"void {name}_init({kind} *self)", "{",
+        f"void {name}_init({kind} *self)",
+        "{",
         "    unsigned char *const bytes = (unsigned char *)self;",
-        f"    for (size_t i = 0; i < sizeof({kind}); i++) {{", "        bytes[i] = 0;", "    }",
-    ]  # fmt: skip
+        f"    for (size_t i = 0; i < sizeof({kind}); i++) {{",
+        "        bytes[i] = 0;",
+        "    }",
+    ]
     body = list(_assignments(struct, cls().record[0], f"{target}->"))
     return "\n".join([*lines, *([inner] if inner and body else []), *body, "}"])
 

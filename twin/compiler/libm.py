@@ -58,8 +58,21 @@ CARRIED = {"coff": CARRIED_COFF, "macho": CARRIED_MACHO}
 def _object(target: str, text: str, build: Path) -> bytes:
     """Object file of a few lines that must be compiled as they stand."""
     platform = PLATFORMS[target]
-    options = ("-target", platform.triple, *platform.options, "-O2", "-ffunction-sections", "-fno-builtin",
-               "-fno-stack-protector", "-fno-ident", "-w", "-c", "m.c", "-o", "m.o")  # fmt: skip
+    options = (
+        "-target",
+        platform.triple,
+        *platform.options,
+        "-O2",
+        "-ffunction-sections",
+        "-fno-builtin",
+        "-fno-stack-protector",
+        "-fno-ident",
+        "-w",
+        "-c",
+        "m.c",
+        "-o",
+        "m.o",
+    )
     return zig.make(target, build, {"m.c": text}, "clang", *options, out="m.o")
 
 
@@ -71,8 +84,19 @@ def elf(target: str, build: Path) -> bytes:
 
     def stub() -> bytes:
         files: dict[str, str | bytes] = {"m.o": _object(target, text, build), "m.map": script}
-        command = ("ld.lld", "-m", platform.machine, "-shared", "-soname", "libm.so.6", "--version-script", "m.map",
-                   "-o", "m.so", "m.o")  # fmt: skip
+        command = (
+            "ld.lld",
+            "-m",
+            platform.machine,
+            "-shared",
+            "-soname",
+            "libm.so.6",
+            "--version-script",
+            "m.map",
+            "-o",
+            "m.so",
+            "m.o",
+        )
         return zig.make(target, build, files, *command, out="m.so")
 
     return zig.kept(build / "stubs" / f"{zig.digest(SELF, zig.version(), target, *sorted(LIBM))}.so", stub)

@@ -73,9 +73,15 @@ def archive(made: compiler.Sources, target: str, build: Path) -> bytes:
 
 
 def export(
-    cls: type[Component], name: str, folder: Path, build: Path, targets: Sequence[str], force: bool,
-    *, line_directives: bool = False,
-) -> list[Path]:  # fmt: skip
+    cls: type[Component],
+    name: str,
+    folder: Path,
+    build: Path,
+    targets: Sequence[str],
+    force: bool,
+    *,
+    line_directives: bool = False,
+) -> list[Path]:
     """Write `NAME.h`, `NAME.c`, `README.txt` and `TARGET/libNAME.a` into a folder; the paths written."""
     files = [folder / f"{name}.h", folder / f"{name}.c", folder / "README.txt"]
     places = [*files, *(folder / target / f"lib{name}.a" for target in targets)]

@@ -29,18 +29,43 @@ def coff(target: str, objects: Mapping[str, bytes], build: Path, _: Path | None)
     """`lld-link`; no C runtime starts the library, so it carries the little that one needs."""
     files = {**objects, "carried.o": libm.carried(target, build), "m.lib": libm.coff(target, build)}
     return zig.make(
-        target, build, files, "lld-link", "/dll", f"/machine:{PLATFORMS[target].machine}", "/out:library.dll", "/noimplib",
-        "/nodefaultlib", "/entry:DllMainCRTStartup", "/opt:ref", "/brepro", *files, out="library.dll",
-    )  # fmt: skip
+        target,
+        build,
+        files,
+        "lld-link",
+        "/dll",
+        f"/machine:{PLATFORMS[target].machine}",
+        "/out:library.dll",
+        "/noimplib",
+        "/nodefaultlib",
+        "/entry:DllMainCRTStartup",
+        "/opt:ref",
+        "/brepro",
+        *files,
+        out="library.dll",
+    )
 
 
 def macho(target: str, objects: Mapping[str, bytes], build: Path, _: Path | None) -> bytes:
     """Zig's own linker, the only one here for this format; it signs what processors by Apple would not run unsigned."""
     files = {**objects, "carried.o": libm.carried(target, build)}
     return zig.make(
-        target, build, files, "cc", "-target", f"{PLATFORMS[target].machine}.11.0", "-shared", "-nostdlib", "-s",
-        "-Wl,-install_name,@rpath/library.dylib", "-Wl,-dead_strip", *files, "-o", "library.dylib", out="library.dylib",
-    )  # fmt: skip
+        target,
+        build,
+        files,
+        "cc",
+        "-target",
+        f"{PLATFORMS[target].machine}.11.0",
+        "-shared",
+        "-nostdlib",
+        "-s",
+        "-Wl,-install_name,@rpath/library.dylib",
+        "-Wl,-dead_strip",
+        *files,
+        "-o",
+        "library.dylib",
+        out="library.dylib",
+    )
 
 
 LINKERS = {"elf": elf, "coff": coff, "macho": macho}

@@ -24,9 +24,13 @@ WIDTH = 120
 SIZES = {"double": 8, "int64_t": 8, "int32_t": 4, "int8_t": 1, "bool": 1}
 
 TITLES = {
-    Role.input: "inputs", Role.output: "outputs", Role.state: "states", Role.derivative: "derivatives of the states",
-    Role.local: "local variables", Role.parameter: "parameters",
-}  # fmt: skip
+    Role.input: "inputs",
+    Role.output: "outputs",
+    Role.state: "states",
+    Role.derivative: "derivatives of the states",
+    Role.local: "local variables",
+    Role.parameter: "parameters",
+}
 
 # the engine's own fields: name in the record -> what it is
 ENGINE = {

@@ -219,10 +219,14 @@ return pow(base, unknown);
 _LOADS = [
     _helper(f"{kind} {word}(int64_t address)", f"return *(const {storage} *)address;", reads=True)
     for word, kind, storage in (
-        ("read64", "int64_t", "int64_t"), ("read32", "int64_t", "int32_t"), ("read16", "int64_t", "int16_t"),
-        ("read8", "int64_t", "int8_t"), ("read_float", "double", "double"), ("read_float32", "double", "float"),
+        ("read64", "int64_t", "int64_t"),
+        ("read32", "int64_t", "int32_t"),
+        ("read16", "int64_t", "int16_t"),
+        ("read8", "int64_t", "int8_t"),
+        ("read_float", "double", "double"),
+        ("read_float32", "double", "float"),
     )
-]  # fmt: skip
+]
 _STORES = [
     _helper(
         f"void {word}(int64_t address, {kind} value)", f"*({storage} *)address = ({storage})value;", acts=True
@@ -257,18 +261,45 @@ NAMED = {word.name: word for word in HELPERS}
 
 # functions of libm, and Python's names for them
 UNARY = (
-    "acos", "acosh", "asin", "asinh", "atan", "atanh", "cbrt", "cos", "cosh", "erf", "erfc", "exp", "exp2", "expm1",
-    "fabs", "log", "log10", "log1p", "log2", "sin", "sinh", "sqrt", "tan", "tanh",
-)  # fmt: skip
+    "acos",
+    "acosh",
+    "asin",
+    "asinh",
+    "atan",
+    "atanh",
+    "cbrt",
+    "cos",
+    "cosh",
+    "erf",
+    "erfc",
+    "exp",
+    "exp2",
+    "expm1",
+    "fabs",
+    "log",
+    "log10",
+    "log1p",
+    "log2",
+    "sin",
+    "sinh",
+    "sqrt",
+    "tan",
+    "tanh",
+)
 BINARY = ("atan2", "copysign", "fmod")
 LIBM = {
     **{name: Word(name, (REAL,), REAL) for name in (*UNARY, "ceil", "floor", "rint", "trunc")},
     **{name: Word(name, (REAL, REAL), REAL) for name in (*BINARY, "pow", "hypot")},
 }
 NUMPY = {
-    "arccos": "acos", "arccosh": "acosh", "arcsin": "asin", "arcsinh": "asinh", "arctan": "atan", "arctanh": "atanh",
+    "arccos": "acos",
+    "arccosh": "acosh",
+    "arcsin": "asin",
+    "arcsinh": "asinh",
+    "arctan": "atan",
+    "arctanh": "atanh",
     "arctan2": "atan2",
-}  # fmt: skip
+}
 
 
 def _of_python() -> dict[Any, Word]:

@@ -44,9 +44,17 @@ FORBIDDEN: dict[type[ast.AST], tuple[str, str]] = {
 }  # fmt: skip
 
 CALLS = {
-    "print": "do I/O", "open": "do I/O", "input": "do I/O", "eval": "be compiled", "exec": "be compiled",
-    "list": "allocate", "dict": "allocate", "set": "allocate", "str": "be compiled", "sorted": "allocate",
-}  # fmt: skip
+    "print": "do I/O",
+    "open": "do I/O",
+    "input": "do I/O",
+    "eval": "be compiled",
+    "exec": "be compiled",
+    "list": "allocate",
+    "dict": "allocate",
+    "set": "allocate",
+    "str": "be compiled",
+    "sorted": "allocate",
+}
 ARRAYS = {"zeros", "ones", "empty", "array", "arange", "linspace", "full", "concatenate", "dot", "eye", "copy"}
 METHODS = {"max", "min", "copy", "astype", "dot", "reshape", "tolist", "mean", "sort"}
 

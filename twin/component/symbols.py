@@ -16,9 +16,17 @@ TOKEN = re.compile(r"[A-Za-zµμ%]+|\*\*|\d+|\S")
 LONGEST = 60  # characters of a unit
 LARGEST = 10**100  # of a size's numerator and denominator
 PREFIXES: dict[str, Fraction | int] = {
-    "": 1, "n": Fraction(1, 10**9), "u": Fraction(1, 10**6), "µ": Fraction(1, 10**6), "μ": Fraction(1, 10**6),
-    "m": Fraction(1, 1000), "c": Fraction(1, 100), "k": 1000, "M": 10**6, "G": 10**9,
-}  # fmt: skip
+    "": 1,
+    "n": Fraction(1, 10**9),
+    "u": Fraction(1, 10**6),
+    "µ": Fraction(1, 10**6),
+    "μ": Fraction(1, 10**6),
+    "m": Fraction(1, 1000),
+    "c": Fraction(1, 100),
+    "k": 1000,
+    "M": 10**6,
+    "G": 10**9,
+}
 TURN = 2 * Fraction(math.pi)  # [rad]
 
 # symbol: prefixes that it is used with, size, exponents

@@ -2,6 +2,7 @@
 
 from twin.coupling.cosimulation import Algorithm, CoSimulation
 from twin.coupling.group import Part, compose
+from twin.coupling.isolated import IsolatedMember
 from twin.coupling.member import (
     DTYPES,
     Access,
@@ -32,6 +33,7 @@ __all__ = [
     "Catalog",
     "CoSimulation",
     "Connection",
+    "IsolatedMember",
     "Layout",
     "Link",
     "Member",

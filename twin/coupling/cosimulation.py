@@ -13,6 +13,7 @@ import numpy as np
 
 from twin import clock, compiler
 from twin.coupling import initialization, loop
+from twin.coupling.isolated import IsolatedMember
 from twin.coupling.member import RecordMember
 from twin.coupling.plan import Key, Place, Plan, bits, kind, merged, view
 from twin.coupling.recorder import Layout, Memory, Recorder
@@ -64,18 +65,33 @@ class CoSimulation:
     """
 
     def __init__(
-        self, members: Mapping[str, Member], links: list[Link], step: int, algorithm: Algorithm = Algorithm.jacobi,
-        *, record: list[Key] | None = None, every: int = 0, build: Path, periods: Mapping[str, int] | None = None,
-        split: Iterable[Key] = (), recorder: Recorder | None = None, exempt: Collection[str] = (),
-    ) -> None:  # fmt: skip
+        self,
+        members: Mapping[str, Member],
+        links: list[Link],
+        step: int,
+        algorithm: Algorithm = Algorithm.jacobi,
+        *,
+        record: list[Key] | None = None,
+        every: int = 0,
+        build: Path,
+        periods: Mapping[str, int] | None = None,
+        split: Iterable[Key] = (),
+        recorder: Recorder | None = None,
+        exempt: Collection[str] = (),
+    ) -> None:
         self.members, self.links, self.step, self.algorithm = members, links, step, algorithm
         self.periods = {name: (periods or {}).get(name) or m.period_ns or step for name, m in members.items()}
         self.every = every or step
         self._check_periods()
-        outputs = [(name, v.name) for name, m in members.items() for v in m.variables.values()
-                   if v.causality == "output" and v.connectable]  # fmt: skip
+        outputs = [
+            (name, v.name)
+            for name, m in members.items()
+            for v in m.variables.values()
+            if v.causality == "output" and v.connectable
+        ]
         self.recorded = outputs if record is None else record
         self._loop = compiled_loop(build)
+        self._isolated = [member for member in members.values() if isinstance(member, IsolatedMember)]
         self._ready = False  # whether the tables are filled
         self.failure: str = ""
         self.finished = False
@@ -214,7 +230,8 @@ class CoSimulation:
         while self.state["tick"] < last and not self.finished:
             self.state["stop"] = min(last, int(self.state["tick"]) + chunk)
             begin = wall.perf_counter()
-            result = self._loop(self._record.ctypes.data)
+            with IsolatedMember.together(self._isolated if self.state["tick"] >= FIRST_STEPS else []):
+                result = self._loop(self._record.ctypes.data)
             took = wall.perf_counter() - begin
             if result == loop.FULL:
                 self.recorder.make_room()
@@ -272,6 +289,8 @@ class CoSimulation:
         member = self.members[name]
         if isinstance(member, RecordMember) and isinstance(member.failure, KeyboardInterrupt):
             raise member.failure
+        if death := member.lost(self.time):
+            raise SimulationError(death)
         reason = member.finish_reason() if int(self.state["status"]) == 2 else ""
         if reason:
             self._finish(member, reason)

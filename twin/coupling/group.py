@@ -270,8 +270,11 @@ def compose(
     define("step", text, code, f"group {name}")
     body: dict[str, Any] = {
         "__doc__": f"{', '.join(parts)} as one component.\n\nMade from components coupled at {step / 1e6:g} ms.",
-        "__module__": __name__, "parts": parts, "text": text, "flows": flows(parts, links, variables),
-    }  # fmt: skip
+        "__module__": __name__,
+        "parts": parts,
+        "text": text,
+        "flows": flows(parts, links, variables),
+    }
     cls: type[Group] = type(name, (Group,), body)
     cls.variables, cls.layout, cls.period_ns = tuple(variables), place, step
     cls.starts, cls.terminals = starts(parts, variables), carried_over(parts, variables)
@@ -333,9 +336,11 @@ def group_layout(writer: Writer, variables: list[Variable], border: list[Variabl
     places.update({v.name: base.offset(f"_border{i}") for i, v in enumerate(border)})
     places.update({f"{m}.{n}": base.offset(shadow) for (m, n), shadow in writer.shadows.items()})
     specification = {
-        "names": list(fields), "formats": [f for f, _ in fields.values()],
-        "offsets": [o for _, o in fields.values()], "itemsize": at,
-    }  # fmt: skip
+        "names": list(fields),
+        "formats": [f for f, _ in fields.values()],
+        "offsets": [o for _, o in fields.values()],
+        "itemsize": at,
+    }
     dtype: np.dtype[Any] = np.dtype(specification, align=True)  # type: ignore[call-overload]
     return Layout(tuple(variables), dtype, 0, places)
 

@@ -43,9 +43,18 @@ DONE, FAILED, FINISHED, FULL, NOTICED = 0, 1, 2, 3, 4
 
 # columns of the tables: int64 words unless said otherwise
 OPERATION = (
-    "divider", "shift", "h",  # due if (k + shift) % divider == 0; h: step of its members [s], Float64 bits
-    "copies", "copy_count", "converts", "convert_count", "accesses", "access_count", "steps", "step_count",
-)  # fmt: skip
+    "divider",
+    "shift",
+    "h",  # due if (k + shift) % divider == 0; h: step of its members [s], Float64 bits
+    "copies",
+    "copy_count",
+    "converts",
+    "convert_count",
+    "accesses",
+    "access_count",
+    "steps",
+    "step_count",
+)
 COPY = ("source", "target", "words")
 CONVERT = ("source", "source_kind", "target", "target_kind", "count", "factor", "offset")  # the last two Float64 bits
 ACCESS = ("function", "instance", "references", "count", "values", "size", "member")

@@ -115,9 +115,11 @@ class MemberVariable:
         bounds = [None if one is None else self.shown(one) for one in (self.minimum, self.maximum)]
         side = "below the minimum" if found < low else "above the maximum" if found > high else "no number"
         text = self.shown(found) if self.shown(found) not in bounds else self.shown(found, 15)
-        range_ = f"{bounds[0]} to {bounds[1]}" if None not in bounds else (
-            f"at least {bounds[0]}" if bounds[0] else f"at most {bounds[1]}"
-        )  # fmt: skip
+        range_ = (
+            f"{bounds[0]} to {bounds[1]}"
+            if None not in bounds
+            else (f"at least {bounds[0]}" if bounds[0] else f"at most {bounds[1]}")
+        )
         return f"{place}: {text} is {side}", f"Give {range_}."
 
     def shown(self, value: float, digits: int = 6) -> str:
@@ -155,6 +157,7 @@ class Member(ABC):
     identity: dict[str, str]  # what ran: kind, version, content hash
     can_restore: bool = False  # whether `save` and `restore` are there, and may be called as one likes
     driven: frozenset[str] = frozenset()  # local variables that are inputs of a part, in a group
+    death: str = ""  # how the process ended that the member had of its own, in one line
 
     @abstractmethod
     def instantiate(self) -> None:
@@ -190,6 +193,13 @@ class Member(ABC):
 
     def failed(self, status: int) -> None:
         """Take note that a step by address returned `status`, ERROR or FATAL: `close` calls nothing forbidden then."""
+
+    def lost(self, time: int) -> str:
+        """`death`, if that came in the step from `time` [ns]; empty if the member is there."""
+        return ""
+
+    def release(self) -> None:
+        """Free what this process holds of a member that another process has instantiated and closed."""
 
     def last_successful_time(self, reached: float) -> float | None:
         """Until where [s] the last step came; `reached` is what the member itself wrote, if it did."""
@@ -244,9 +254,11 @@ def driven(cls: type[Component]) -> frozenset[str]:
     parts = getattr(cls, "parts", {})
     local = {v.name for v in cls.variables if v.role is Role.local}
     return frozenset(
-        name for member, part in parts.items() for v in part.component.variables
+        name
+        for member, part in parts.items()
+        for v in part.component.variables
         if (v.role is Role.input or v.name in driven(part.component)) and (name := f"{member}.{v.name}") in local
-    )  # fmt: skip
+    )
 
 
 @dataclass

@@ -132,8 +132,16 @@ class Ring:
         state["place"], state["limit"] = self._front, self._front + self._size
         self.file, position = self._begin(layout)
         places = {name: self.link.record_place + loop.RECORD.fields[name][1] for name in ("place", "tick", "at")}  # type: ignore[index]
-        self.link.open({"file": str(self.file), "position": str(position), "front": self._front, "row": row,
-                        "end": self._size, **places})  # fmt: skip
+        self.link.open(
+            {
+                "file": str(self.file),
+                "position": str(position),
+                "front": self._front,
+                "row": row,
+                "end": self._size,
+                **places,
+            }
+        )
         self.look()
 
     def make_room(self) -> None:

@@ -224,11 +224,13 @@ def direct_followers(links: list[Link], catalog: Catalog) -> dict[tuple[str, str
         by_source.setdefault(link.source.key, []).append(link)
     return {
         key: [
-            other for link in group for other in by_source
+            other
+            for link in group
+            for other in by_source
             if other[0] == link.target.member and feeds(link, catalog[other[0]][other[1]])
         ]
         for key, group in by_source.items()
-    }  # fmt: skip
+    }
 
 
 def stepping_order(members: list[str], links: list[Link], catalog: Catalog) -> list[str]:

@@ -80,8 +80,10 @@ def single(a: Terminal, b: Terminal) -> list[tuple[str, str]]:
         if problem := flow_problem(a.members[name][1].kind, b.members[name][1].kind):
             problems.append(f"{name}: {ends[0]} and {ends[1]} {problem}")
         elif is_input[0] == is_input[1]:
-            what = "both inputs" if is_input[0] else "no inputs, both"
-            problems.append(f"{name}: {ends[0]} and {ends[1]} are {what}. Connect terminals of opposite sides.")
+            what = (
+                f"both {' and '.join(ends)} are inputs" if is_input[0] else f"neither {' nor '.join(ends)} is an input"
+            )
+            problems.append(f"{name}: {what}. Connect terminals of opposite sides.")
         else:
             pairs.append(ends if is_input[1] else ends[::-1])
     if problems:
@@ -99,11 +101,8 @@ def misfits(a: Terminal, b: Terminal) -> list[str]:
         if missing := [n for n, (_, place) in one.members.items() if n not in other.members and place.rule != "bus"]:
             lonely.append(f"{listed(missing)} of {one.path}")
     if lonely:
-        verb = "has" if len(lonely) == 1 and ", " not in lonely[0] else "have"
-        return [
-            f"{' and '.join(lonely)} {verb} no partner at the other side. Connect terminals with the same members, or "
-            "variables one by one."
-        ]
+        advice = "Connect terminals with the same members, or variables one by one."
+        return [f"no partner at the other side for {' and '.join(lonely)}. {advice}"]
     if not a.members.keys() & b.members.keys():
         return [f"nothing in common: {listed(a.members)} and {listed(b.members)}. Connect terminals of one kind."]
     return []

@@ -37,9 +37,10 @@ def finite(member: Member) -> list[MemberVariable]:
     """Variables whose values have to be finite: outputs, and of a component of ours states and local variables too."""
     inside = isinstance(member, RecordMember) or member.can_restore
     return [
-        v for v in member.variables.values()
+        v
+        for v in member.variables.values()
         if v.dtype.kind == "f" and v.causality in (COMPUTED if inside else COMPUTED[:1]) and v.name not in member.driven
-    ]  # fmt: skip
+    ]
 
 
 @dataclass
@@ -123,8 +124,12 @@ class Watch:
         """What has to be fetched in every step, since it cannot be looked at later."""
         if self.replays:
             return []
-        return [(name, v.name) for name, found in self.variables.items() for v in found
-                if v.causality == "output" and not isinstance(self.members[name], RecordMember)]  # fmt: skip
+        return [
+            (name, v.name)
+            for name, found in self.variables.items()
+            for v in found
+            if v.causality == "output" and not isinstance(self.members[name], RecordMember)
+        ]
 
     def rows(self, plan: Plan) -> np.ndarray[Any, Any]:
         """The loop's table of limits: first what has to be finite, if it cannot be looked at later; then inputs."""
@@ -169,9 +174,10 @@ class Watch:
             if name not in self._looks:
                 self._looks[name] = look_at(self.members[name], found)
         return [
-            name for name, look in self._looks.items()
+            name
+            for name, look in self._looks.items()
             if (name != failed or self.members[name].can_restore) and look.is_bad()
-        ]  # fmt: skip
+        ]
 
     def save(self, record: np.ndarray[Any, Any], plan: Plan) -> None:
         """Remember where all is well, unless a member cannot come back to it."""

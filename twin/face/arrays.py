@@ -44,9 +44,11 @@ def array(variable: Recorded, cases: Cases) -> xr.DataArray:
         data[np.searchsorted(time, signals.time), variants.index(variant), seeds.index(seed)] = one
     axes = ["element"] if len(variable.shape) == 1 else [f"element_{i + 1}" for i in range(len(variable.shape))]
     coordinates = {
-        "time": ("time", time, {"units": "s"}), "variant": variants, "seed": seeds,
+        "time": ("time", time, {"units": "s"}),
+        "variant": variants,
+        "seed": seeds,
         **{axis: np.arange(1, size + 1) for axis, size in zip(axes, variable.shape, strict=True)},
-    }  # fmt: skip
+    }
     notes = {"units": variable.unit, "display_units": variable.display_unit, "long_name": variable.description}
     attributes = {key: text for key, text in notes.items() if text or key == "units"}
     return xarray.DataArray(data, coordinates, ["time", "variant", "seed", *axes], variable.name, attributes)

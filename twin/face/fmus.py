@@ -32,12 +32,18 @@ INPUT = "input"  # in messages
 
 
 def simulate(
-    fmu: str | Path, input: Any = None, *,  # noqa: A002 - the word of FMPy and of the command line
-    start_values: Mapping[str, Any] | None = None, start_time: float | str | None = None,
-    stop_time: float | str | None = None, step_size: float | str | None = None,
-    output_interval: float | str | None = None, record: str | Sequence[str] | None = None,
-    progress: Progress = None, logging: bool = False,
-) -> pd.DataFrame:  # fmt: skip
+    fmu: str | Path,
+    input: Any = None,  # noqa: A002 - the word of FMPy and of the command line
+    *,
+    start_values: Mapping[str, Any] | None = None,
+    start_time: float | str | None = None,
+    stop_time: float | str | None = None,
+    step_size: float | str | None = None,
+    output_interval: float | str | None = None,
+    record: str | Sequence[str] | None = None,
+    progress: Progress = None,
+    logging: bool = False,
+) -> pd.DataFrame:
     """Run any Co-Simulation FMU (FMI 2.0, 3.0) alone: column `time` [s], then its outputs, or what `record` names.
 
     `input`: a DataFrame, a structured array, a dict of columns or the path of a CSV file, with a column `time` [s] (or
@@ -51,10 +57,13 @@ def simulate(
         member = FMUMember(path.stem, path, given, logging=logging)
         try:
             planned = plan(
-                member, start=seconds(start_time, "start_time"), stop=seconds(stop_time, "stop_time"),
-                step=seconds(step_size, "step_size"), interval=seconds(output_interval, "output_interval"),
+                member,
+                start=seconds(start_time, "start_time"),
+                stop=seconds(stop_time, "stop_time"),
+                step=seconds(step_size, "step_size"),
+                interval=seconds(output_interval, "output_interval"),
                 record=tuple(listed(record)),
-            )  # fmt: skip
+            )
             inputs = table(input, member) if input is not None else None
             outcome = run_alone(member, planned, inputs, progress=partial(told, share, path.stem))
         finally:
@@ -120,10 +129,18 @@ def columns_of(given: Any) -> tuple[dict[str, list[Any]], Mapping[str, str]]:
 
 
 def export(
-    what: str | Path | type[Component] | Scenario, path: str | Path | None = None, *, fmi: str = "3.0",
-    platforms: str | Sequence[str] = (), sources: bool = False, members: str | Sequence[str] = (),
-    group: str | None = None, variant: str | None = None, force: bool = False, build: str | Path = "build",
-) -> Path:  # fmt: skip
+    what: str | Path | type[Component] | Scenario,
+    path: str | Path | None = None,
+    *,
+    fmi: str = "3.0",
+    platforms: str | Sequence[str] = (),
+    sources: bool = False,
+    members: str | Sequence[str] = (),
+    group: str | None = None,
+    variant: str | None = None,
+    force: bool = False,
+    build: str | Path = "build",
+) -> Path:
     """Write a component (a name in fmus/, `module:Class`, a class), or part of a scenario, as an FMU; its path.
 
     Of a scenario: `members`, or a `group` that it names, of a `variant`. `platforms`: this machine's if not given, several,

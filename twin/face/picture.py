@@ -53,8 +53,10 @@ def draw(members: Mapping[str, str], connections: Mapping[Edge, Iterable[str]]) 
         layers[place].append(slots[name])
     lines = {edge: route(edge, edge in back, depth, slots, layers) for edge in connections if edge[0] != edge[1]}
     arrange(layers)
-    shown = {name: component if len(component) <= LONGEST else f"{component[: LONGEST - 1]}…"
-             for name, component in members.items()}  # fmt: skip
+    shown = {
+        name: component if len(component) <= LONGEST else f"{component[: LONGEST - 1]}…"
+        for name, component in members.items()
+    }
     width = max(70.0, 18 + max(max(LETTER * len(name), SMALL * len(text)) for name, text in shown.items()))
     left = {id(slot): 8 + place * (width + ROOM) for place, layer in enumerate(layers) for slot in layer}
     bottom = max(slot.y + slot.half for layer in layers for slot in layer)

@@ -188,8 +188,11 @@ class Run:
         expressions = [one for plot in plots for curve in plot.curves for one in (curve.signal, curve.x) if one]
         names = dict.fromkeys(signal.name for one in expressions for signal in one.signals if signal.name in self)
         cases = read_variables(self._signals, [self._recorded[name] for name in names])
-        chosen = {(variant, seed): signals for (variant, seed), signals in cases.items()
-                  if variant in (listed(variants) or self.variants) and seed in (listed(seeds) or self.seeds)}  # fmt: skip
+        chosen = {
+            (variant, seed): signals
+            for (variant, seed), signals in cases.items()
+            if variant in (listed(variants) or self.variants) and seed in (listed(seeds) or self.seeds)
+        }
         if not chosen:
             raise TwinError(
                 f"{self.folder}: nothing was run with these variants and seeds. Known: {', '.join(self.variants)}."
@@ -230,16 +233,22 @@ class Run:
         """A plot in the unit of its first signal if it states none and all are of one kind."""
         units = {self._unit(curve.signal) for curve in plot.curves}
         across = {self._unit(curve.x) for curve in plot.curves if curve.x is not None}
-        return replace(plot, unit=plot.unit or (units.pop() if len(units) == 1 else ""),
-                       x_unit=plot.x_unit or (across.pop() if len(across) == 1 else ""))  # fmt: skip
+        return replace(
+            plot,
+            unit=plot.unit or (units.pop() if len(units) == 1 else ""),
+            x_unit=plot.x_unit or (across.pop() if len(across) == 1 else ""),
+        )
 
     def _unit(self, parsed: Expression) -> str:
         """The unit that an expression is shown in; ScenarioError if it adds what does not fit."""
         known = {name: self._recorded[name] for name in (signal.name for signal in parsed.signals) if name in self}
         units: dict[str, str | None] = {name: one.unit for name, one in known.items()}
         found = dimension.of(parsed, units)
-        return dimension.preferred(found, {name: one.unit for name, one in known.items()},
-                                   {name: one.display_unit for name, one in known.items()})  # fmt: skip
+        return dimension.preferred(
+            found,
+            {name: one.unit for name, one in known.items()},
+            {name: one.display_unit for name, one in known.items()},
+        )
 
     def __repr__(self) -> str:
         cases = f"{len(self.variants)} variants x {len(self.seeds)} seeds"
@@ -247,7 +256,10 @@ class Run:
 
     def _repr_html_(self) -> str:
         return notebook.page(
-            notebook.heading(self.summary["scenario"]["title"]), notebook.state(self.summary, self.folder),
-            *map(notebook.paragraph, self.notes), notebook.verdicts(self.summary), notebook.expectations(self.summary),
+            notebook.heading(self.summary["scenario"]["title"]),
+            notebook.state(self.summary, self.folder),
+            *map(notebook.paragraph, self.notes),
+            notebook.verdicts(self.summary),
+            notebook.expectations(self.summary),
             notebook.scenario_system(self._checked),
-        )  # fmt: skip
+        )

@@ -38,8 +38,10 @@ class Scenario:
         self._classes = dict(classes)  # by how the scenario names them
         variants = []
         for case in checked.variants:
-            members = {name: replace(one, made=self._classes.get(one.component, one.made))
-                       for name, one in case.members.items()}  # fmt: skip
+            members = {
+                name: replace(one, made=self._classes.get(one.component, one.made))
+                for name, one in case.members.items()
+            }
             variants.append(replace(case, members=members))
         self.checked = replace(checked, variants=tuple(variants))
 
@@ -96,10 +98,16 @@ class Scenario:
         return scenario
 
     def run(
-        self, variants: str | Sequence[str] | None = None, seeds: int | Sequence[int] | None = None, *,
-        progress: Progress = None, report: bool = True, out: str | Path = "runs", build: str | Path = "build",
+        self,
+        variants: str | Sequence[str] | None = None,
+        seeds: int | Sequence[int] | None = None,
+        *,
+        progress: Progress = None,
+        report: bool = True,
+        out: str | Path = "runs",
+        build: str | Path = "build",
         form: str = "fmu",
-    ) -> Run:  # fmt: skip
+    ) -> Run:
         """Run variants with seeds, all if not given, and write the folder `out/<name>/<time>/`.
 
         `progress`: True for a bar, or a function of a case's name and the part of it that is done. `form`: fmu, compiled
@@ -108,9 +116,15 @@ class Scenario:
         """
         with as_arguments(), shown(progress, self.title) as told:
             outcome = run_scenario(
-                self.checked, Form(choice(form, Form, "form")), variants=listed(variants), seeds=listed(seeds),
-                root=Path(out), build=Path(build), progress=told, report=report,
-            )  # fmt: skip
+                self.checked,
+                Form(choice(form, Form, "form")),
+                variants=listed(variants),
+                seeds=listed(seeds),
+                root=Path(out),
+                build=Path(build),
+                progress=told,
+                report=report,
+            )
         return Run(outcome.folder, self, [] if form == Form.interpreted else sourceless(self._classes.values()))
 
     def __repr__(self) -> str:
@@ -122,10 +136,12 @@ class Scenario:
         titles = [(escape(one.variant), escape(one.title)) for one in checked.variants]
         overrides = f"set: {', '.join(checked.overrides)}" if checked.overrides else ""
         return notebook.page(
-            notebook.heading(checked.title), notebook.paragraph(checked.description), notebook.paragraph(overrides),
+            notebook.heading(checked.title),
+            notebook.paragraph(checked.description),
+            notebook.paragraph(overrides),
             notebook.table({"variant": "text", "what": "text"}, titles if len(titles) > 1 else []),
             notebook.scenario_system(checked),
-        )  # fmt: skip
+        )
 
 
 def reference(cls: type, known: Mapping[str, type[Component]]) -> str:

@@ -74,9 +74,12 @@ class Simulation:
         return tuple(f"{member}.{name}" for member, variables in self._catalog.items() for name in variables)
 
     def advance(
-        self, duration: float | str | None = None, *, until: float | str | None = None,
+        self,
+        duration: float | str | None = None,
+        *,
+        until: float | str | None = None,
         progress: Callable[[float], object] | None = None,
-    ) -> float:  # fmt: skip
+    ) -> float:
         """Go ahead by `duration`, or to the time `until`, one step if neither is given; the time reached [s].
 
         Whole steps only. SimulationError if a member fails; what was recorded is kept. If a member ends the simulation,

@@ -46,9 +46,14 @@ class System:
         return [(one["from"], one["to"]) for one in self._connections]
 
     def add(
-        self, name: str, component: str | Path | type[Component], *, period: float | str | None = None,
-        parameters: Mapping[str, Any] | None = None, **values: Any,
-    ) -> None:  # fmt: skip
+        self,
+        name: str,
+        component: str | Path | type[Component],
+        *,
+        period: float | str | None = None,
+        parameters: Mapping[str, Any] | None = None,
+        **values: Any,
+    ) -> None:
         """Add a member: a component by its name in fmus/, `module:Class`, a class, or the path of an FMU.
 
         `values`: parameters and start values of inputs, text with a unit or numbers in SI; `parameters`: those whose
@@ -72,7 +77,10 @@ class System:
         self._members, self._classes = members, classes
 
     def connect(self, source: str, *targets: str) -> None:
-        """Connect an output to inputs, all as `member.variable` or an element `member.x[1]`; units are converted."""
+        """Connect an output to inputs, all as `member.variable` or an element `member.x[1]`; units are converted.
+
+        Or a terminal to others, as `member.terminal` or an element of its arrays `member.terminal[1]`.
+        """
         for end in (source, *targets):
             member = end.partition(".")[0]
             if member not in self._members:
@@ -84,10 +92,18 @@ class System:
         self._connections = connections
 
     def simulate(
-        self, step: float | str = "1 ms", *, start: float | str = 0.0, stop: float | str | None = None,
-        algorithm: str = "jacobi", seed: int = 0, form: str = "compiled", record: str | Sequence[str] | None = None,
-        every: float | str | None = None, build: str | Path = "build",
-    ) -> Simulation:  # fmt: skip
+        self,
+        step: float | str = "1 ms",
+        *,
+        start: float | str = 0.0,
+        stop: float | str | None = None,
+        algorithm: str = "jacobi",
+        seed: int = 0,
+        form: str = "compiled",
+        record: str | Sequence[str] | None = None,
+        every: float | str | None = None,
+        build: str | Path = "build",
+    ) -> Simulation:
         """Initialize the members at `start`; use it with `with`, which frees them at the end.
 
         `step`: communication step. `stop`: told to FMUs, and there it ends. `record`: patterns as in a scenario, all
@@ -102,9 +118,13 @@ class System:
         if every is not None:
             recorded["every"] = plain(every)
         more = {
-            "step": f"{step_ns} ns", "start_time": f"{begin} ns", "stop_time": f"{end} ns", "algorithm": algorithm,
-            "seeds": [plain(seed)], "record": recorded,
-        }  # fmt: skip
+            "step": f"{step_ns} ns",
+            "start_time": f"{begin} ns",
+            "stop_time": f"{end} ns",
+            "algorithm": algorithm,
+            "seeds": [plain(seed)],
+            "record": recorded,
+        }
         with as_arguments():
             case, catalog = self._checked(self._members, self._connections, self._classes, more)
             return Simulation(
@@ -112,9 +132,12 @@ class System:
             )
 
     def _checked(
-        self, members: dict[str, Any], connections: list[dict[str, str]], classes: dict[str, type[Component]],
+        self,
+        members: dict[str, Any],
+        connections: list[dict[str, str]],
+        classes: dict[str, type[Component]],
         more: dict[str, Any] | None = None,
-    ) -> tuple[Case, Catalog]:  # fmt: skip
+    ) -> tuple[Case, Catalog]:
         """The system as the case of a scenario, and its members' variables; ScenarioError with all that is wrong."""
         data = {"stop_time": "1 s", "members": members, "connections": connections, **(more or {})}
         checked = Scenario(made_scenario(data, NAME), classes).checked

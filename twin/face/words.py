@@ -17,9 +17,16 @@ if TYPE_CHECKING:
 
 OPTION = re.compile(r"--([a-z]+(?:-[a-z]+)*)(?: (?=[\d\"]))?")
 ARGUMENTS = {  # option of the command line: argument here, where it is not only spelled otherwise
-    "set": "set ", "as": "form=", "runs": "out=", "variant": "variants=", "seed": "seeds=", "platform": "platforms=",
-    "output": "path=", "start-value": "start_values=", "log": "logging=",
-}  # fmt: skip
+    "set": "set ",
+    "as": "form=",
+    "runs": "out=",
+    "variant": "variants=",
+    "seed": "seeds=",
+    "platform": "platforms=",
+    "output": "path=",
+    "start-value": "start_values=",
+    "log": "logging=",
+}
 
 
 def argument(option: re.Match[str]) -> str:

@@ -7,6 +7,7 @@ Nothing of an archive is trusted: neither its file names, nor the sizes it claim
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import shutil
 import stat
@@ -52,12 +53,13 @@ class Unpacked:
     notes: list[str] = field(default_factory=list)
     _temporary: tempfile.TemporaryDirectory[str] | None = None
     users: int = 1
+    process: int = field(default_factory=os.getpid)  # that unpacked it: one that was forked off leaves the folder alone
     terminals: Mapping[str, tuple[TerminalMember, ...]] = field(default_factory=dict)  # by variable
 
     def close(self) -> None:
         """Remove the folder when its last user has closed it. Safe to call once too often."""
         self.users -= 1
-        if self.users <= 0 and self._temporary is not None:
+        if self.users <= 0 and self._temporary is not None and self.process == os.getpid():
             self._temporary.cleanup()
             self._temporary = None
 
@@ -117,9 +119,16 @@ def unpack(path: str | Path) -> Unpacked:
         notes = ["needs the tool it was made with on this machine"] if description.needs_tool else []
         places, left_out = terminals.read(path, shown, {one.name for one in parsed.modelVariables})
         return Unpacked(
-            path, root / "fmu", parsed, description.fmi, root / "fmu" / binary, sha256, notes + left_out, temporary,
+            path,
+            root / "fmu",
+            parsed,
+            description.fmi,
+            root / "fmu" / binary,
+            sha256,
+            notes + left_out,
+            temporary,
             terminals=places,
-        )  # fmt: skip
+        )
     except BaseException as error:
         if temporary is not None:
             temporary.cleanup()

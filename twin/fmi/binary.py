@@ -186,8 +186,11 @@ def instantiate(fmu: FMU2 | FMU3, log: Log, visible: bool, logging: bool) -> int
     if isinstance(fmu, FMU2):
         fmu.instantiate(visible=visible, callbacks=callbacks(log), loggingOn=logging)
     else:
-        fmu.instantiate(visible=visible, loggingOn=logging,
-                        logMessage=lambda _environment, status, _category, message: log.add(status, message))  # fmt: skip
+        fmu.instantiate(
+            visible=visible,
+            loggingOn=logging,
+            logMessage=lambda _environment, status, _category, message: log.add(status, message),
+        )
     return int(fmu.component)
 
 

@@ -267,15 +267,25 @@ def describe_2(cls: type[Component], name: str, token: str, exposed: list[Expose
     if offers_exchange(cls):
         root.set("numberOfEventIndicators", str(sum(v.size for v in switches(cls))))
         add(
-            root, "ModelExchange", modelIdentifier=name, completedIntegratorStepNotNeeded=True,
-            canNotUseMemoryManagementFunctions=True, canGetAndSetFMUstate=True, canSerializeFMUstate=True,
+            root,
+            "ModelExchange",
+            modelIdentifier=name,
+            completedIntegratorStepNotNeeded=True,
+            canNotUseMemoryManagementFunctions=True,
+            canGetAndSetFMUstate=True,
+            canSerializeFMUstate=True,
             providesDirectionalDerivative=offers_derivatives(cls) or None,
-        )  # fmt: skip
+        )
     add(
-        root, "CoSimulation", modelIdentifier=name, canHandleVariableCommunicationStepSize=True,
-        canNotUseMemoryManagementFunctions=True, canGetAndSetFMUstate=True, canSerializeFMUstate=True,
+        root,
+        "CoSimulation",
+        modelIdentifier=name,
+        canHandleVariableCommunicationStepSize=True,
+        canNotUseMemoryManagementFunctions=True,
+        canGetAndSetFMUstate=True,
+        canSerializeFMUstate=True,
         providesDirectionalDerivative=offers_derivatives(cls) or None,
-    )  # fmt: skip
+    )
     _units(root, cls.variables)
     _log_categories(root)
     _experiment(root, cls)
@@ -283,9 +293,15 @@ def describe_2(cls: type[Component], name: str, token: str, exposed: list[Expose
     variables = add(root, "ModelVariables")
     for e in exposed:
         variable = add(
-            variables, "ScalarVariable", name=e.name, valueReference=e.reference, description=e.variable.description,
-            causality=e.causality, variability=e.variability, initial=None if e.causality == "input" else e.initial,
-        )  # fmt: skip
+            variables,
+            "ScalarVariable",
+            name=e.name,
+            valueReference=e.reference,
+            description=e.variable.description,
+            causality=e.causality,
+            variability=e.variability,
+            initial=None if e.causality == "input" else e.initial,
+        )
         state = states.get((e.variable.name, e.element))
         value = e.start[0] if e.has_start else None
         kind = TYPES_2[e.variable.type]
@@ -303,18 +319,27 @@ def describe_3(cls: type[Component], name: str, token: str, exposed: list[Expose
     root = _document(cls, fmiVersion="3.0", modelName=name, instantiationToken=token)
     if offers_exchange(cls):
         add(
-            root, "ModelExchange", modelIdentifier=name, canGetAndSetFMUState=True, canSerializeFMUState=True,
+            root,
+            "ModelExchange",
+            modelIdentifier=name,
+            canGetAndSetFMUState=True,
+            canSerializeFMUState=True,
             providesDirectionalDerivatives=offers_derivatives(cls) or None,
-        )  # fmt: skip
+        )
     add(
-        root, "CoSimulation", modelIdentifier=name, canHandleVariableCommunicationStepSize=True,
-        canGetAndSetFMUState=True, canSerializeFMUState=True,
+        root,
+        "CoSimulation",
+        modelIdentifier=name,
+        canHandleVariableCommunicationStepSize=True,
+        canGetAndSetFMUState=True,
+        canSerializeFMUState=True,
         providesDirectionalDerivatives=offers_derivatives(cls) or None,
         fixedInternalStepSize=clock.seconds(cls.period_ns) if cls.period_ns else None,
         providesIntermediateUpdate=offers_exchange(cls) or None,
         canReturnEarlyAfterIntermediateUpdate=offers_exchange(cls) or None,
-        hasEventMode=bool(cls.period_ns) or None, mightReturnEarlyFromDoStep=bool(cls.period_ns) or None,
-    )  # fmt: skip
+        hasEventMode=bool(cls.period_ns) or None,
+        mightReturnEarlyFromDoStep=bool(cls.period_ns) or None,
+    )
     _units(root, cls.variables)
     _log_categories(root)
     _experiment(root, cls)

@@ -17,7 +17,7 @@ MACHINES = {  # e_machine: names of the processor
     0x3E: ("x86_64",),
     0xB7: ("aarch64",),
     0xF3: ("riscv64",),
-}  # fmt: skip
+}
 ENTRY = 56  # size of a segment's entry [byte]
 LOAD = 1  # type of a segment that is mapped into memory
 

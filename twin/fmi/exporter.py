@@ -118,11 +118,18 @@ def documentation(cls: type[Component], version: str) -> str:
     markdown = markdown_it.MarkdownIt("commonmark", {"html": False}).enable("table")
     groups = [(role, [v for v in cls.variables if v.role is role]) for role in Role if role is not Role.derivative]
     page: str = _page().render(
-        name=model_name(cls), version=version, summary=description.summary(cls),
+        name=model_name(cls),
+        version=version,
+        summary=description.summary(cls),
         docstring=inspect.cleandoc(cls.__doc__ or "").partition("\n")[2].strip(),
-        readme=markdown.render(readme(cls)), groups=groups, period=cls.period, text=_start_text, terminals=cls.terminals,
-        exchange=description.offers_exchange(cls), underivable=underivable(cls),
-    )  # fmt: skip
+        readme=markdown.render(readme(cls)),
+        groups=groups,
+        period=cls.period,
+        text=_start_text,
+        terminals=cls.terminals,
+        exchange=description.offers_exchange(cls),
+        underivable=underivable(cls),
+    )
     return page
 
 

@@ -67,8 +67,11 @@ class FMUMember(Member):
         self._dependencies = declarations.dependencies(description)
         declarations.refuse_clocks(self._declared.values(), where)
         interface = description.coSimulation
-        self.capabilities = {field: value for field in dir(interface)
-                             if not field.startswith("_") and isinstance(value := getattr(interface, field), bool)}  # fmt: skip
+        self.capabilities = {
+            field: value
+            for field in dir(interface)
+            if not field.startswith("_") and isinstance(value := getattr(interface, field), bool)
+        }
         self.can_get_and_set_state = bool(interface.canGetAndSetFMUstate)
         # those of others often say so and cannot, or it takes them long
         self.can_restore = self.can_get_and_set_state and (description.generationTool or "").startswith("twin ")
@@ -80,9 +83,12 @@ class FMUMember(Member):
             self.period_ns = declarations.period(self.fixed_step, suggested, where)
         self.notes += unpacked.notes
         self.identity = {
-            "kind": "fmu", "fmi": unpacked.fmi, "generator": description.generationTool or "",
-            "sha256": unpacked.sha256, "file": unpacked.path.name,
-        }  # fmt: skip
+            "kind": "fmu",
+            "fmi": unpacked.fmi,
+            "generator": description.generationTool or "",
+            "sha256": unpacked.sha256,
+            "file": unpacked.path.name,
+        }
         self._structural: dict[str, np.ndarray[Any, Any]] = {}
         self._units = units.names(description)
         self.variables = self._variables({})
@@ -253,6 +259,9 @@ class FMUMember(Member):
             if self._log is not None:
                 self._log.close()
             self._unpacked.close()
+
+    def release(self) -> None:
+        self._unpacked.close()
 
     def _free(self) -> None:
         token = self._unpacked.description.guid

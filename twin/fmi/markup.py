@@ -72,8 +72,11 @@ def check(path: Path, content: bytes) -> Description:
         raise FMUError(f"{where} {said}; FMI 2.0 and 3.0 are supported. Export the FMU for one of them.")
     interface = root.find("CoSimulation")
     if interface is None:
-        others = [text for tag, text in (("ModelExchange", "Model Exchange"),
-                                         ("ScheduledExecution", "Scheduled Execution")) if root.find(tag) is not None]  # fmt: skip
+        others = [
+            text
+            for tag, text in (("ModelExchange", "Model Exchange"), ("ScheduledExecution", "Scheduled Execution"))
+            if root.find(tag) is not None
+        ]
         what = f"is for {' and '.join(others)} only" if others else "names no interface"
         raise FMUError(f"{path}: {what}; Co-Simulation is needed. Export it for Co-Simulation.")
     identifier = interface.get("modelIdentifier", "")
@@ -84,8 +87,9 @@ def check(path: Path, content: bytes) -> Description:
         word = "guid" if version == "2.0" else "instantiationToken"
         raise FMUError(f"{where} has no {word}, without which no FMU starts. Export the FMU once more.")
     check_variables(where, root, version)
-    return Description("2.0" if version == "2.0" else "3.0", identifier,
-                       interface.get("needsExecutionTool") in TRUE, root)  # fmt: skip
+    return Description(
+        "2.0" if version == "2.0" else "3.0", identifier, interface.get("needsExecutionTool") in TRUE, root
+    )
 
 
 def check_variables(where: str, root: Any, version: str) -> None:

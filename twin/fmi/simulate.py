@@ -79,8 +79,13 @@ def plan(
         raise FMUError(f"{name}: stops at {clock.text(end)}, not after its start {clock.text(begin)}. Use --stop-time.")
     spacing = whole(interval, None, 0, f"{name}: output interval", notes)
     default = member.period_ns or spacing or decimal_step(end - begin)
-    size = whole(step, None if member.period_ns else suggested.step_size or member.fixed_step, default,
-                 f"{name}: step size", notes)  # fmt: skip
+    size = whole(
+        step,
+        None if member.period_ns else suggested.step_size or member.fixed_step,
+        default,
+        f"{name}: step size",
+        notes,
+    )
     if size <= 0:
         raise FMUError(f"{name}: step size {clock.text(size)} is not positive. Use --step-size.")
     if interval is not None and spacing <= 0:
@@ -141,8 +146,10 @@ def check_step(member: FMUMember, begin: int, end: int, step: int) -> None:
     if (end - begin) % step:
         last = begin + (end - begin) // step * step
         advice = f"{clock.text(last)} or {clock.text(last + step)}"
-        raise FMUError(f"{name}: cannot shorten its last step of {clock.text(step)} to stop at {clock.text(end)}. "
-                       f"Use --stop-time {advice}.")  # fmt: skip
+        raise FMUError(
+            f"{name}: cannot shorten its last step of {clock.text(step)} to stop at {clock.text(end)}. "
+            f"Use --stop-time {advice}."
+        )
 
 
 def choose(member: FMUMember, wanted: tuple[str, ...], notes: list[str]) -> tuple[str, ...]:
@@ -150,8 +157,9 @@ def choose(member: FMUMember, wanted: tuple[str, ...], notes: list[str]) -> tupl
     where = member.identity["file"]
     if not wanted:
         for causality in ("output", "local"):
-            found = [each.name for each in member.variables.values()
-                     if each.causality == causality and each.type != "Clock"]  # fmt: skip
+            found = [
+                each.name for each in member.variables.values() if each.causality == causality and each.type != "Clock"
+            ]
             if found:
                 if causality == "local":
                     notes.append("has no outputs: its local variables are recorded")
@@ -159,8 +167,13 @@ def choose(member: FMUMember, wanted: tuple[str, ...], notes: list[str]) -> tupl
         raise FMUError(f"{where}: has no outputs and no local variables. Name what to record with --record.")
     names: dict[str, None] = {}
     for pattern in wanted:
-        matched = [pattern] if pattern in member.variables else fnmatch.filter(
-            [name for name, each in member.variables.items() if each.type != "Clock"], pattern.replace("[", "[[]"))  # fmt: skip
+        matched = (
+            [pattern]
+            if pattern in member.variables
+            else fnmatch.filter(
+                [name for name, each in member.variables.items() if each.type != "Clock"], pattern.replace("[", "[[]")
+            )
+        )
         if not matched:
             raise FMUError(
                 f"{where}: has no variable {pattern!r} to record. {nearest(pattern, list(member.variables))}"
@@ -242,7 +255,7 @@ class Sampler:
 
     def __init__(
         self, member: FMUMember, names: tuple[str, ...], rows: int, folder: str = "", again: bool = False
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.folder, self.mode = folder, "r+" if again else "w+"
         self.member = member
         self.variables = [member.variables[name] for name in names]
@@ -291,9 +304,13 @@ class Sampler:
 
 
 def simulate(
-    member: FMUMember, plan: Plan, inputs: Inputs | None = None, *, progress: Callable[[float], None] | None = None,
+    member: FMUMember,
+    plan: Plan,
+    inputs: Inputs | None = None,
+    *,
+    progress: Callable[[float], None] | None = None,
     link: Link | None = None,
-) -> Outcome:  # fmt: skip
+) -> Outcome:
     """Run a member that is not instantiated yet; after a failure the results until then are kept. Closes it.
 
     `link`: to the process that watches this one, which gives what was recorded to `left` if this one dies.

@@ -53,10 +53,12 @@ def _functions(cls: type[Component]) -> list[str]:
 def source_code(cls: type[Component], name: str) -> Code:
     """The functions of `NAME.c`, which take the struct of `NAME.h`, as functions of its memory."""
     lines = [
-        f'#include "{name}.h"', "",
-        f'_Static_assert(sizeof({name}_t) == RECORD_SIZE, "the struct has the size of the record");', "",
+        f'#include "{name}.h"',
+        "",
+        f'_Static_assert(sizeof({name}_t) == RECORD_SIZE, "the struct has the size of the record");',
+        "",
         f"static void init(void *record) {{ {name}_init(record); }}",
-    ]  # fmt: skip
+    ]
     own = _functions(cls)
     for function in own:
         passed = ", ".join(["record", *(word.split()[-1].strip("*") for word in ARGUMENTS[function].split(","))])
@@ -153,10 +155,12 @@ def model_c(cls: type[Component], name: str, token: str, exposed: list[Exposed],
         members |= {"period": str(cls.period_ns), "begin": str(offset("_begin")), "tick": str(offset("_tick"))}
     if states:
         members |= {
-            "substep": repr(float(cls.method.substep)), "state_count": str(len(nominals)),
-            "states": str(offset(states[0].name)), "derivatives_of_states": str(offset(derivatives[0].name)),
+            "substep": repr(float(cls.method.substep)),
+            "state_count": str(len(nominals)),
+            "states": str(offset(states[0].name)),
+            "derivatives_of_states": str(offset(derivatives[0].name)),
             "nominals": "nominals",
-        }  # fmt: skip
+        }
     if indicators:
         members |= {"indicator_count": str(len(indicators)), "indicators": "indicators"}
     members |= {"pool": "pool", "pool_size": "sizeof pool", "slot_size": "SLOT"}

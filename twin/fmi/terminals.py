@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 from lxml import etree
@@ -12,7 +13,8 @@ from twin.fmi.description import add, serialized
 from twin.fmi.markup import VARIABLES, root_of
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Set
+    from collections.abc import Iterator
+    from collections.abc import Set as AbstractSet
     from pathlib import Path
 
     from twin.component import Component
@@ -53,7 +55,9 @@ def none(_: type[Component]) -> dict[str, bytes]:
     return {}
 
 
-def read(path: Path, content: bytes, variables: Set[str]) -> tuple[dict[str, tuple[TerminalMember, ...]], list[str]]:
+def read(
+    path: Path, content: bytes, variables: AbstractSet[str]
+) -> tuple[dict[str, tuple[TerminalMember, ...]], list[str]]:
     """The places that an FMU's variables have in its terminals, and notes about terminals that are left out.
 
     Terminals are optional: what is wrong with one does not stop a run. FMUError for a file that can do harm.
@@ -68,7 +72,7 @@ def read(path: Path, content: bytes, variables: Set[str]) -> tuple[dict[str, tup
     for terminal in (
         one for group in children(root, "Terminals", namespace) for one in children(group, "Terminal", namespace)
     ):
-        members = list(members_of(terminal, (), namespace, where))
+        members = list(islice(members_of(terminal, (), namespace, where), VARIABLES + 1))
         count += len(members)
         if count > VARIABLES:
             raise FMUError(f"{where} has more than {VARIABLES} members of terminals. Export the FMU with fewer.")
@@ -119,7 +123,7 @@ def members_of(
         yield from members_of(inner, names, namespace, where)
 
 
-def wrong(members: list[tuple[str, TerminalMember]], variables: Set[str]) -> str:
+def wrong(members: list[tuple[str, TerminalMember]], variables: AbstractSet[str]) -> str:
     """Why a terminal means nothing, or nothing."""
     seen: set[tuple[str, str]] = set()
     for variable, one in members:

@@ -3,7 +3,7 @@
 from twin.process.death import Death
 from twin.process.link import Lines, Link
 from twin.process.owner import alive, owner, sweep
-from twin.process.stop import Stop
+from twin.process.stop import SIGNALS, Stop
 from twin.process.supervisor import command_line, supervise
 
-__all__ = ["Death", "Lines", "Link", "Stop", "alive", "command_line", "owner", "supervise", "sweep"]
+__all__ = ["SIGNALS", "Death", "Lines", "Link", "Stop", "alive", "command_line", "owner", "supervise", "sweep"]

@@ -246,6 +246,10 @@ class Supervisor:
             self.pending = self.pending[4 + size :]
             self.hear(message)
         self.stack += taken(self.stacks)
+        self.pass_on()
+
+    def pass_on(self) -> None:
+        """Pass on what native code printed to stderr."""
         if text := taken(self.errors):
             with suppress(OSError):
                 os.write(2, text)
@@ -262,6 +266,8 @@ class Supervisor:
             self.drainer.drain()
             self.drainer.close()
             self.drainer.told = {}
+            self.pass_on()
+            self.lines.clear()  # what this case logged says nothing of the next
         if "keep" in message:
             self.kept |= message["keep"]
         if "log" in message:
@@ -278,11 +284,16 @@ class Supervisor:
         tick, at = (self.shared.word(told[key]) for key in ("tick", "at")) if told else (0, 0)
         number = -code if code < 0 else 0
         return Death(
-            signal=number, exit=code if code >= 0 else None, silent=round(self.timeout, 3) if self.quiet else 0.0,
-            asked=self.asked, tick=tick, at=at, note=self.shared.noted,
+            signal=number,
+            exit=code if code >= 0 else None,
+            silent=round(self.timeout, 3) if self.quiet else 0.0,
+            asked=self.asked,
+            tick=tick,
+            at=at,
+            note=self.shared.noted,
             log={member: list(lines) for member, lines in self.lines.items()},
             stack=innermost(self.stack.decode(errors="replace")),
-        )  # fmt: skip
+        )
 
 
 def taken(file: int) -> bytes:

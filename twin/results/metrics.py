@@ -310,9 +310,9 @@ def limits(one: Expectation, found: list[tuple[str, float, float, str]], scale: 
         case, value, when = broken[0]
         cases = f" Broken in {len(broken)} of {len(found)} runs" + f": {grouped(broken)}." if len(found) > 1 else ""
         return Outcome(name, "fail", f"{what} is {value}{when} in {case}; expected {expected}.{cases}")
-    span = " to ".join(dict.fromkeys(
-        (one.shown(min(row[1] for row in found), scale), one.shown(max(row[2] for row in found), scale))
-    ))  # fmt: skip
+    span = " to ".join(
+        dict.fromkeys((one.shown(min(row[1] for row in found), scale), one.shown(max(row[2] for row in found), scale)))
+    )
     return Outcome(name, "pass", f"{what} was {span}; expected {expected}.")
 
 

@@ -124,11 +124,14 @@ def default_plots(tables: Tables, limit: int = 8) -> list[Plot]:
     several = len({variant for variant, _ in tables}) > 1
     return [
         Plot(
-            member, tuple(curves), label=curves[0].label if len(curves) == 1 else "",
-            unit=displayed.get(curves[0].signal.text, unit), per_variant=several,
+            member,
+            tuple(curves),
+            label=curves[0].label if len(curves) == 1 else "",
+            unit=displayed.get(curves[0].signal.text, unit),
+            per_variant=several,
         )
         for (member, unit), curves in list(groups.items())[:limit]
-    ]  # fmt: skip
+    ]
 
 
 def draw(plot: Plot, tables: Tables, events: Sequence[float] = (), salt: str = "") -> str:
@@ -285,9 +288,18 @@ def panel(axis: Any, plot: Plot, tables: Tables, names: Sequence[str]) -> None:
             if plot.points:
                 style = MARKS[number % len(MARKS)]
             axis.plot(
-                x, y, style, drawstyle="steps-post" if kind(curve, tables) else "default", color=color, label=label if is_first else None, alpha=1.0 if is_first else 0.22,
-                linewidth=1.2 if is_first else 0.7, markersize=4, markerfacecolor="none", zorder=3 if is_first else 2,
-            )  # fmt: skip
+                x,
+                y,
+                style,
+                drawstyle="steps-post" if kind(curve, tables) else "default",
+                color=color,
+                label=label if is_first else None,
+                alpha=1.0 if is_first else 0.22,
+                linewidth=1.2 if is_first else 0.7,
+                markersize=4,
+                markerfacecolor="none",
+                zorder=3 if is_first else 2,
+            )
 
 
 def mark(axis: Any, plot: Plot, events: Iterable[float]) -> None:
@@ -295,8 +307,11 @@ def mark(axis: Any, plot: Plot, events: Iterable[float]) -> None:
     if plot.band:
         axis.axhspan(
             *(in_unit(edge, plot.unit, plot.is_difference) for edge in plot.band),
-            color="#2a9d6f", alpha=0.10, linewidth=0, zorder=0,
-        )  # fmt: skip
+            color="#2a9d6f",
+            alpha=0.10,
+            linewidth=0,
+            zorder=0,
+        )
     for value in plot.lines:
         height = in_unit(value, plot.unit, plot.is_difference)
         axis.axhline(height, color="#3e4c59", linewidth=0.9, linestyle=(0, (5, 4)), zorder=1)

@@ -230,12 +230,19 @@ def summary(
     metrics: dict[str, Any] = {}
     for one in evaluation.figures:
         metric = one.metric
-        entry = metrics.setdefault(metric.name, {
-            "signal": metric.signal.text, "reduce": metric.reduce, "unit": metric.unit,
-            "from": None if metric.window.start_ns is None else clock.seconds(metric.window.start_ns),
-            "to": None if metric.window.stop_ns is None else clock.seconds(metric.window.stop_ns),
-            "description": metric.description, "tolerance": metric.tolerance, "variants": {},
-        })  # fmt: skip
+        entry = metrics.setdefault(
+            metric.name,
+            {
+                "signal": metric.signal.text,
+                "reduce": metric.reduce,
+                "unit": metric.unit,
+                "from": None if metric.window.start_ns is None else clock.seconds(metric.window.start_ns),
+                "to": None if metric.window.stop_ns is None else clock.seconds(metric.window.stop_ns),
+                "description": metric.description,
+                "tolerance": metric.tolerance,
+                "variants": {},
+            },
+        )
         entry["variants"][one.variant] = figure(one)
     return {
         "scenario": {key: getattr(run, key) for key in ("name", "title", "description", "source", "path")},
@@ -263,9 +270,15 @@ def summary(
 def stop(ending: Ending) -> dict[str, Any]:
     """When and why hardware stopped a case, if it did, and what is not at rest."""
     found = {"unsafe": ending.unsafe} if ending.unsafe else {}
-    return found if ending.time_ns is None else found | {
-        "stopped": clock.seconds(ending.time_ns), "reason": ending.reason,
-    }  # fmt: skip
+    return (
+        found
+        if ending.time_ns is None
+        else found
+        | {
+            "stopped": clock.seconds(ending.time_ns),
+            "reason": ending.reason,
+        }
+    )
 
 
 def figure(one: Figure) -> dict[str, Any]:
@@ -277,9 +290,12 @@ def figure(one: Figure) -> dict[str, Any]:
 
     return {
         "values": {seed: own(value) for seed, value in one.values.items()},
-        "mean": own(one.mean), "worst": own(one.worst), "paper": own(one.paper), "ratio": one.ratio,
+        "mean": own(one.mean),
+        "worst": own(one.worst),
+        "paper": own(one.paper),
+        "ratio": one.ratio,
         "verdict": one.verdict,
-    }  # fmt: skip
+    }
 
 
 def versions() -> dict[str, str]:

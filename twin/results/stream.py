@@ -73,10 +73,16 @@ class Journal:
     def rows(self, number: int, layout: Layout) -> tuple[Path, Path]:
         """Say how the rows of a case lie; the files for them and for the position."""
         columns = [
-            [f"{member}.{name}", first, list(one.shape), "b" if one.type == "Boolean" else one.dtype.kind, one.unit,
-             one.display_unit]
+            [
+                f"{member}.{name}",
+                first,
+                list(one.shape),
+                "b" if one.type == "Boolean" else one.dtype.kind,
+                one.unit,
+                one.display_unit,
+            ]
             for (member, name), first, one in layout.columns
-        ]  # fmt: skip
+        ]
         calls = {str(address): call for address, call in layout.calls.items()}
         self.layout = {"begin": layout.begin_ns, "step": layout.step_ns, "words": layout.words, "columns": columns}
         self.add(rows=number, **self.layout, calls=calls)
@@ -181,8 +187,9 @@ def signals(folder: Path, number: int, layout: Mapping[str, Any], complete: bool
     words = whole_rows(folder / f"{number}.rows", layout["words"])
     words = words if last is None else words[words[:, 0] <= last]
     time = (layout["begin"] + np.ascontiguousarray(words[:, 0]) * layout["step"]) / clock.NANOSECONDS
-    found: Mapping[str, Any] = Columns(words, {name: (first, tuple(shape), kind)
-                                               for name, first, shape, kind, *_ in layout["columns"]})  # fmt: skip
+    found: Mapping[str, Any] = Columns(
+        words, {name: (first, tuple(shape), kind) for name, first, shape, kind, *_ in layout["columns"]}
+    )
     if words.nbytes < LARGE:
         found = dict(found)
     units = {name: unit for name, _, _, _, unit, _ in layout["columns"]}

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from twin.coupling import Algorithm, CoSimulation, find
+from twin.coupling import Algorithm, CoSimulation, IsolatedMember, find
 from twin.errors import ScenarioError
 from twin.results import Ending, Evaluation, Signals
 from twin.results import recording as results
@@ -115,6 +115,8 @@ def simulation(case: Case, catalog: Catalog, form: Form, build: Path, recorder: 
     try:
         for name, spec in case.members.items():
             parts[name] = members.make(name, members.component_of(spec), case.values(name, catalog[name]), form, build)
+            if spec.isolate:
+                parts[name] = IsolatedMember(parts[name], build)
         found = {name: part.variables for name, part in parts.items()}
         recorded = [find(path, found).key for path in case.record.select(found)]
         events = [find(event.variable, found) for event in case.events if event.kind == "override"]
@@ -174,9 +176,17 @@ def columns(scenario: Scenario, catalogs: dict[str, Catalog]) -> list[results.Co
             variable = find(path, catalog).variable
             kind = variable.dtype.kind
             dtype = np.dtype(np.float64 if kind == "f" else np.bool_ if variable.type == "Boolean" else np.int64)
-            found.setdefault(path, results.Column(
-                path, dtype, variable.shape, variable.unit, variable.display_unit, variable.description,
-            ))  # fmt: skip
+            found.setdefault(
+                path,
+                results.Column(
+                    path,
+                    dtype,
+                    variable.shape,
+                    variable.unit,
+                    variable.display_unit,
+                    variable.description,
+                ),
+            )
     return list(found.values())
 
 

@@ -16,9 +16,7 @@ if TYPE_CHECKING:
     from twin.scenario import Case
 
 
-def finish(
-    outcome: Outcome, cases: Sequence[Case], report: bool, hardware: Hardware | None, journal: Journal
-) -> None:  # fmt: skip
+def finish(outcome: Outcome, cases: Sequence[Case], report: bool, hardware: Hardware | None, journal: Journal) -> None:
     """Write the folder, then remove the recording; SimulationError if the disk does not let it, the recording stays."""
     scenario, about = outcome.scenario, outcome.run
     try:
@@ -86,8 +84,13 @@ def write(outcome: Outcome, cases: Sequence[Case], report: bool, pictures: Seque
 
         distinct = list({case.variant: case for case in cases}.values())
         text = page.html(
-            outcome.summary, outcome.evaluation, outcome.tables, plots=outcome.scenario.plots,
-            parameters=page.parameters(distinct, outcome.catalogs, sources(distinct)), events=page.events(distinct),
-            pictures=pictures, endings=outcome.endings,
-        )  # fmt: skip
+            outcome.summary,
+            outcome.evaluation,
+            outcome.tables,
+            plots=outcome.scenario.plots,
+            parameters=page.parameters(distinct, outcome.catalogs, sources(distinct)),
+            events=page.events(distinct),
+            pictures=pictures,
+            endings=outcome.endings,
+        )
         results.write_text(outcome.folder / "report.html", text)

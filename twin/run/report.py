@@ -67,7 +67,9 @@ def cells(one: Figure) -> dict[str, str]:
     """A metric of one variant as text."""
     tolerance = one.metric.tolerance
     return {
-        "metric": one.metric.name, "variant": one.variant, "verdict": one.verdict,
+        "metric": one.metric.name,
+        "variant": one.variant,
+        "verdict": one.verdict,
         "paper": one.metric.shown(one.paper),
         "mean": "no value" if one.verdict == "none" else one.metric.shown(one.mean, one.scale),
         "worst": one.metric.shown(one.worst, one.scale),
@@ -75,7 +77,7 @@ def cells(one: Figure) -> dict[str, str]:
         "tolerance": f"± {100 * tolerance:g} %" if tolerance is not None and one.paper is not None else "-",
         "description": one.metric.description,
         "definition": definition(one),
-    }  # fmt: skip
+    }
 
 
 def definition(one: Figure) -> str:
@@ -219,12 +221,18 @@ def parameters(
     count = len({case.variant for case in cases})
     return [
         ParameterRow(
-            member, name, text, unit, descriptions[member, name], (sources or {}).get(f"{member}.{name}", ""), given,
+            member,
+            name,
+            text,
+            unit,
+            descriptions[member, name],
+            (sources or {}).get(f"{member}.{name}", ""),
+            given,
             "" if len(variants) == count else ", ".join(variants),
         )
         for (member, name), texts in found.items()
         for (text, unit, given), variants in texts.items()
-    ]  # fmt: skip
+    ]
 
 
 def value_text(value: Any, unit: str, display: str) -> str:
@@ -278,9 +286,12 @@ def html(
     from twin.results import plotting
 
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("twin.run", ""), autoescape=True, trim_blocks=True, lstrip_blocks=True,
+        loader=jinja2.PackageLoader("twin.run", ""),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
-    )  # fmt: skip
+    )
     times = [clock.seconds(row.time_ns) for row in events]
     drawn = []
     for number, plot in enumerate(list(plots) or plotting.default_plots(tables)):

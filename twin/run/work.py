@@ -46,10 +46,18 @@ ABOUT = ("name", "title", "source", "description", "path", "step_ns", "algorithm
 
 
 def run_scenario(
-    scenario: Scenario, form: Form = Form.fmu, *, variants: Sequence[str] = (), seeds: Sequence[int] = (),
-    root: Path = Path("runs"), build: Path = Path("build"), progress: Progress = silent, report: bool = True,
-    hardware: Hardware | None = None, link: Link | None = None,
-) -> Outcome:  # fmt: skip
+    scenario: Scenario,
+    form: Form = Form.fmu,
+    *,
+    variants: Sequence[str] = (),
+    seeds: Sequence[int] = (),
+    root: Path = Path("runs"),
+    build: Path = Path("build"),
+    progress: Progress = silent,
+    report: bool = True,
+    hardware: Hardware | None = None,
+    link: Link | None = None,
+) -> Outcome:
     """Run a scenario and write its folder; a failing member or Ctrl-C ends it early, with what there is written.
 
     `link`: to the process that watches this one (`twin.process.supervise`); without it the run records by itself.
@@ -61,9 +69,15 @@ def run_scenario(
     scenario = displayed(scenario, catalogs)
     cases = scenario.cases(variants, seeds)
     about = results.Run(
-        scenario.name, scenario.title, scenario.source, scenario.description, str(scenario.path),
-        overrides=scenario.overrides, step_ns=scenario.step_ns, algorithm=scenario.algorithm,
-    )  # fmt: skip
+        scenario.name,
+        scenario.title,
+        scenario.source,
+        scenario.description,
+        str(scenario.path),
+        overrides=scenario.overrides,
+        step_ns=scenario.step_ns,
+        algorithm=scenario.algorithm,
+    )
     outcome = Outcome(scenario, catalogs, about, folder=results.folder(root, scenario.name))
     outcome.columns = columns(scenario, catalogs)
     results.write_text(outcome.folder / "scenario.yaml", scenario.frozen())
@@ -85,11 +99,14 @@ def header(outcome: Outcome, cases: Sequence[Case], report: bool) -> dict[str, A
     """What is needed to finish a run, besides its scenario.yaml."""
     about = outcome.run
     return {
-        **{key: getattr(about, key) for key in ABOUT}, "overrides": list(about.overrides),
-        "started": about.started.isoformat(), "paper_applies": outcome.scenario.paper_applies, "report": report,
+        **{key: getattr(about, key) for key in ABOUT},
+        "overrides": list(about.overrides),
+        "started": about.started.isoformat(),
+        "paper_applies": outcome.scenario.paper_applies,
+        "report": report,
         "cases": [[case.variant, case.seed] for case in cases],
         "columns": [plain_column(one) for one in outcome.columns],
-    }  # fmt: skip
+    }
 
 
 @dataclass
@@ -175,10 +192,16 @@ class Work:
         last = None if simulated is None else simulated.last
         ending = outcome.endings.get((case.variant, case.seed), Ending())
         self.journal.add(
-            end=number, complete=complete, failure=failure, interrupted=about.status == "interrupted", took=took,
-            last=last, notes=about.extra.get("notes", [])[before:], ending=results.plain(vars(ending)),
+            end=number,
+            complete=complete,
+            failure=failure,
+            interrupted=about.status == "interrupted",
+            took=took,
+            last=last,
+            notes=about.extra.get("notes", [])[before:],
+            ending=results.plain(vars(ending)),
             members=about.members,
-        )  # fmt: skip
+        )
         return complete
 
     def made(self, number: int, case: Case) -> CoSimulation:
@@ -203,6 +226,8 @@ class Work:
         outcome, about = self.outcome, self.outcome.run
         lines = {name: len(member.log) for name, member in simulated.members.items()}
         simulated.terminate()
+        if not failure and (deaths := [one.death for one in simulated.members.values() if one.death]):
+            complete, failure = False, f"{case.name}: {deaths[0]}"
         ending = self.hardware.ending() if self.hardware is not None else Ending()
         outcome.endings[case.variant, case.seed] = ending
         if failure and ending.time_ns is not None and outcome.may_stop(case):
@@ -229,9 +254,15 @@ class Work:
 
 
 def resume(
-    folder: Path, form: Form = Form.fmu, *, link: Link, build: Path = Path("build"), progress: Progress = silent,
-    report: bool = True, others: bool = False,
-) -> Outcome:  # fmt: skip
+    folder: Path,
+    form: Form = Form.fmu,
+    *,
+    link: Link,
+    build: Path = Path("build"),
+    progress: Progress = silent,
+    report: bool = True,
+    others: bool = False,
+) -> Outcome:
     """Finish a run whose process died, from its recording. `others`: first run the cases that had not begun."""
     journal = Journal(folder)
     journal.own(link.owners)
@@ -253,9 +284,15 @@ def resume(
 
 
 def restored(
-    recorded: Stream, folder: Path, link: Link, form: Form, build: Path, progress: Progress, report: bool,
+    recorded: Stream,
+    folder: Path,
+    link: Link,
+    form: Form,
+    build: Path,
+    progress: Progress,
+    report: bool,
     journal: Journal,
-) -> Work:  # fmt: skip
+) -> Work:
     """A run as its recording tells it: the cases that have ended are in its tables."""
     told = recorded.about
     scenario = load_scenario(folder / "scenario.yaml")
@@ -265,8 +302,11 @@ def restored(
     with suppress(TwinError):  # an FMU may be gone, and what it recorded is there
         catalogs = prepare(scenario)
         scenario = displayed(scenario, catalogs)
-    about = results.Run(**{key: told[key] for key in ABOUT}, overrides=tuple(told["overrides"]),
-                        started=datetime.fromisoformat(told["started"]))  # fmt: skip
+    about = results.Run(
+        **{key: told[key] for key in ABOUT},
+        overrides=tuple(told["overrides"]),
+        started=datetime.fromisoformat(told["started"]),
+    )
     outcome = Outcome(scenario, catalogs, about, folder=folder)
     outcome.columns = [column_of(one) for one in told["columns"]]
     variants = {case.variant: case for case in scenario.variants}
@@ -281,8 +321,14 @@ def bury(work: Work, recorded: Stream) -> list[Case]:
         variant, seed = recorded.cases[part.number]
         if part.end is None:
             death = recorded.located(part.number, link.death)
-            part.end = {"end": part.number, "complete": False, "failure": f"{variant}, seed {seed}: {death.text()}",
-                        "interrupted": death.from_outside, "took": 0.0, "last": None}  # fmt: skip
+            part.end = {
+                "end": part.number,
+                "complete": False,
+                "failure": f"{variant}, seed {seed}: {death.text()}",
+                "interrupted": death.from_outside,
+                "took": 0.0,
+                "last": None,
+            }
             work.journal.add(**part.end)
         end = part.end
         outcome.run.wall_time += end["took"]

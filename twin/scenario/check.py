@@ -66,8 +66,9 @@ def check_sets(tree: Node, trees: dict[str, Node]) -> list[str]:
     known = catalog.names() if places else []
     return [
         f"{place}: parameter_sets: there is no component `{name}`.{nearest(name, known)}"
-        for name, place in places.items() if name not in known and ":" not in name and not name.endswith(".fmu")
-    ]  # fmt: skip
+        for name, place in places.items()
+        if name not in known and ":" not in name and not name.endswith(".fmu")
+    ]
 
 
 def references(scenario: Scenario, keys: ScenarioKeys, tree: Node) -> Iterable[tuple[str, str]]:
@@ -201,17 +202,23 @@ def check_names(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str
     for where, expression, variants, needed in expressions_of(scenario):
         named = {name: catalogs[name] for name in variants or catalogs}
         missing = {
-            name: reason for name, catalog in named.items()
-            if (reason := next(filter(None, (problem_of(one.name, one.index, catalog) for one in expression.signals)), ""))
-        }  # fmt: skip
+            name: reason
+            for name, catalog in named.items()
+            if (
+                reason := next(
+                    filter(None, (problem_of(one.name, one.index, catalog) for one in expression.signals)), ""
+                )
+            )
+        }
         if len(missing) == len(named):
             problems.append(f"{where}: {next(iter(missing.values()))}")
         elif gaps := [name for name in needed if name in missing]:
             problems.append(f"{where}: in variant `{gaps[0]}`: {missing[gaps[0]]}")
         arrays = {
-            name: reason for name, catalog in named.items()
+            name: reason
+            for name, catalog in named.items()
             if name not in missing and (reason := array_problem(expression, catalog))
-        }  # fmt: skip
+        }
         for name, reason in list(arrays.items())[:1]:
             place = "" if len(arrays) + len(missing) == len(named) else f"in variant `{name}`: "
             problems.append(f"{where}: {place}{reason}")

@@ -50,9 +50,7 @@ def stated(scenario: Scenario) -> Iterable[Stated]:
             name = f"metric `{judged.name}`"
             yield Stated(expectation.where, what, judged.signal, expectation.unit, judged.variants, "limits", name)
         elif expectation.signal is not None:
-            yield Stated(
-                expectation.where, what, expectation.signal, expectation.unit, expectation.variants, "limits"
-            )  # fmt: skip
+            yield Stated(expectation.where, what, expectation.signal, expectation.unit, expectation.variants, "limits")
     for plot in scenario.plots:
         what = f"plot `{plot.title}`"
         for curve in plot.curves:
@@ -71,8 +69,11 @@ def check_units(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str
     """Sums and comparisons of different kinds, and stated units that do not fit; what has no known unit is not judged."""
     problems = []
     for one in stated(scenario):
-        named = {name: variables for name in one.variants or catalogs
-                 if (variables := variables_of(one.expression, scenario, catalogs, name)) is not None}  # fmt: skip
+        named = {
+            name: variables
+            for name in one.variants or catalogs
+            if (variables := variables_of(one.expression, scenario, catalogs, name)) is not None
+        }
         told: dict[tuple[tuple[str, bool], ...], str] = {}  # by units: nearly all variants have the same
         found = {}
         for name, variables in named.items():
@@ -110,10 +111,13 @@ def variables_of(
 
 def measure(expression: Expression, variables: Variables) -> dimension.Measure:
     """What an expression measures. A number without a unit in a foreign FMU may be anything."""
-    return dimension.of(expression, {
-        name: None if is_foreign and not variable.unit and variable.type != "Boolean" else variable.unit
-        for name, (variable, is_foreign) in variables.items()
-    })  # fmt: skip
+    return dimension.of(
+        expression,
+        {
+            name: None if is_foreign and not variable.unit and variable.type != "Boolean" else variable.unit
+            for name, (variable, is_foreign) in variables.items()
+        },
+    )
 
 
 def problem(one: Stated, variables: Variables) -> str:
@@ -158,18 +162,21 @@ def displayed(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> Scenario:
     def plotted(plot: Plot) -> Plot:
         across = [curve.x for curve in plot.curves if curve.x is not None]
         return replace(
-            plot, unit=plot.unit or shown([curve.signal for curve in plot.curves], plot.variants),
+            plot,
+            unit=plot.unit or shown([curve.signal for curve in plot.curves], plot.variants),
             x_unit=plot.x_unit or shown(across, plot.variants),
-        )  # fmt: skip
+        )
 
     metrics = {
         name: replace(one, unit=one.unit or shown([one.signal], one.variants)) for name, one in scenario.metrics.items()
     }
     expectations = tuple(
-        replace(one, unit=one.unit or (
-            metrics[one.metric].unit if one.metric else shown([one.signal], one.variants) if one.signal else ""
-        ))
+        replace(
+            one,
+            unit=one.unit
+            or (metrics[one.metric].unit if one.metric else shown([one.signal], one.variants) if one.signal else ""),
+        )
         for one in scenario.expectations
-    )  # fmt: skip
+    )
     plots = tuple(plotted(plot) for plot in scenario.plots)
     return replace(scenario, metrics=metrics, expectations=expectations, plots=plots)

@@ -30,6 +30,11 @@ def group(name: str, case: Case, variables: Catalog, chosen: list[str]) -> type[
             raise CouplingError(f"{name}: there is no member {member!r}. {nearest(member, case.members)}")
         if case.members[member].component.endswith(".fmu"):
             raise CouplingError(f"{name}: member {member!r} is a finished FMU and cannot be compiled in. Leave it out.")
+        if case.members[member].isolate:
+            raise CouplingError(
+                f"{name}: member {member!r} has `isolate: true`, and a group is one piece of code. Remove that key, or "
+                f"leave the member out."
+            )
     links = case.system(variables).links()
     check_border(name, links, variables, chosen)
     parts = {}

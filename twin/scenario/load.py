@@ -167,14 +167,16 @@ def case_of(name: str, keys: ScenarioKeys, tree: Node, base: ScenarioKeys, made:
                 own.period,
                 own.communication_step,
                 own.finite,
+                own.isolate,
                 str(node.place),
                 places,
                 made.get(component),
             )
     connections = tuple(
         ConnectionSpec(one.source, one.target, str(tree.find(("connections", i)).place))
-        for i, one in enumerate(keys.connections) if one.source
-    )  # fmt: skip
+        for i, one in enumerate(keys.connections)
+        if one.source
+    )
     events = [
         EventSpec(event.at, kind, variable, raw, str(tree.find(("events", i, kind, variable)).place))
         for i, event in enumerate(keys.events or [])

@@ -122,8 +122,11 @@ def prebuild(
         return
     from twin.fmi import built
 
-    classes = {one: catalog.component(one) if isinstance(one, str) else one
-               for one in dict.fromkeys(components) if not str(one).endswith(".fmu")}  # fmt: skip
+    classes = {
+        one: catalog.component(one) if isinstance(one, str) else one
+        for one in dict.fromkeys(components)
+        if not str(one).endswith(".fmu")
+    }
     is_there = built.is_built if form is Form.fmu else compiler.is_translated
     lacking: list[type[Component]] = []
     for cls in dict.fromkeys(classes.values()):

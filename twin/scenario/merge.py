@@ -136,10 +136,13 @@ def strays(root: Node, base: Node) -> list[str]:
     known = {name for one in patches for name in members(one)}
     return [
         f"{item.entries['to'].place}: there is no member `{owner}`.{nearest(owner, known)}"
-        for one in patches for item in one.entries.get("connections", empty).items
-        if "from" in item.entries and item.entries["from"].value is None
-        and (owner := (target(item) or "").partition(".")[0]) and owner not in known
-    ]  # fmt: skip
+        for one in patches
+        for item in one.entries.get("connections", empty).items
+        if "from" in item.entries
+        and item.entries["from"].value is None
+        and (owner := (target(item) or "").partition(".")[0])
+        and owner not in known
+    ]
 
 
 def merged(base: Node, patch: Node, path: Keys = (), keep_null: bool = False) -> Node:

@@ -19,9 +19,13 @@ Path = tuple[str | int, ...]
 Steps = dict[str | int | None, "Steps"]
 
 EXAMPLES = {
-    "from": "from: servo.position", "to": "to: sheath.gripper_position", "at": "at: 5 s",
-    "signal": "signal: sensor.force", "reduce": "reduce: std", "title": "title: Contact force",
-}  # fmt: skip
+    "from": "from: servo.position",
+    "to": "to: sheath.gripper_position",
+    "at": "at: 5 s",
+    "signal": "signal: sensor.force",
+    "reduce": "reduce: std",
+    "title": "title: Contact force",
+}
 
 KINDS = {
     "string_type": "text",

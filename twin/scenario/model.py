@@ -101,7 +101,7 @@ class MemberKeys(Keys):
     """`servo: {component: servomotor, parameters: {mass: 0.65 kg}, period: 1 ms}`; in a variant all are optional.
 
     `period`: what it samples at. `communication_step`: how often it takes inputs and publishes. `finite`: whether a
-    value that is not finite ends the run.
+    value that is not finite ends the run. `isolate`: whether it gets a process of its own.
     """
 
     component: Text | None = None
@@ -109,6 +109,7 @@ class MemberKeys(Keys):
     period: Period | None = None
     communication_step: Period | None = None
     finite: bool = True
+    isolate: bool = False
     description: Text = ""
 
 

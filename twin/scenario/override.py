@@ -100,7 +100,7 @@ def option_patch(path: str, value: Node, shown: str) -> Node:
         if name in ("seed", "seeds"):
             name, value = "seeds", value if isinstance(value.value, list) else Node([value], value.place)
         return wrapped({name: value}, shown)
-    if rest in ("component", *RHYTHM, "finite"):
+    if rest in ("component", *RHYTHM, "finite", "isolate"):
         member = wrapped({rest: value}, shown)
     else:
         member = wrapped({"parameters": wrapped({rest.removeprefix("parameters."): value}, shown)}, shown)

@@ -47,6 +47,7 @@ class MemberSpec:
     period_ns: int | None = None
     communication_ns: int | None = None
     finite: bool = True  # whether a value that is not finite ends the run
+    isolate: bool = False  # whether it gets a process of its own
     where: str = field(default="", compare=False)
     places: dict[str, str] = field(default_factory=dict, compare=False)  # parameter or key -> file:line
     made: type[Component] | None = field(default=None, compare=False)

@@ -24,28 +24,28 @@ class AirSupply(Component):
 
     valve = input("", "valves that are fed", shape=(VALVES,), type=Boolean)
     line_pressure = input("Pa", "gauge pressure of the line, 0 if the compressor is lost", start=8e5, minimum=0.0,
-                          display_unit="bar", nominal=1e5)  # fmt: skip
+                          display_unit="bar", nominal=1e5)
 
     supply_pressure = output("Pa", "gauge pressure at the valves", display_unit="bar")
     pressure_ok = output("", "what the pressure switch tells", type=Boolean)
 
     regulator_pressure = parameter(6e5, "Pa", "gauge pressure that the regulator is set to", display_unit="bar",
-                                   minimum=0.0, source="paper, section III.A: 6 bar")  # fmt: skip
+                                   minimum=0.0, source="paper, section III.A: 6 bar")
     reservoir_volume = parameter(0.1e-3, "m^3", "between check valve and valves", display_unit="l", minimum=1e-6,
-                                 source="estimate: filter bowl and some meters of hose")  # fmt: skip
+                                 source="estimate: filter bowl and some meters of hose")
     switched_volume = parameter(3.4e-6, "m^3", "that a switched valve fills: chamber, port and tube", minimum=0.0,
-                                source="pneumatic cylinder: 0.79 and 0.1 ml, and 0.5 m of tube of 2.5 mm")  # fmt: skip
+                                source="pneumatic cylinder: 0.79 and 0.1 ml, and 0.5 m of tube of 2.5 mm")
     conductance_supply = parameter(8e-9, "m^3/(s*Pa)", "sonic conductance of regulator and check valve", minimum=1e-12,
-                                   maximum=1e-7, source="estimate: as one valve")  # fmt: skip
+                                   maximum=1e-7, source="estimate: as one valve")
     conductance_leak = parameter(5e-12, "m^3/(s*Pa)", "sonic conductance of the leak; a burst hose raises it",
-                                 minimum=0.0, maximum=1e-7, source="estimate: 0.2 l/min at 6 bar")  # fmt: skip
+                                 minimum=0.0, maximum=1e-7, source="estimate: 0.2 l/min at 6 bar")
     critical_ratio = parameter(0.3, "", "critical pressure ratio of both", minimum=0.0, maximum=0.9,
-                               source="estimate: 0.2 to 0.4")  # fmt: skip
+                               source="estimate: 0.2 to 0.4")
     temperature = parameter(293.15, "K", "of the air", minimum=200.0, maximum=400.0, source="estimate: room")
     switch_off = parameter(4.5e5, "Pa", "falling gauge pressure at which the switch opens", display_unit="bar",
-                           source="chosen: a quarter below the regulator")  # fmt: skip
+                           source="chosen: a quarter below the regulator")
     switch_on = parameter(5e5, "Pa", "rising gauge pressure at which it closes", display_unit="bar",
-                          source="chosen: hysteresis of 0.5 bar")  # fmt: skip
+                          source="chosen: hysteresis of 0.5 bar")
 
     stored_pressure = local(0.0, "Pa", "absolute pressure of the reservoir", display_unit="bar")
     closed = local(False, "", "state of the switch", type=Boolean)

@@ -5,7 +5,7 @@ from math import exp, floor, pi
 from fmus.servo import CYCLIC_SYNCHRONOUS_POSITION, CYCLIC_SYNCHRONOUS_TORQUE, driven, follow_velocity, hold_current
 
 from fmus.dead_zone import beyond
-from twin.component import ERROR, OK, Component, Int32, input, local, output, parameter
+from twin.component import ERROR, OK, Component, Int32, input, local, output, parameter, terminal
 
 # substeps of the mechanics per sample of the drive
 SUBSTEPS = 10
@@ -34,64 +34,68 @@ class RotaryDrive(Component):
     current = output("A", "motor current")
     torque = output("N*m", "torque of the motor")
 
+    frame = terminal(
+        "the frame that it turns", angle=angle, angular_velocity=angular_velocity, torque=load_torque,
+    )
+
     motor_inertia = parameter(
         2.4e-5, "kg*m^2", "inertia of rotor and pinion", minimum=1e-9,
         source="rotor 44 g cm2, maxon 488607, public model list; pinion 0.1 kg, radius 20 mm: estimate",
-    )  # fmt: skip
+    )
     frame_inertia = parameter(
         0.0125, "kg*m^2", "inertia of the frame with all that it carries", minimum=1e-9,
         source="estimate: 5 kg (two servomotors, two carriages, guide, plate) at a radius of 50 mm",
-    )  # fmt: skip
+    )
     gear_ratio = parameter(5.0, "", "motor turns per turn of the frame", minimum=1e-3,
-                           source="estimate: not published")  # fmt: skip
+                           source="estimate: not published")
     backlash = parameter(
         2e-3, "rad", "backlash of the gear, at the frame", display_unit="deg", minimum=0.0,
         source="estimate: 0.15 mm at a ring of 80 mm radius, polymer teeth",
-    )  # fmt: skip
+    )
     mesh_stiffness = parameter(640.0, "N*m/rad", "stiffness of the teeth in contact, at the frame", minimum=0.0,
-                               source="estimate: 0.1 N/um at a radius of 80 mm")  # fmt: skip
+                               source="estimate: 0.1 N/um at a radius of 80 mm")
     mesh_damping = parameter(0.15, "N*m*s/rad", "damping of the teeth in contact, at the frame", minimum=0.0,
-                             source="estimate: a tenth of critical with the motor, polymer")  # fmt: skip
+                             source="estimate: a tenth of critical with the motor, polymer")
     friction_coulomb = parameter(
         0.5, "N*m", "dry friction of the slewing ring", minimum=0.0,
         source="estimate: 5 kg on a polymer ring, 0.2 at a radius of 50 mm",
-    )  # fmt: skip
+    )
     friction_viscous = parameter(0.02, "N*m*s/rad", "viscous friction of the frame", minimum=0.0,
-                                 source="estimate: small beside dry friction")  # fmt: skip
+                                 source="estimate: small beside dry friction")
     motor_friction = parameter(14e-3, "N*m", "dry friction of the motor", minimum=0.0,
-                               source="no-load current 0.15 A, maxon 488607, public model list")  # fmt: skip
+                               source="no-load current 0.15 A, maxon 488607, public model list")
     torque_constant = parameter(
         0.091, "N*m/A", "torque per current; in V*s/rad the back-EMF constant", minimum=1e-6,
         source="maxon 488607 (48 V) in place of the 130 W motor, public model list",
-    )  # fmt: skip
+    )
     resistance = parameter(0.994, "ohm", "resistance between two phases", minimum=1e-6,
-                           source="maxon 488607, public model list")  # fmt: skip
+                           source="maxon 488607, public model list")
     supply_voltage = parameter(
         24.0, "V", "supply of the power stage", minimum=0.0,
         source="assumed: that of the servomotors; the motor's nominal voltage is 48 V, an EPOS4 50/5 takes 10 to 50 V",
-    )  # fmt: skip
+    )
     current_maximum = parameter(5.0, "A", "limit of the current demand", minimum=0.0,
-                                source="chosen: nominal output of an EPOS4 50/5, twice the motor's 2.41 A")  # fmt: skip
+                                source="chosen: nominal output of an EPOS4 50/5, twice the motor's 2.41 A")
     current_lag = parameter(0.3e-3, "s", "time constant of the closed current loop", display_unit="ms", minimum=1e-6,
-                            source="estimate: loop at 25 kHz, winding 1 ms")  # fmt: skip
+                            source="estimate: loop at 25 kHz, winding 1 ms")
     encoder_counts = parameter(4096.0, "", "increments per turn of the motor", minimum=1.0,
-                               source="estimate: encoder of 1024 pulses")  # fmt: skip
+                               source="estimate: encoder of 1024 pulses")
     drive_period = parameter(0.5e-3, "s", "sampling time of the loops", display_unit="ms", minimum=1e-5, fixed=True,
-                             source="EPOS4 samples at 0.4 ms, recalled; 0.5 divides a step")  # fmt: skip
+                             source="EPOS4 samples at 0.4 ms, recalled; 0.5 divides a step")
     velocity_lag = parameter(5e-3, "s", "time constant of the velocity filter", display_unit="ms", minimum=0.0,
-                             source="chosen: a count per sample is 3 rad/s of the motor")  # fmt: skip
+                             source="chosen: a count per sample is 3 rad/s of the motor")
     velocity_gain = parameter(
         1.5, "A*s/rad", "proportional gain of the velocity loop, at the frame", minimum=0.0,
         source="chosen: 50 rad/s with the frame; the motor alone, in the backlash, stays stable",
-    )  # fmt: skip
+    )
     velocity_integral = parameter(20.0, "A/rad", "integral gain of the velocity loop, at the frame", minimum=0.0,
-                                  source="chosen: velocity_gain * 50 rad/s / 4")  # fmt: skip
+                                  source="chosen: velocity_gain * 50 rad/s / 4")
     position_gain = parameter(12.0, "1/s", "gain of the position loop", minimum=0.0,
-                              source="chosen: 50 rad/s / 4")  # fmt: skip
+                              source="chosen: 50 rad/s / 4")
     feedforward = parameter(1.0, "", "part of the target's speed that is fed forward in csp", minimum=0.0,
-                            source="chosen: all of it")  # fmt: skip
+                            source="chosen: all of it")
     velocity_maximum = parameter(10.0, "rad/s", "limit of the velocity demand", display_unit="deg/s", minimum=0.0,
-                                 source="chosen: eight times the paper's largest speed")  # fmt: skip
+                                 source="chosen: eight times the paper's largest speed")
 
     rotor_angle = local(0.0, "rad", "angle of the motor", display_unit="deg")
     rotor_velocity = local(0.0, "rad/s", "speed of the motor", display_unit="deg/s")
@@ -171,8 +175,9 @@ def sample(self: RotaryDrive, target_speed: float) -> float:
 
 def mesh_torque(self: RotaryDrive) -> float:
     """Torque of the pinion on the frame [N*m]: teeth press, they do not pull."""
-    gap = self.rotor_angle / self.gear_ratio - self.frame_angle
-    rate = self.rotor_velocity / self.gear_ratio - self.frame_velocity
+    gearing = 1.0 / self.gear_ratio
+    gap = gearing * self.rotor_angle - self.frame_angle
+    rate = gearing * self.rotor_velocity - self.frame_velocity
     half = 0.5 * self.backlash
     if gap > half:
         return max(self.mesh_stiffness * (gap - half) + self.mesh_damping * rate, 0.0)
@@ -186,16 +191,19 @@ def move(self: RotaryDrive, demand: float) -> None:
     dt = self.drive_period / SUBSTEPS
     decay = exp(-dt / self.current_lag)
     top, back = self.supply_voltage / self.resistance, self.torque_constant / self.resistance
+
+    # speed that a newton meter gives in a substep [rad/s], what viscous friction leaves, and what dry friction takes at most
+    push, frame_push = dt / self.motor_inertia, dt / self.frame_inertia
+    left = 1.0 / (1.0 + frame_push * self.friction_viscous)
+    braking, frame_braking = push * self.motor_friction, frame_push * self.friction_coulomb
+    gearing = 1.0 / self.gear_ratio
     for _ in range(SUBSTEPS):
         current = demand + (self.winding_current - demand) * decay
         self.winding_current = driven(current, top, back * self.rotor_velocity)
         mesh = mesh_torque(self)
-        drive = self.torque_constant * self.winding_current - mesh / self.gear_ratio
-        self.rotor_velocity = beyond(
-            self.rotor_velocity + dt * drive / self.motor_inertia, self.motor_friction * dt / self.motor_inertia
-        )
-        speed = self.frame_velocity + dt * (mesh + self.load_torque) / self.frame_inertia
-        speed /= 1.0 + dt * self.friction_viscous / self.frame_inertia
-        self.frame_velocity = beyond(speed, self.friction_coulomb * dt / self.frame_inertia)
+        drive = self.torque_constant * self.winding_current - gearing * mesh
+        self.rotor_velocity = beyond(self.rotor_velocity + push * drive, braking)
+        speed = left * (self.frame_velocity + frame_push * (mesh + self.load_torque))
+        self.frame_velocity = beyond(speed, frame_braking)
         self.rotor_angle += dt * self.rotor_velocity
         self.frame_angle += dt * self.frame_velocity

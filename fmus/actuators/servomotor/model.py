@@ -35,57 +35,58 @@ class Servomotor(Component):
     limited = output("", "the current is limited to the continuous current", type=Boolean)
 
     rod = terminal("mechanical side: the end of the rod", position=position, force=load_force)
+    carriage = terminal("the gripper on the rod, also moving", position=position, velocity=velocity, force=load_force)
     drive = terminal(
         "electrical side: what a master on the field bus sees, by CiA 402", rule="bus",
         mode_of_operation=mode_of_operation, target_position=target_position, target_velocity=target_velocity,
         target_force=target_force, position_actual_value=position_actual_value,
-        velocity_actual_value=velocity_actual_value, current=current,
-    )  # fmt: skip
+        velocity_actual_value=velocity_actual_value, current=current, limited=limited,
+    )
 
     mass = parameter(0.65, "kg", "moved mass", minimum=1e-3, source="estimate: rod 0.15 kg, gripper carriage 0.5 kg")
     force_constant = parameter(
         11.64, "N/A", "force per current (rms); the back-EMF follows from it", minimum=1e-6,
         source="LM 2070 datasheet, recalled",
-    )  # fmt: skip
+    )
     resistance = parameter(10.83, "ohm", "resistance between two phases", minimum=1e-6,
-                           source="LM 2070 datasheet, recalled")  # fmt: skip
+                           source="LM 2070 datasheet, recalled")
     supply_voltage = parameter(
         24.0, "V", "supply of the power stage", minimum=0.0,
         source="assumed: the paper names neither controllers nor supply; all of FAULHABER's take 24 V",
-    )  # fmt: skip
+    )
     current_maximum = parameter(2.37, "A", "peak current", minimum=0.0, source="LM 2070 datasheet, recalled")
     current_continuous = parameter(0.79, "A", "continuous current", minimum=1e-3, source="LM 2070 datasheet, recalled")
     thermal_time = parameter(15.0, "s", "time constant of I2t, that of the winding", minimum=1e-3,
-                             source="estimate: 10 to 20 s; peak current lasts 1.8 s")  # fmt: skip
+                             source="estimate: 10 to 20 s; peak current lasts 1.8 s")
     overload_release = parameter(0.9, "", "overload below which the peak current is allowed again", minimum=0.0,
-                                 maximum=1.0, source="estimate: a setting of the drive")  # fmt: skip
+                                 maximum=1.0, source="estimate: a setting of the drive")
     current_lag = parameter(
         0.5e-3, "s", "time constant of the closed current loop", display_unit="ms", minimum=1e-6,
         source="estimate: electrical time constant is 0.1 ms",
-    )  # fmt: skip
+    )
     friction_coulomb = parameter(
         1.5, "N", "dry friction of sleeve bearing and guide", minimum=0.0,
         source="estimate: 0.3 to 0.6 N bearing, 1 to 2 N guide",
-    )  # fmt: skip
+    )
     friction_viscous = parameter(2.0, "N*s/m", "viscous friction", minimum=0.0, source="estimate: 1 to 3 N s/m")
     stroke = parameter(0.08, "m", "travel between the end stops, about zero", display_unit="mm", minimum=0.0,
-                       source="type code -080-")  # fmt: skip
+                       source="type code -080-")
     position_resolution = parameter(
         8e-6, "m", "smallest step of the Hall sensors", display_unit="um", minimum=1e-9,
         source="3000 increments per pitch of 24 mm",
-    )  # fmt: skip
+    )
     drive_period = parameter(0.5e-3, "s", "sampling time of the loops", display_unit="ms", minimum=1e-5, fixed=True,
-                             source="estimate: a setting of the drive")  # fmt: skip
+                             source="estimate: a setting of the drive")
     velocity_lag = parameter(2e-3, "s", "time constant of the velocity filter", display_unit="ms", minimum=0.0,
-                             source="estimate: a setting of the drive")  # fmt: skip
+                             source="estimate: a setting of the drive")
     velocity_gain = parameter(14.0, "A*s/m", "proportional gain of the velocity loop", minimum=0.0,
-                              source="chosen: mass * 250 rad/s / force_constant, a 40 Hz loop")  # fmt: skip
+                              source="chosen: mass * 250 rad/s / force_constant, a 40 Hz loop")
     velocity_integral = parameter(875.0, "A/m", "integral gain of the velocity loop", minimum=0.0,
-                                  source="chosen: velocity_gain * 250 rad/s / 4")  # fmt: skip
+                                  source="chosen: velocity_gain * 250 rad/s / 4")
     position_gain = parameter(50.0, "1/s", "gain of the position loop", minimum=0.0,
-                              source="chosen: 250 rad/s / 5")  # fmt: skip
+                              source="chosen: 250 rad/s / 5")
     velocity_maximum = parameter(1.0, "m/s", "limit of the velocity demand", minimum=0.0, display_unit="mm/s",
-                                 source="estimate: a setting of the drive")  # fmt: skip
+                                 source="estimate: a setting of the drive")
 
     rod_position = local(0.0, "m", "position of the rod", display_unit="mm")
     rod_velocity = local(0.0, "m/s", "speed of the rod", display_unit="mm/s")
@@ -183,16 +184,17 @@ def move(self: Servomotor, demand: float) -> None:
     dt = self.drive_period / substeps
     decay = exp(-dt / self.current_lag)
 
-    # largest speed that dry friction takes away in a substep [m/s]
-    braking = self.friction_coulomb * dt / self.mass
+    # speed that a newton gives in a substep [m/s], what viscous friction leaves of it, and what dry friction takes at most
+    push = dt / self.mass
+    left = 1.0 / (1.0 + push * self.friction_viscous)
+    braking = push * self.friction_coulomb
     end = 0.5 * self.stroke
     top, back = stall_current(self), back_current(self)
     for _ in range(substeps):
         current = demand + (self.winding_current - demand) * decay
         self.winding_current = driven(current, top, back * self.rod_velocity)
         force = self.force_constant * self.winding_current + self.load_force
-        free = (self.rod_velocity + dt * force / self.mass) / (1.0 + dt * self.friction_viscous / self.mass)
-        v = beyond(free, braking)
+        v = beyond(left * (self.rod_velocity + push * force), braking)
         x = self.rod_position + dt * v
         if abs(x) > end:
             x = copysign(end, x)

@@ -3,7 +3,7 @@
 from math import ceil, floor, pi, sin, sqrt
 
 from fmus.injection import wander
-from twin.component import Boolean, Component, Int64, input, local, normal, output, parameter, seed_stream
+from twin.component import Boolean, Component, Int64, input, local, normal, output, parameter, seed_stream, terminal
 
 SUBSTEP = 50e-6  # longest step of the rotor's motion [s]; it swings at about 300 Hz
 FULL_STEPS = 200  # per revolution
@@ -28,38 +28,40 @@ class StepperAxis(Component):
     lost_steps = output("", "pulses that the rotor did not follow, whole multiples of 4 full steps", type=Int64)
     moving = output("", "whether pulses are being sent", type=Boolean)
 
+    slide = terminal("the slide", position=position, force=load_force)
+
     microsteps = parameter(8, "", "pulses per full step", type=Int64, fixed=True, minimum=1,
-                           source="paper, assembly of the prototype")  # fmt: skip
+                           source="paper, assembly of the prototype")
     rate_maximum = parameter(4000.0, "Hz", "highest pulse rate of the program", minimum=1.0,
-                             source="AccelStepper on a 16 MHz Arduino, recalled; the paper says only that speed falls short")  # fmt: skip
+                             source="AccelStepper on a 16 MHz Arduino, recalled; the paper says only that speed falls short")
     acceleration = parameter(4.0e4, "Hz/s", "change of the pulse rate", minimum=1.0,
-                             source="estimate: 0.1 s to the highest rate")  # fmt: skip
+                             source="estimate: 0.1 s to the highest rate")
     lead = parameter(7.7e-3, "m", "travel per revolution", display_unit="mm", minimum=0.0,
-                     source="paper, stepper motor speed and revolution distance; 8.0 mm nominal")  # fmt: skip
+                     source="paper, stepper motor speed and revolution distance; 8.0 mm nominal")
     lead_deviation = parameter(
         0.018e-3, "m", "standard deviation of the lead from run to run", display_unit="mm", minimum=0.0,
         source="paper: 0.081 mm over 10 speeds in 2 directions, so the mean of 20 is known to 0.081 / sqrt(20)",
-    )  # fmt: skip
+    )
     position_deviation = parameter(
         0.052e-3, "m", "standard deviation of the slide about its lead", display_unit="mm", minimum=0.0,
         source="paper: 0.081 mm per revolution, of two ends, less 0.03 mm of the camera at each",
-    )  # fmt: skip
+    )
     correlation_length = parameter(2e-3, "m", "travel over which that deviation changes", display_unit="mm", minimum=1e-6,
-                                   source="estimate: a quarter of the thread's lead")  # fmt: skip
+                                   source="estimate: a quarter of the thread's lead")
     torque_holding = parameter(0.4, "N*m", "largest torque of the standing motor", minimum=0.0,
-                               source="estimate: NEMA 17 at 1.2 to 1.5 A, 0.28 to 0.45 N m")  # fmt: skip
+                               source="estimate: NEMA 17 at 1.2 to 1.5 A, 0.28 to 0.45 N m")
     rate_corner = parameter(1.2e4, "Hz", "pulse rate above which the torque falls", minimum=1.0,
-                            source="estimate: 450 rpm at 24 V, range 300 to 600")  # fmt: skip
+                            source="estimate: 450 rpm at 24 V, range 300 to 600")
     inertia = parameter(5e-6, "kg*m^2", "rotor, coupling, screw and slide", minimum=1e-9,
-                        source="estimate: rotor 35 to 55 g cm2, slide 0.3 kg on a lead of 8 mm")  # fmt: skip
+                        source="estimate: rotor 35 to 55 g cm2, slide 0.3 kg on a lead of 8 mm")
     damping = parameter(3e-3, "N*m*s", "torque per speed against the field", minimum=0.0,
-                        source="estimate: a fifth of critical")  # fmt: skip
+                        source="estimate: a fifth of critical")
     friction = parameter(3.0, "N", "dry friction of the slide", minimum=0.0,
-                         source="estimate: ball bearings and a spring-loaded nut")  # fmt: skip
+                         source="estimate: ball bearings and a spring-loaded nut")
     efficiency = parameter(0.4, "", "of the leadscrew", minimum=0.05, maximum=1.0,
-                           source="estimate: steel on plastic, 8 mm lead")  # fmt: skip
+                           source="estimate: steel on plastic, 8 mm lead")
     seed = parameter(12, "", "seed of lead and deviation; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")  # fmt: skip
+                     source="arbitrary")
 
     pulse_rate = local(0.0, "Hz", "pulses per second, with the direction's sign")
     pulse_part = local(0.0, "", "part of the next pulse that is over")

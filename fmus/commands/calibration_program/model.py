@@ -33,21 +33,21 @@ class CalibrationProgram(Component):
     number = output("", "number of the move, from 1", type=Int64)
 
     experiment = parameter(STEPPERS, "", "0 steppers, 1 linear, 2 deflection, 3 coupling, 4 needle", type=Int32, fixed=True,
-                           source="paper, Figs. 5 to 9")  # fmt: skip
+                           source="paper, Figs. 5 to 9")
     rest = parameter(0.2, "s", "time at rest before the next move", minimum=0.0,
-                     source="chosen: five frames of the camera")  # fmt: skip
+                     source="chosen: five frames of the camera")
     repeats = parameter(5, "", "how often an experiment is repeated; linear: speeds", type=Int64, minimum=1,
-                        source="paper for the speeds, chosen for the others")  # fmt: skip
+                        source="paper for the speeds, chosen for the others")
     moves = parameter(158, "", "linear: moves at each speed", type=Int64, minimum=1, source="paper, bench top set-up")
     rate_minimum = parameter(250.0, "Hz", "slowest programmed speed", minimum=1.0, source="paper, Fig. 5")
     rate_maximum = parameter(4500.0, "Hz", "fastest programmed speed", minimum=1.0, source="paper, Fig. 5")
     rate = parameter(2000.0, "Hz", "programmed speed of the other experiments", minimum=1.0, source="chosen")
     lead = parameter(7.7e-3, "m", "travel per revolution that the program assumes", display_unit="mm", minimum=1e-6,
-                     source="paper, eq. (1)")  # fmt: skip
+                     source="paper, eq. (1)")
     advance_at_rest = parameter(
         15.0, "", "advance [mm] in the deflection experiment",
         source="chosen: there eq. (6) is within 0.03 mm of zero, so that eqs. (4), (5) are seen alone",
-    )  # fmt: skip
+    )
     seed = parameter(15, "", "seed of the linear moves", type=Int64, fixed=True, source="arbitrary")
 
     rested = local(0.0, "s", "time since the last slide came to rest")

@@ -33,18 +33,18 @@ class CoaxialCommand(Component):
 
     cycles = parameter(2, "", "how often the wire leads", type=Int32, minimum=0)
     increment = parameter(0.08, "m", "by which the wire leads", display_unit="mm", minimum=0.0,
-                          source="chosen: twice what a gripper carries, so that both regrip")  # fmt: skip
+                          source="chosen: twice what a gripper carries, so that both regrip")
     distance = parameter(0.12, "m", "travel together", display_unit="mm", minimum=0.0, source="chosen")
     speed = parameter(0.02, "m/s", "speed of travel", display_unit="mm/s", minimum=1e-6,
-                      source="paper, section III.C: 5 to 40 mm/s")  # fmt: skip
+                      source="paper, section III.C: 5 to 40 mm/s")
     acceleration = parameter(0.1, "m/s^2", "at both ends of a travel", minimum=1e-6, source="chosen: gentle")
     begin = parameter(1.0, "s", "time of the start", minimum=0.0, source="chosen: both grip before")
     pause = parameter(0.5, "s", "between two travels", minimum=0.0, source="chosen")
     gain = parameter(0.0, "1/s", "of the correction; 0: none", minimum=0.0, source="chosen: none")
     tolerance = parameter(0.8e-3, "m", "error that is left alone", display_unit="mm", minimum=0.0,
-                          source="chosen: three standard deviations of two trackers' noise")  # fmt: skip
+                          source="chosen: three standard deviations of two trackers' noise")
     correction_maximum = parameter(5e-3, "m/s", "largest correction of the wire's speed", display_unit="mm/s",
-                                   minimum=0.0, source="chosen: a quarter of the speed")  # fmt: skip
+                                   minimum=0.0, source="chosen: a quarter of the speed")
 
     apart_first = local(0.0, "m", "wire minus catheter at the start", display_unit="mm")
 

@@ -2,7 +2,7 @@
 
 from math import floor
 
-from twin.component import Component, Int32, Int64, local, output, parameter, seed_stream, uniform
+from twin.component import Component, Int32, Int64, local, output, parameter, seed_stream, terminal, uniform
 
 RANDOM, NEEDLE_TABLE = 0, 1
 PULLS, LENGTHS = 5, 3
@@ -22,23 +22,25 @@ class CoordinateProgram(Component):
     target_needle_length = output("m", "wanted needle length", display_unit="mm")
     number = output("", "which coordinate it is, from 1; 0 at the very start", type=Int64)
 
+    target = terminal("wanted coordinate", y=target_y, z=target_z, needle_length=target_needle_length)
+
     order = parameter(RANDOM, "", "0: random; 1: needle table", type=Int32, fixed=True, source="chosen")
     dwell = parameter(6.0, "s", "time for each coordinate", minimum=0.01,
-                      source="chosen: the longest move, the needle and a rest")  # fmt: skip
+                      source="chosen: the longest move, the needle and a rest")
     needle_delay = parameter(3.5, "s", "time from the coordinate to the needle", minimum=0.0,
-                             source="chosen: the longest move takes 3 s")  # fmt: skip
+                             source="chosen: the longest move takes 3 s")
     y_maximum = parameter(15e-3, "m", "largest y; the least is 0", display_unit="mm", minimum=0.0,
-                          source="paper, calibration method")  # fmt: skip
+                          source="paper, calibration method")
     z_maximum = parameter(20e-3, "m", "largest z; the least is 0", display_unit="mm", minimum=0.0,
-                          source="paper, calibration method")  # fmt: skip
+                          source="paper, calibration method")
     needle_minimum = parameter(3e-3, "m", "least needle length", display_unit="mm", source="paper, Table 2")
     needle_maximum = parameter(5e-3, "m", "largest needle length", display_unit="mm", source="paper, Table 2")
     table_y = parameter(
         (0.0, 1.92e-3, 6.05e-3, 10.82e-3, 14.68e-3), "m", "y of the needle table", display_unit="mm",
         source="eq. (4) at pulls of 0, 2, 4, 6, 8 mm",
-    )  # fmt: skip
+    )
     table_z = parameter(9e-3, "m", "z of the needle table", display_unit="mm",
-                        source="chosen: 15 mm of advance at the largest pull, where eq. (6) is nearly zero")  # fmt: skip
+                        source="chosen: 15 mm of advance at the largest pull, where eq. (6) is nearly zero")
     seed = parameter(14, "", "seed of the coordinates", type=Int64, fixed=True, source="arbitrary")
 
     stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))

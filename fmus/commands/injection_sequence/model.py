@@ -1,7 +1,7 @@
 """Sequence of injections along the border of an infarct."""
 
 from fmus.injection import length
-from twin.component import Boolean, Component, Int32, Int64, input, local, output, parameter
+from twin.component import Boolean, Component, Int32, Int64, input, local, output, parameter, terminal
 
 TARGETS = 8
 
@@ -27,7 +27,7 @@ ACTIONS = (
     (NO,     STAY,    HOME,  YES, NO,    NO),   # ABORT_NEEDLE
     (NO,     CLEAR,   HOME,  NO,  NO,    NO),   # ABORT_WITHDRAW
     (NO,     STAY,    HOME,  NO,  NO,    NO),   # ABORTED
-)  # fmt: skip
+)
 
 
 def packed(column: int) -> int:
@@ -72,54 +72,59 @@ class InjectionSequence(Component):
     injected = output("", "targets with a full dose", type=Int64)
     missed = output("", "targets left out: not reached, or no contact", type=Int64)
     reason = output("", "of an abort: 1 asked for, 2 force too high, 3 force lost, 4 position lost, 5 needle not at home, "
-                        "6 needle does not follow or come home", type=Int32)  # fmt: skip
+                        "6 needle does not follow or come home", type=Int32)
+
+    target = terminal(
+        "wanted coordinate", x=target_x, y=target_y, z=target_z, needle_length=target_needle_length, hold=hold,
+    )
+    image = terminal("latest frame", x=measured_x, y=measured_y, valid=position_valid)
 
     target_count = parameter(5, "", "number of targets, to 8", type=Int64, minimum=0, maximum=TARGETS, source="chosen")
     border_x = parameter((6e-3, 3e-3, -3e-3, -6e-3, -3e-3, 3e-3, 0.0, 0.0), "m", "targets on the border of the infarct",
-                         display_unit="mm", source="chosen: a hexagon of 12 mm for an infarct as large")  # fmt: skip
+                         display_unit="mm", source="chosen: a hexagon of 12 mm for an infarct as large")
     border_y = parameter((0.0, 5.2e-3, 5.2e-3, 0.0, -5.2e-3, -5.2e-3, 0.0, 0.0), "m", "targets on the border of the infarct",
-                         display_unit="mm", source="chosen: a hexagon of 12 mm for an infarct as large")  # fmt: skip
+                         display_unit="mm", source="chosen: a hexagon of 12 mm for an infarct as large")
     z_clear = parameter(6e-3, "m", "where the tip is clear of the wall", display_unit="mm", minimum=0.0,
-                        source="chosen: images before, 4 mm and the stroke of the wall before it")  # fmt: skip
+                        source="chosen: images before, 4 mm and the stroke of the wall before it")
     z_limit = parameter(16e-3, "m", "where an approach without contact ends", display_unit="mm",
-                        source="chosen: beyond the wall by its uncertainty")  # fmt: skip
+                        source="chosen: beyond the wall by its uncertainty")
     speed_across = parameter(4e-3, "m/s", "speed across", display_unit="mm/s", minimum=1e-6,
-                             source="chosen: below what the wires' slides can follow, 9 mm/s of pull")  # fmt: skip
+                             source="chosen: below what the wires' slides can follow, 9 mm/s of pull")
     speed_approach = parameter(1.5e-3, "m/s", "speed of the approach", display_unit="mm/s", minimum=1e-6,
-                               source="chosen: 0.01 N of force in the delay of the contact's detection")  # fmt: skip
+                               source="chosen: 0.01 N of force in the delay of the contact's detection")
     speed_clear = parameter(6e-3, "m/s", "speed of a withdrawal", display_unit="mm/s", minimum=1e-6, source="chosen")
     settle = parameter(1.2, "s", "time at rest before the next state; longer than the age of a position", minimum=0.0,
-                       source="frame and latency of image_position 0.5 s and 0.3 s")  # fmt: skip
+                       source="frame and latency of image_position 0.5 s and 0.3 s")
     position_tolerance = parameter(3e-3, "m", "distance from a target that skips it", display_unit="mm", minimum=0.0,
-                                   source="chosen: a border zone is about 5 mm wide; four deviations of an image")  # fmt: skip
+                                   source="chosen: a border zone is about 5 mm wide; four deviations of an image")
     force_contact = parameter(0.1, "N", "contact force that ends the approach", minimum=0.0,
-                              source="paper A, section II.A: 0.1 to 0.4 N; paper B asks for a threshold")  # fmt: skip
+                              source="paper A, section II.A: 0.1 to 0.4 N; paper B asks for a threshold")
     force_maximum = parameter(0.4, "N", "contact force that aborts", source="paper A, section II.A: 0.1 to 0.4 N")
     contact_time = parameter(50e-3, "s", "time that the force must stay above", minimum=0.0,
-                             source="chosen: ten samples of the sensor")  # fmt: skip
+                             source="chosen: ten samples of the sensor")
     force_lost_time = parameter(50e-3, "s", "time without a force that aborts", minimum=0.0,
-                                source="chosen: ten samples of the sensor")  # fmt: skip
+                                source="chosen: ten samples of the sensor")
     position_lost_time = parameter(2.2, "s", "time without a position that aborts", minimum=0.0,
-                                   source="chosen: four frames of image_position in a row")  # fmt: skip
+                                   source="chosen: four frames of image_position in a row")
     needle_length = parameter(4e-3, "m", "needle outside at the deepest", display_unit="mm", maximum=6e-3,
-                              source="paper, Table 2: 3 to 5 mm; wall of an infarct's border 6 to 8 mm")  # fmt: skip
+                              source="paper, Table 2: 3 to 5 mm; wall of an infarct's border 6 to 8 mm")
     needle_end = parameter(1e-3, "m", "needle outside where the injection ends", display_unit="mm", minimum=0.0,
-                           source="chosen: nearer to the surface it would leak")  # fmt: skip
+                           source="chosen: nearer to the surface it would leak")
     speed_needle = parameter(3e-3, "m/s", "speed of the needle outward", display_unit="mm/s", minimum=1e-6,
-                             source="chosen: 6.8 mm/s of its slide")  # fmt: skip
+                             source="chosen: 6.8 mm/s of its slide")
     speed_inject = parameter(0.5e-3, "m/s", "speed of the needle while it injects", display_unit="mm/s", minimum=1e-6,
-                             source="chosen: 0.1 mL in 6 s")  # fmt: skip
+                             source="chosen: 0.1 mL in 6 s")
     dose = parameter(1e-7, "m^3", "volume for a target", display_unit="mL", minimum=0.0,
-                     source="endomyocardial injections of cells, recalled: 0.1 to 0.2 mL")  # fmt: skip
+                     source="endomyocardial injections of cells, recalled: 0.1 to 0.2 mL")
     home = parameter(-1.8e-3, "m", "needle's slide at which its switch closes", display_unit="mm",
-                     source="needle_home of omnidirectional_feedforward, and 0.2 mm")  # fmt: skip
+                     source="needle_home of omnidirectional_feedforward, and 0.2 mm")
     home_time = parameter(3.0, "s", "time in which the needle must come home", minimum=0.0,
-                          source="chosen: twice the longest way of its slide, 14 mm at 9.6 mm/s")  # fmt: skip
+                          source="chosen: twice the longest way of its slide, 14 mm at 9.6 mm/s")
 
     needle_tolerance = parameter(0.5e-3, "m", "distance of the needle's slide from its command", display_unit="mm",
-                                 minimum=0.0, source="chosen: ten deviations of a slide")  # fmt: skip
+                                 minimum=0.0, source="chosen: ten deviations of a slide")
     follow_time = parameter(1.0, "s", "time that it may be farther away while the needle is out", minimum=0.0,
-                            source="chosen: twice the time that the slide needs from home to where the needle comes out, at 19 mm/s")  # fmt: skip
+                            source="chosen: twice the time that the slide needs from home to where the needle comes out, at 19 mm/s")
 
     elapsed = local(0.0, "s", "time in the state")
     arrived = local(0.0, "s", "time since the state's movement has ended")

@@ -2,7 +2,7 @@
 
 from math import cos, floor, pi, sin, sqrt
 
-from twin.component import Component, Int64, local, output, parameter, seed_stream, uniform
+from twin.component import Component, Int64, local, output, parameter, seed_stream, terminal, uniform
 
 
 class OmnidirectionalProgram(Component):
@@ -18,11 +18,13 @@ class OmnidirectionalProgram(Component):
     target_z = output("m", "wanted tip position along", display_unit="mm")
     number = output("", "which coordinate it is, from 1; 0 at the very start", type=Int64)
 
+    target = terminal("wanted coordinate", x=target_x, y=target_y, z=target_z)
+
     dwell = parameter(6.0, "s", "time for each coordinate", minimum=0.01, source="chosen: the longest move and a rest")
     across_maximum = parameter(15e-3, "m", "radius of the cylinder", display_unit="mm", minimum=0.0,
-                               source="paper, calibration method")  # fmt: skip
+                               source="paper, calibration method")
     z_maximum = parameter(13.5e-3, "m", "length of the cylinder, from z = 0", display_unit="mm", minimum=0.0,
-                          source="chosen: at the largest deflection it takes 20 mm of advance, as far as was measured")  # fmt: skip
+                          source="chosen: at the largest deflection it takes 20 mm of advance, as far as was measured")
     seed = parameter(17, "", "seed of the coordinates", type=Int64, fixed=True, source="arbitrary")
 
     stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))

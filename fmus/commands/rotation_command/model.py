@@ -16,13 +16,13 @@ class RotationCommand(Component):
     cycle = output("", "number of the cycle, from 1; 0 before the first and after the last", type=Int32)
 
     rotation = parameter(4.0 * pi, "rad", "angle turned each way", display_unit="deg", minimum=1e-3,
-                         source="paper, section III.D: two turns")  # fmt: skip
+                         source="paper, section III.D: two turns")
     speed = parameter(1.2566, "rad/s", "largest speed", display_unit="deg/s", minimum=1e-3,
-                      source="paper, section III.D: 14.4 to 72 deg/s")  # fmt: skip
+                      source="paper, section III.D: 14.4 to 72 deg/s")
     acceleration = parameter(5.0, "rad/s^2", "acceleration", display_unit="deg/s^2", minimum=1e-3,
-                             source="estimate: full speed in a quarter of a second")  # fmt: skip
+                             source="estimate: full speed in a quarter of a second")
     rest = parameter(1.0, "s", "rest before the first motion and after each one", minimum=0.0,
-                     source="estimate: longer than the average of 400 ms")  # fmt: skip
+                     source="estimate: longer than the average of 400 ms")
     cycles = parameter(4, "", "how often forth and back", type=Int32, minimum=1)
 
     def initialize(self) -> None:

@@ -15,11 +15,11 @@ class TravelCommand(Component):
     reference_position = output("m", "its integral", display_unit="mm")
 
     distance = parameter(0.5, "m", "travel out; negative begins proximally", display_unit="mm",
-                         source="paper, section III.C")  # fmt: skip
+                         source="paper, section III.C")
     speed = parameter(0.04, "m/s", "speed of travel", display_unit="mm/s", minimum=1e-6,
-                      source="paper, section III.C: 5 to 40 mm/s")  # fmt: skip
+                      source="paper, section III.C: 5 to 40 mm/s")
     acceleration = parameter(0.5, "m/s^2", "at both ends of a travel", minimum=1e-6,
-                             source="paper, section IV.B: heart motion needs 0.51 m/s^2")  # fmt: skip
+                             source="paper, section IV.B: heart motion needs 0.51 m/s^2")
     begin = parameter(0.0, "s", "time of the start", minimum=0.0, source="chosen")
     dwell = parameter(1.0, "s", "pause between out and back", minimum=0.0, source="chosen")
 

@@ -18,7 +18,7 @@ from fmus.injection import (
     needle_after,
     retraction,
 )
-from twin.component import Boolean, Component, Int32, Int64, input, local, output, parameter
+from twin.component import Boolean, Component, Int32, Int64, input, local, output, parameter, terminal
 
 UNMODIFIED, CALIBRATED = 0, 1
 ACCEPTED, Y_OUTSIDE, Z_OUTSIDE, NEEDLE_OUTSIDE, NOT_REACHABLE, NO_MODE = 0, 1, 2, 3, 4, 5
@@ -56,30 +56,32 @@ class CoordinateFeedforward(Component):
         "", "0: accepted; outside: 1 y, 2 z, 3 needle; 4: not reachable from here; 5: no such mode", type=Int32
     )
 
+    target = terminal("wanted coordinate", rule="bus", y=target_y, z=target_z, needle_length=target_needle_length)
+
     mode = parameter(CALIBRATED, "", "0: unmodified, eqs. (1), (4), (5) alone; 1: calibrated", type=Int32, fixed=True,
-                     source="paper, results")  # fmt: skip
+                     source="paper, results")
     y_maximum = parameter(15e-3, "m", "workspace across", display_unit="mm", source="paper, calibration method")
     z_maximum = parameter(20e-3, "m", "workspace along", display_unit="mm", source="paper, calibration method")
     needle_maximum = parameter(6e-3, "m", "longest needle", display_unit="mm",
-                               source="estimate: Table 2 goes to 5 mm")  # fmt: skip
+                               source="estimate: Table 2 goes to 5 mm")
     lead = parameter(7.7e-3, "m", "travel per revolution", display_unit="mm", minimum=1e-6, source="paper, eq. (1)")
     steps_per_revolution = parameter(1600.0, "", "steps per revolution", minimum=1.0, source="paper, eq. (1)")
     slope = parameter(SLOPE, "", "tip travel per handle travel, less one", source="paper, eqs. (2), (3)")
     reversal_offset = parameter(REVERSAL_OFFSET, "", "travel [mm] that a reversal costs", minimum=0.0,
-                                source="paper, eq. (2)")  # fmt: skip
+                                source="paper, eq. (2)")
     bend_y = parameter(BEND_Y, "", "eq. (4): coefficients of a^0 to a^3 in mm", source="paper, eq. (4)")
     bend_z = parameter(BEND_Z, "", "eq. (5): coefficients of a^0 to a^3 in mm", source="paper, eq. (5)")
     dead_band = parameter(DEAD_BAND, "", "pull [mm] that takes up the wire's slack", minimum=0.0,
-                          source="paper, eq. (4)")  # fmt: skip
+                          source="paper, eq. (4)")
     pull_maximum = parameter(9.0, "", "longest pull [mm]", minimum=0.0, source="paper, eq. (4)")
     compression = parameter(COMPRESSION, "", "eq. (6) compressed, in mm", source="paper, Table 1")
     tension = parameter(TENSION, "", "eq. (6) in tension, in mm",
-                        source="paper, Table 1; terms in the order of poly33, two printed features are wrong")  # fmt: skip
+                        source="paper, Table 1; terms in the order of poly33, two printed features are wrong")
     needle = parameter(NEEDLE, "", "eqs. (7), (8): length per actuator, offset [mm], length per pull",
-                       source="paper, eqs. (7), (8)")  # fmt: skip
+                       source="paper, eqs. (7), (8)")
     needle_back = parameter(RETRACTION, "", "eq. (9), in mm", source="paper, eq. (9)")
     needle_turn = parameter(11.5, "", "actuator position [mm] from which eq. (9) retracts",
-                            source="not printed: see pull_wire_catheter")  # fmt: skip
+                            source="not printed: see pull_wire_catheter")
 
     last_y = local(0.0, "m", "target of the last sample", display_unit="mm")
     last_z = local(0.0, "m", "target of the last sample", display_unit="mm")

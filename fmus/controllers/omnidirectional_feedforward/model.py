@@ -19,7 +19,7 @@ from fmus.injection import (
     retraction,
 )
 from fmus.omnidirectional import WIRES, needle_pull, periodic, pull_for
-from twin.component import Boolean, Component, Int32, Int64, input, local, output, parameter
+from twin.component import Boolean, Component, Int32, Int64, input, local, output, parameter, terminal
 
 DIASTOLE, CHOSEN, INTERPOLATED = 0, 1, 2
 ACCEPTED, ACROSS_OUTSIDE, Z_OUTSIDE, NEEDLE_OUTSIDE, NOT_REACHABLE, NO_MODEL = 0, 1, 2, 3, 4, 5
@@ -60,7 +60,7 @@ class OmnidirectionalFeedforward(Component):
     target_y = input("m", "wanted tip position across, at diastole", display_unit="mm", nominal=8e-3)
     target_z = input("m", "wanted tip position along, at diastole", display_unit="mm", minimum=0.0, nominal=10e-3)
     target_needle_length = input("m", "wanted needle length; negative: at home, inside", start=-1e-3, display_unit="mm",
-                                 maximum=6e-3, nominal=4e-3)  # fmt: skip
+                                 maximum=6e-3, nominal=4e-3)
     hold = input("", "whether handle and wires stay where they are", type=Boolean)
     heart_phase = input("rad", "phase of the heartbeat", nominal=3.0)
     gain_x = input("", "learned: part of a pull that arrives at the tip, plane x", start=1.0, minimum=0.1)
@@ -81,50 +81,60 @@ class OmnidirectionalFeedforward(Component):
     wanted_y = output("m", "where the tip is to be now", display_unit="mm")
     wanted_z = output("m", "where the tip is to be now", display_unit="mm")
     refusal = output("", "0: accepted; outside: 1 across, 2 z, 3 needle; 4: not reachable from here; 5: no such model",
-                     type=Int32)  # fmt: skip
+                     type=Int32)
+
+    target = terminal(
+        "wanted coordinate", rule="bus", x=target_x, y=target_y, z=target_z, needle_length=target_needle_length,
+        hold=hold,
+    )
+    calibration = terminal(
+        "what it did, and what was learned from it", wire_position=wire_position, tip_advance=tip_advance,
+        tension_share=tension_share, gain_x=gain_x, gain_y=gain_y, offset_x=offset_x, offset_y=offset_y,
+        offset_z=offset_z,
+    )
 
     model = parameter(DIASTOLE, "", "0: diastole alone; 1: diastole or systole, the nearer; 2: between them",
-                      type=Int32, fixed=True, source="0: the bench stands still; paper, discussion, asks for both")  # fmt: skip
+                      type=Int32, fixed=True, source="0: the bench stands still; paper, discussion, asks for both")
     across_maximum = parameter(15e-3, "m", "workspace across, in every direction", display_unit="mm", minimum=0.0,
-                               source="paper, calibration method")  # fmt: skip
+                               source="paper, calibration method")
     z_maximum = parameter(20e-3, "m", "workspace along", display_unit="mm", source="paper, calibration method")
     needle_maximum = parameter(6e-3, "m", "longest needle", display_unit="mm",
-                               source="estimate: Table 2 goes to 5 mm")  # fmt: skip
+                               source="estimate: Table 2 goes to 5 mm")
     lead = parameter(7.7e-3, "m", "travel per revolution", display_unit="mm", minimum=1e-6, source="paper, eq. (1)")
     steps_per_revolution = parameter(1600.0, "", "steps per revolution", minimum=1.0, source="paper, eq. (1)")
     slope = parameter(SLOPE, "", "tip travel per handle travel, less one", source="paper, eqs. (2), (3)")
     reversal_offset = parameter(REVERSAL_OFFSET, "", "travel [mm] that a reversal costs", minimum=0.0,
-                                source="paper, eq. (2)")  # fmt: skip
+                                source="paper, eq. (2)")
     reversal_threshold = parameter(0.02, "", "way back [mm] that is not worth a reversal", minimum=0.0,
-                                   source="chosen: half a step of the play's model would chatter; what the camera resolves")  # fmt: skip
+                                   source="chosen: half a step of the play's model would chatter; what the camera resolves")
     bend_y = parameter(BEND_Y, "", "eq. (4): coefficients of a^0 to a^3 in mm", source="paper, eq. (4)")
     bend_z = parameter(BEND_Z, "", "eq. (5): coefficients of a^0 to a^3 in mm", source="paper, eq. (5)")
     dead_band = parameter(DEAD_BAND, "", "pull [mm] that takes up a wire's slack", minimum=0.0,
-                          source="paper, eq. (4)")  # fmt: skip
+                          source="paper, eq. (4)")
     pull_maximum = parameter(9.0, "", "longest pull [mm] that the equations hold for", minimum=0.0,
-                             source="paper, eq. (4)")  # fmt: skip
+                             source="paper, eq. (4)")
     stiffness_ratio = parameter(0.571, "", "bending stiffness over wire stiffness", minimum=0.0,
-                                source="2 N/mm and 5.5 N/mm of omnidirectional_catheter: 2 / (5.5 - 2)")  # fmt: skip
+                                source="2 N/mm and 5.5 N/mm of omnidirectional_catheter: 2 / (5.5 - 2)")
     slack = parameter(0.1, "", "pull [mm] by which an antagonist is paid out further than the tip needs", minimum=0.0,
-                      source="chosen: three times the play of a wire")  # fmt: skip
+                      source="chosen: three times the play of a wire")
     compression = parameter(COMPRESSION, "", "eq. (6) compressed, in mm", source="paper, Table 1")
     tension = parameter(TENSION, "", "eq. (6) in tension, in mm",
-                        source="paper, Table 1; terms in the order of poly33, two printed features are wrong")  # fmt: skip
+                        source="paper, Table 1; terms in the order of poly33, two printed features are wrong")
     needle = parameter(NEEDLE, "", "eqs. (7), (8): length per actuator, offset [mm], length per pull",
-                       source="paper, eqs. (7), (8)")  # fmt: skip
+                       source="paper, eqs. (7), (8)")
     needle_back = parameter(RETRACTION, "", "eq. (9), in mm", source="paper, eq. (9)")
     needle_turn = parameter(11.5, "", "actuator position [mm] from which eq. (9) retracts",
-                            source="not printed: see pull_wire_catheter")  # fmt: skip
+                            source="not printed: see pull_wire_catheter")
     needle_home = parameter(-2.0, "", "needle's slide [mm] at home",
-                            source="chosen: by eqs. (8), (9) the needle is then inside at every pull, by 0.7 mm or more")  # fmt: skip
+                            source="chosen: by eqs. (8), (9) the needle is then inside at every pull, by 0.7 mm or more")
     contraction = parameter(CONTRACTION, "", "part of the way from diastole to systole at 16 phases of the heartbeat",
-                            source="identified from: wall motion of paper A, eq. (4), as 16 images of a beat show it")  # fmt: skip
+                            source="identified from: wall motion of paper A, eq. (4), as 16 images of a beat show it")
     systole_deflection = parameter(0.93, "", "deflection at systole per deflection at diastole", minimum=0.1,
-                                   source="as omnidirectional_catheter: a calibration at systole")  # fmt: skip
+                                   source="as omnidirectional_catheter: a calibration at systole")
     systole_shift = parameter((0.0, 0.5, -1.5), "", "way [mm] of the guide's end from diastole to systole: x, y, z",
-                              source="as omnidirectional_catheter: a calibration at systole")  # fmt: skip
+                              source="as omnidirectional_catheter: a calibration at systole")
     systole_wall = parameter((0.0, 0.0, -3.0), "", "way [mm] of the target from diastole to systole: x, y, z",
-                             source="as images show it: the stroke in omnidirectional_catheter")  # fmt: skip
+                             source="as images show it: the stroke in omnidirectional_catheter")
 
     asked = local(0.0, "m", "target of the last sample: x, y, z", shape=(3,))
     gain = local(1.0, "", "gains in use: x, y", shape=(2,))

@@ -20,11 +20,11 @@ class RotationCompensator(Component):
     lead = output("rad", "what the frame is ahead of the tip", display_unit="deg")
 
     play = parameter(0.87, "rad", "width of the loop of tip over frame", display_unit="deg", minimum=0.0,
-                     source="identified from: scenarios/rotation.yaml")  # fmt: skip
+                     source="identified from: scenarios/rotation.yaml")
     threshold = parameter(5e-3, "rad", "motion back that counts as a reversal", display_unit="deg", minimum=0.0,
-                          source="chosen: above the jitter of a hand or of a tracker")  # fmt: skip
+                          source="chosen: above the jitter of a hand or of a tracker")
     speed = parameter(6.0, "rad/s", "speed over the play", display_unit="deg/s", minimum=1e-3,
-                      source="chosen: five times the paper's largest speed, within the drive's 10 rad/s")  # fmt: skip
+                      source="chosen: five times the paper's largest speed, within the drive's 10 rad/s")
 
     direction = local(0.0, "", "direction of the last motion: -1, 0 (none yet), 1")
     extreme = local(0.0, "rad", "farthest angle in that direction", display_unit="deg")

@@ -1,6 +1,6 @@
 """Supervisor of the rig."""
 
-from twin.component import Boolean, Component, Int32, input, local, output, parameter
+from twin.component import Boolean, Component, Int32, input, local, output, parameter, terminal
 
 GRIPPERS = 2
 
@@ -21,7 +21,7 @@ REACTIONS = (
     (OVERLOAD,  HOLD,      0,                NONE),
     (SLIP,      HOLD,      0,                CARRYING),
     (BUCKLED,   BACK_ONLY, 0,                NONE),
-)  # fmt: skip
+)
 
 # step of the sequencer from which one gripper carries the instrument
 CARRIED = 3
@@ -40,13 +40,13 @@ class Supervisor(Component):
     leading = input("", "gripper that carries the instrument, 1 or 2", start=1, type=Int32, minimum=1, maximum=2)
     step_number = input("", "step of the sequencer, 1 to 9", start=1, type=Int32, minimum=1, maximum=9)
     gripper_position = input("m", "position_actual_value of each drive", shape=(GRIPPERS,), display_unit="mm",
-                             nominal=0.01)  # fmt: skip
+                             nominal=0.01)
     gripper_velocity = input("m/s", "velocity_actual_value of each drive", shape=(GRIPPERS,), display_unit="mm/s",
-                             nominal=0.03)  # fmt: skip
+                             nominal=0.03)
     gripper_target_velocity = input("m/s", "60FFh of each drive", shape=(GRIPPERS,), display_unit="mm/s", nominal=0.03)
     limited = input("", "each drive has limited its current (I2t)", shape=(GRIPPERS,), type=Boolean)
     instrument_position = input("m", "of the instrument at the grippers, from an optical sensor", display_unit="mm",
-                                nominal=0.01)  # fmt: skip
+                                nominal=0.01)
     buckled = input("", "the free length has bowed out, from a light barrier beside it", type=Boolean)
 
     velocity = output("m/s", "speed that the sequencer is told", display_unit="mm/s")
@@ -56,12 +56,21 @@ class Supervisor(Component):
     cause = output("", "bits: 1 air, 2 and 4 a drive, 8 overload, 16 slip, 32 buckled", type=Int32)
     slip = output("m", "motion of the instrument in the gripper that carries it, positive distal", display_unit="mm")
 
+    sequencer = terminal(
+        "the sequencer that it watches", pressure_ok=pressure_ok, drive_ok=drive_ok, leading=leading,
+        step_number=step_number, gripper_target_velocity=gripper_target_velocity,
+    )
+    drive = terminal(
+        "drives of the grippers, by CiA 402", position_actual_value=gripper_position,
+        velocity_actual_value=gripper_velocity, limited=limited,
+    )
+
     slip_maximum = parameter(3.5e-3, "m", "slip between two changes of the lead that holds the rig", display_unit="mm",
-                             minimum=0.0, source="chosen: 15 N on 4.4 N/mm of a grip are no slip")  # fmt: skip
+                             minimum=0.0, source="chosen: 15 N on 4.4 N/mm of a grip are no slip")
     slippage_window = parameter(4e-3, "m/s", "60F8h: difference of speeds that a drive may have", display_unit="mm/s",
-                                minimum=0.0, source="chosen: below the paper's 5 mm/s")  # fmt: skip
+                                minimum=0.0, source="chosen: below the paper's 5 mm/s")
     slippage_time = parameter(0.3, "s", "time for which it may have more", display_unit="ms", minimum=0.0,
-                              source="chosen: its integral makes up for 13 N by then")  # fmt: skip
+                              source="chosen: its integral makes up for 13 N by then")
 
     kept = local(0, "", "bits of causes that are kept", type=Int32)
     anchor = local(0.0, "m", "instrument minus gripper when the lead changed", display_unit="mm")

@@ -21,17 +21,17 @@ class HeartEstimate(Component):
     latency = parameter(
         11e-3, "s", "age of the estimate when it is published", display_unit="ms", minimum=1e-3, maximum=64e-3,
         source="estimate: interrogator at 250 Hz 4 ms, shape and filter 5 to 10 ms",
-    )  # fmt: skip
+    )
     noise = parameter(
         0.5e-3, "m", "standard deviation of the error", display_unit="mm", minimum=0.0,
         source="paper, section IV.C: 0.60 mm against EM, whose own 0.2 mm is taken off",
-    )  # fmt: skip
+    )
     noise_frequency = parameter(
         1.0, "Hz", "corner of the error's spectrum", minimum=0.0,
         source="estimate: a quasi-periodic filter follows amplitude and phase over about a cycle",
-    )  # fmt: skip
+    )
     seed = parameter(2, "", "seed of the error; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")  # fmt: skip
+                     source="arbitrary")
 
     error = local(0.0, "m", "error of the estimate", display_unit="mm")
     error_rate = local(0.0, "m/s", "rate of the error", display_unit="mm/s")

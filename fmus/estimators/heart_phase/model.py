@@ -19,13 +19,13 @@ class HeartPhase(Component):
     beats = output("", "R waves found", type=Int64)
 
     jitter = parameter(4e-3, "s", "standard deviation of the time at which a wave is found", display_unit="ms",
-                       minimum=0.0, source="estimate: detectors on a noisy electrocardiogram, 2 to 10 ms")  # fmt: skip
+                       minimum=0.0, source="estimate: detectors on a noisy electrocardiogram, 2 to 10 ms")
     delay = parameter(20e-3, "s", "time until a wave is found, known and made up for", display_unit="ms", minimum=0.0,
-                      source="estimate: filters of a detector in real time, 10 to 40 ms")  # fmt: skip
+                      source="estimate: filters of a detector in real time, 10 to 40 ms")
     lead = parameter(90e-3, "s", "time by which the phase is ahead", display_unit="ms", minimum=0.0,
-                     source="chosen: half of the time in which the handle's stepper crosses the play, 0.18 s")  # fmt: skip
+                     source="chosen: half of the time in which the handle's stepper crosses the play, 0.18 s")
     seed = parameter(18, "", "seed of the jitter; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")  # fmt: skip
+                     source="arbitrary")
 
     true_phase = local(0.0, "", "phase of the heart in beats")
     last_wave = local(0.0, "s", "when the last wave was, as far as was found")

@@ -4,7 +4,7 @@ from math import hypot, sqrt
 
 from fmus.injection import BEND_Y, BEND_Z, COMPRESSION, DEAD_BAND, MILLIMETER, TENSION, bend
 from fmus.omnidirectional import WIRES, pair, radial, single_pull
-from twin.component import Boolean, Component, Int64, input, local, output, parameter
+from twin.component import Boolean, Component, Int64, input, local, output, parameter, terminal
 
 STATES = 5  # gain x, gain y, offset x, y, z
 DIFFERENCE = 1e-4  # of a gain, for the slope of the model
@@ -25,9 +25,9 @@ class SelfCalibration(Component):
     measured_z = input("m", "tip position of the latest frame", display_unit="mm", nominal=8e-3)
     frame = input("", "number of the latest frame; one is used once", type=Int64)
     wire_position = input("m", "where the controller sent the wires' slides", shape=(WIRES,), display_unit="mm",
-                          nominal=6e-3)  # fmt: skip
+                          nominal=6e-3)
     tip_advance = input("m", "advance of the tip without deflection, by the controller's model", display_unit="mm",
-                        nominal=10e-3)  # fmt: skip
+                        nominal=10e-3)
     tension_share = input("", "last direction of the controller: 0 pushed, 1 pulled", minimum=0.0, maximum=1.0)
     moving = input("", "whether a slide moves, wherever else that is known", type=Boolean)
 
@@ -41,19 +41,26 @@ class SelfCalibration(Component):
     innovation = output("m", "distance of the last used frame from the model", display_unit="mm")
     used = output("", "frames used", type=Int64)
 
+    image = terminal("latest frame", x=measured_x, y=measured_y, z=measured_z, frame=frame)
+    controller = terminal(
+        "what it did, and what was learned from it", wire_position=wire_position, tip_advance=tip_advance,
+        tension_share=tension_share, gain_x=gain_x, gain_y=gain_y, offset_x=offset_x, offset_y=offset_y,
+        offset_z=offset_z,
+    )
+
     rest = parameter(0.4, "s", "time at rest before a frame counts; longer than the images' latency", minimum=0.0,
-                     source="latency of image_position 0.3 s, and its period")  # fmt: skip
+                     source="latency of image_position 0.3 s, and its period")
     noise = parameter(0.5, "", "standard deviation [mm] of a frame", minimum=1e-3, source="image_position")
     own_noise = parameter(0.15, "", "standard deviation [mm] of the catheter about its model", minimum=0.0,
-                          source="paper: calibrated RMS of y and z")  # fmt: skip
+                          source="paper: calibrated RMS of y and z")
     gain_start = parameter(0.05, "", "standard deviation of the gains at the start", minimum=0.0,
-                           source="estimate: calibrated on the bench before")  # fmt: skip
+                           source="estimate: calibrated on the bench before")
     offset_start = parameter(0.5, "", "standard deviation [mm] of the shift at the start", minimum=0.0,
-                             source="estimate: images registered to the guide")  # fmt: skip
+                             source="estimate: images registered to the guide")
     gain_walk = parameter(0.003, "", "growth of the gains' deviation per root of a frame", minimum=0.0,
-                          source="chosen: a few ten frames follow 20 %, and are averaged")  # fmt: skip
+                          source="chosen: a few ten frames follow 20 %, and are averaged")
     offset_walk = parameter(0.01, "", "growth [mm] of the shift's deviation per root of a frame", minimum=0.0,
-                            source="chosen: a guide that shifts slowly")  # fmt: skip
+                            source="chosen: a guide that shifts slowly")
     gain_minimum = parameter(
         0.5, "", "least gain that is learned", minimum=0.1, source="chosen: below, a wire is broken"
     )
@@ -61,12 +68,12 @@ class SelfCalibration(Component):
     bend_y = parameter(BEND_Y, "", "eq. (4): coefficients of a^0 to a^3 in mm", source="paper, eq. (4)")
     bend_z = parameter(BEND_Z, "", "eq. (5): coefficients of a^0 to a^3 in mm", source="paper, eq. (5)")
     dead_band = parameter(DEAD_BAND, "", "pull [mm] that takes up a wire's slack", minimum=0.0,
-                          source="paper, eq. (4)")  # fmt: skip
+                          source="paper, eq. (4)")
     stiffness_ratio = parameter(0.571, "", "bending stiffness over wire stiffness", minimum=0.0,
-                                source="as omnidirectional_feedforward")  # fmt: skip
+                                source="as omnidirectional_feedforward")
     compression = parameter(COMPRESSION, "", "eq. (6) compressed, in mm", source="paper, Table 1")
     tension = parameter(TENSION, "", "eq. (6) in tension, in mm",
-                        source="paper, Table 1; terms in the order of poly33, two printed features are wrong")  # fmt: skip
+                        source="paper, Table 1; terms in the order of poly33, two printed features are wrong")
 
     estimate = local(0.0, "", "gain x, gain y, shift x, y, z [mm]", shape=(STATES,))
     covariance = local(0.0, "", "of the estimate", shape=(STATES, STATES))

@@ -1,6 +1,6 @@
 """Friction between a catheter and the guidewire in it."""
 
-from twin.component import Component, input, local, output, parameter
+from twin.component import Component, input, local, output, parameter, terminal
 
 
 class CoaxialFriction(Component):
@@ -17,16 +17,19 @@ class CoaxialFriction(Component):
     overlap = output("m", "length of wire in the part of the catheter that is in the sheath", display_unit="mm")
     relative_position = output("m", "wire's tip beyond the catheter's", display_unit="mm")
 
+    wire = terminal("the wire's tip", position=wire_position, force=wire_force)
+    catheter = terminal("the catheter's tip", position=catheter_position, force=catheter_force)
+
     friction = parameter(
         2.4, "N/m", "dry friction per length of overlap", minimum=0.0,
         source="guidewire's parameter set: 0.6 N in each of two bends, spread over 500 mm",
-    )  # fmt: skip
+    )
     viscosity = parameter(6.0, "N*s/m^2", "viscous drag per length of overlap", minimum=0.0,
-                          source="guidewire's parameter set: 3 N s/m in the bends, over 500 mm")  # fmt: skip
+                          source="guidewire's parameter set: 3 N s/m in the bends, over 500 mm")
     bristle_stiffness = parameter(
         500.0, "N/m", "stiffness before it slips", display_unit="N/mm", minimum=1.0,
         source="chosen: 2.4 mm at 1.2 N, as the wire's lateral play in the bends; no stiffer, so that 1 ms is enough",
-    )  # fmt: skip
+    )
 
     bristle = local(0.0, "m", "elastic deflection, positive if the wire is ahead", display_unit="mm")
     apart_last = local(0.0, "m", "wire minus catheter in the step before", display_unit="mm")

@@ -23,12 +23,12 @@ class Heart(Component):
     amplitude = parameter(
         (4e-3, 2e-3, 0.4e-3, 0.1e-3, 5e-6, 1e-6, 0.5e-6), "m", "amplitude of each harmonic", display_unit="mm",
         source="paper, section IV.B: r_i; eight announced, seven printed",
-    )  # fmt: skip
+    )
     phase = parameter((0.0, 2.8, 2.8, 0.0, 3.7, 1.2, 5.6), "rad", "phase of each harmonic",
-                      source="paper, section IV.B: theta_i, the first seven")  # fmt: skip
+                      source="paper, section IV.B: theta_i, the first seven")
     offset = parameter(0.0, "m", "mean position", display_unit="mm", source="paper, section IV.B: c")
     blend_in = parameter(1.0, "s", "time from rest to full motion; 0: at once", minimum=0.0,
-                         source="chosen: no jump at the start")  # fmt: skip
+                         source="chosen: no jump at the start")
 
     def derivatives(self, t: float) -> None:
         x = 0.0

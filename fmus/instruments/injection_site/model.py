@@ -3,7 +3,7 @@
 from math import cos, floor
 
 from fmus.injection import length
-from twin.component import Boolean, Component, input, local, output, parameter
+from twin.component import Boolean, Component, input, local, output, parameter, terminal
 
 BINS = 12
 
@@ -29,8 +29,10 @@ class InjectionSite(Component):
     lost = output("m^3", "dose that was given before the surface or deeper than the last layer", display_unit="mL")
     dose = output("m^3", "dose by depth, layers from the surface", shape=(BINS,), display_unit="mL")
 
+    tip = terminal("the tip and the needle", x=tip_x, y=tip_y, z=tip_z, angle=tip_angle, needle_length=needle_length)
+
     surface_position = parameter(10e-3, "m", "wall surface at heart position zero", display_unit="mm",
-                                 source="chosen: as the wall of the scenario")  # fmt: skip
+                                 source="chosen: as the wall of the scenario")
     layer = parameter(0.25e-3, "m", "thickness of a layer", display_unit="mm", minimum=1e-6, source="chosen: for plots")
 
     start_x = local(0.0, "m", "tip when the needle came out", display_unit="mm")

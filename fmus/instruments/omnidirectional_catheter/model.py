@@ -20,7 +20,7 @@ from fmus.injection import (
     wander,
 )
 from fmus.omnidirectional import WIRES, needle_pull, pair, radial, single_pull
-from twin.component import Component, Int64, input, local, output, parameter, seed_stream
+from twin.component import Component, Int64, input, local, output, parameter, seed_stream, terminal
 
 PLAYS = 3
 PULL_MAXIMUM = 9.0  # longest pull that eqs. (4) and (5) hold for [mm]
@@ -36,7 +36,7 @@ class OmnidirectionalCatheter(Component):
 
     handle_position = input("m", "slide of the inner handle, positive distal", display_unit="mm", nominal=10e-3)
     wire_position = input("m", "slides of the pull wires +x, +y, -x, -y; positive: pulled", shape=(WIRES,),
-                          display_unit="mm", nominal=6e-3)  # fmt: skip
+                          display_unit="mm", nominal=6e-3)
     needle_position = input("m", "slide of the needle, positive distal", display_unit="mm", nominal=10e-3)
     heart_position = input("m", "position of the ventricle's wall along the catheter, positive away", display_unit="mm")
 
@@ -50,56 +50,63 @@ class OmnidirectionalCatheter(Component):
     needle_force = output("N", "force of the needle on its slide, positive distal")
     tension_share = output("", "part of the play that is used up by pulling: 0 compressed, 1 in tension")
 
+    tip = terminal(
+        "the tip and the needle", rule="bus", x=tip_x, y=tip_y, z=tip_z, angle=tip_angle, needle_length=needle_length,
+    )
+    handle_slide = terminal("slide of the inner handle", position=handle_position, force=handle_force)
+    wire_slide = terminal("slides of the pull wires", position=wire_position, force=wire_force)
+    needle_slide = terminal("slide of the needle", position=needle_position, force=needle_force)
+
     slope = parameter(SLOPE, "", "tip travel per handle travel, less one", source="paper, eqs. (2), (3)")
     reversal_offset = parameter(REVERSAL_OFFSET, "", "travel [mm] that a reversal costs", minimum=0.0,
-                                source="paper, eq. (2)")  # fmt: skip
+                                source="paper, eq. (2)")
     play_spread = parameter(0.3, "", "first and last part of the catheter to move: by this part before and after the mean",
-                            minimum=0.0, maximum=1.0, source="estimate: see pull_wire_catheter")  # fmt: skip
+                            minimum=0.0, maximum=1.0, source="estimate: see pull_wire_catheter")
     bend_y = parameter(BEND_Y, "", "eq. (4): coefficients of a^0 to a^3 in mm", source="paper, eq. (4)")
     bend_z = parameter(BEND_Z, "", "eq. (5): coefficients of a^0 to a^3 in mm", source="paper, eq. (5)")
     dead_band = parameter(DEAD_BAND, "", "pull [mm] that takes up a wire's slack", minimum=0.0,
-                          source="paper, eq. (4); the same for all four wires is an estimate")  # fmt: skip
+                          source="paper, eq. (4); the same for all four wires is an estimate")
     pull_gain = parameter((1.0, 1.0), "", "part of a pull beyond the slack that arrives at the tip, planes x and y",
-                          minimum=0.1, source="1: the paper's catheter; a worn or longer way of the wire takes from it")  # fmt: skip
+                          minimum=0.1, source="1: the paper's catheter; a worn or longer way of the wire takes from it")
     tip_offset = parameter(
         (0.0, 0.0, 0.0), "", "shift [mm] of the tip: x, y, z", source="0: guide where it was at calibration"
     )
     wire_play = parameter(0.03, "", "pull [mm] that a release must go back before the tip does", minimum=0.0,
-                          source="estimate: see pull_wire_catheter")  # fmt: skip
+                          source="estimate: see pull_wire_catheter")
     compression = parameter(COMPRESSION, "", "eq. (6) compressed, in mm", source="paper, Table 1")
     tension = parameter(TENSION, "", "eq. (6) in tension, in mm",
-                        source="paper, Table 1; terms in the order of poly33, two printed features are wrong")  # fmt: skip
+                        source="paper, Table 1; terms in the order of poly33, two printed features are wrong")
     needle = parameter(NEEDLE, "", "eqs. (7), (8): length per actuator, offset [mm], length per pull",
-                       source="paper, eqs. (7), (8)")  # fmt: skip
+                       source="paper, eqs. (7), (8)")
     needle_back = parameter(RETRACTION, "", "eq. (9), in mm", source="paper, eq. (9)")
     needle_turn = parameter(11.5, "", "actuator position [mm] from which eq. (9) retracts",
-                            source="not printed: see pull_wire_catheter")  # fmt: skip
+                            source="not printed: see pull_wire_catheter")
     diastole_position = parameter(0.0, "m", "heart position of the models above", display_unit="mm",
-                                  source="chosen: where the calibration is made")  # fmt: skip
+                                  source="chosen: where the calibration is made")
     systole_position = parameter(-3e-3, "m", "heart position of the full effect of systole", display_unit="mm",
-                                 source="estimate: longitudinal stroke of a mid-ventricular wall, 2 to 6 mm")  # fmt: skip
+                                 source="estimate: longitudinal stroke of a mid-ventricular wall, 2 to 6 mm")
     systole_deflection = parameter(0.93, "", "deflection at systole per deflection at diastole", minimum=0.1,
-                                   source="estimate: the narrowed ventricle stiffens the guide's end, 0.9 to 1")  # fmt: skip
+                                   source="estimate: the narrowed ventricle stiffens the guide's end, 0.9 to 1")
     systole_shift = parameter((0.0, 0.5, -1.5), "", "way [mm] of the guide's end from diastole to systole: x, y, z",
-                              source="estimate: the guide is carried along by half of the wall's stroke")  # fmt: skip
+                              source="estimate: the guide is carried along by half of the wall's stroke")
     deviation_across = parameter(0.09, "", "standard deviation [mm] of the deflected tip in x and in y", minimum=0.0,
-                                 source="as identified for pull_wire_catheter")  # fmt: skip
+                                 source="as identified for pull_wire_catheter")
     deviation_z = parameter(0.11, "", "standard deviation [mm] of the tip along", minimum=0.0,
-                            source="as identified for pull_wire_catheter")  # fmt: skip
+                            source="as identified for pull_wire_catheter")
     deviation_needle = parameter(0.025, "", "standard deviation [mm] of the needle", minimum=0.0,
-                                 source="paper: see pull_wire_catheter")  # fmt: skip
+                                 source="paper: see pull_wire_catheter")
     correlation_length = parameter(2.0, "", "travel [mm] over which the deviations change", minimum=1e-3,
-                                   source="estimate: see pull_wire_catheter")  # fmt: skip
+                                   source="estimate: see pull_wire_catheter")
     guide_friction = parameter(4.0, "N", "friction of the catheter in its guide", minimum=0.0,
-                               source="estimate: PTFE on a catheter through the aortic arch, 2 to 6 N")  # fmt: skip
+                               source="estimate: PTFE on a catheter through the aortic arch, 2 to 6 N")
     pull_stiffness = parameter(2.0e3, "N/m", "tension of a single wire per pull beyond the slack", display_unit="N/mm",
-                               minimum=1.0, source="estimate: 16 N at the full deflection of an 8 Fr tip")  # fmt: skip
+                               minimum=1.0, source="estimate: 16 N at the full deflection of an 8 Fr tip")
     wire_stiffness = parameter(5.5e3, "N/m", "stiffness of a wire and of the shaft under it; above the one before",
-                               display_unit="N/mm", source="estimate: steel, 0.2 mm by 1.1 m")  # fmt: skip
+                               display_unit="N/mm", source="estimate: steel, 0.2 mm by 1.1 m")
     needle_friction = parameter(1.0, "N", "friction of the needle's tube", minimum=0.0,
-                                source="estimate: a tube that bends in a wider lumen, a few tenths to 2 N")  # fmt: skip
+                                source="estimate: a tube that bends in a wider lumen, a few tenths to 2 N")
     seed = parameter(16, "", "seed of the deviations; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")  # fmt: skip
+                     source="arbitrary")
 
     plays = local(0.0, "", "ends of the play operators of the handle [mm]", shape=(PLAYS,))
     wires = local(0.0, "", "positions [mm] of the wires behind their play", shape=(WIRES,))

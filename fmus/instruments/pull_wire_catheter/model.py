@@ -18,7 +18,7 @@ from fmus.injection import (
     needle_limits,
     wander,
 )
-from twin.component import Component, Int64, input, local, output, parameter, seed_stream
+from twin.component import Component, Int64, input, local, output, parameter, seed_stream, terminal
 
 PLAYS = 3
 PULL_MAXIMUM = 9.0  # longest pull that eqs. (4) and (5) hold for [mm]
@@ -43,49 +43,54 @@ class PullWireCatheter(Component):
     needle_force = output("N", "force of the needle on its slide, positive distal")
     tension_share = output("", "part of the play that is used up by pulling: 0 compressed, 1 in tension")
 
+    tip = terminal("the tip and the needle", rule="bus", y=tip_y, z=tip_z, needle_length=needle_length)
+    handle_slide = terminal("slide of the inner handle", position=handle_position, force=handle_force)
+    wire_slide = terminal("slide of the pull wire", position=wire_position, force=wire_force)
+    needle_slide = terminal("slide of the needle", position=needle_position, force=needle_force)
+
     slope = parameter(SLOPE, "", "tip travel per handle travel, less one", source="paper, eqs. (2), (3)")
     reversal_offset = parameter(REVERSAL_OFFSET, "", "travel [mm] that a reversal costs", minimum=0.0,
-                                source="paper, eq. (2)")  # fmt: skip
+                                source="paper, eq. (2)")
     play_spread = parameter(
         0.3, "", "first and last part of the catheter to move: by this part before and after the mean", minimum=0.0,
         maximum=1.0, source="estimate: the guide bends gradually and the text does not give moves that stop in the play",
-    )  # fmt: skip
+    )
     bend_y = parameter(BEND_Y, "", "eq. (4): coefficients of a^0 to a^3 in mm", source="paper, eq. (4)")
     bend_z = parameter(BEND_Z, "", "eq. (5): coefficients of a^0 to a^3 in mm", source="paper, eq. (5)")
     dead_band = parameter(DEAD_BAND, "", "pull [mm] that takes up the wire's slack", minimum=0.0,
-                          source="paper, eq. (4)")  # fmt: skip
+                          source="paper, eq. (4)")
     wire_play = parameter(
         0.03, "", "pull [mm] that a release must go back before the tip does", minimum=0.0,
         source="estimate: at most that, or points on release would shift the mean of y, which the paper found to be zero",
-    )  # fmt: skip
+    )
     compression = parameter(COMPRESSION, "", "eq. (6) compressed, in mm", source="paper, Table 1")
     tension = parameter(TENSION, "", "eq. (6) in tension, in mm",
-                        source="paper, Table 1; terms in the order of poly33, two printed features are wrong")  # fmt: skip
+                        source="paper, Table 1; terms in the order of poly33, two printed features are wrong")
     needle = parameter(NEEDLE, "", "eqs. (7), (8): length per actuator, offset [mm], length per pull",
-                       source="paper, eqs. (7), (8)")  # fmt: skip
+                       source="paper, eqs. (7), (8)")
     needle_back = parameter(RETRACTION, "", "eq. (9), in mm", source="paper, eq. (9)")
     needle_turn = parameter(
         11.5, "", "actuator position [mm] from which eq. (9) retracts",
         source="not printed: the least half millimeter with which a needle drawn back is never shorter than one pushed there",
-    )  # fmt: skip
+    )
     deviation_y = parameter(
         0.135, "", "standard deviation [mm] of the deflected tip across", minimum=0.0,
         source="identified from: calibrated RMS of y 0.18 mm, mean of 200 seeds",
-    )  # fmt: skip
+    )
     deviation_z = parameter(
         0.12, "", "standard deviation [mm] of the tip along", minimum=0.0,
         source="identified from: calibrated RMS of z 0.14 mm, mean of 200 seeds",
-    )  # fmt: skip
+    )
     deviation_needle = parameter(
         0.025, "", "standard deviation [mm] of the needle", minimum=0.0,
         source="paper: 0.042 mm after calibration, less slide (0.052 by 0.44) and camera",
-    )  # fmt: skip
+    )
     correlation_length = parameter(2.0, "", "travel [mm] over which the deviations change", minimum=1e-3,
-                                   source="estimate: the clearance in the guide, 0.8 mm, by two or three")  # fmt: skip
+                                   source="estimate: the clearance in the guide, 0.8 mm, by two or three")
     guide_friction = parameter(4.0, "N", "friction of the catheter in its guide", minimum=0.0,
-                               source="estimate: PTFE on a catheter through the aortic arch, 2 to 6 N")  # fmt: skip
+                               source="estimate: PTFE on a catheter through the aortic arch, 2 to 6 N")
     wire_stiffness = parameter(2.0e3, "N/m", "tension of the wire per pull beyond the dead band", display_unit="N/mm",
-                               minimum=0.0, source="estimate: 16 N at the full deflection of an 8 Fr tip")  # fmt: skip
+                               minimum=0.0, source="estimate: 16 N at the full deflection of an 8 Fr tip")
     needle_friction = parameter(
         1.0,
         "N",
@@ -94,7 +99,7 @@ class PullWireCatheter(Component):
         source="estimate: a tube that bends in a wider lumen, a few tenths to 2 N",
     )
     seed = parameter(13, "", "seed of the deviations; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")  # fmt: skip
+                     source="arbitrary")
 
     plays = local(0.0, "", "ends of the play operators [mm]", shape=(PLAYS,))
     pull = local(0.0, "", "pull [mm] behind the wire's play")

@@ -31,23 +31,23 @@ class Sheath(Component):
         (2.2e3, 12.0e3, 12.0e3), "N/m", "axial stiffness up to each node", display_unit="N/mm", minimum=1.0,
         source="first: identified from the paper's tracking error without compensation, EA 0.92 kN over 0.42 m; "
         "others: the same EA over a bend's 78.5 mm",
-    )  # fmt: skip
+    )
     play = parameter(
         (0.0, 0.3e-3, 0.3e-3), "m", "axial play before each spring", display_unit="mm", minimum=0.0,
         source="clearance 0.19 mm (8 Fr in 2.86 mm) times pi/2 per bend",
-    )  # fmt: skip
+    )
     friction = parameter(
         (0.6, 0.8, 0.8), "N", "friction of each node without thrust", minimum=0.0,
         source="estimate: sum an order of magnitude above the contact force, as the paper says; first: valve",
-    )  # fmt: skip
+    )
     wrap = parameter((0.0, pi / 2, pi / 2), "rad", "angle a node's part is bent by", display_unit="deg", minimum=0.0,
-                     source="paper, section II.C: sheath path")  # fmt: skip
+                     source="paper, section II.C: sheath path")
     friction_coefficient = parameter(0.15, "", "friction per normal force in the bends", minimum=0.0,
-                                     source="estimate: 0.05 to 0.2")  # fmt: skip
+                                     source="estimate: 0.05 to 0.2")
     drag = parameter(
         (6.0, 3.0, 3.0), "N*s/m", "viscous friction of each node", minimum=1.2,
         source="estimate: a fifth of the dry friction at 40 mm/s; the weakest-sourced value, rows hardly see it",
-    )  # fmt: skip
+    )
 
     position = state(0.0, "m", "node positions, positive distal", shape=(NODES,), display_unit="mm", nominal=1e-3)
     thrust = local(0.0, "N", "compression before each node, last: at the tip", shape=(NODES + 1,))

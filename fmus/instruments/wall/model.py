@@ -24,23 +24,23 @@ class Wall(Component):
     heart = terminal("the heart that moves the wall", position=heart_position)
 
     bending_stiffness = parameter(4.3e-4, "N*m^2", "EI of the distal section", minimum=0.0,
-                                  source="Khoshnam, thesis: ablation catheter")  # fmt: skip
+                                  source="Khoshnam, thesis: ablation catheter")
     free_length = parameter(48e-3, "m", "protruding length", display_unit="mm", minimum=1e-3,
-                            source="chosen for the stiffness that the paper's force and motion errors imply")  # fmt: skip
+                            source="chosen for the stiffness that the paper's force and motion errors imply")
     surface_position = parameter(
         -18.3e-3, "m", "wall surface at heart position zero", display_unit="mm",
         source="chosen: 0.2 N at the start; the velocity loop makes up for any other place",
-    )  # fmt: skip
+    )
     tip_radius = parameter(1.33e-3, "m", "radius of the hemispherical tip", display_unit="mm", minimum=0.0,
-                           source="8 Fr")  # fmt: skip
+                           source="8 Fr")
     wall_modulus = parameter(105e3, "Pa", "E* = E / (1 - nu^2) of the silicone", display_unit="kPa", minimum=0.0,
-                             source="EcoFlex 00-30 and 00-50, estimate: E 80 kPa")  # fmt: skip
+                             source="EcoFlex 00-30 and 00-50, estimate: E 80 kPa")
     dissipation = parameter(8.0, "s/m", "damping force per elastic force and speed", minimum=0.0,
-                            source="estimate: 5 to 20 s/m")  # fmt: skip
+                            source="estimate: 5 to 20 s/m")
     gel_drag = parameter(
         0.1, "N*s/m", "viscous drag of the gel surface", minimum=0.02,
         source="estimate; keeps the speed finite at the first touch, rows do not see it",
-    )  # fmt: skip
+    )
 
     indentation = state(0.0, "m", "indentation of the wall", display_unit="mm", nominal=1e-3)
     load = local(0.0, "N", "what the bent section would press with; below zero it has lost the wall")

@@ -18,7 +18,7 @@ class Weights(Component):
     period = 10e-3
 
     loading = input("", "whether weights are being added; each time it becomes true is one trial", start=True,
-                    type=Boolean)  # fmt: skip
+                    type=Boolean)
     position = input("m", "position of a mark on the instrument", display_unit="mm", nominal=1e-3)
     angle = input("rad", "angle of a mark on the instrument", display_unit="deg", nominal=0.1)
 
@@ -33,30 +33,30 @@ class Weights(Component):
 
     first_mass = parameter(0.1, "kg", "box and first weight", minimum=0.0, source="estimate: a light cardboard box")
     increment = parameter(0.05, "kg", "weight added at a time", display_unit="g", minimum=1e-4,
-                          source="estimate: the paper says gradually, 2 % of the slip load")  # fmt: skip
+                          source="estimate: the paper says gradually, 2 % of the slip load")
     increment_scatter = parameter(0.1, "", "relative standard deviation of a weight", minimum=0.0, maximum=0.3,
-                                  source="estimate: what is at hand as small weights")  # fmt: skip
+                                  source="estimate: what is at hand as small weights")
     pause = parameter(1.0, "s", "from the beginning of a trial to the first weight", minimum=0.0,
-                      source="estimate: the sleeve has closed by then")  # fmt: skip
+                      source="estimate: the sleeve has closed by then")
     interval = parameter(0.5, "s", "from weight to weight, longer than laying_time and settling_time", minimum=0.01,
-                         source="estimate: shorter than a person's, to save time; the model is quasi-static")  # fmt: skip
+                         source="estimate: shorter than a person's, to save time; the model is quasi-static")
     laying_time = parameter(0.2, "s", "in which a weight is let down", minimum=0.01, source="estimate: by hand")
     settling_time = parameter(50e-3, "s", "from letting go of a weight to looking at the mark", minimum=0.02,
-                              display_unit="ms", source="chosen: elastic motion is over by then")  # fmt: skip
+                              display_unit="ms", source="chosen: elastic motion is over by then")
     visible_distance = parameter(0.3e-3, "m", "motion that a person sees", display_unit="mm", minimum=0.0,
-                                 source="estimate: slight motion of a tape cut-out")  # fmt: skip
+                                 source="estimate: slight motion of a tape cut-out")
     visible_angle = parameter(0.05, "rad", "rotation that a person sees", display_unit="deg", minimum=0.0,
-                              source="estimate: 3 deg of a tape cut-out")  # fmt: skip
+                              source="estimate: 3 deg of a tape cut-out")
     reaction_time = parameter(0.3, "s", "from seeing motion to lifting the box", minimum=0.0,
-                              source="estimate: a person's")  # fmt: skip
+                              source="estimate: a person's")
     clearance = parameter(20e-3, "m", "way of the box to the table below it", display_unit="mm", minimum=1e-3,
-                          source="estimate: kept small, so that nothing falls")  # fmt: skip
+                          source="estimate: kept small, so that nothing falls")
     pulley_loss = parameter(0.01, "", "part of the load that the pulley's bearing holds", minimum=0.0, maximum=0.5,
-                            source="estimate: ball bearing")  # fmt: skip
+                            source="estimate: ball bearing")
     pulley_radius = parameter(0.02, "m", "radius of the pulley on the instrument", display_unit="mm", minimum=1e-3,
-                              source="estimate: the paper gives the torque only")  # fmt: skip
+                              source="estimate: the paper gives the torque only")
     seed = parameter(12, "", "seed of the weights; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")  # fmt: skip
+                     source="arbitrary")
 
     action = local(WAITING, "", "what the person does, as `state`", type=Int32)
     trials = local(0, "", "trials so far", type=Int32)

@@ -2,7 +2,7 @@
 
 from math import floor
 
-from twin.component import Component, Int64, input, local, normal, output, parameter, seed_stream
+from twin.component import Component, Int64, input, local, normal, output, parameter, seed_stream, terminal
 
 
 class CameraTracker(Component):
@@ -21,12 +21,14 @@ class CameraTracker(Component):
     measured_z = output("m", "measured position along the catheter", display_unit="mm")
     measured_needle_length = output("m", "measured length of the needle", display_unit="mm")
 
+    tip = terminal("the tip that is seen", rule="bus", y=tip_y, z=tip_z, needle_length=needle_length)
+
     noise = parameter(0.02e-3, "m", "standard deviation of each coordinate in a frame", display_unit="mm", minimum=0.0,
-                      source="estimate: a fifth of a pixel of 0.1 mm, below the 0.042 mm the paper measured")  # fmt: skip
+                      source="estimate: a fifth of a pixel of 0.1 mm, below the 0.042 mm the paper measured")
     resolution = parameter(0.02e-3, "m", "what a coordinate is rounded to; 0: not at all", display_unit="mm", minimum=0.0,
-                           source="estimate: Tracker finds the center of a tag to a fifth of a pixel")  # fmt: skip
+                           source="estimate: Tracker finds the center of a tag to a fifth of a pixel")
     seed = parameter(11, "", "seed of the noise; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")  # fmt: skip
+                     source="arbitrary")
 
     stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 

@@ -2,7 +2,7 @@
 
 from math import cos, floor, pi, sin
 
-from twin.component import Component, Int64, input, local, normal, output, parameter, seed_stream
+from twin.component import Component, Int64, input, local, normal, output, parameter, seed_stream, terminal
 
 
 class EMPose(Component):
@@ -25,18 +25,20 @@ class EMPose(Component):
     sampled_path_reference = output("m", "length reference at the instant of the measurement", display_unit="mm")
     sampled_roll_reference = output("rad", "angle reference at the instant of the measurement", display_unit="deg")
 
+    tip = terminal("the tip that it sits on", position=path_position, angle=roll_angle)
+
     straight_length = parameter(0.343, "m", "path before the first bend", display_unit="mm", minimum=0.0,
-                                source="estimate: 500 mm of sheath less two bends, as instrument")  # fmt: skip
+                                source="estimate: 500 mm of sheath less two bends, as instrument")
     bend_radius = parameter(0.05, "m", "radius of both bends of 90 deg", display_unit="mm", minimum=1e-3,
-                            source="paper, section II.C")  # fmt: skip
+                            source="paper, section II.C")
     noise = parameter(
         0.1e-3, "m", "standard deviation of the noise of each axis", display_unit="mm", minimum=0.0,
         source="estimate: jitter 0.1 to 0.3 mm in all; 0.2 per axis would contradict the paper's small error at 5 mm/s",
-    )  # fmt: skip
+    )
     angle_noise = parameter(3e-3, "rad", "standard deviation of the noise of the angle", display_unit="deg",
-                            minimum=0.0, source="estimate: 0.1 to 0.3 deg")  # fmt: skip
+                            minimum=0.0, source="estimate: 0.1 to 0.3 deg")
     seed = parameter(5, "", "seed of the noise; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")  # fmt: skip
+                     source="arbitrary")
 
     stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 

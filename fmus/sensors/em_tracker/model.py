@@ -19,9 +19,9 @@ class EMTracker(Component):
     difference = output("m", "sampled reference minus measured position", display_unit="mm")
 
     noise = parameter(0.2e-3, "m", "standard deviation of the noise", display_unit="mm", minimum=0.0,
-                      source="estimate: jitter 0.1 to 0.3 mm")  # fmt: skip
+                      source="estimate: jitter 0.1 to 0.3 mm")
     seed = parameter(3, "", "seed of the noise; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")  # fmt: skip
+                     source="arbitrary")
 
     stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 

@@ -17,11 +17,11 @@ class ForceSensor(Component):
     measured_force = output("N", "measured contact force")
 
     noise = parameter(3e-3, "N", "standard deviation of the noise", display_unit="mN", minimum=0.0,
-                      source="estimate: about the resolution")  # fmt: skip
+                      source="estimate: about the resolution")
     resolution = parameter(1.0 / 320.0, "N", "smallest step", display_unit="mN", minimum=1e-9,
-                           source="Nano17 datasheet, recalled")  # fmt: skip
+                           source="Nano17 datasheet, recalled")
     seed = parameter(1, "", "seed of the noise; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")  # fmt: skip
+                     source="arbitrary")
 
     stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 

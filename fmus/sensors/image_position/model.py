@@ -14,6 +14,7 @@ from twin.component import (
     output,
     parameter,
     seed_stream,
+    terminal,
     uniform,
 )
 
@@ -39,16 +40,19 @@ class ImagePosition(Component):
     frame = output("", "number of the latest frame with a position, from 1; 0: none yet", type=Int64)
     valid = output("", "whether the latest frame had one", type=Boolean)
 
+    tip = terminal("the tip that is seen", x=tip_x, y=tip_y, z=tip_z)
+    image = terminal("latest frame", rule="bus", x=measured_x, y=measured_y, z=measured_z, frame=frame, valid=valid)
+
     frame_period = parameter(0.5, "s", "time between frames", minimum=0.02,
-                             source="issue: 2 Hz; segmentation of volume ultrasound, recalled: 1 to 10 Hz")  # fmt: skip
+                             source="issue: 2 Hz; segmentation of volume ultrasound, recalled: 1 to 10 Hz")
     latency = parameter(0.3, "s", "age of a frame when it is published", minimum=0.02, maximum=1.28,
-                        source="estimate: acquisition 0.1 s, segmentation 0.1 to 0.3 s")  # fmt: skip
+                        source="estimate: acquisition 0.1 s, segmentation 0.1 to 0.3 s")
     noise = parameter(0.5e-3, "m", "standard deviation of a coordinate", display_unit="mm", minimum=0.0,
-                      source="issue: 0.5 mm; tips in volume ultrasound, recalled: 0.5 to 2 mm")  # fmt: skip
+                      source="issue: 0.5 mm; tips in volume ultrasound, recalled: 0.5 to 2 mm")
     loss = parameter(0.05, "", "part of the frames in which the tip is not found", minimum=0.0, maximum=1.0,
-                     source="estimate: a few in a hundred")  # fmt: skip
+                     source="estimate: a few in a hundred")
     seed = parameter(19, "", "seed of the noise; give every noisy member its own", type=Int64, fixed=True,
-                     source="arbitrary")  # fmt: skip
+                     source="arbitrary")
 
     line = local(0.0, "m", "measured positions that wait for their latency, a ring: x, y, z, kind", shape=(LINE, 4))
     found = local(0.0, "m", "position of the latest frame: x, y, z", shape=(3,))

@@ -219,22 +219,6 @@ def test_another_drive_than_expected(build):
             rig.go(1)
 
 
-def test_a_fault_from_before_is_reset(build):
-    rig = Rig(build, {"servomotor": node()})
-    begin = Session.network
-
-    def faulty(self):
-        made = begin(self)
-        self.bench.bus.advance(200 * MILLISECOND)
-        self.bench.plants["servomotor"].drive.inject(0x7300)
-        return made
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Session, "network", faulty)
-        rig.go(10)
-    assert rig.drive.state is State.ENABLED
-
-
 @pytest.mark.parametrize(
     ("profile", "method"),
     [("faulhaber_v3", 37), ("mclm", 35), ("epos4", 37), ("faulhaber_v3", -3), ("faulhaber_v3", -1)],
@@ -251,23 +235,6 @@ def test_a_homing_method_that_the_drive_has_not(build):
     rig = Rig(build, {"servomotor": node("epos4", homing={"method": 35}, **SCREW)})
     with pytest.raises(SimulationError, match=r"6098h\.0: refused with 06090030h"):
         rig.go(1)
-
-
-def test_a_fault_that_stays_is_told(build):
-    rig = Rig(build, {"servomotor": node()})
-    begin = Session.network
-
-    def faulty(self):
-        made = begin(self)
-        self.bench.bus.advance(200 * MILLISECOND)
-        self.bench.plants["servomotor"].drive.inject(0x7300, lasting=True)
-        return made
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Session, "network", faulty)
-        with pytest.raises(SimulationError, match="not enabled after 2 s: servomotor: Fault"):
-            rig.go(1)
-    assert rig.master.nodes["servomotor"].resets == 3
 
 
 @pytest.mark.parametrize(("event", "text"), [("fault", "homing by method -3 was left"), ("gone", "no heartbeat while")])
@@ -381,8 +348,13 @@ def test_scaling_of_a_read_value(build):
 @pytest.mark.parametrize("profile", ["faulhaber_v3", "mclm"])
 def test_a_rod_that_turns_a_frame_through_a_pinion(build, profile):
     """20 mm of radius: its own motor moves, not the member's, and a load of 0.1 N m is 5 N on the rod."""
-    limits = {"position": ["-400 deg", "400 deg"], "velocity": "1000 deg/s", "force": "3 N*m", "following_error": "40 deg",
-              "acceleration": "500 rad/s^2"}  # fmt: skip
+    limits = {
+        "position": ["-400 deg", "400 deg"],
+        "velocity": "1000 deg/s",
+        "force": "3 N*m",
+        "following_error": "40 deg",
+        "acceleration": "500 rad/s^2",
+    }
     rig = Rig(build, {"frame": node(profile, scale=50.0, limits=limits)}, RotaryDrive)
     rig.set(mode_of_operation=CSV, target_velocity=0.5, load_torque=-0.1)
     rig.go(2000)

@@ -31,8 +31,10 @@ def channel():
     pid = os.getpid()
     channel = f"239.75.{pid >> 8 & 0xFF}.{pid & 0xFF}"
     try:
-        with can.Bus(channel=channel, interface="udp_multicast", port=hil.PORT) as one, \
-             can.Bus(channel=channel, interface="udp_multicast", port=hil.PORT) as other:  # fmt: skip
+        with (
+            can.Bus(channel=channel, interface="udp_multicast", port=hil.PORT) as one,
+            can.Bus(channel=channel, interface="udp_multicast", port=hil.PORT) as other,
+        ):
             one.send(can.Message(arbitration_id=1, is_extended_id=False))
             if other.recv(1.0) is None:
                 pytest.skip("multicast does not reach this machine itself")

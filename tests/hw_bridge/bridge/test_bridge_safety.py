@@ -185,7 +185,7 @@ def test_ctrl_c(rig, monkeypatch):
     assert signal.getsignal(signal.SIGINT) is before
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_does_not_interrupt_the_stop(rig, number):
     sent = []
 
@@ -213,7 +213,7 @@ def test_digital_outputs_are_safe_before_and_after(build):
     rig.axis.close()
     assert outputs.get(0x60FE, 1) == 5
     rig = Rig(build, {"servomotor": node("mclm", safe_outputs=5)})
-    with pytest.raises(SimulationError, match=r"MCLM 300x CO has no 60FEh\.1"):
+    with pytest.raises(SimulationError, match=r"60FEh\.1: refused with 06020000h, no object"):
         rig.go(1)
 
 

@@ -65,7 +65,7 @@ def test_every_cause_ends_at_rest(tmp_path, build):
         assert len(ending.log) > 2
         assert ending.log[0].partition(" s: ")[2].split()[0] in page
     assert "8611h following error" in page
-    assert [one["reason"] for one in outcome.summary["cases"] if one.get("stopped") == 2.055]
+    assert [one["reason"] for one in outcome.summary["cases"] if one.get("stopped") == 2.045]
 
 
 OTHERS = {
@@ -123,7 +123,7 @@ def test_a_run_that_was_to_be_stopped_and_is_not_fails(run):
 def test_a_stop_outside_its_time_fails(run):
     outcome, _ = run({"a": event(fault="heartbeat")}, "[{ends: stopped, to: 0.21 s}]")
     (one,) = outcome.evaluation.outcomes
-    assert "stopped at 255 ms" in one.detail
+    assert "stopped at 245 ms" in one.detail
     assert one.verdict == "fail"
 
 

@@ -127,11 +127,13 @@ def test_a_real_interface_is_observed_both_ways():
             other.send(can.Message(is_error_frame=True))
             network.advance(network.now + 50_000_000)
             network._echoes = True
-            other.send(can.Message(arbitration_id=0x080, is_extended_id=False))
+            network.send(Frame(0x201))
+            for identifier in (0x201, 0x080):  # an echo, and another master's SYNC
+                other.send(can.Message(arbitration_id=identifier, is_extended_id=False))
             network.advance(network.now + 50_000_000)
     finally:
         network.close()
-    assert [frame for _, frame in seen] == [Frame(0x080), Frame(0x181, b"\1"), None]
+    assert [frame for _, frame in seen] == [Frame(0x080), Frame(0x181, b"\1"), None, Frame(0x201), Frame(0x080)]
     assert [time for time, _ in seen] == sorted(time for time, _ in seen)
 
 

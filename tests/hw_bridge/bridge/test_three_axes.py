@@ -33,8 +33,10 @@ def port(monkeypatch):
     """A port of this test alone: groups of one port are not kept apart on one machine."""
     monkeypatch.setattr(hil, "PORT", 44000 + os.getpid() % 10000)
     try:
-        with can.Bus(channel=hil.GROUP, interface="udp_multicast", port=hil.PORT) as one, \
-             can.Bus(channel=hil.GROUP, interface="udp_multicast", port=hil.PORT) as other:  # fmt: skip
+        with (
+            can.Bus(channel=hil.GROUP, interface="udp_multicast", port=hil.PORT) as one,
+            can.Bus(channel=hil.GROUP, interface="udp_multicast", port=hil.PORT) as other,
+        ):
             one.send(can.Message(arbitration_id=1, is_extended_id=False))
             if other.recv(1.0) is None:
                 pytest.skip("multicast does not reach this machine itself")

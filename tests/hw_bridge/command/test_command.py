@@ -72,8 +72,10 @@ def multicast(build):
     pid = os.getpid()
     channel = f"239.74.{pid >> 8 & 0xFF}.{pid & 0xFF}"
     try:
-        with can.Bus(channel=channel, interface="udp_multicast") as one, \
-             can.Bus(channel=channel, interface="udp_multicast") as other:  # fmt: skip
+        with (
+            can.Bus(channel=channel, interface="udp_multicast") as one,
+            can.Bus(channel=channel, interface="udp_multicast") as other,
+        ):
             one.send(can.Message(arbitration_id=1, is_extended_id=False))
             if other.recv(1.0) is None:
                 pytest.skip("multicast does not reach this machine itself")
@@ -139,8 +141,21 @@ def test_slcan_over_a_serial_line(serial_line, build, tmp_path):
     ours, theirs = serial_line
     path = tmp_path / "epos4.eds"
     path.write_text(eds.export(profile("epos4")))
-    line = [sys.executable, "-m", "hw_bridge.drive", "-p", "epos4", "-n", "3", "-i", "slcan", "-c", theirs,
-            "--build", str(build)]  # fmt: skip
+    line = [
+        sys.executable,
+        "-m",
+        "hw_bridge.drive",
+        "-p",
+        "epos4",
+        "-n",
+        "3",
+        "-i",
+        "slcan",
+        "-c",
+        theirs,
+        "--build",
+        str(build),
+    ]
     process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
     network = canopen.Network()
     try:
@@ -179,8 +194,21 @@ def test_eds_files_in_and_out(tmp_path):
 
 
 def test_an_interface_that_cannot_be_opened(build):
-    line = [sys.executable, "-m", "hw_bridge.drive", "-p", "mclm", "-n", "1", "-i", "nonsense", "-c", "x",
-            "--build", str(build)]  # fmt: skip
+    line = [
+        sys.executable,
+        "-m",
+        "hw_bridge.drive",
+        "-p",
+        "mclm",
+        "-n",
+        "1",
+        "-i",
+        "nonsense",
+        "-c",
+        "x",
+        "--build",
+        str(build),
+    ]
     done = subprocess.run(line, capture_output=True, text=True, check=False)
     assert done.returncode == 1
     assert done.stderr.startswith("error: nonsense x: cannot be opened")

@@ -60,7 +60,10 @@ def test_frames_on_a_wire_are_disturbed(wire):
     wire.disturbances = [Disturbance(Kind.CORRUPT, 0x703, 0x703, count=32)]
     assert beats(wire) == 9
     assert profile("epos4").bus_off in wire.slave.active
-    wire.disturbances = [Disturbance(Kind.DROP, 0x603, 0x603, count=1), Disturbance(Kind.DELAY, 0x603, 0x603, delay=MILLISECOND)]  # fmt: skip
+    wire.disturbances = [
+        Disturbance(Kind.DROP, 0x603, 0x603, count=1),
+        Disturbance(Kind.DELAY, 0x603, 0x603, delay=MILLISECOND),
+    ]
     for answers in (0, 1):
         wire.bus.sent.clear()
         wire._heard(Frame(0x603, bytes([0x40, 0, 0x10, 0, 0, 0, 0, 0])))
@@ -184,8 +187,10 @@ def test_frames_act_when_they_came(wire):
     def stall(_timeout):
         begin = time.time()
         time.sleep(0.2)
-        messages.extend(can.Message(arbitration_id=0x77F, data=[5], is_extended_id=False, timestamp=begin + 0.02 * k)
-                        for k in range(10))  # fmt: skip
+        messages.extend(
+            can.Message(arbitration_id=0x77F, data=[5], is_extended_id=False, timestamp=begin + 0.02 * k)
+            for k in range(10)
+        )
         wire.bus.recv = lambda _timeout: messages.pop(0) if messages else wire.stop.set()
         return messages.pop(0)
 

@@ -435,7 +435,7 @@ def test_the_supply_that_is_watched_drives_the_motor(make, name):
 def test_i2t_takes_the_current_back(make):
     bench = make("mclm")
     bench.write(0x2350, 24, 4)
-    bench.write(0x2350, 1, 5)  # 1 s
+    bench.write(0x2350, 1000, 5)  # [ms]
     bench.enable(Mode.PP)
     bench.drive.axis.motor.load(-20.0)
     bench.write(0x607A, 5000)

@@ -291,9 +291,13 @@ def test_a_trace_names_its_outputs_and_can_be_replayed(tmp_path, build):
     path.write_text(FORCE)
     for more in ({"trace": trace}, {"replay": str(trace)}):
         outcome = run_scenario(
-            parse_scenario(FORCE_SHORT, ROOT / "scenarios/short.yaml"), Form.compiled, root=tmp_path, build=build,
-            report=False, hardware=load(path, build=build, **more),
-        )  # fmt: skip
+            parse_scenario(FORCE_SHORT, ROOT / "scenarios/short.yaml"),
+            Form.compiled,
+            root=tmp_path,
+            build=build,
+            report=False,
+            hardware=load(path, build=build, **more),
+        )
         assert outcome.run.status == "completed", outcome.run.reason
     decoder = Decoder.of_bench(hardware.load(path))
     said = [decoder.decode(time, frame) for time, frame, _ in read(trace) if frame is not None]
@@ -427,8 +431,10 @@ def test_valves_are_safe_when_the_program_is_killed(tmp_path, build):
         assert "CiA 401" in valves.stdout.readline()
         with hil.drive("faulhaber_v3", "udp_multicast", channel, build):
             path = hil.bench(tmp_path, "faulhaber_v3", "udp_multicast", channel)
-            path.write_text(path.read_text() + "modules:\n  valves: {node: 9, outputs: {0: servomotor.limited}, "
-                            "safe_outputs: 1, heartbeat: {every: 20 ms, lost_after: 100 ms}}\n")  # fmt: skip
+            path.write_text(
+                path.read_text() + "modules:\n  valves: {node: 9, outputs: {0: servomotor.limited}, "
+                "safe_outputs: 1, heartbeat: {every: 20 ms, lost_after: 100 ms}}\n"
+            )
             run = subprocess.Popen(
                 hil.run_line(path, 20.0, tmp_path / "runs", build), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
             )

@@ -148,9 +148,22 @@ def test_two_runs_of_the_process(tmp_path, build):
     path = tmp_path / "mclm.eds"
     path.write_text(eds.export(profile("mclm")))
     line = [
-        sys.executable, "-m", "hw_bridge.drive", "-p", "mclm", "-n", str(NODE), "-i", "udp_multicast", "-c", channel,
-        "--build", str(build), "--store", str(tmp_path / "memory.json"),
-    ]  # fmt: skip
+        sys.executable,
+        "-m",
+        "hw_bridge.drive",
+        "-p",
+        "mclm",
+        "-n",
+        str(NODE),
+        "-i",
+        "udp_multicast",
+        "-c",
+        channel,
+        "--build",
+        str(build),
+        "--store",
+        str(tmp_path / "memory.json"),
+    ]
     network = canopen.Network()
     try:
         network.connect(channel=channel, interface="udp_multicast")

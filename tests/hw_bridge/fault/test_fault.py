@@ -21,7 +21,7 @@ FAULTS = {
     "emcy":              ({"fault": "emcy", "code": "8611h"}, "EMCY 8611h", "8611h following error"),
     "overcurrent":       ({"fault": "overcurrent"}, "EMCY", "EMCY servomotor"),
     "encoder":           ({"fault": "encoder"}, "EMCY|following error", "servomotor"),
-    "encoder offset":    ({"fault": "encoder_offset", "offset": 0.02}, "following error|velocity", "servomotor"),
+    "encoder offset":    ({"fault": "encoder_offset", "offset": "20 mm"}, "following error|velocity", "servomotor"),
     "reset":             ({"fault": "reset"}, "EMCY|left Operation|anew|no process data", "boot-up"),
     "heartbeat":         ({"fault": "heartbeat"}, "no heartbeat", ""),
     "master's heartbeat": ({"fault": "heartbeat", "node": "master"}, "EMCY 8130h", "8130h"),
@@ -67,11 +67,20 @@ def test_every_fault_ends_in_the_safe_state(build, name, which):
 
 def test_the_run_goes_on_through_a_few_lost_or_late_frames(build):
     """Shares and counts: what a bus with a bad connector does is counted, and nothing stops."""
-    rig = faulty(build, "faulhaber_v3",
-                 {"fault": "drop", "identifiers": [0x181, 0x181], "count": 2},
-                 {"fault": "delay", "identifiers": [0x181, 0x181], "delay": "1 ms", "jitter": "500 us",
-                  "duration": "100 ms", "share": 0.5},
-                 {"fault": "corrupt", "identifiers": [0x080, 0x080], "count": 3})  # fmt: skip
+    rig = faulty(
+        build,
+        "faulhaber_v3",
+        {"fault": "drop", "identifiers": [0x181, 0x181], "count": 2},
+        {
+            "fault": "delay",
+            "identifiers": [0x181, 0x181],
+            "delay": "1 ms",
+            "jitter": "500 us",
+            "duration": "100 ms",
+            "share": 0.5,
+        },
+        {"fault": "corrupt", "identifiers": [0x080, 0x080], "count": 3},
+    )
     rig.go(600)
     assert rig.drive.state is State.ENABLED
     assert rig.master.nodes["servomotor"].lost == 2
@@ -110,8 +119,10 @@ def test_faults_that_cannot_be(tmp_path, fault, text):
 
 def test_real_drives_have_their_own_faults(tmp_path):
     path = tmp_path / "bench.yaml"
-    path.write_text("interface: socketcan\nchannel: can0\nnodes: {motor: {node: 3, profile: epos4}}\n"
-                    "faults: [{at: 1 s, fault: reset, node: motor}]\n")  # fmt: skip
+    path.write_text(
+        "interface: socketcan\nchannel: can0\nnodes: {motor: {node: 3, profile: epos4}}\n"
+        "faults: [{at: 1 s, fault: reset, node: motor}]\n"
+    )
     with pytest.raises(ScenarioError, match="only a bench with `simulated: true`"):
         load(path)
 

@@ -71,6 +71,18 @@ def test_every_bench_is_well_formed_and_fits_its_scenario(path):
         ("true", "true\ncycle: 1 ms\nbit_rate: 500000", "bench.yaml:2: cycle: process data fills 133 % of 1 ms at 500000 bit/s."),
         ("true", "true\nmaster: 1", "bench.yaml:4: nodes.servomotor: node 1 is this program already."),
         ("node: 1", "node: 1, limits: {force: 5 mm}", "nodes.servomotor.limits.force: `5 mm` does not convert to N."),
+        ("node: 1", "node: 1, limits: {velocity: 300}", "servomotor.limits.velocity: 300 has no unit. Write it with one, such as 300 mm/s."),
+        ("node: 1", "node: 1, limits: {position: [0, 30]}", "limits.position[2]: 30 has no unit. Write it with one, such as 30 mm."),
+        ("node: 1", "node: 1, limits: {force: '15'}", "limits.force: 15 has no unit. Write it with one, such as 15 N."),
+        ("node: 1", "node: 1, homing: {method: 37, speed: 20}", "homing.speed: 20 has no unit."),
+        ("node: 1", "node: 1, force_constant: 11.64", "force_constant: 11.64 has no unit. Write it with one, such as 11.64 N/A."),
+        ("node: 1", "node: 1, heartbeat: {lost_after: 60}", "heartbeat.lost_after: 60 has no unit. Write it with one, such as 60 ms."),
+        ("node: 1", "node: 1, contact: {signal: a.b, silent_for: 100}", "contact.silent_for: 100 has no unit."),
+        ("node: 1", "node: 1, contact: {signal: a.b, silent_for: 0 s}", "contact.silent_for: expected a time above zero"),
+        ("true", "true\ncycle: 5", "bench.yaml:2: cycle: 5 has no unit."),
+        ("node: 1", "node: 1, product: 0x6150g", "product: expected a number such as 11601 or 0x61500000, not 0x6150g."),
+        ("node: 1", "node: 1, product: 1.5", "product: expected a number such as 11601 or 0x61500000, not 1.5."),
+        ("node: 1", "node: 1, product: 0x100000000", "product: input should be less than 4294967296"),
         ("node: 1", "node: 1, limits: {forces: 5 N}", "limits.forces: unknown key. Did you mean 'force'?"),
         ("node: 1", "node: 1, limits: {position: [1 mm, -1 mm]}", "limits.position: the first limit is not below"),
         ("node: 1", "node: 1, heartbeat: {every: 60 ms}", "heartbeat: lost_after is not longer than every."),
@@ -104,10 +116,27 @@ def test_mistakes_are_named_with_their_line(write, old, new, message):
 
 
 def test_values_are_in_si(write):
-    keys = hardware.load(write(GOOD.replace("node: 1", "node: 1, limits: {velocity: 50 mm/s, force: 3}")))
+    keys = hardware.load(write(GOOD.replace("node: 1", "node: 1, limits: {velocity: 50 mm/s, force: 3 N}")))
     assert keys.nodes["servomotor"].limits.velocity == pytest.approx(0.05)
     assert keys.nodes["servomotor"].limits.force == 3.0
     assert keys.cycle == 5_000_000
+
+
+def test_zero_needs_no_unit(write):
+    keys = hardware.load(write(GOOD.replace("node: 1", "node: 1, limits: {position: [0, 30 mm]}")))
+    assert keys.nodes["servomotor"].limits.position == [0.0, pytest.approx(0.03)]
+
+
+@pytest.mark.parametrize("text", ["0x61500000", "61500000h", "1632632832"])
+def test_codes_as_data_sheets_print_them(write, text):
+    more = f"node: 1, product: {text}, serial: 0x1A, objects: {{2344h.4: 0x96}}, safe_outputs: 0x3"
+    one = hardware.load(write(GOOD.replace("node: 1", more))).nodes["servomotor"]
+    assert (one.product, one.serial, one.objects, one.safe_outputs) == (0x61500000, 26, {(0x2344, 4): 150}, 3)
+
+
+def test_identifiers_of_a_fault_as_the_documents_have_them(write):
+    fault = "faults: [{at: 1 s, fault: drop, node: master, identifiers: [0x180, 0x1FF]}]"
+    assert hardware.load(write(f"{GOOD}{fault}\n")).faults[0].identifiers == [0x180, 0x1FF]
 
 
 @pytest.mark.parametrize(

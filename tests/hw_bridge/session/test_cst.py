@@ -89,7 +89,7 @@ def test_small_forces_are_right_in_the_mean(build):
 
 def test_a_screw_between_drive_and_member(build):
     """An EPOS4 that turns a screw of 20 mm: a force of the member is a torque of the motor."""
-    rig = Rig(build, {"servomotor": node("epos4", **SCREW, limits={"force": 500, "velocity": 1.0})})
+    rig = Rig(build, {"servomotor": node("epos4", **SCREW, limits={"force": "500 N", "velocity": "1 m/s"})})
     rig.set(mode_of_operation=CST, target_force=40.0)
     rig.go(50)
     assert rig.get("force") == pytest.approx(40.0, rel=0.02)
@@ -98,7 +98,12 @@ def test_a_screw_between_drive_and_member(build):
 
 def test_torque_of_a_motor_before_its_gear(build):
     """The member's target is the motor's torque, its limit that of the frame."""
-    limits = {"force": "1 N*m", "velocity": "50 rad/s", "position": ["-10 turn", "10 turn"], "acceleration": 500}
+    limits = {
+        "force": "1 N*m",
+        "velocity": "50 rad/s",
+        "position": ["-10 turn", "10 turn"],
+        "acceleration": "500 rad/s^2",
+    }
     rig = Rig(build, {"rotation": node("epos4", scale=0.2, limits=limits)}, RotaryDrive)
     rig.set(mode_of_operation=CST, target_torque=0.13)
     rig.go(200)
@@ -145,7 +150,7 @@ def test_no_jump_at_enable(build):
 
 
 def test_the_force_limit_holds_and_the_velocity_is_watched(build):
-    rig = Rig(build, {"servomotor": node(limits={"velocity": 0.2})})
+    rig = Rig(build, {"servomotor": node(limits={"velocity": "200 mm/s"})})
     rig.set(mode_of_operation=CST, target_force=100.0, load_force=-12.0)
     rig.go(50)
     assert rig.get("force") == pytest.approx(0.8 * 15.0, abs=UNIT)

@@ -60,7 +60,7 @@ def test_bits_follow_signals(switching):
 def test_delay(build, vendor, bit_rate):
     """They act at SYNC, without the drive's control cycle: 0.44 ms after it began at 1 Mbit/s, 1.4 ms at 250 kbit/s."""
     bits = {"outputs": {0: "a.b"}, "safe_outputs": 0}
-    rig = Rig(build, {"servomotor": node(vendor, limits={"force": 1e4}, **bits)}, bit_rate=bit_rate)
+    rig = Rig(build, {"servomotor": node(vendor, limits={"force": "10 kN"}, **bits)}, bit_rate=bit_rate)
     rig.go(50)
     acted = []
     rig.drive.dictionary.effects[0x60FE] = lambda _: acted.append((rig.drive.port.agenda.now, outputs(rig)))

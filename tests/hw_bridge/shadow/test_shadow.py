@@ -13,7 +13,7 @@ FAULTS = {
     "worn":     ({"fault": "friction", "factor": 0.2}, "friction has fallen"),
     "grip":     ({"fault": "grip", "factor": 0.2}, "the grip: sleeve slipping, or air low"),
     "slow":     ({"fault": "slow", "factor": 0.2}, "the drive: gains"),
-    "encoder":  ({"fault": "encoder_offset", "offset": 0.5e-3}, "the encoder"),
+    "encoder":  ({"fault": "encoder_offset", "offset": "0.5 mm"}, "the encoder"),
 }  # fmt: skip
 QUIET = Figures(jump=0.1, way=0.1, lag=0.1, ahead=0.1, back=-0.1, both=True, relieved=0.1, by_load=False)
 
@@ -58,8 +58,14 @@ def test_a_fault_speaks_for_its_part(build, which, inverted):
 
 def test_late_process_data_are_no_residual(build):
     """On a bus that is late half of the time the drive is compared where both are of the same SYNC."""
-    late = {"at": "0.1 s", "node": "servomotor", "fault": "delay", "identifiers": [0x181, 0x2FF], "delay": "4.7 ms",
-            "share": 0.5}  # fmt: skip
+    late = {
+        "at": "0.1 s",
+        "node": "servomotor",
+        "fault": "delay",
+        "identifiers": [0x181, 0x2FF],
+        "delay": "4.7 ms",
+        "share": 0.5,
+    }
     rig = Rig(build, {"servomotor": node(shadow={"window": "0.2 s"})}, faults=[late])
     to_and_fro(rig, 1.0)
     (shadow,) = rig.session.observers.values()
@@ -69,8 +75,10 @@ def test_late_process_data_are_no_residual(build):
 
 
 def test_a_symptom_that_comes_back_is_told_again(build):
-    jumps = [{"at": f"{at} s", "node": "servomotor", "fault": "encoder_offset", "offset": x * 1e-3}
-             for at, x in ((0.5, 0.4), (1.5, -0.4))]  # fmt: skip
+    jumps = [
+        {"at": f"{at} s", "node": "servomotor", "fault": "encoder_offset", "offset": f"{x} mm"}
+        for at, x in ((0.5, 0.4), (1.5, -0.4))
+    ]
     rig = Rig(build, {"servomotor": node(shadow={"window": "0.3 s"})}, faults=jumps)
     to_and_fro(rig, 2.0)
     (shadow,) = rig.session.observers.values()

@@ -10,6 +10,7 @@ from click.testing import CliRunner
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hw_bridge import eds
 from hw_bridge.bus import Frame
 from hw_bridge.command.can import command
 from hw_bridge.dictionary import Mode
@@ -245,3 +246,23 @@ def test_what_canopen_does_not_use(tmp_path, run, suffix):
     writer.close()
     found = run(path).output.splitlines()
     assert [one.split()[-2:] for one in found] == [["error", "frame"], ["29-bit", "identifier"], ["state", "requested"]]
+
+
+def test_objects_of_an_eds_file(tmp_path, run):
+    """Of any vendor: names and types are those of the file."""
+    path = tmp_path / "other.eds"
+    path.write_text(eds.export(profile("epos4")).replace("ParameterName=Node-ID", "ParameterName=Own name"))
+    trace = tmp_path / "some.log"
+    trace.write_text("(0.100000) can0 607#4000200000000000\n(0.101000) can0 587#4F00200007000000\n")
+    assert "Own name" not in run(trace, "--node", 7).output
+    done = run(trace, "--node", 7, "--eds", path)
+    assert done.exit_code == 0, done.output
+    assert "2000h.0 Own name" in done.output
+    assert "2000h.0 Own name" in run(trace, "--profile", "epos4", "--node", 7, "--eds", path).output
+    bench = tmp_path / "bench.yaml"
+    bench.write_text("simulated: true\nnodes: {screw: {node: 7, profile: epos4}}\n")
+    assert "screw: " in run(trace, "--bench", bench, "--node", 7, "--eds", path).output
+    assert "2000h.0 Own name" in run(trace, "--bench", bench, "--node", 7, "--eds", path).output
+    path.write_text(eds.export(profile("mclm")))  # of another drive: no units then
+    assert run(trace, "--profile", "epos4", "--node", 7, "--eds", path).exit_code == 0
+    assert "Name one --node for each --eds" in run(trace, "--eds", path).output

@@ -9,6 +9,9 @@ import can
 import pytest
 
 from hw_bridge.bus import Frame
+from hw_bridge.hardware import HardwareKeys
+from hw_bridge.master import Master
+from hw_bridge.plant import bench_network
 from hw_bridge.wire import WireNetwork
 from hw_bridge.wire import network as wire
 from twin.errors import SimulationError
@@ -145,3 +148,62 @@ def test_garbage_on_a_serial_line_is_passed_over(monkeypatch):
         network.close()
         os.close(ours)
         os.close(theirs)
+
+
+class Unplugged:
+    """An adapter that is gone: its driver raises whatever it meets, at everything."""
+
+    def send(self, *_):
+        raise AttributeError("'NoneType' object has no attribute 'write'")
+
+    def recv(self, *_):
+        raise TypeError("handle is gone")
+
+    def flush(self):
+        raise RuntimeError("handle is gone")
+
+    def shutdown(self):
+        raise RuntimeError("handle is gone")
+
+
+def test_an_adapter_that_is_unplugged(pair, monkeypatch):
+    """Named, and the process is as before."""
+    network, _ = pair
+    real = network.bus
+    monkeypatch.setattr(network, "bus", Unplugged())
+    network.ear.bus = network.bus
+    with pytest.raises(SimulationError, match=r"bus: does not take frames: .* Check the adapter"):
+        network.send(Frame(0x123))
+    with pytest.raises(SimulationError, match=r"bus: cannot be read: handle is gone\. Check the adapter"):
+        network.advance(network.now + 1_000_000_000)
+    network.close()
+    assert gc.isenabled()
+    real.shutdown()
+
+
+def test_a_stop_without_an_adapter_ends_with_a_note(build):
+    """The stop path never raises; the drives miss the heartbeat and stop by themselves."""
+    keys = HardwareKeys.model_validate(
+        {"interface": "virtual", "channel": uuid.uuid4().hex, "nodes": {"axis": {"node": 1, "profile": "mclm"}}}
+    )
+    master = Master(keys, bench_network(keys, build))
+    master.running = True
+    master.network.bus.shutdown()
+    master.network.bus = master.network.ear.bus = Unplugged()
+    master.stop()
+    (note,) = master.notes
+    assert note.startswith("stop: bus: does not take frames: ")
+    assert note.endswith("The drives stop by themselves when this program's heartbeat is missing.")
+
+
+def test_what_comes_back_is_not_another_masters(pair):
+    """Of an interface that echoes: each frame once, the second is somebody else's."""
+    network, other = pair
+    network._echoes = True
+    heard = []
+    network.hear = heard.append
+    network.send(Frame(0x080))
+    for _ in range(2):
+        other.send(can.Message(arbitration_id=0x080, is_extended_id=False))
+    network.advance(network.now + 20_000_000)
+    assert heard == [Frame(0x080)]

@@ -154,6 +154,14 @@ def helper_call(f: Function, node: ast.Call, called: FunctionType) -> tuple[str,
 
 
 EXPRESSIONS: dict[type[ast.expr], Callable[[Function, Any], Dual]] = {
-    ast.Name: _place, ast.Attribute: _place, ast.Subscript: _place, ast.Compare: _compare, ast.BoolOp: _boolop,
-    ast.Tuple: _tuple, ast.UnaryOp: _unaryop, ast.BinOp: _binop, ast.IfExp: _ifexp, ast.Call: _call,
-}  # fmt: skip
+    ast.Name: _place,
+    ast.Attribute: _place,
+    ast.Subscript: _place,
+    ast.Compare: _compare,
+    ast.BoolOp: _boolop,
+    ast.Tuple: _tuple,
+    ast.UnaryOp: _unaryop,
+    ast.BinOp: _binop,
+    ast.IfExp: _ifexp,
+    ast.Call: _call,
+}

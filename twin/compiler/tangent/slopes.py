@@ -14,8 +14,14 @@ from typing import Any
 import numpy as np
 
 OPERATORS: dict[type[ast.operator], str] = {
-    ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**", ast.Mod: "%", ast.FloorDiv: "//",
-}  # fmt: skip
+    ast.Add: "+",
+    ast.Sub: "-",
+    ast.Mult: "*",
+    ast.Div: "/",
+    ast.Pow: "**",
+    ast.Mod: "%",
+    ast.FloorDiv: "//",
+}
 
 # slope of one operand's function, times its tangent
 UNARY = {
@@ -66,8 +72,20 @@ BINARY = {
 
 # piecewise constant: tangent zero
 FLAT = {
-    "floor", "ceil", "trunc", "rint", "round", "int", "bool", "len", "range", "sign", "isfinite", "isnan", "isinf",
-}  # fmt: skip
+    "floor",
+    "ceil",
+    "trunc",
+    "rint",
+    "round",
+    "int",
+    "bool",
+    "len",
+    "range",
+    "sign",
+    "isfinite",
+    "isnan",
+    "isinf",
+}
 
 OTHER_NAMES = {
     "fabs": "abs", "absolute": "abs", "arcsin": "asin", "arccos": "acos", "arctan": "atan", "arctan2": "atan2",
@@ -132,6 +150,21 @@ def same(a: float, v: float) -> float:
 CALLED: dict[str, Any] = {
     f"_slope_{function.__name__}": function
     for function in (
-        sign, root, bell, power, exponent, first, same, cos, cosh, exp, floor, log, sin, sinh, sqrt, trunc,
+        sign,
+        root,
+        bell,
+        power,
+        exponent,
+        first,
+        same,
+        cos,
+        cosh,
+        exp,
+        floor,
+        log,
+        sin,
+        sinh,
+        sqrt,
+        trunc,
     )
-}  # fmt: skip
+}

@@ -111,6 +111,15 @@ def _same(f: Function, node: ast.stmt) -> None:
 
 
 STATEMENTS: dict[type[ast.stmt], Callable[[Function, Any], None]] = {
-    ast.Assign: _assign, ast.AnnAssign: _annassign, ast.AugAssign: _augassign, ast.Expr: _expr, ast.If: _if,
-    ast.For: _for, ast.While: _while, ast.Return: _return, ast.Pass: _same, ast.Break: _same, ast.Continue: _same,
-}  # fmt: skip
+    ast.Assign: _assign,
+    ast.AnnAssign: _annassign,
+    ast.AugAssign: _augassign,
+    ast.Expr: _expr,
+    ast.If: _if,
+    ast.For: _for,
+    ast.While: _while,
+    ast.Return: _return,
+    ast.Pass: _same,
+    ast.Break: _same,
+    ast.Continue: _same,
+}

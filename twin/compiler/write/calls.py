@@ -12,8 +12,9 @@ from twin.compiler.write.code import UNARY, Code, number
 from twin.compiler.write.expressions import Expressions
 
 EXTREMES: dict[Any, dict[Scalar, str]] = {
-    min: {REAL: "real_min", INTEGER: "int_min"}, max: {REAL: "real_max", INTEGER: "int_max"},
-}  # fmt: skip
+    min: {REAL: "real_min", INTEGER: "int_min"},
+    max: {REAL: "real_max", INTEGER: "int_max"},
+}
 
 
 class Calls(Expressions):

@@ -33,18 +33,29 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 SYMBOLS: dict[type[ast.operator], tuple[str, int]] = {
-    ast.Add: ("+", SUM), ast.Sub: ("-", SUM), ast.Mult: ("*", PRODUCT), ast.Div: ("/", PRODUCT),
-    ast.BitOr: ("|", BIT_OR), ast.BitAnd: ("&", BIT_AND), ast.BitXor: ("^", BIT_XOR),
-}  # fmt: skip
+    ast.Add: ("+", SUM),
+    ast.Sub: ("-", SUM),
+    ast.Mult: ("*", PRODUCT),
+    ast.Div: ("/", PRODUCT),
+    ast.BitOr: ("|", BIT_OR),
+    ast.BitAnd: ("&", BIT_AND),
+    ast.BitXor: ("^", BIT_XOR),
+}
 WORDS: dict[type[ast.operator], dict[Scalar, str]] = {
-    ast.Mod: {REAL: "real_mod", INTEGER: "int_mod"}, ast.FloorDiv: {REAL: "real_floor_div", INTEGER: "int_floor_div"},
-    ast.Pow: {REAL: "power", INTEGER: "int_power"}, ast.LShift: {INTEGER: "shift_left"},
+    ast.Mod: {REAL: "real_mod", INTEGER: "int_mod"},
+    ast.FloorDiv: {REAL: "real_floor_div", INTEGER: "int_floor_div"},
+    ast.Pow: {REAL: "power", INTEGER: "int_power"},
+    ast.LShift: {INTEGER: "shift_left"},
     ast.RShift: {INTEGER: "shift_right"},
-}  # fmt: skip
+}
 COMPARED: dict[type[ast.cmpop], tuple[str, int]] = {
-    ast.Eq: ("==", EQUALITY), ast.NotEq: ("!=", EQUALITY), ast.Lt: ("<", RELATION), ast.LtE: ("<=", RELATION),
-    ast.Gt: (">", RELATION), ast.GtE: (">=", RELATION),
-}  # fmt: skip
+    ast.Eq: ("==", EQUALITY),
+    ast.NotEq: ("!=", EQUALITY),
+    ast.Lt: ("<", RELATION),
+    ast.LtE: ("<=", RELATION),
+    ast.Gt: (">", RELATION),
+    ast.GtE: (">=", RELATION),
+}
 
 
 class Expressions(Lines):

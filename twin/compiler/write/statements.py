@@ -341,10 +341,17 @@ class Writer(Calls):
 
 
 STATEMENTS: dict[type[ast.stmt], Callable[[Writer, Any], None]] = {
-    ast.Assign: Writer.assign, ast.AnnAssign: Writer.assign, ast.AugAssign: Writer.augmented, ast.If: Writer.branch,
-    ast.While: Writer.loop_while, ast.For: Writer.loop_for, ast.Return: Writer.give, ast.Expr: Writer.call_statement,
-    ast.Break: Writer.leave, ast.Continue: Writer.leave,
-}  # fmt: skip
+    ast.Assign: Writer.assign,
+    ast.AnnAssign: Writer.assign,
+    ast.AugAssign: Writer.augmented,
+    ast.If: Writer.branch,
+    ast.While: Writer.loop_while,
+    ast.For: Writer.loop_for,
+    ast.Return: Writer.give,
+    ast.Expr: Writer.call_statement,
+    ast.Break: Writer.leave,
+    ast.Continue: Writer.leave,
+}
 
 Writer.expressions = {
     ast.Constant: Writer.constant, ast.Name: Writer.name, ast.Attribute: Writer.attribute,

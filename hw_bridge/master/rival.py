@@ -1,0 +1,60 @@
+"""Another master on the same bus: what only this program may tell its nodes, told by somebody else."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING
+
+from hw_bridge.dictionary import cia301
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from hw_bridge.bus import Frame
+
+TARGETS = (0x200, 0x300, 0x400, 0x500)  # identifiers of RPDOs, without the node-ID
+WRITES = (0, 1)  # requests of SDO clients, bits 7 to 5: segment of a download, download. Who only reads is welcome
+
+
+class Rival:
+    """Hears every frame that this program did not send. `names`: of its nodes, by node-ID.
+
+    A frame does not say who sent it: `strangers` are the nodes that tell that they live and are not in the hardware file.
+    """
+
+    def __init__(self, master: int, names: Mapping[int, str]) -> None:
+        self.master, self.names = master, names
+        self.act = ""  # the first thing that another master did
+        self.strangers: set[int] = set()
+
+    def hear(self, frame: Frame) -> None:
+        """A frame of somebody else."""
+        node = frame.id & 0x7F
+        known = (0, self.master, *self.names)
+        if frame.id == cia301.ERROR_CONTROL + node and node not in known and not frame.remote:
+            self.strangers.add(node)
+        if not self.act:
+            self.act = self._done(frame, node)
+
+    def _done(self, frame: Frame, node: int) -> str:
+        data = frame.data
+        if frame.id == cia301.ERROR_CONTROL + self.master:
+            return f"node {self.master}: another master tells that it lives on this ID. Stop it, or change `master`."
+        if frame.id == cia301.SYNC:
+            return "another master on the bus sent SYNC. Stop it."
+        if frame.id == cia301.NMT and len(data) == 2 and data[1] in (0, *self.names):
+            name = self.names.get(data[1], "all nodes")
+            return f"another master on the bus sent NMT command {data[0]:02X}h to {name}. Stop it."
+        if node not in self.names:
+            return ""
+        name, service = self.names[node], frame.id - node
+        if service == cia301.SDO_REQUEST and len(data) == 8 and data[0] >> 5 in WRITES:
+            index, sub = struct.unpack_from("<HB", data, 1)
+            return f"another master on the bus writes {index:04X}h.{sub} of {name}. Stop it."
+        return f"another master on the bus sends {name} targets. Stop it." if service in TARGETS else ""
+
+    @property
+    def text(self) -> str:
+        """What another master did, and who it may be; or nothing."""
+        who = ", ".join(map(str, sorted(self.strangers)))
+        return f"{self.act} It may be node {who}, not in the hardware file." if self.act and who else self.act

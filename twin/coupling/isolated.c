@@ -1,0 +1,169 @@
+/* A member in a process of its own, and the loop that calls it: both map the memory that these structs lie in.
+
+   The loop's calls of setters only write down values. A step is one call across: the other process sets what was
+   written down, steps, and reads what the loop read after the step before. So a member costs one exchange per step.
+
+   A call is a byte through a pipe, its return one through another: who reads sleeps, and at the end of the file the other
+   process is dead. On one core that costs two changes of process. To wake another core takes several times as long, on a
+   virtual machine most of all, and the two never work at once: so the member follows the loop to its core. */
+
+#include <stdbool.h>
+#include <stdint.h>
+
+enum { RETURN, STEP, GET, MESSAGE };
+enum { OK, WARNING, DISCARD, ERROR };
+
+typedef int64_t __attribute__((aligned(1))) Word;
+typedef int32_t (*Access)(void *instance, const void *references, uint64_t count, void *values, uint64_t size);
+typedef int32_t (*Step)(void *instance, double t, double h, int64_t set, void *event, void *terminate, void *early, void *last);
+typedef int64_t (*Transfer)(int file, void *bytes, uint64_t count);
+typedef int (*Affinity)(int process, uint64_t size, const void *mask);
+
+typedef struct Row { /* a call that moves values; all but the last five as its member's process knows it */
+    Access function;
+    void *instance;
+    const void *references;
+    int64_t count;
+    char *values;
+    int64_t size;
+    struct Row *next;
+    int64_t bytes;
+    int64_t write;
+    int64_t pending; /* write: to be done before the next call; read: it was wanted since the last step */
+    int64_t fresh;   /* read: the values are those of now */
+    int64_t status;
+} Row;
+
+typedef struct {
+    int64_t call, called, back, returned; /* ends of the pipes: written, read, written, read */
+    int64_t is_dead;
+    int64_t status;
+    Row *wanted, *at, *rows; /* to be read; at work, none: the step; all */
+    double t, h;
+    char flags[32];
+    Step step;
+    void *instance;
+    Transfer read, write;
+    Affinity set_affinity;
+    int64_t loop_core, own_core; /* none: -1 */
+} Channel;
+
+static void copy(char *target, const char *source, int64_t bytes) {
+    int64_t i = 0;
+    for (; i + 8 <= bytes; i += 8) *(Word *)(target + i) = *(const Word *)(source + i);
+    for (; i < bytes; i++) target[i] = source[i];
+}
+
+static void send(Channel *c, int64_t file, char what) { c->write((int)file, &what, 1); }
+
+/* What was sent; nothing but a signal interrupts it. False: the other is dead. */
+static bool receive(Channel *c, int64_t file, char *what) {
+    int64_t count;
+    while ((count = c->read((int)file, what, 1)) < 0) {}
+    return count > 0;
+}
+
+static int32_t call(Channel *c, char what) {
+    if (c->is_dead) return ERROR;
+    send(c, c->call, what);
+    if (receive(c, c->returned, &what)) return (int32_t)c->status;
+    c->is_dead = 1;
+    return ERROR;
+}
+
+/* ------------------------------------------------------------------------------------------------- for the loop */
+
+int32_t isolated_set(Channel *c, Row *row, uint64_t count, const char *values, uint64_t size) {
+    copy(row->values, values, row->bytes);
+    row->pending = 1;
+    return c->is_dead ? ERROR : OK;
+}
+
+int32_t isolated_get(Channel *c, Row *row, uint64_t count, char *values, uint64_t size) {
+    c->wanted = row;
+    if (!row->fresh && call(c, GET) > WARNING) return (int32_t)c->status > WARNING ? (int32_t)c->status : ERROR;
+    row->pending = 1;
+    copy(values, row->values, row->bytes);
+    return (int32_t)row->status;
+}
+
+int32_t isolated_step(Channel *c, double t, double h, int64_t set, char *event, char *terminate, char *early, char *last) {
+    c->t = t;
+    c->h = h;
+    char *own[] = {event, terminate, early, last};
+    for (int i = 0; i < 4; i++) copy(c->flags + 8 * i, own[i], 8);
+    int32_t status = call(c, STEP);
+    for (int i = 0; i < 4; i++) copy(own[i], c->flags + 8 * i, 8);
+    return status;
+}
+
+void isolated_tell(Channel *c) { send(c, c->call, MESSAGE); }
+
+/* ----------------------------------------------------------------------------------------------- for the member */
+
+static int32_t access(Channel *c, Row *row) {
+    c->at = row;
+    row->status = row->function(row->instance, row->references, row->count, row->values, row->size);
+    c->at = 0;
+    return (int32_t)row->status;
+}
+
+static int32_t set(Channel *c) {
+    int32_t status = OK;
+    for (Row *row = c->rows; row && status <= WARNING; row = row->next)
+        if (row->write && row->pending) {
+            row->pending = 0;
+            status = access(c, row);
+        }
+    return status;
+}
+
+static void follow(Channel *c) {
+    uint64_t mask[16] = {0};
+    if (c->own_core == c->loop_core) return;
+    c->own_core = c->loop_core;
+    mask[c->own_core / 64 % 16] = 1ull << c->own_core % 64;
+    c->set_affinity(0, sizeof mask, mask); /* where that is forbidden, it costs time and no more */
+}
+
+static int32_t step(Channel *c) {
+    follow(c);
+    int32_t status = set(c);
+    if (status <= WARNING) status = c->step(c->instance, c->t, c->h, 1, c->flags, c->flags + 8, c->flags + 16, c->flags + 24);
+    for (Row *row = c->rows; row; row = row->next)
+        if (!row->write) {
+            row->fresh = row->pending && status <= WARNING;
+            row->pending = 0;
+            if (row->fresh) access(c, row);
+        }
+    return status;
+}
+
+static int32_t get(Channel *c) {
+    int32_t status = set(c);
+    return status <= WARNING ? access(c, c->wanted) : status;
+}
+
+/* Do what the loop asks for, until there is a message, or nobody is there any more: false. */
+int32_t isolated_serve(Channel *c) {
+    for (char what; receive(c, c->called, &what); send(c, c->back, RETURN)) {
+        if (what == MESSAGE) {
+            set(c);
+            for (Row *row = c->rows; row; row = row->next) row->fresh = 0;
+            return true;
+        }
+        c->status = what == STEP ? step(c) : get(c);
+    }
+    return false;
+}
+
+/* Values of a record, which lie in `count` pieces: address and bytes of each. */
+int32_t isolated_gather(void *instance, const int64_t *pieces, uint64_t count, char *values, uint64_t size) {
+    for (; count--; values += pieces[1], pieces += 2) copy(values, (const char *)pieces[0], pieces[1]);
+    return OK;
+}
+
+int32_t isolated_scatter(void *instance, const int64_t *pieces, uint64_t count, const char *values, uint64_t size) {
+    for (; count--; values += pieces[1], pieces += 2) copy((char *)pieces[0], values, pieces[1]);
+    return OK;
+}
