@@ -33,7 +33,8 @@ def command(name: str, folder: Path) -> None:
     place = folder / name
     if place.exists():
         raise TwinError(f"{place} exists already. Choose another name, or remove it first.")
-    if folder == Path("fmus") and name in known():
+    among = "fmus" in (folder.name, folder.parent.name)  # beside the others, or in a kind of its own
+    if among and not folder.is_absolute() and name in known():
         raise TwinError(f"{name!r} is a component already. Choose another name, or it would hide that one here.")
     title = name.replace("_", " ").capitalize()
     class_name = "".join(part.capitalize() for part in name.split("_"))
@@ -50,7 +51,7 @@ def command(name: str, folder: Path) -> None:
     from twin.conformance import reference
 
     reference.regenerate(written(place, class_name), place / "expected.csv")
-    shown = name if folder.name == "fmus" or place.is_absolute() else f"{'.'.join(place.parts)}.model:{class_name}"
+    shown = name if among or place.is_absolute() else f"{'.'.join(place.parts)}.model:{class_name}"
     say(f"{place}: written. Edit {place / 'model.py'}, then: twin test {shown}")
 
 
