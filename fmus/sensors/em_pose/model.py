@@ -52,9 +52,9 @@ class EMPose(Component):
 
 def measure(self: EMPose, noisy: float) -> None:
     """Pose of this instant; the noise times `noisy`."""
-    place(self)
     for axis in range(3):
-        self.measured_position[axis] += noisy * self.noise * normal(self.stream)
+        self.measured_position[axis] = noisy * self.noise * normal(self.stream)
+    place(self)
     angle = self.roll_angle + noisy * self.angle_noise * normal(self.stream)
     self.measured_angle = angle - 2.0 * pi * floor(angle / (2.0 * pi) + 0.5)
     self.sampled_path_reference = self.path_reference
@@ -62,7 +62,7 @@ def measure(self: EMPose, noisy: float) -> None:
 
 
 def place(self: EMPose) -> None:
-    """True position of the tip on the path."""
+    """Add the true position of the tip on the path to its noise."""
     radius = self.bend_radius
     bend = 0.5 * pi * radius
     along = self.path_position - self.straight_length
@@ -71,6 +71,6 @@ def place(self: EMPose) -> None:
     beyond = max(along - 2.0 * bend, 0.0)
     x = min(self.path_position, self.straight_length)
     x += radius * sin(first / radius) + radius * (1.0 - cos(second / radius)) + beyond
-    self.measured_position[0] = x
-    self.measured_position[1] = radius * (1.0 - cos(first / radius)) + radius * sin(second / radius)
-    self.measured_position[2] = 0.0
+    self.measured_position[0] += x
+    self.measured_position[1] += radius * (1.0 - cos(first / radius)) + radius * sin(second / radius)
+    self.measured_position[2] += 0.0  # a plane; no noise is 0.0, not -0.0
