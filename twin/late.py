@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import importlib
 import sys
+import threading
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
 
 def names(package: str, places: Mapping[str, str]) -> Callable[[str], Any]:
@@ -26,3 +28,23 @@ def names(package: str, places: Mapping[str, str]) -> Callable[[str], Any]:
         return getattr(module, name)
 
     return __getattr__
+
+
+@contextmanager
+def ahead(*modules: str) -> Iterator[None]:
+    """Import modules on another core while native code runs here; whoever needs one that fails is told then."""
+
+    def take() -> None:
+        for name in modules:
+            with suppress(ImportError):
+                importlib.import_module(name)
+
+    wanted = [name for name in modules if name not in sys.modules]
+    thread = threading.Thread(target=take, name="imports", daemon=True)
+    if wanted:
+        thread.start()
+    try:
+        yield
+    finally:
+        if wanted:
+            thread.join()  # none is on its way when a process is forked off

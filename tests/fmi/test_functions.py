@@ -1,26 +1,90 @@
-"""The types of FMI's functions, read one by one, are those that FMPy reads for all."""
+"""What a run calls, and what it reads of a description, is what FMPy calls and reads."""
+
+import inspect
+from pathlib import Path
+from types import UnionType
+from typing import get_args
 
 import pytest
-from fmpy.fmi1 import _FMU
+from fmpy import fmi2, fmi3, read_model_description
 
-from twin.fmi import binary
+from tests.fmi.third_party import FMI2, native_fmu, python_fmu
+from twin.component import catalog
+from twin.fmi import built
+from twin.fmi.archive import unpack
+from twin.fmi.functions import FUNCTIONS, MAKERS, Callbacks
+from twin.fmi.model import FMI2_NAMES
 
-
-class Anything:
-    """Takes any attribute, and has any function."""
-
-    def __getattr__(self, name):
-        if name in ("argnames", "argtypes", "restype"):
-            raise AttributeError(name)
-        setattr(self, name, found := Anything())
-        return found
+SLAVES = {"fmi2": fmi2.FMU2Slave, "fmi3": fmi3.FMU3Slave}
+INSTANCE = 1
 
 
-@pytest.mark.parametrize("kind", [binary.FMU2, binary.FMU3])
-def test_types(kind):
-    slave = object.__new__(kind)
-    slave.dll, slave._functions, slave.modelIdentifier = Anything(), {}, "model"
-    _FMU._loadFunctions(slave)
-    assert len(slave._functions) > 30
-    for name, function in slave._functions.items():
-        assert binary.types(kind, name) == (function.argnames, function.argtypes, function.restype), name
+def told(kind):
+    """A type of an argument so that two of the same meaning are equal: what it points to, what a callback takes."""
+    if isinstance(kind, UnionType):
+        return told(get_args(kind)[0])
+    if hasattr(kind, "_argtypes_"):
+        return "callback", kind._restype_, *map(told, kind._argtypes_)
+    if issubclass(kind, Callbacks | fmi2.fmi2CallbackFunctions):
+        return [(name, told(one)) for name, one in kind._fields_]
+    if hasattr(kind, "contents"):
+        return "pointer", told(kind._type_)
+    return kind
+
+
+@pytest.mark.parametrize("name", [*FUNCTIONS, *MAKERS])
+def test_arguments(name):
+    method = getattr(SLAVES[name[:4]], name)
+    theirs = [told(one.annotation) for one in list(inspect.signature(method).parameters.values())[1:]]
+    ours = [told(one) for one in (FUNCTIONS | MAKERS)[name]]
+    assert theirs[len(theirs) - len(ours) :] == ours
+    assert len(theirs) == len(ours) + (name in FUNCTIONS) * INSTANCE
+
+
+def same(path: Path) -> None:
+    """Everything that is read of an FMU is what FMPy reads."""
+    with unpack(path) as unpacked:
+        ours = unpacked.description
+    theirs = read_model_description(str(path), validate=False)
+    interface = theirs.coSimulation
+    assert (ours.token, ours.identifier) == (theirs.guid, interface.modelIdentifier)
+    assert ours.generator == (theirs.generationTool or "")
+    for name, value in ours.capabilities.items():
+        if hasattr(interface, FMI2_NAMES.get(name, name)):
+            assert value == getattr(interface, FMI2_NAMES.get(name, name)), name
+    for name in ("startTime", "stopTime", "tolerance", "stepSize"):
+        assert ours.experiment.get(name) == getattr(theirs.defaultExperiment, name, None)
+    assert ours.fixed_step == interface.fixedInternalStepSize
+    assert [one.name for one in ours.variables] == [one.name for one in theirs.modelVariables]
+    for one, other in zip(ours.variables, theirs.modelVariables, strict=True):
+        common = other.declaredType
+        assert (one.reference, one.type, one.causality, one.variability) == (
+            other.valueReference, other.type, other.causality, other.variability,
+        )  # fmt: skip
+        assert (one.initial, one.start, one.minimum) == (other.initial or "", other.start, other.min)
+        assert (one.maximum, one.unit, one.display_unit) == (other.max, other.unit or "", other.displayUnit or "")
+        assert one.description == (other.description or "")
+        assert tuple(size.start for size in one.dimensions) == other.shape
+        assert [name for name, _ in one.common.items] == [item.name for item in getattr(common, "items", [])]
+        assert one.common.unit == (getattr(common, "unit", None) or "")
+    unknowns = {one.variable.name: one.dependencies for one in (*theirs.outputs, *theirs.initialUnknowns)}
+    assert ours.dependencies == {
+        name: None if known is None else tuple(one.name for one in known if one.causality == "input")
+        for name, known in unknowns.items()
+    }
+    for unit, other in zip(ours.units, theirs.unitDefinitions, strict=True):
+        base = other.baseUnit
+        assert unit.factor == (None if base is None else base.factor)
+        assert base is None or unit.exponents == (base.kg, base.m, base.s, base.A, base.K, base.mol, base.cd, base.rad)
+        assert [name for name, *_ in unit.displays] == [one.name for one in other.displayUnits]
+
+
+@pytest.mark.parametrize("name", ["servomotor", "instrument", "pi_control", "injection_sequence"])
+@pytest.mark.parametrize("version", ["2.0", "3.0"])
+def test_description_of_components(name, version, build):
+    same(built.build(catalog.component(name), version, build))
+
+
+def test_description_of_others(tmp_path):
+    same(native_fmu(tmp_path))
+    same(python_fmu(tmp_path, FMI2, "Gain"))

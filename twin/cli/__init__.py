@@ -34,7 +34,9 @@ COMMANDS = {
     "test":      "check that a component does the same interpreted, compiled and as FMU",
     "reference": "write the trajectory that a component must reproduce",
     "export":    "a component, or any part of a scenario, as one FMU",
+    "view":      "draw an environment, or play what a run recorded",
     "calibrate": "readings of a bench, as CSV files, to the parameters of a component",
+    "identify":  "recordings, of a bus too, to the parameters of any model",
     "new":       "write a new component folder that builds and passes its tests",
 }  # fmt: skip
 
@@ -87,7 +89,10 @@ def main() -> None:
     """Run the command line.
 
     Hundreds of modules are imported, nothing of them is garbage, and no plugin of pydantic has a say in scenario files.
+    Linear algebra keeps to one thread: sums have one order then, on machines with any number of cores, and nothing here
+    is large enough to earn back what starting threads takes.
     """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # else it opens the files of all installed packages
     gc.set_threshold(COLLECT_EVERY)
     atexit.register(gc.freeze)  # nor is anything looked for in what ends with the process

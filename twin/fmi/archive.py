@@ -15,10 +15,11 @@ import tempfile
 import zipfile
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from twin import compiler
 from twin.errors import FMUError
-from twin.fmi import markup, terminals
+from twin.fmi import markup, model, terminals
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -34,11 +35,16 @@ HARMLESS = 256 << 20  # below this size [byte] no compression ratio is suspiciou
 RATIO = 200  # largest ratio of size to archive beyond that; deflate can reach 1030
 CHUNK = 1 << 20
 METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}  # the two that FMI allows
+FOLDERS = {  # of FMI 2.0's platforms, where it has names of its own
+    "x86_64-linux": "linux64",
+    "x86_64-windows": "win64",
+    "x86_64-darwin": "darwin64",
+}
 
 
 @dataclass
 class Unpacked:
-    """An FMU in a folder: `folder` holds its files, `description` is FMPy's model description.
+    """An FMU in a folder: `folder` holds its files, `description` what modelDescription.xml says.
 
     `binary` is the library for this platform; `notes` are remarks for the user that do not stop a run. Close it, or
     use it as a context manager: both remove the folder.
@@ -46,7 +52,7 @@ class Unpacked:
 
     path: Path
     folder: Path
-    description: Any
+    description: model.Model
     fmi: str
     binary: Path
     sha256: str
@@ -115,9 +121,9 @@ def unpack(path: str | Path) -> Unpacked:
             root = Path(temporary.name).resolve()
             extract(path, archive, needed(entries, binary), root / "fmu")
         (root / "fmu" / "resources").mkdir(exist_ok=True)
-        parsed = markup.parse(path, description, root / "description.xml")
+        parsed = described(path, description)
         notes = ["needs the tool it was made with on this machine"] if description.needs_tool else []
-        places, left_out = terminals.read(path, shown, {one.name for one in parsed.modelVariables})
+        places, left_out = terminals.read(path, shown, {one.name for one in parsed.variables})
         return Unpacked(
             path,
             root / "fmu",
@@ -222,6 +228,15 @@ def read_description(path: Path, archive: zipfile.ZipFile, entries: dict[str, zi
     return markup.check(path, document(path, archive, info))
 
 
+def described(path: Path, description: markup.Description) -> model.Model:
+    """What it says; FMUError if that makes no sense."""
+    try:
+        return model.read(description.fmi, description.tree)
+    except ValueError as error:
+        reason = markup.one_line(error)
+        raise FMUError(f"{path}: modelDescription.xml cannot be read ({reason}). Export the FMU once more.") from None
+
+
 def document(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> bytes:
     """An XML file, if it is not suspiciously large."""
     with archive.open(info) as file:
@@ -231,20 +246,24 @@ def document(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> byt
     return content
 
 
+def suffix(platform: str) -> str:
+    """How files of libraries end on a platform."""
+    return compiler.PLATFORMS[platform].suffix if platform in compiler.PLATFORMS else ".so"
+
+
 def find_binary(path: Path, description: markup.Description, entries: dict[str, zipfile.ZipInfo]) -> str:
     """The library for this platform, or an error with the platforms that there are."""
-    import fmpy
-
-    platform = fmpy.platform if description.fmi == "2.0" else fmpy.platform_tuple
-    binary = f"binaries/{platform}/{description.identifier}{fmpy.sharedLibraryExtension}"
+    platform = compiler.host()
+    folder = FOLDERS.get(platform, platform) if description.fmi == "2.0" else platform
+    binary = f"binaries/{folder}/{description.identifier}{suffix(platform)}"
     if binary in entries:
         return binary
     others = sorted({found[1] for name in entries if (found := re.fullmatch(r"binaries/([^/]+)/[^/]+", name))})
-    if platform in others:
+    if folder in others:
         raise FMUError(f"{path}: {binary} is missing. The library must be named like modelIdentifier.")
     sources = " and C sources" if any(name.startswith("sources/") for name in entries) else ""
     has = f"only {', '.join(others)}{sources}" if others else f"no binaries{sources}"
-    raise FMUError(f"{path}: has {has}, none for {platform}. Export it for this platform.")
+    raise FMUError(f"{path}: has {has}, none for {folder}. Export it for this platform.")
 
 
 def needed(entries: dict[str, zipfile.ZipInfo], binary: str) -> dict[str, zipfile.ZipInfo]:

@@ -1,4 +1,4 @@
-"""What an FMU declares, from FMPy's model description to this project's words."""
+"""What an FMU declares, from its model description to this project's words."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from twin.errors import CouplingError, FMUError
 from twin.fmi import values
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
+
+    from twin.fmi.model import Declared
 
 LARGEST = 1 << 27  # scalars of one variable
 
@@ -41,11 +43,11 @@ class Experiment:
     step_size: float | None = None
 
 
-def experiment(declared: Any, where: str) -> Experiment:
+def experiment(declared: Mapping[str, str], where: str) -> Experiment:
     """The suggested experiment."""
     numbers: list[float | None] = []
     for name in ("startTime", "stopTime", "tolerance", "stepSize"):
-        text = getattr(declared, name, None)
+        text = declared.get(name)
         try:
             numbers.append(None if text is None else float(text))
         except ValueError:
@@ -75,28 +77,17 @@ def period(fixed: float | None, suggested: float | None, where: str) -> int:
     return max(size, 0)
 
 
-def items(declared: Any, where: str) -> values.Items:
+def items(declared: Declared, where: str) -> values.Items:
     """Items of an enumeration; none for other types."""
     try:
-        return {item.name: int(item.value) for item in getattr(declared.declaredType, "items", [])}
-    except (TypeError, ValueError):
+        return {name: int(value) for name, value in declared.common.items}
+    except ValueError:
         raise FMUError(
             f"{where}: the items of {declared.name} have no whole numbers. Export the FMU once more."
         ) from None
 
 
-def dependencies(description: Any) -> dict[str, tuple[str, ...] | None]:
-    """Inputs that outputs depend on, by the output's name; None where the FMU does not say."""
-    found: dict[str, tuple[str, ...] | None] = {}
-    for unknown in [*description.outputs, *description.initialUnknowns]:
-        names = None
-        if unknown.dependencies is not None:
-            names = tuple(known.name for known in unknown.dependencies if known.causality == "input")
-        found[unknown.variable.name] = names
-    return found
-
-
-def refuse_clocks(declared: Iterable[Any], where: str) -> None:
+def refuse_clocks(declared: Iterable[Declared], where: str) -> None:
     """Input clocks tick in event mode only, which is not supported."""
     clocks = [each.name for each in declared if each.type == "Clock" and each.causality == "input"]
     if clocks:
@@ -105,7 +96,7 @@ def refuse_clocks(declared: Iterable[Any], where: str) -> None:
 
 
 def variable(
-    declared: Any,
+    declared: Declared,
     types: dict[str, tuple[str, np.dtype[Any]]],
     sizes: dict[int, int],
     depends: dict[str, tuple[str, ...] | None],
@@ -115,32 +106,27 @@ def variable(
     """A variable; `sizes` are structural parameters by value reference, where they are not at their start."""
     kind, dtype = types[declared.type]
     shape = tuple(
-        size.start if size.start is not None else sizes.get(size.valueReference, int(size.variable.start))
-        for size in declared.dimensions
-        if size.start is not None or size.variable is not None
+        size.start if size.reference is None else sizes.get(size.reference, size.start) for size in declared.dimensions
     )
     if math.prod(shape) > LARGEST:
         by = " x ".join(map(str, shape))
         raise FMUError(f"{where}: {declared.name} has {by} elements, more than {LARGEST}. Use a smaller size.")
-    common = declared.declaredType
+    common = declared.common
     bare = MemberVariable(
         declared.name, declared.causality, declared.variability, kind, dtype, shape,
-        declared.unit or getattr(common, "unit", "") or "",
-        declared.displayUnit or getattr(common, "displayUnit", "") or "",
-        None, declared.description or getattr(common, "description", "") or "",
-        depends.get((declared.alias or declared).name) if declared.causality == "output" else (),
-        (declared.valueReference,),
-        "" if declared.variability == "constant" else declared.initial or "", tuple(items(declared, where).items()),
-        bound(declared, "min", where), bound(declared, "max", where), terminals,
+        declared.unit or common.unit, declared.display_unit or common.display_unit,
+        None, declared.description or common.description,
+        depends.get(declared.alias_of or declared.name) if declared.causality == "output" else (),
+        (declared.reference,),
+        "" if declared.variability == "constant" else declared.initial, tuple(items(declared, where).items()),
+        bound(declared, "min", declared.minimum or common.minimum, where),
+        bound(declared, "max", declared.maximum or common.maximum, where), terminals,
     )  # fmt: skip
     return with_start(bare, declared.start, where)
 
 
-def bound(declared: Any, side: str, where: str) -> float | None:
-    """The `min` or `max` of a variable, else that of its type; None if there is none."""
-    text = getattr(declared, side, None)
-    if text is None:
-        text = getattr(declared.declaredType, side, None)
+def bound(declared: Declared, side: str, text: str | None, where: str) -> float | None:
+    """The `min` or `max` of a variable; None if there is none."""
     try:
         return None if text is None else float(text)
     except ValueError:

@@ -23,6 +23,7 @@ from twin.compiler import model_name, tangents
 from twin.component import Component, PythonComponent, Role, source
 from twin.errors import BuildError
 from twin.fmi import description, terminals
+from twin.fmi.archive import FOLDERS
 from twin.fmi.built import ENGINE, build, is_built, made_from, readme
 from twin.fmi.description import Exposed
 from twin.fmi.sources import FOLDER, listed, source_files, to_compile
@@ -37,19 +38,18 @@ __all__ = ["TARGETS", "VERSIONS", "build", "export", "is_built", "made", "made_f
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A platform: how `zig cc -target` calls it, and its folder in FMI 2.0; FMI 3.0's name where that has none."""
+    """A platform: how `zig cc -target` calls it."""
 
     triple: str
     suffix: str
-    folder_2: str
 
 
 TARGETS = {
-    "x86_64-linux":   Target("x86_64-linux-gnu.2.17",  ".so",    "linux64"),
-    "aarch64-linux":  Target("aarch64-linux-gnu.2.17", ".so",    "aarch64-linux"),
-    "x86_64-windows": Target("x86_64-windows-gnu",     ".dll",   "win64"),
-    "x86_64-darwin":  Target("x86_64-macos.11.0",      ".dylib", "darwin64"),
-    "aarch64-darwin": Target("aarch64-macos.11.0",     ".dylib", "aarch64-darwin"),
+    "x86_64-linux":   Target("x86_64-linux-gnu.2.17",  ".so"),
+    "aarch64-linux":  Target("aarch64-linux-gnu.2.17", ".so"),
+    "x86_64-windows": Target("x86_64-windows-gnu",     ".dll"),
+    "x86_64-darwin":  Target("x86_64-macos.11.0",      ".dylib"),
+    "aarch64-darwin": Target("aarch64-macos.11.0",     ".dylib"),
 }  # fmt: skip
 
 # after what holds for components: a call must not become one of memcpy, and nothing gains from being unrolled
@@ -74,7 +74,7 @@ VERSIONS = {
         "fmi2.c",
         description.expose_scalars,
         description.describe_2,
-        lambda p: TARGETS[p].folder_2,
+        lambda p: FOLDERS.get(p, p),
         False,
         terminals.none,
     ),

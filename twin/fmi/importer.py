@@ -7,16 +7,18 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from fmpy.fmi1 import FMICallException
 
 from twin.coupling import Access, Member, MemberVariable
 from twin.errors import CouplingError, FMUError, SimulationError
 from twin.fmi import binary, units, values
 from twin.fmi import declared as declarations
 from twin.fmi.archive import share
+from twin.fmi.functions import FUNCTIONS, CallError, MissingFunctionError
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from twin.fmi.functions import Library
 
 # the part of fmi2GetXXX and fmi3GetXXX that stands for a type
 FMI2_FUNCTIONS = {"Float64": "Real", "Int32": "Integer", "Enumeration": "Integer"}
@@ -46,7 +48,8 @@ class FMUMember(Member):
         self.notes: list[str] = []
         self.tolerance: float | None = None
         self._visible, self._logging = visible, logging
-        self._fmu: Any = None
+        self._library: Library | None = None
+        self._made: binary.Instance | None = None
         self._state = "none"
         self._log: binary.Log | None = None
         self._closed = False
@@ -62,35 +65,30 @@ class FMUMember(Member):
     def _describe(self, start_values: dict[str, Any]) -> None:
         unpacked, where = self._unpacked, str(self._unpacked.path)
         description = unpacked.description
-        self._declared = {declared.name: declared for declared in description.modelVariables}
+        self._declared = {declared.name: declared for declared in description.variables}
         self._items = {name: declarations.items(declared, where) for name, declared in self._declared.items()}
-        self._dependencies = declarations.dependencies(description)
+        self._dependencies = description.dependencies
         declarations.refuse_clocks(self._declared.values(), where)
-        interface = description.coSimulation
-        self.capabilities = {
-            field: value
-            for field in dir(interface)
-            if not field.startswith("_") and isinstance(value := getattr(interface, field), bool)
-        }
-        self.can_get_and_set_state = bool(interface.canGetAndSetFMUstate)
+        self.capabilities = description.capabilities
+        self.can_get_and_set_state = self.capabilities["canGetAndSetFMUState"]
         # those of others often say so and cannot, or it takes them long
-        self.can_restore = self.can_get_and_set_state and (description.generationTool or "").startswith("twin ")
+        self.can_restore = self.can_get_and_set_state and description.generator.startswith("twin ")
         self._saved = ctypes.c_void_p()
-        self.default_experiment = declarations.experiment(description.defaultExperiment, where)
-        self.fixed_step = declarations.step_size(interface.fixedInternalStepSize, where)
-        if not interface.canHandleVariableCommunicationStepSize:
+        self.default_experiment = declarations.experiment(description.experiment, where)
+        self.fixed_step = declarations.step_size(description.fixed_step, where)
+        if not self.capabilities["canHandleVariableCommunicationStepSize"]:
             suggested = self.default_experiment.step_size if unpacked.fmi == "2.0" else None
             self.period_ns = declarations.period(self.fixed_step, suggested, where)
         self.notes += unpacked.notes
         self.identity = {
             "kind": "fmu",
             "fmi": unpacked.fmi,
-            "generator": description.generationTool or "",
+            "generator": description.generator,
             "sha256": unpacked.sha256,
             "file": unpacked.path.name,
         }
         self._structural: dict[str, np.ndarray[Any, Any]] = {}
-        self._units = units.names(description)
+        self._units = units.names(description.units)
         self.variables = self._variables({})
         self._start = self._start_values(start_values)
 
@@ -111,7 +109,7 @@ class FMUMember(Member):
             self._structural[name] = values.array(self.variables[name], given.pop(name), {}, where)
             self._check_bounds(name, self._structural[name], where)
         if self._structural:
-            sizes = {self._declared[name].valueReference: int(value) for name, value in self._structural.items()}
+            sizes = {self._declared[name].reference: int(value) for name, value in self._structural.items()}
             self.variables = self._variables(sizes)
         result: dict[str, np.ndarray[Any, Any]] = {}
         for name, value in given.items():
@@ -159,7 +157,7 @@ class FMUMember(Member):
 
     def instantiate(self) -> None:
         path = self._unpacked.path
-        token = self._unpacked.description.guid
+        token = self._unpacked.description.token
         if self._state != "none":
             raise SimulationError(f"{self.name}: is instantiated already. Make a new member for a new run.")
         if self.capabilities["canBeInstantiatedOnlyOncePerProcess"]:
@@ -170,36 +168,34 @@ class FMUMember(Member):
             self.alone[token] = self
         self._log = binary.Log(self.name, self.log)
         try:
-            self._fmu = binary.load(self._unpacked, self.name)
-            self.instance = binary.instantiate(self._fmu, self._log, self._visible, self._logging)
-        except FMUError:
-            raise
-        except binary.MissingFunctionError as error:
+            self._library = binary.load(self._unpacked)
+            self._made = binary.instantiate(self._library, self._unpacked, self._log, self._visible, self._logging)
+        except MissingFunctionError as error:
             raise FMUError(f"{path}: {error}") from None
-        except Exception as error:  # FMPy raises plain Exception when the FMU returns NULL
-            reason = binary.last_words(self.log) or f" ({error})"
-            raise FMUError(f"{path}: refuses to be instantiated.{reason}") from None
+        self.instance = self._made.address
+        if not self.instance:
+            raise FMUError(f"{path}: refuses to be instantiated.{binary.last_words(self.log)}")
         self._state = "instantiated"
         self.step_function, self.step_name = self._address("DoStep"), f"{self._prefix}DoStep"
         if self._structural:
-            self._call("fmi3EnterConfigurationMode", self.instance)
+            self._call("fmi3EnterConfigurationMode")
             for name, value in self._structural.items():
                 self._write(self.variables[name], value)
-            self._call("fmi3ExitConfigurationMode", self.instance)
+            self._call("fmi3ExitConfigurationMode")
         for name, value in self._start.items():
             self._write(self.variables[name], value)
 
     def enter_initialization(self, t: float, stop: float | None) -> None:
         experiment = (self.tolerance is not None, self.tolerance or 0.0, t, stop is not None, stop or 0.0)
         if self._unpacked.fmi == "2.0":
-            self._call("fmi2SetupExperiment", self.instance, *experiment)
-            self._call("fmi2EnterInitializationMode", self.instance)
+            self._call("fmi2SetupExperiment", *experiment)
+            self._call("fmi2EnterInitializationMode")
         else:
-            self._call("fmi3EnterInitializationMode", self.instance, *experiment)
+            self._call("fmi3EnterInitializationMode", *experiment)
         self._state = "initializing"
 
     def exit_initialization(self) -> None:
-        self._call(f"{self._prefix}ExitInitializationMode", self.instance)
+        self._call(f"{self._prefix}ExitInitializationMode")
         self._state = "stepping"
 
     def finish_reason(self) -> str:
@@ -229,17 +225,17 @@ class FMUMember(Member):
     def _asked(self, function: str, kind: int, answer: Any) -> Any:
         """An answer about the last step of FMI 2.0, None if there is none: many FMUs lack these functions."""
         try:
-            self._call(function, self.instance, kind, ctypes.byref(answer))
+            self._call(function, kind, ctypes.byref(answer))
         except (SimulationError, FMUError):
             return None
         return answer.value
 
     def save(self) -> ctypes.c_void_p:
-        self._call(self._state_function("Get"), self.instance, ctypes.byref(self._saved))
+        self._call(self._state_function("Get"), ctypes.byref(self._saved))
         return self._saved
 
     def restore(self, saved: ctypes.c_void_p) -> None:
-        self._call(self._state_function("Set"), self.instance, saved)
+        self._call(self._state_function("Set"), saved)
 
     def _state_function(self, verb: str) -> str:
         return f"{self._prefix}{verb}FMU{'s' if self._unpacked.fmi == '2.0' else 'S'}tate"
@@ -247,15 +243,15 @@ class FMUMember(Member):
     def close(self) -> None:
         try:
             if self._state == "stepping":
-                self._call(f"{self._prefix}Terminate", self.instance)
+                self._call(f"{self._prefix}Terminate")
         except (SimulationError, FMUError) as error:
             self.log.append(str(error))
         try:
             self._free()
-        except binary.MissingFunctionError as error:
+        except FMUError as error:
             self.log.append(str(error))
         finally:
-            self._fmu, self.instance, self.step_function, self._state = None, 0, 0, "closed"
+            self._library, self._made, self.instance, self.step_function, self._state = None, None, 0, 0, "closed"
             if self._log is not None:
                 self._log.close()
             self._unpacked.close()
@@ -264,19 +260,19 @@ class FMUMember(Member):
         self._unpacked.close()
 
     def _free(self) -> None:
-        token = self._unpacked.description.guid
+        token = self._unpacked.description.token
         if self._state == "fatal":
             # no function may be called any more, and neither its code nor its callbacks may vanish
-            self.abandoned.append(self._fmu)
+            self.abandoned.append((self._library, self._made))
             return
         if self._saved:
-            self._call(self._state_function("Free"), self.instance, ctypes.byref(self._saved))
+            self._call(self._state_function("Free"), ctypes.byref(self._saved))
         if self.alone.get(token) is self:
             del self.alone[token]
         if self.instance:
-            self._fmu.freeInstance()
-        elif self._fmu is not None:
-            self._fmu.freeLibrary()
+            self._call(f"{self._prefix}FreeInstance")
+        if self._library is not None:
+            self._library.close()
 
     # values
 
@@ -320,31 +316,32 @@ class FMUMember(Member):
 
     def _address(self, function: str) -> int:
         try:
-            return int(self._fmu.dll.address(self._prefix + function))
-        except binary.MissingFunctionError as error:
+            return self._loaded.address(self._prefix + function)
+        except MissingFunctionError as error:
             raise FMUError(f"{self._unpacked.path}: {error}") from None
 
-    def _call(self, function: str, *arguments: Any) -> None:
-        if self._fmu is None:
+    @property
+    def _loaded(self) -> Library:
+        if self._library is None:
             raise SimulationError(f"{self.name}: is not instantiated. Call instantiate first.")
+        return self._library
+
+    def _call(self, function: str, *arguments: Any) -> None:
         try:
-            getattr(self._fmu, function)(*arguments)
-        except FMICallException as error:
+            self._loaded.call(function, self.instance, *arguments)
+        except CallError as error:
             if error.status > binary.DISCARD:
                 self._state = "fatal" if error.status == binary.FATAL else "failed"
             raise binary.failed(self.name, error.function, error.status, self.log) from None
-        except binary.MissingFunctionError as error:
+        except MissingFunctionError as error:
             raise FMUError(f"{self._unpacked.path}: {error}") from None
 
     def _move(self, verb: str, variable: MemberVariable, buffer: np.ndarray[Any, Any]) -> None:
         function = f"{self._prefix}{verb}{self._type(variable)}"
-        if self._fmu is None:
-            raise SimulationError(f"{self.name}: is not instantiated. Call instantiate first.")
-        kind = self._fmu._functions[function].argtypes[3]
         reference = (ctypes.c_uint * 1)(variable.references[0])
-        pointer = ctypes.cast(ctypes.c_void_p(buffer.ctypes.data), kind)
+        pointer = ctypes.cast(ctypes.c_void_p(buffer.ctypes.data), FUNCTIONS[function][2])
         size = () if self._unpacked.fmi == "2.0" else (buffer.size,)
-        self._call(function, self.instance, reference, 1, pointer, *size)
+        self._call(function, reference, 1, pointer, *size)
 
     def _write(self, variable: MemberVariable, value: np.ndarray[Any, Any]) -> None:
         if variable.connectable:
@@ -354,14 +351,14 @@ class FMUMember(Member):
         size = () if self._unpacked.fmi == "2.0" else (variable.size,)
         if variable.type == "String":
             texts = (ctypes.c_char_p * variable.size)(*(text.encode() for text in value.flat))
-            self._call(f"{self._prefix}SetString", self.instance, reference, 1, texts, *size)
+            self._call(f"{self._prefix}SetString", reference, 1, texts, *size)
             return
         buffers = [(ctypes.c_uint8 * max(len(data), 1)).from_buffer_copy(data or b"\0") for data in value.flat]
         lengths = (ctypes.c_size_t * variable.size)(*(len(data) for data in value.flat))
         pointers = (ctypes.POINTER(ctypes.c_uint8) * variable.size)(
             *(ctypes.cast(buffer, ctypes.POINTER(ctypes.c_uint8)) for buffer in buffers)
         )
-        self._call("fmi3SetBinary", self.instance, reference, 1, lengths, pointers, *size)
+        self._call("fmi3SetBinary", reference, 1, lengths, pointers, *size)
 
     def _read_objects(self, variable: MemberVariable) -> Any:
         reference = (ctypes.c_uint * 1)(variable.references[0])
@@ -369,12 +366,12 @@ class FMUMember(Member):
         result = np.empty(variable.size, dtype=object)
         if variable.type == "String":
             texts = (ctypes.c_char_p * variable.size)()
-            self._call(f"{self._prefix}GetString", self.instance, reference, 1, texts, *size)
+            self._call(f"{self._prefix}GetString", reference, 1, texts, *size)
             result[:] = [(text or b"").decode(errors="replace") for text in texts]
         elif variable.type == "Binary":
             lengths = (ctypes.c_size_t * variable.size)()
             pointers = (ctypes.POINTER(ctypes.c_uint8) * variable.size)()
-            self._call("fmi3GetBinary", self.instance, reference, 1, lengths, pointers, *size)
+            self._call("fmi3GetBinary", reference, 1, lengths, pointers, *size)
             pairs = zip(pointers, lengths, strict=True)
             result[:] = [ctypes.string_at(pointer, n) if pointer else b"" for pointer, n in pairs]
         else:

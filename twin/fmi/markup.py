@@ -1,7 +1,6 @@
-"""modelDescription.xml of somebody else's FMU: parsed without trust, checked for what a run needs, handed to FMPy.
+"""modelDescription.xml of somebody else's FMU: parsed without trust, and checked for what a run needs.
 
-FMPy reads without the schema here, since many FMUs break it in places that do not matter; what does matter is checked
-first, with line numbers.
+Without the schema, since many FMUs break it in places that do not matter; what does matter is checked with line numbers.
 """
 
 from __future__ import annotations
@@ -22,7 +21,6 @@ FMI3_TYPES = {
     *("Float32", "Float64", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64"),
     *("Boolean", "String", "Binary", "Enumeration", "Clock"),
 }
-LISTS = ("dependencies", "dependenciesKind", "clocks")  # FMPy splits these at single blanks
 VARIABLES = 200_000  # largest number of variables: 10 s and 1 GB
 REFERENCES = 1 << 32  # value references are 32 bit
 TRUE = {"true", "1"}
@@ -146,19 +144,3 @@ def check_dimension(place: str, dimension: Any, variables: dict[int, Any]) -> No
 def whole(text: str | None) -> int | None:
     """A number without sign, as XML holds it."""
     return int(text) if text is not None and re.fullmatch(r"\s*[0-9]{1,19}\s*", text) else None
-
-
-def parse(path: Path, description: Description, copy: Path) -> Any:
-    """FMPy's model description, read from a copy in which lists are tidy; the FMU's own file stays as it is."""
-    from fmpy import read_model_description
-
-    for element in description.tree.iter(etree.Element):
-        for attribute in LISTS:
-            if attribute in element.attrib:
-                element.set(attribute, " ".join(element.get(attribute).split()))
-    copy.write_bytes(etree.tostring(description.tree.getroottree(), encoding="utf-8", xml_declaration=True))
-    try:
-        return read_model_description(str(copy), validate=False)
-    except Exception as error:  # whatever FMPy stumbles over in a description that breaks the standard
-        reason = one_line(error)
-        raise FMUError(f"{path}: modelDescription.xml cannot be read ({reason}). Export the FMU once more.") from None

@@ -9,7 +9,6 @@ from lxml import etree
 
 from twin.coupling import TerminalMember
 from twin.errors import FMUError
-from twin.fmi.description import add, serialized
 from twin.fmi.markup import VARIABLES, root_of
 
 if TYPE_CHECKING:
@@ -41,6 +40,8 @@ def files(cls: type[Component]) -> dict[str, bytes]:
     """
     if not cls.terminals:
         return {}
+    from twin.fmi.description import add, serialized
+
     root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     group = add(root, "Terminals")
     for name, terminal in cls.terminals.items():

@@ -3,39 +3,41 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from twin.component import unit
 from twin.errors import CouplingError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from twin.coupling import MemberVariable
+    from twin.fmi.model import DeclaredUnit
 
 Names = dict[tuple[str, str], tuple[str, str]]  # unit and display unit as the FMU writes them -> as they are known here
 
 
-def names(description: Any) -> Names:
+def names(units: Iterable[DeclaredUnit]) -> Names:
     """Every pair of unit and display unit that an FMU defines; what it gives no size that makes sense keeps its name."""
     found: Names = {}
-    for one in description.unitDefinitions:
-        name, size = one.name or "", base(one)
-        text = name if one.baseUnit is None or size is None else unit.defined(name, size)
-        found[name, ""] = text, ""
-        for display in one.displayUnits:
-            shown = display.name or ""
-            if size is not None and display.factor:
-                # shown = factor * value + offset, and base = size.factor * value + size.offset
-                factor = size.factor / display.factor
-                shown = unit.defined(shown, unit.Unit(factor, size.offset - factor * display.offset, size.exponents))
-            found[name, display.name or ""] = text, shown
+    for one in units:
+        size = base(one)
+        text = one.name if one.factor is None or size is None else unit.defined(one.name, size)
+        found[one.name, ""] = text, ""
+        for name, part, offset in one.displays:
+            shown = name
+            if size is not None and part:
+                # shown = part * value + offset, and base = size.factor * value + size.offset
+                factor = size.factor / part
+                shown = unit.defined(name, unit.Unit(factor, size.offset - factor * offset, size.exponents))
+            found[one.name, name] = text, shown
     return found
 
 
-def base(one: Any) -> unit.Unit | None:
+def base(one: DeclaredUnit) -> unit.Unit | None:
     """A unit in base units as the FMU says, else by its name alone; None: nobody knows."""
-    if one.baseUnit is not None:
-        exponents = tuple(getattr(one.baseUnit, symbol) for symbol in unit.BASE)
-        return unit.Unit(one.baseUnit.factor, one.baseUnit.offset, exponents)
+    if one.factor is not None:
+        return unit.Unit(one.factor, one.offset, one.exponents)
     try:
         return unit.describe(one.name or "?")
     except CouplingError:

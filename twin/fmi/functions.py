@@ -1,0 +1,156 @@
+"""The C functions of FMI that a run calls: how their arguments are passed, and a library that has them.
+
+From the headers of FMI 2.0.4 and 3.0.1, fmi2FunctionTypes.h and fmi3FunctionTypes.h; the tests compare with FMPy's.
+"""
+
+from __future__ import annotations
+
+import _ctypes
+import ctypes
+import os
+from ctypes import CFUNCTYPE, POINTER, c_bool, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
+from pathlib import Path
+from typing import Any
+
+WORST = 1  # the largest status that is no failure: OK, Warning
+
+Logger2 = CFUNCTYPE(None, c_void_p, c_char_p, c_int, c_char_p, c_char_p)
+Allocate = CFUNCTYPE(c_void_p, c_size_t, c_size_t)
+Free = CFUNCTYPE(None, c_void_p)
+StepFinished = CFUNCTYPE(None, c_void_p, c_int)
+Logger3 = CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)
+Intermediate = CFUNCTYPE(None, c_void_p, c_double, c_bool, c_bool, c_bool, c_bool, POINTER(c_bool), POINTER(c_double))
+
+
+class Callbacks(ctypes.Structure):
+    """fmi2CallbackFunctions."""
+
+    _fields_ = (
+        ("logger", Logger2),
+        ("allocateMemory", Allocate),
+        ("freeMemory", Free),
+        ("stepFinished", StepFinished),
+        ("componentEnvironment", c_void_p),
+    )
+
+
+REFERENCES = (POINTER(c_uint), c_size_t)
+EXPERIMENT_2 = (c_int, c_double, c_double, c_int, c_double)
+EXPERIMENT_3 = (c_bool, c_double, c_double, c_bool, c_double)
+FLAG = POINTER(c_bool)
+
+# fmi2 and fmi3: function -> types of its arguments after the instance
+FUNCTIONS: dict[str, tuple[Any, ...]] = {
+    "fmi2FreeInstance":             (),
+    "fmi2SetupExperiment":          EXPERIMENT_2,
+    "fmi2EnterInitializationMode":  (),
+    "fmi2ExitInitializationMode":   (),
+    "fmi2Terminate":                (),
+    "fmi2GetFMUstate":              (POINTER(c_void_p),),
+    "fmi2SetFMUstate":              (c_void_p,),
+    "fmi2FreeFMUstate":             (POINTER(c_void_p),),
+    "fmi2GetRealStatus":            (c_int, POINTER(c_double)),
+    "fmi2GetBooleanStatus":         (c_int, POINTER(c_int)),
+    "fmi2DoStep":                   (c_double, c_double, c_int),
+    "fmi3FreeInstance":             (),
+    "fmi3EnterConfigurationMode":   (),
+    "fmi3ExitConfigurationMode":    (),
+    "fmi3EnterInitializationMode":  EXPERIMENT_3,
+    "fmi3ExitInitializationMode":   (),
+    "fmi3Terminate":                (),
+    "fmi3GetFMUState":              (POINTER(c_void_p),),
+    "fmi3SetFMUState":              (c_void_p,),
+    "fmi3FreeFMUState":             (POINTER(c_void_p),),
+    "fmi3DoStep":                   (c_double, c_double, c_bool, FLAG, FLAG, FLAG, POINTER(c_double)),
+    "fmi3GetBinary":                (*REFERENCES, POINTER(c_size_t), POINTER(POINTER(ctypes.c_uint8)), c_size_t),
+}  # fmt: skip
+FUNCTIONS["fmi3SetBinary"] = FUNCTIONS["fmi3GetBinary"]
+
+VALUES = {
+    "fmi2": {"Real": c_double, "Integer": c_int, "Boolean": c_int, "String": c_char_p},
+    "fmi3": {
+        **{f"Float{size}": kind for size, kind in ((32, ctypes.c_float), (64, c_double))},
+        **{f"Int{size}": getattr(ctypes, f"c_int{size}") for size in (8, 16, 32, 64)},
+        **{f"UInt{size}": getattr(ctypes, f"c_uint{size}") for size in (8, 16, 32, 64)},
+        "Boolean": c_bool,
+        "String": c_char_p,
+    },
+}
+for version, kinds in VALUES.items():
+    size = () if version == "fmi2" else (c_size_t,)
+    for word, kind in kinds.items():
+        FUNCTIONS[f"{version}Get{word}"] = FUNCTIONS[f"{version}Set{word}"] = (*REFERENCES, POINTER(kind), *size)
+
+# these make an instance, so that none is passed
+MAKERS: dict[str, tuple[Any, ...]] = {
+    "fmi2Instantiate": (c_char_p, c_int, c_char_p, c_char_p, POINTER(Callbacks), c_int, c_int),
+    "fmi3InstantiateCoSimulation": (
+        c_char_p, c_char_p, c_char_p, c_bool, c_bool, c_bool, c_bool, *REFERENCES, c_void_p, Logger3, Intermediate,
+    ),
+}  # fmt: skip
+
+
+class MissingFunctionError(Exception):
+    """The library lacks a function."""
+
+    def __init__(self, function: str) -> None:
+        super().__init__(f"its library lacks the function {function}. Export the FMU once more.")
+
+
+class CallError(Exception):
+    """A function returned more than a warning."""
+
+    def __init__(self, function: str, status: int) -> None:
+        super().__init__(f"{function} returned {status}")
+        self.function, self.status = function, status
+
+
+class Library:
+    """A loaded library. One that lacks a function fails when that is called, not when it is loaded."""
+
+    def __init__(self, path: Path) -> None:
+        before = Path.cwd()
+        os.chdir(path.parent)  # where libraries look for others that they bring
+        try:
+            self._dll = ctypes.CDLL(str(path))
+        finally:
+            os.chdir(before)
+
+    def _found(self, function: str) -> Any:
+        try:
+            return getattr(self._dll, function)
+        except AttributeError:
+            raise MissingFunctionError(function) from None
+
+    def address(self, function: str) -> int:
+        """Address of a function."""
+        return ctypes.cast(self._found(function), c_void_p).value or 0
+
+    def make(self, function: str, *arguments: Any) -> int:
+        """Call a function that makes an instance; its address, 0 if there is none."""
+        called = self._found(function)
+        called.argtypes, called.restype = MAKERS[function], c_void_p
+        return called(*arguments) or 0
+
+    def call(self, function: str, instance: int, *arguments: Any) -> None:
+        """Call a function; CallError if its status says that it failed."""
+        called = self._found(function)
+        if called.argtypes is None:
+            called.argtypes = (c_void_p, *FUNCTIONS[function])
+            called.restype = None if function.endswith("FreeInstance") else c_int
+        status = called(instance, *arguments)
+        if status is not None and status > WORST:
+            raise CallError(function, status)
+
+    def close(self) -> None:
+        """Let go of the library: no function may be called any more."""
+        unload(self._dll._handle)
+
+
+unload = _ctypes.FreeLibrary if os.name == "nt" else _ctypes.dlclose  # type: ignore[attr-defined]
+
+
+def memory() -> tuple[Any, Any]:
+    """The C library's calloc and free, which FMUs share with this process."""
+    library = ctypes.cdll.msvcrt if os.name == "nt" else ctypes.CDLL(None)
+    return ctypes.cast(library.calloc, Allocate), ctypes.cast(library.free, Free)
