@@ -15,9 +15,11 @@ from twin import clock, compiler
 from twin.coupling import initialization, loop
 from twin.coupling.isolated import IsolatedMember
 from twin.coupling.member import RecordMember
-from twin.coupling.plan import Key, Place, Plan, bits, kind, merged, view
+from twin.coupling.overrides import Overrides
+from twin.coupling.plan import Key, Plan, view
 from twin.coupling.recorder import Layout, Memory, Recorder
 from twin.coupling.system import Link, stepping_order
+from twin.coupling.tables import Tables
 from twin.coupling.watch import Watch
 from twin.errors import CouplingError, SimulationError
 
@@ -100,9 +102,7 @@ class CoSimulation:
         self.notes: list[str] = []
         self._last: int | None = None  # tick of the last row that is wanted
         self._looked = 0.0  # wall-clock time of the last look at all members [s]
-        self._shadows: dict[Key, int] = {}
         self._split = frozenset(split)
-        self._held: dict[tuple[Key, int], Any] = {}  # overridden elements
         self._begin = 0
 
     def _check_periods(self) -> None:
@@ -168,35 +168,18 @@ class CoSimulation:
         """Build the tables, publish what the members hold, and record the first row."""
         plan = self.plan = Plan(self.members, self.step, self.periods, self._split)
         plan.build(self.order(), self.links, self.recorded, self.watch.published())
-        for (member, name), address in plan.published.items():
-            direct = self.members[member].address(name) and (member, name) not in plan.whole
-            if not direct or self.periods[member] != self.step:
-                variable = self.members[member].variables[name]
-                view(address, variable)[:] = np.ravel(self.members[member].get(name))
-        for (member, name), address in plan.buffers.items():
-            view(address, self.members[member].variables[name])[:] = np.ravel(self.members[member].get(name))
-        self.tables = {
-            name: np.array(rows, np.int64).reshape(len(rows), -1) if rows else np.zeros((1, 1), np.int64)
-            for name, rows in (
-                ("copies", plan.copies), ("converts", plan.converts), ("accesses", plan.accesses),
-                ("steps", plan.steps), ("records", plan.records),
-            )
-        }  # fmt: skip
+        self._tables = Tables(plan, self.members)
+        self._tables.publish(self.periods, self.step)
+        self._overrides = Overrides(self._tables, self.members)
         self._record = self.recorder.record
         self.state = self._record[0]
-        self._operations = plan.operation_rows(self.tables)
-        self.state["operations"], self.state["operation_count"] = self._operations.ctypes.data, len(self._operations)
         self.state["begin_ns"], self.state["step_ns"] = self._begin, self.step
-        self.state["row_bytes"], self.state["every"] = 8 * plan.row_words, self.every // self.step
+        self.state["every"] = self.every // self.step
+        self._tables.tell(self.state)
         count = None if stop is None else (stop - self._begin) // self.every + 2
         columns = [(key, first, self.members[key[0]].variables[key[1]]) for key, first, _ in plan.columns]
-        calls = plan.calls(self.tables)
+        calls = plan.calls(self._tables.arrays)
         self.recorder.open(Layout(self._begin, self.step, plan.row_words, columns, calls, count))
-        begin, end = plan.record_converts
-        converts = self.tables["converts"]
-        self.state["record_converts"] = converts.ctypes.data + begin * converts.strides[0]
-        self.state["record_convert_count"] = end - begin
-        self._merge_records()
         self._ready = True
         self.recorder.note("")
         self._limits, self._scalar = self.watch.rows(plan), np.zeros(1)
@@ -316,9 +299,8 @@ class CoSimulation:
         if came is not None and abs(came - clock.seconds(self.time + self.step)) < 1e-9:
             for (owner, name), address in self.plan.published.items():
                 if self.members[owner] is member:
-                    view(address, member.variables[name])[:] = np.ravel(member.get(name))
-            for (key, element), value in self._held.items():
-                view(self.plan.published[key], self.members[key[0]].variables[key[1]])[element : element + 1] = value
+                    self._tables.put(owner, name, address)
+            self._overrides.hold()
             self.state["tick"] += 1
             if self.state["place"] >= self.state["limit"]:
                 self.recorder.make_room()
@@ -349,57 +331,20 @@ class CoSimulation:
         `element`: of an output in `split` only this one, counted from 0.
         """
         self.watch.forget()
-        variable = self.members[key[0]].variables[key[1]]
         if element is not None:
-            self._override_element(key, element, value)
+            self._overrides.set_element(key, element, value)
             return
-        rows = self._override_rows(key)
-        if key not in self._shadows:
-            self._shadows[key] = self.plan.memory.take(8 * variable.size)
-        view(self._shadows[key], variable)[:] = np.ravel(np.asarray(value, variable.dtype))
-        for table, row, column, offset in rows:
-            entry = self.tables[table][row]
-            entry[column] = self._shadows[key] + offset
-            if variable.causality == "input" and table == "converts":
-                entry[[1, 5, 6]] = kind(variable.dtype), bits(1.0), bits(0.0)
-        self._merge_records()
-
-    def _override_element(self, key: Key, element: int, value: Any) -> None:
-        """Publish `value`, which is kept in place, or again what the member has if it is None."""
-        if key not in self.plan.elements:
-            raise CouplingError(f"{key[0]}.{key[1]}: nothing reads it, so overriding it has no effect. Use set.")
-        variable = self.members[key[0]].variables[key[1]]
-        table, row = self.plan.elements[key][element]
-        self.tables[table][row] = getattr(self.plan, table)[row]
-        self._held.pop((key, element), None)
-        now = np.ravel(self.members[key[0]].get(key[1]))[element]
-        if value is not None:
-            now = self._held[key, element] = np.array([value], variable.dtype)
-            self.tables[table][row][0] = now.ctypes.data
-        view(self.plan.published[key], variable)[element : element + 1] = now
+        self._overrides.set(key, value)
+        self._tables.merge_records(self.state)
 
     def release(self, key: Key, element: int | None = None) -> None:
         """End an override."""
         self.watch.forget()
         if element is not None:
-            self._override_element(key, element, None)
+            self._overrides.set_element(key, element, None)
             return
-        for table, row, _, _ in self._override_rows(key):
-            self.tables[table][row] = getattr(self.plan, table)[row]
-        self._merge_records()
-
-    def _merge_records(self) -> None:
-        """Hand the loop the rows that record, in as few runs as may be."""
-        rows = self.tables["records"][: len(self.plan.records)]
-        self._runs = merged(rows) if len(rows) else rows
-        self.state["records"], self.state["record_count"] = self._runs.ctypes.data, len(self._runs)
-
-    def _override_rows(self, key: Key) -> list[Place]:
-        variable = self.members[key[0]].variables[key[1]]
-        rows = self.plan.writers.get(key, []) if variable.causality == "input" else self.plan.readers.get(key, [])
-        if not rows:
-            raise CouplingError(f"{key[0]}.{key[1]}: nothing reads it, so overriding it has no effect. Use set.")
-        return rows
+        self._overrides.release(key)
+        self._tables.merge_records(self.state)
 
     def recording(self) -> Recording:
         """All that was recorded until now, decoded."""
