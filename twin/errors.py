@@ -6,6 +6,7 @@ TwinError                one line or several, each: where, what, what was expect
 ├── FMUError             an FMU archive, description or binary cannot be used
 ├── CouplingError        a system's members or connections do not fit together
 │   └── ScenarioError    a scenario file is wrong
+├── SceneError           a drawing of an environment is wrong, or a scene cannot be drawn
 ├── UnknownNameError     nothing has the name that was asked for, as a key
 └── SimulationError      a member failed while running; what was recorded is kept
 """
@@ -123,6 +124,10 @@ class CouplingError(TwinError):
 
 class ScenarioError(CouplingError):
     """A scenario file is wrong; `problems` lists every place."""
+
+
+class SceneError(TwinError):
+    """A drawing of an environment is wrong, or a scene cannot be drawn; `problems` lists every place."""
 
 
 class UnknownNameError(TwinError, KeyError):

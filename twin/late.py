@@ -41,10 +41,11 @@ def ahead(*modules: str) -> Iterator[None]:
 
     wanted = [name for name in modules if name not in sys.modules]
     thread = threading.Thread(target=take, name="imports", daemon=True)
-    if wanted:
-        thread.start()
+    with suppress(RuntimeError):  # no memory for it
+        if wanted:
+            thread.start()
     try:
         yield
     finally:
-        if wanted:
+        if thread.ident is not None:
             thread.join()  # none is on its way when a process is forked off

@@ -12,17 +12,18 @@ MAIN = [sys.executable, "-c", "from twin.cli import main; main()"]
 
 
 @pytest.fixture
-def twin(tmp_path, build):
-    """Run the command in a folder of its own, as a person without this repository would."""
+def twin(tmp_path, command_line):
+    """Run the command in a folder of its own."""
+    return lambda *words: command_line.run(list(words), tmp_path)
 
-    def run(*arguments):
-        return subprocess.run([*MAIN, *arguments], cwd=tmp_path, capture_output=True, text=True, check=False)
 
-    return run
+def as_a_person(folder, *words):
+    """Run the command as a person without this repository would: in a process of its own, with no path but the folder."""
+    return subprocess.run([*MAIN, *words], cwd=folder, capture_output=True, text=True, check=False)
 
 
 def test_a_new_component_passes_its_tests_and_builds(twin, tmp_path, build):
-    made = twin("new", "my_part")
+    made = as_a_person(tmp_path, "new", "my_part")
     assert made.returncode == 0, made.stderr
     assert sorted(path.name for path in (tmp_path / "fmus/my_part").iterdir() if path.is_file()) == [
         "README.md",
@@ -72,7 +73,7 @@ def test_own_and_shipped_components_stand_side_by_side(twin, tmp_path, text, bui
     else:
         (tmp_path / "fmus/__init__.py").write_text(text)
     (tmp_path / "s.yaml").write_text("stop_time: 1 s\nmembers: {a: {component: mine}, b: {component: servomotor}}\n")
-    checked = twin("check", "s.yaml")
+    checked = as_a_person(tmp_path, "check", "s.yaml")
     assert (checked.returncode, checked.stdout[:11]) == (0, "s.yaml: ok ")
 
 

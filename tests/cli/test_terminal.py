@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -53,6 +54,22 @@ def test_also_on_a_terminal(hostile, monkeypatch):
     console = terminal.paper()
     console.print("a[red]b[/b] :smile: \x1b[31m\x9b", style="bold")
     assert re.sub(r"\x1b\[[0-9;]*m", "", sys.stdout.getvalue()) == "a[red]b[/b] :smile: \\x1b[31m\\x9b\n"
+
+
+@pytest.mark.parametrize("is_terminal", [True, False])
+def test_what_takes_long_is_said_on_a_terminal(monkeypatch, is_terminal):
+    class Screen(io.StringIO):
+        def isatty(self):
+            return is_terminal
+
+    monkeypatch.setattr(sys, "stderr", Screen())
+    monkeypatch.setattr(terminal, "SECOND", 0.001)
+    with terminal.working("reading \x1b[31m.csv"):
+        while is_terminal and "3 s" not in sys.stderr.getvalue():
+            time.sleep(0.001)
+    shown = sys.stderr.getvalue()
+    assert not is_terminal or (shown.startswith("\r\x1b[Kreading \\x1b[31m.csv 1 s") and shown.endswith("\r\x1b[K"))
+    assert is_terminal or not shown
 
 
 @pytest.mark.parametrize("words", [["--help"], ["check", "{file}"], ["run", "{file}"], ["nothing"]])

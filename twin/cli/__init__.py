@@ -135,7 +135,7 @@ def called(command: click.Command, name: str) -> int:
         for line in told(error):
             say(f"error: {line}", err=True)
         return 1
-    except (ImportError, SystemError) as error:
+    except (ImportError, SystemError, RuntimeError) as error:  # the last: no memory for a thread
         if not memory_is_limited():
             raise
         say(f"error: {told(MemoryError(' '.join(str(error).split())[-120:]))[0]}", err=True)

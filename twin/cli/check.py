@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from twin.cli.terminal import say
+from twin.cli.terminal import say, working
 from twin.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -43,7 +43,8 @@ def command(files: tuple[str, ...], overrides: tuple[str, ...], hardware_file: P
     hardware = load_hardware(hardware_file, True, Path("build")) if hardware_file is not None else None
     count = 0
     for file in files:
-        problems, good = examine(file, overrides, hardware, not no_import)
+        with working(f"checking {file}"):
+            problems, good = examine(file, overrides, hardware, not no_import)
         for problem in problems:
             say(problem)
         if not problems:

@@ -39,6 +39,7 @@ PLATFORMS = ("x86_64-linux", "aarch64-linux", "x86_64-windows", "x86_64-darwin",
 )
 @click.option("--sources", is_flag=True, help="Put the C into the FMU, for importers that compile it for their target.")
 @click.option("--line-directives", is_flag=True, help="C with #line, so that a debugger shows the Python.")
+@click.option("--needs-python", is_flag=True, help="Of a Python-side component: an FMU that needs Python and twin.")
 @click.option("-o", "--output", type=click.Path(path_type=Path), help="File, or folder for C [NAME.fmu, NAME].")
 @click.option("--force", is_flag=True, help="Replace the file if it is there.")
 @click.option(
@@ -58,11 +59,14 @@ def command(
     target: str,
     sources: bool,
     line_directives: bool,
+    needs_python: bool,
     output: Path | None,
     force: bool,
     build: Path,
 ) -> None:
     """Write a component of fmus/, a module:Class, or part of a scenario as an FMU without Python inside.
+
+    Python-side components, such as pymunk's, can only be FMUs that need Python, twin and PythonFMU: --needs-python.
 
     \b
     twin export sheath --platform all -o sheath.fmu
@@ -75,6 +79,8 @@ def command(
 
     if target == "c" and sources:
         raise TwinError("--sources is for FMUs: --target c writes the C anyway. Drop one of them.")
+    if needs_python and (target == "c" or sources or platforms):
+        raise TwinError("--needs-python makes an FMU of Python: drop --target c, --sources and --platform.")
     if target != "c" and line_directives:
         raise TwinError("--line-directives is for C. Add --target c.")
     cls = component(what, members, named, variant)
@@ -90,8 +96,12 @@ def command(
     if path.exists() and not force:
         raise TwinError(f"{path} is there already. Give --force to replace it, or another name with -o.")
     begin = time.perf_counter()
-    from twin.fmi import exporter
+    from twin.fmi import exporter, pythonic
 
+    if needs_python:
+        pythonic.export(cls, fmi, path)
+        say(f"{path}: FMI {fmi}, {path.stat().st_size / 1000:.0f} kB. It needs Python with twin wherever it runs.")
+        return
     exporter.export(cls, fmi, path, build, tuple(PLATFORMS) if "all" in platforms else platforms, sources=sources)
     say(f"{path}: FMI {fmi}, {path.stat().st_size / 1000:.0f} kB, {time.perf_counter() - begin:.1f} s")
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from twin import installed
-from twin.cli.terminal import bar, paper, say
+from twin.cli.terminal import bar, paper, say, working
 from twin.errors import DeclarationError, TwinError
 from twin.process import supervise
 
@@ -107,7 +107,7 @@ def command(
         raise click.UsageError("Use --trace or --replay: what was recorded is not recorded again.")
     link = supervise(timeout)  # from here on in a process of its own, before anything heavy is imported
     from twin.run import resume, run_scenario
-    from twin.scenario import Form, load_scenario
+    from twin.scenario import Form, checked
 
     options: dict[str, Any] = {"build": build, "report": not no_report, "link": link}
     if link.attempt:
@@ -117,8 +117,15 @@ def command(
             )
     else:
         finish_others(runs)
-        scenario = load_scenario(file, overrides)
-        hardware = load_hardware(hardware_file, arm, build, trace, replay) if hardware_file is not None else None
+        if hardware_file is None:
+            hardware = None
+            with working(f"checking {file}"):
+                scenario, options["catalogs"] = checked(file, overrides, build)
+        else:
+            from twin.scenario import load_scenario
+
+            scenario = load_scenario(file, overrides)
+            hardware = load_hardware(hardware_file, arm, build, trace, replay)
         with progress_display(scenario.title, not as_json) as progress:
             outcome = run_scenario(
                 scenario,

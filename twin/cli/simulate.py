@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from twin.cli.terminal import bar, paper, say
+from twin.cli.terminal import bar, paper, say, working
 from twin.errors import FMUError, SimulationError
 from twin.process import supervise
 
@@ -26,7 +26,8 @@ PATIENCE = 1.0  # a bar appears after this time [s]
 class Bar:
     """A progress bar that appears only when a run takes long."""
 
-    def __init__(self) -> None:
+    def __init__(self, title: str = "simulating") -> None:
+        self.title = title
         self.began = time.monotonic()
         self.progress: Progress | None = None
 
@@ -36,7 +37,7 @@ class Bar:
             if time.monotonic() - self.began < PATIENCE:
                 return
             self.progress = bar()
-            self.task = self.progress.add_task("simulating", total=1.0)
+            self.task = self.progress.add_task(self.title, total=1.0)
             self.progress.start()
         self.progress.update(self.task, completed=share)
 
@@ -108,13 +109,15 @@ def command(
 
     target = output or Path(f"{fmu.stem}_out.csv")
     tables.check_output(target)
-    member = FMUMember(fmu.stem, fmu, parsed(start_values), logging=show_log)
+    with working(f"reading {fmu.name}"):
+        member = FMUMember(fmu.stem, fmu, parsed(start_values), logging=show_log)
     shown = Bar() if sys.stdout.isatty() else None
     try:
         planned = plan(
             member, start=start_time, stop=stop_time, step=step_size, interval=output_interval, record=record
         )
-        inputs = tables.read_inputs(input_, member) if input_ else None
+        with working(f"reading {input_}"):
+            inputs = tables.read_inputs(input_, member) if input_ else None
         outcome = (
             left(member, planned, link)
             if link.attempt

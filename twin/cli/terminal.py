@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import click
@@ -15,10 +17,13 @@ import click
 from twin.errors import printable
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rich.console import Console
     from rich.progress import Progress
 
 UNLIMITED = 10_000  # columns
+SECOND = 1.0
 CLOSED = 141  # exit code where nobody reads any more, as shells give it for SIGPIPE
 
 
@@ -51,6 +56,37 @@ def bar(*, err: bool = False) -> Progress:
     title = TextColumn("{task.description}", markup=False)
     part = TextColumn("{task.percentage:3.0f} %", markup=False)
     return Progress(title, BarColumn(), part, TimeElapsedColumn(), console=paper(err=err), transient=True)
+
+
+@contextmanager
+def working(what: str) -> Iterator[None]:
+    """Say on a terminal what takes so long, from its first second on; the line vanishes at the end."""
+    over = threading.Event()
+
+    def tell() -> None:
+        seconds = 0
+        while not over.wait(SECOND):
+            seconds += 1
+            sys.stderr.write(f"\r\033[K{printable(what)} {seconds} s")
+            sys.stderr.flush()
+        if seconds:
+            sys.stderr.write("\r\033[K")
+            sys.stderr.flush()
+
+    if not sys.stderr.isatty():
+        yield
+        return
+    thread = threading.Thread(target=tell, name=what, daemon=True)
+    try:
+        thread.start()
+    except RuntimeError:  # no memory for it
+        yield
+        return
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
 
 
 def open_streams() -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from twin import late
 
 if TYPE_CHECKING:
-    from twin.fmi import built, exporter, tables
+    from twin.fmi import built, exporter, pythonic, tables
     from twin.fmi.archive import unpack
     from twin.fmi.importer import FMUMember
     from twin.fmi.simulate import left, plan, simulate
@@ -18,6 +18,7 @@ __all__ = [
     "exporter",
     "left",
     "plan",
+    "pythonic",
     "simulate",
     "tables",
     "unpack",
@@ -32,6 +33,7 @@ __getattr__ = late.names(
         "exporter": "",
         "left": "simulate",
         "plan": "simulate",
+        "pythonic": "",
         "simulate": "simulate",
         "tables": "",
         "unpack": "archive",

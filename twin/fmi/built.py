@@ -79,7 +79,10 @@ def is_built(cls: type[Component], build: Path, version: str = "3.0", wanted: Se
 def build(cls: type[Component], version: str, build: Path, targets: Sequence[str] = ()) -> Path:
     """The component's FMU in `build/<version>/`, made anew only if what it is made from, or a target, is new."""
     if issubclass(cls, PythonComponent):
-        raise BuildError(f"{cls.__name__}: is Python-side and cannot be an FMU. Derive it from Component instead.")
+        raise BuildError(
+            f"{cls.__name__}: is Python-side and cannot be an FMU that needs no Python. "
+            "Derive it from Component instead, or use `twin export --needs-python`."
+        )
     wanted = tuple(targets) or (compiler.host(),)
     path = build / version / f"{model_name(cls)}.fmu"
     if not is_built(cls, build, version, wanted):

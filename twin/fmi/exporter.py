@@ -163,7 +163,10 @@ class Plan:
 def plan(cls: type[Component], version: str) -> Plan:
     """What an export would contain; cheap, so it also decides whether one is needed."""
     if issubclass(cls, PythonComponent):
-        raise BuildError(f"{cls.__name__}: is Python-side and cannot be an FMU. Derive it from Component instead.")
+        raise BuildError(
+            f"{cls.__name__}: is Python-side and cannot be an FMU that needs no Python. "
+            "Derive it from Component instead, or use `twin export --needs-python`."
+        )
     if version not in VERSIONS:
         raise BuildError(f"FMI version {version!r} is not offered. Use one of {', '.join(VERSIONS)}.")
     words, name = VERSIONS[version], model_name(cls)
@@ -186,16 +189,16 @@ def _start_values(cls: type[Component]) -> str:
     return hashlib.sha256(cls().record.tobytes()).hexdigest()
 
 
-def _archive(files: dict[str, bytes]) -> bytes:
+def archive(files: dict[str, bytes]) -> bytes:
     """A zip that depends on nothing but its content."""
     buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as made_:
         for path in sorted(files):
             entry = zipfile.ZipInfo(path, (1980, 1, 1, 0, 0, 0))
             entry.compress_type = zipfile.ZIP_DEFLATED
             entry.create_system = 3  # Unix on every machine, so that the archive does not tell where it was made
             entry.external_attr = 0o100644 << 16
-            archive.writestr(entry, files[path])
+            made_.writestr(entry, files[path])
     return buffer.getvalue()
 
 
@@ -211,7 +214,7 @@ def _content(cls: type[Component], version: str, made: Plan, build: Path, target
         partial(library, made, words.source, own, platform, build) for platform in targets
     )
     places = [f"binaries/{words.folder(p)}/{made.name}{TARGETS[p].suffix}" for p in targets]
-    return _archive({**made.files, **dict(zip(places, libraries, strict=True))})
+    return archive({**made.files, **dict(zip(places, libraries, strict=True))})
 
 
 def origin(cls: type[Component], made: Plan) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from twin.component.unit import BASE
+from twin.component import unit as units
 from twin.fmi.markup import FMI2_TYPES, TRUE, whole
 
 INITIAL = {  # by variability and causality
@@ -109,7 +109,7 @@ class DeclaredUnit:
     name: str
     factor: float | None
     offset: float
-    exponents: tuple[int, ...]  # of `BASE`
+    exponents: tuple[int, ...]  # of `unit.BASE`
     displays: tuple[tuple[str, float, float], ...]
 
 
@@ -283,7 +283,7 @@ def unit(element: Any) -> DeclaredUnit:
             element.get("name", ""),
             None if base is None else float(written.pop("factor", 1.0)),
             float(written.pop("offset", 0.0)),
-            tuple(int(written.get(symbol, 0)) for symbol in BASE),
+            tuple(int(written.get(symbol, 0)) for symbol in units.BASE),
             tuple(
                 (one.get("name", ""), float(one.get("factor", 1.0)), float(one.get("offset", 0.0)))
                 for one in element.iterfind("DisplayUnit")

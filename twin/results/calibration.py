@@ -41,8 +41,8 @@ def module(cls: type[Component], shown: str) -> ModuleType:
         raise TwinError(f"{shown}: has no calibration. A component that has one keeps it in {name}.") from None
 
 
-def read(path: Path, columns: Mapping[str, str]) -> Table:
-    """A CSV file with a header; columns that are not asked for are left out. A TwinError names file and line."""
+def rows_of(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """Header of a CSV file, and its other rows that are not empty, with their lines. A TwinError names the file."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except OSError as error:
@@ -52,6 +52,12 @@ def read(path: Path, columns: Mapping[str, str]) -> Table:
     separator = ";" if lines and ";" in lines[0] and "," not in lines[0] else ","
     rows = list(csv.reader(lines, delimiter=separator))
     header = [name.strip() for name in rows[0]] if rows else []
+    return header, [(number, row) for number, row in enumerate(rows[1:], 2) if any(cell.strip() for cell in row)]
+
+
+def read(path: Path, columns: Mapping[str, str]) -> Table:
+    """A CSV file with a header; columns that are not asked for are left out. A TwinError names file and line."""
+    header, rows = rows_of(path)
     missing = [name for name in columns if name not in header]
     if missing:
         found = ", ".join(header) or "nothing"
@@ -59,10 +65,7 @@ def read(path: Path, columns: Mapping[str, str]) -> Table:
             f"{path}: column {missing[0]} is missing; there is {found}. Name the columns {', '.join(columns)}."
         )
     places = [header.index(name) for name in columns]
-    values = []
-    for number, row in enumerate(rows[1:], 2):
-        if any(cell.strip() for cell in row):
-            values.append([cell_value(row, place, header, f"{path}:{number}") for place in places])
+    values = [[cell_value(row, place, header, f"{path}:{number}") for place in places] for number, row in rows]
     if not values:
         raise TwinError(f"{path}: has no readings below its header. Give one line for each.")
     array = np.array(values)

@@ -1,4 +1,4 @@
-"""Plots of a report as SVG text. The only file that imports matplotlib, and only when a plot is drawn."""
+"""Plots of a report as SVG text. Matplotlib is imported when a plot is drawn, here and in `twin.scene.picture` alone."""
 
 from __future__ import annotations
 

@@ -13,11 +13,11 @@ from twin.coupling import Algorithm, CoSimulation, IsolatedMember, find
 from twin.errors import ScenarioError
 from twin.results import Ending, Evaluation, Signals
 from twin.results import recording as results
-from twin.scenario import Form, Scenario, look_up, members
+from twin.scenario import Form, members
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog, Member, Recorder
-    from twin.scenario import Case, EventSpec
+    from twin.scenario import Case, EventSpec, Scenario
 
 Progress = Callable[[str, float], object]  # name of the case, part of it that is done (0 to 1)
 
@@ -90,6 +90,8 @@ class Outcome:
 
 def prepare(scenario: Scenario) -> dict[str, Catalog]:
     """Variables of all members; ScenarioError with every problem that can be found without running."""
+    from twin.scenario import look_up
+
     catalogs, problems = look_up(scenario)
     if problems:
         raise ScenarioError(problems)

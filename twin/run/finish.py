@@ -81,6 +81,7 @@ def write(outcome: Outcome, cases: Sequence[Case], report: bool, pictures: Seque
     results.write_summary(outcome.folder / "summary.json", outcome.summary)
     if report:
         from twin.run import report as page
+        from twin.run import scenes
 
         distinct = list({case.variant: case for case in cases}.values())
         text = page.html(
@@ -90,7 +91,7 @@ def write(outcome: Outcome, cases: Sequence[Case], report: bool, pictures: Seque
             plots=outcome.scenario.plots,
             parameters=page.parameters(distinct, outcome.catalogs, sources(distinct)),
             events=page.events(distinct),
-            pictures=pictures,
+            pictures=[*scenes.pictures(outcome.scenario.scenes, outcome.tables), *pictures],
             endings=outcome.endings,
         )
         results.write_text(outcome.folder / "report.html", text)

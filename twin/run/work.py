@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin import late
 from twin.coupling import Ring
 from twin.errors import TwinError
 from twin.process import Lines, Link, Stop
@@ -36,12 +37,13 @@ from twin.run.cases import (
     simulation,
 )
 from twin.run.finish import finish
-from twin.scenario import Form, Scenario, displayed, load_scenario, members
+from twin.scenario import Form, members
 
 if TYPE_CHECKING:
-    from twin.coupling import CoSimulation
-    from twin.scenario import Case
+    from twin.coupling import Catalog, CoSimulation
+    from twin.scenario import Case, Scenario
 
+WRITERS = ("pyarrow.parquet",)  # what the end needs, imported while the loop runs
 ABOUT = ("name", "title", "source", "description", "path", "step_ns", "algorithm")  # of a run, as they are
 
 
@@ -57,16 +59,22 @@ def run_scenario(
     report: bool = True,
     hardware: Hardware | None = None,
     link: Link | None = None,
+    catalogs: dict[str, Catalog] | None = None,
 ) -> Outcome:
     """Run a scenario and write its folder; a failing member or Ctrl-C ends it early, with what there is written.
+
+    `catalogs`: its members' variables by variant, if it has been checked with them already (`twin.scenario.checked`).
 
     `link`: to the process that watches this one (`twin.process.supervise`); without it the run records by itself.
     """
     refuse_faults(scenario.cases(variants, seeds), hardware)
     if hardware is not None:
         scenario = hardware.apply(scenario)
-    catalogs = prepare(scenario)
-    scenario = displayed(scenario, catalogs)
+    if catalogs is None:
+        from twin.scenario import displayed
+
+        catalogs = prepare(scenario)
+        scenario = displayed(scenario, catalogs)
     cases = scenario.cases(variants, seeds)
     about = results.Run(
         scenario.name,
@@ -167,7 +175,7 @@ class Work:
                 simulated = self.made(number, case)
             begin = time.perf_counter()
             try:
-                with self.stop.armed():
+                with self.stop.armed(), late.ahead(*(WRITERS if self.hardware is None else ())):
                     run_case(case, simulated, self.told)
             finally:
                 took = time.perf_counter() - begin
@@ -294,6 +302,8 @@ def restored(
     journal: Journal,
 ) -> Work:
     """A run as its recording tells it: the cases that have ended are in its tables."""
+    from twin.scenario import displayed, load_scenario
+
     told = recorded.about
     scenario = load_scenario(folder / "scenario.yaml")
     own = {key: told[key] for key in ("name", "title", "description", "source", "paper_applies")}

@@ -1,18 +1,34 @@
 """Scenario files: what is run, what is expected, in YAML with units; every error gives file and line."""
 
-from twin.scenario import members
-from twin.scenario.check import check_against, event_problems
-from twin.scenario.dimensions import displayed
-from twin.scenario.grouping import group, part
-from twin.scenario.load import changed, examine, load_scenario, made_scenario, parse_scenario
-from twin.scenario.lookup import look_up
-from twin.scenario.members import Form, has_source, make
-from twin.scenario.merge import nearest
-from twin.scenario.message import dotted, quoted
-from twin.scenario.model import Keys, Period, Reference, Text, Time, reference
-from twin.scenario.spec import Case, ConnectionSpec, EventSpec, FaultSpec, MemberSpec, RecordSpec, Scenario, member_seed
-from twin.scenario.tree import Node, read
-from twin.scenario.value import duration, number, resolve, short
+from typing import TYPE_CHECKING
+
+from twin import late
+
+if TYPE_CHECKING:
+    from twin.scenario import members
+    from twin.scenario.check import check_against, event_problems
+    from twin.scenario.dimensions import displayed
+    from twin.scenario.grouping import group, part
+    from twin.scenario.kept import checked
+    from twin.scenario.load import changed, examine, load_scenario, made_scenario, parse_scenario
+    from twin.scenario.lookup import look_up
+    from twin.scenario.members import Form, has_source, make
+    from twin.scenario.message import dotted, quoted, validate
+    from twin.scenario.model import Keys, Period, Reference, Seed, Text, Time, Value, reference
+    from twin.scenario.names import nearest
+    from twin.scenario.node import Node
+    from twin.scenario.spec import (
+        Case,
+        ConnectionSpec,
+        EventSpec,
+        FaultSpec,
+        MemberSpec,
+        RecordSpec,
+        Scenario,
+        member_seed,
+    )
+    from twin.scenario.tree import read
+    from twin.scenario.value import duration, number, resolve, short
 
 __all__ = [
     "Case",
@@ -27,10 +43,13 @@ __all__ = [
     "RecordSpec",
     "Reference",
     "Scenario",
+    "Seed",
     "Text",
     "Time",
+    "Value",
     "changed",
     "check_against",
+    "checked",
     "displayed",
     "dotted",
     "duration",
@@ -53,4 +72,53 @@ __all__ = [
     "reference",
     "resolve",
     "short",
+    "validate",
 ]
+
+__getattr__ = late.names(
+    __name__,
+    {
+        "Case": "spec",
+        "ConnectionSpec": "spec",
+        "EventSpec": "spec",
+        "FaultSpec": "spec",
+        "Form": "members",
+        "Keys": "model",
+        "MemberSpec": "spec",
+        "Node": "node",
+        "Period": "model",
+        "RecordSpec": "spec",
+        "Reference": "model",
+        "Scenario": "spec",
+        "Seed": "model",
+        "Text": "model",
+        "Time": "model",
+        "Value": "model",
+        "changed": "load",
+        "check_against": "check",
+        "checked": "kept",
+        "displayed": "dimensions",
+        "dotted": "message",
+        "duration": "value",
+        "event_problems": "check",
+        "examine": "load",
+        "group": "grouping",
+        "has_source": "members",
+        "load_scenario": "load",
+        "look_up": "lookup",
+        "made_scenario": "load",
+        "make": "members",
+        "member_seed": "spec",
+        "members": "",
+        "nearest": "names",
+        "number": "value",
+        "parse_scenario": "load",
+        "part": "grouping",
+        "quoted": "message",
+        "read": "tree",
+        "reference": "model",
+        "resolve": "value",
+        "short": "value",
+        "validate": "message",
+    },
+)

@@ -12,9 +12,9 @@ from twin import clock
 from twin.errors import CouplingError, ScenarioError
 from twin.scenario import value
 from twin.scenario.dimensions import check_units
-from twin.scenario.merge import nearest
 from twin.scenario.model import NAME
-from twin.scenario.names import find, inside, matching, no_element
+from twin.scenario.names import find, inside, matching, nearest, no_element
+from twin.scenario.scenes import check_arrays
 from twin.scenario.spec import SETTABLE
 
 if TYPE_CHECKING:
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from twin.coupling import Catalog
     from twin.results import Expression
     from twin.scenario.model import ScenarioKeys
+    from twin.scenario.node import Node
     from twin.scenario.spec import Case, EventSpec, MemberSpec, Scenario
-    from twin.scenario.tree import Node
 
 
 def check(scenario: Scenario, keys: ScenarioKeys, tree: Node, trees: dict[str, Node]) -> list[str]:
@@ -67,7 +67,7 @@ def check_sets(tree: Node, trees: dict[str, Node]) -> list[str]:
     return [
         f"{place}: parameter_sets: there is no component `{name}`.{nearest(name, known)}"
         for name, place in places.items()
-        if name not in known and ":" not in name and not name.endswith(".fmu")
+        if name not in known and not set(":#") & set(name) and not name.endswith(".fmu")
     ]
 
 
@@ -77,6 +77,8 @@ def references(scenario: Scenario, keys: ScenarioKeys, tree: Node) -> Iterable[t
         yield str(tree.find(("record", "variables", index)).place), pattern
     for where, one, _, _ in expressions_of(scenario):
         yield from ((where, str(signal)) for signal in one.signals)
+    for scene in scenario.scenes:
+        yield from ((scene.where, name) for name, _, _ in scene.arrays)
 
 
 def expressions_of(scenario: Scenario) -> Iterable[tuple[str, Expression, tuple[str, ...], tuple[str, ...]]]:
@@ -97,6 +99,9 @@ def expressions_of(scenario: Scenario) -> Iterable[tuple[str, Expression, tuple[
     for plot in scenario.plots:
         for one in (one for curve in plot.curves for one in (curve.x, curve.signal) if one is not None):
             yield plot.where, one, plot.variants, ()
+    for scene in scenario.scenes:
+        for one in scene.expressions:
+            yield scene.where, one, scene.variants, ()
 
 
 def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
@@ -189,6 +194,7 @@ def check_against(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[s
     except ScenarioError as error:
         return [*problems, *error.problems]
     problems += check_names(scenario, every) + check_units(scenario, every)
+    problems += check_arrays(scenario, every) if scenario.scenes else []
     return list(dict.fromkeys(problems))
 
 

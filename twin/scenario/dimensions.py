@@ -57,6 +57,10 @@ def stated(scenario: Scenario) -> Iterable[Stated]:
             yield Stated(place(scenario, plot, "unit"), what, curve.signal, plot.unit, plot.variants)
             if curve.x is not None:
                 yield Stated(place(scenario, plot, "x_unit"), what, curve.x, plot.x_unit, plot.variants, "x_unit")
+    for scene in scenario.scenes:
+        what = f"scene `{scene.title}`"
+        yield from (Stated(scene.where, what, one, "m", scene.variants, "length") for one in scene.lengths)
+        yield from (Stated(scene.where, what, one.signal, scene.unit, scene.variants) for one in scene.curves)
 
 
 def place(scenario: Scenario, plot: Plot, key: str) -> str:
@@ -129,7 +133,9 @@ def problem(one: Stated, variables: Variables) -> str:
     if not one.unit or found.fits(dimension.of_unit(one.unit)):
         return ""
     own = preferred(found, variables)
-    if one.key == "limits":
+    if one.key == "length":
+        advice = "Name a length"
+    elif one.key == "limits":
         advice = f"Give limits in {own}" if own else "Give limits without a unit"
     else:
         advice = f"Use {one.key}: {own}" if own else f"Leave {one.key} out"

@@ -8,14 +8,16 @@ from twin import clock
 from twin.errors import CouplingError
 from twin.results import Analysis, Curve, Expectation, Metric, Plot, Window, dimension
 from twin.scenario import value
-from twin.scenario.merge import nearest
 from twin.scenario.model import RunKeys
+from twin.scenario.names import nearest
+from twin.scenario.scenes import scene
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from twin.scenario.model import AnalysisKeys, ExpectKeys, MetricKeys, PlotKeys, ScenarioKeys, WindowKeys
-    from twin.scenario.tree import Node
+    from twin.scenario.node import Node
+    from twin.scene import Scene
 
 
 class Builder:
@@ -65,7 +67,7 @@ class Builder:
         """A part of the longest variant's run that is not empty."""
         begin, end = self.keys.start_time, self.end
         start, stop = keys.start, keys.stop
-        if path[0] == "plots" and end is not None and stop is not None and stop > end and self.is_shortened:
+        if path[0] in ("plots", "scenes") and end is not None and stop is not None and stop > end and self.is_shortened:
             stop = None  # `--set stop_time=...` may cut a plot short, never a metric
         span = f"outside the run, {clock.text(begin)} to {clock.text(end or 0)}. Change it or stop_time."
         if start is not None and not (begin <= start and (end is None or start < end)):
@@ -209,3 +211,9 @@ def figures(
     plots = tuple(builder.plot(index, one) for index, one in enumerate(keys.plots))
     analyses = tuple(builder.analysis(name, one) for name, one in keys.analyses.items())
     return analyses, metrics, expectations, plots, builder.problems
+
+
+def scenes(keys: ScenarioKeys, tree: Node, variants: list[str]) -> tuple[tuple[Scene, ...], list[str]]:
+    """Scenes, and what is wrong with them and with their environments."""
+    builder = Builder(keys, tree, variants, ())
+    return tuple(scene(builder, index, one) for index, one in enumerate(keys.scenes)), builder.problems

@@ -10,9 +10,10 @@ from twin.errors import ScenarioError
 from twin.scenario import check, figures, merge, nested
 from twin.scenario.lookup import look_up
 from twin.scenario.message import validate
+from twin.scenario.node import Node, Place
 from twin.scenario.override import overridden
 from twin.scenario.spec import Case, ConnectionSpec, EventSpec, FaultSpec, MemberSpec, RecordSpec, Scenario
-from twin.scenario.tree import Node, Place, parse
+from twin.scenario.tree import parse
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -94,13 +95,16 @@ def assembled(written: Node, path: Path, overrides: Sequence[str], imports: bool
         keys, kept, list(variants), root.find(("metrics",)).entries
     )
     problems += found
-    record = record_of(keys, kept, analyses, metrics, expectations, plots)
+    pictures, found = figures.scenes(keys, kept, list(variants))
+    problems += found
+    record = record_of(keys, kept, analyses, metrics, expectations, plots, pictures)
     scenario = Scenario(
         path, path.stem, keys.title or path.stem, keys.description, keys.source,
         keys.start_time, keys.stop_time or 0, keys.step or MILLISECOND, keys.algorithm or "jacobi",
         tuple(keys.seeds), tuple(variants.values()), record, analyses, metrics, expectations, plots,
         {name: tuple(members) for name, members in keys.groups.items()}, tuple(overrides),
         not any(touches(option) for option in effective) and not changes_the_papers(root, str(path)), root, written,
+        pictures,
     )  # fmt: skip
     problems += check.check(scenario, keys, kept, trees)
     cases = tuple(replace(case, record=record) for case in scenario.variants)
@@ -130,6 +134,8 @@ def changes_the_papers(root: Node, file: str) -> bool:
     metrics = root.find(("metrics",)).entries.values() if "metrics" in root.entries else ()
     papers = {leaf.place.file for metric in metrics for leaf in leaves(metric.find(("paper",)))}
     changed = {leaf.place.file for key in PHYSICS if key in root.entries for leaf in leaves(root.entries[key])}
+    if "parameter_sets" in root.entries:  # their values stand in other files
+        changed.add(root.entries["parameter_sets"].place.file)
     return bool(papers) and file not in papers and file in changed
 
 
@@ -196,12 +202,15 @@ def case_of(name: str, keys: ScenarioKeys, tree: Node, base: ScenarioKeys, made:
     )  # fmt: skip
 
 
-def record_of(keys: ScenarioKeys, tree: Node, analyses: Any, metrics: Any, expectations: Any, plots: Any) -> RecordSpec:
-    """What is recorded, and what has to be because an analysis, a metric, an expectation or a plot reads it."""
+def record_of(
+    keys: ScenarioKeys, tree: Node, analyses: Any, metrics: Any, expectations: Any, plots: Any, scenes: Any
+) -> RecordSpec:
+    """What is recorded, and what has to be because an analysis, a metric, an expectation, a plot or a scene reads it."""
     expressions = [one for analysis in analyses for one in analysis.inputs.values()]
     expressions += [metric.signal for metric in metrics.values()] + [one.signal for one in expectations if one.signal]
     for plot in plots:
         expressions += [one for curve in plot.curves for one in (curve.signal, curve.x) if one is not None]
     needed = dict.fromkeys(signal.name for one in expressions for signal in one.signals)
+    needed |= dict.fromkeys(name for scene in scenes for name in scene.names)
     patterns = tuple(dict.fromkeys(keys.record.variables))
     return RecordSpec(patterns, keys.record.every, tuple(needed), str(tree.find(("record",)).place))

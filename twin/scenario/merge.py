@@ -10,23 +10,19 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from twin import errors
 from twin.errors import ScenarioError
 from twin.scenario import tree
-from twin.scenario.tree import Node
+from twin.scenario.names import nearest
+from twin.scenario.node import Node
+from twin.scene import READERS
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable
 
 Keys = tuple[str, ...]
 
 RHYTHM = ("period", "communication_step")  # of a member, whatever its component is
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """The hint of `errors.nearest` behind a blank; nothing if nothing is known."""
-    names = list(known)
-    return f" {errors.nearest(name, names, '`')}" if names else ""
+IDENTIFIED = "identified"  # in the file of a parameter set: how `twin identify` found it, which is no component
 
 
 def load(path: Path, shown: str, problems: list[str], above: tuple[Path, ...] = ()) -> Node:
@@ -76,6 +72,8 @@ def normal(root: Node, folder: Path, problems: list[str]) -> Node:
         elif key == "parameter_sets":
             items = node.items if isinstance(node.value, list) else [node]
             entries[key] = Node([parameter_set(item, folder, problems) for item in items], node.place)
+        elif key == "scenes" and isinstance(node.value, list):
+            entries[key] = Node([scene(item, folder) for item in node.items], node.place)
         elif key == "members" and isinstance(node.value, dict):
             entries[key] = Node({name: located(item, folder) for name, item in node.entries.items()}, node.place)
         elif key == "variants" and isinstance(node.value, dict):
@@ -83,6 +81,14 @@ def normal(root: Node, folder: Path, problems: list[str]) -> Node:
                 {name: normal(item, folder, problems) for name, item in node.entries.items()}, node.place
             )
     return Node(entries, root.place) if isinstance(root.value, dict) else root
+
+
+def scene(item: Node, folder: Path) -> Node:
+    """A scene whose environment, if it is a file, has an absolute path."""
+    node = item.entries.get("environment")
+    if node is None or not isinstance(node.value, str) or Path(node.value).suffix not in READERS:
+        return item
+    return Node(item.entries | {"environment": Node(str((folder / node.value).resolve()), node.place)}, item.place)
 
 
 def parameter_set(item: Node, folder: Path, problems: list[str]) -> Node:
@@ -96,10 +102,14 @@ def parameter_set(item: Node, folder: Path, problems: list[str]) -> Node:
         problems.append(f"{item.place}: parameter_sets: there is no file {item.value}.{hint}")
         return Node({}, item.place)
     try:
-        return tree.read(path, str(Path(item.place.file).parent / item.value), problems)
+        content = tree.read(path, str(Path(item.place.file).parent / item.value), problems)
     except ScenarioError as error:
         problems += error.problems
         return Node({}, item.place)
+    if not isinstance(content.value, dict):
+        return content
+    own = {located_name(name, path.parent): one for name, one in content.entries.items() if name != IDENTIFIED}
+    return Node(own, content.place)
 
 
 def located(member: Node, folder: Path) -> Node:
@@ -107,11 +117,16 @@ def located(member: Node, folder: Path) -> Node:
     component = member.entries.get("component")
     if component is None or not isinstance(component.value, str):
         return member
-    path, mark, group = component.value.partition("#")
-    if not path.endswith((".yaml", ".yml") if mark else ".fmu"):
-        return member
-    absolute = Node(f"{(folder / path).resolve()}{mark}{group}", component.place)
+    absolute = Node(located_name(component.value, folder), component.place)
     return Node(member.entries | {"component": absolute}, member.place)
+
+
+def located_name(component: str, folder: Path) -> str:
+    """A component's name; absolute if it is the path of an FMU or of a scenario's group."""
+    path, mark, group = component.partition("#")
+    if not path.endswith((".yaml", ".yml") if mark else ".fmu"):
+        return component
+    return f"{(folder / path).resolve()}{mark}{group}"
 
 
 def connections(item: Node) -> list[Node]:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from twin.scenario.merge import nearest
 from twin.scenario.model import ScenarioKeys
-from twin.scenario.tree import Node
+from twin.scenario.names import nearest
+from twin.scenario.node import Node
 from twin.scenario.value import short
 
 if TYPE_CHECKING:
@@ -39,21 +39,21 @@ KINDS = {
 }
 
 
-def validate(root: Node) -> tuple[ScenarioKeys, Node, list[str]]:
-    """The scenario's keys, the tree they were read from, and every problem found.
+def validate(root: Node, model: Any = ScenarioKeys) -> tuple[Any, Node, list[str]]:
+    """The keys of a file, those of a scenario by default, the tree they were read from, and every problem found.
 
     What is wrong is left out of keys and tree, so that names and units in the rest can be checked in the same run.
     """
     problems: list[str] = []
     for attempt in range(12):
         try:
-            return ScenarioKeys.model_validate(root.plain()), root, problems
+            return model.model_validate(root.plain()), root, problems
         except ValidationError as error:
             found = error.errors(include_url=False)
             if attempt == 0:
-                problems += [line(root, one) for one in found]
+                problems += [line(root, one, model) for one in found]
             root = dropped(root, steps(one["loc"][: -1 if one["type"] == "missing" else None] for one in found))
-    return ScenarioKeys(), Node({}, root.place), problems
+    return model(), Node({}, root.place), problems
 
 
 def steps(paths: Iterable[Path]) -> Steps:
@@ -80,7 +80,7 @@ def dropped(node: Node, wrong: Steps) -> Node:
     return node
 
 
-def line(root: Node, error: Any) -> str:
+def line(root: Node, error: Any, model: Any = ScenarioKeys) -> str:
     """One problem as one line."""
     path: Path = tuple(step for step in error["loc"] if step != "[key]")
     place = root.find(path).place
@@ -88,7 +88,7 @@ def line(root: Node, error: Any) -> str:
     kind, given = error["type"], error["input"]
     if kind == "extra_forbidden":
         outer = f"{dotted(path[:-1])}: " if path[:-1] else ""
-        return f"{place}: {outer}unknown key `{path[-1]}`.{nearest(str(path[-1]), keys_at(path[:-1]))}"
+        return f"{place}: {outer}unknown key `{path[-1]}`.{nearest(str(path[-1]), keys_at(path[:-1], model))}"
     if kind == "missing":
         example = EXAMPLES.get(str(path[-1]), f"{path[-1]}: ...")
         return f"{place}: {dotted(path[:-1])}: `{path[-1]}` is missing. Add it, such as `{example}`."
@@ -126,9 +126,8 @@ def dotted(path: Path) -> str:
     return text.removeprefix(".")
 
 
-def keys_at(path: Path) -> list[str]:
+def keys_at(path: Path, model: Any = ScenarioKeys) -> list[str]:
     """The keys that a group may have."""
-    model: Any = ScenarioKeys
     for step in path:
         if not (isinstance(model, type) and issubclass(model, BaseModel)):
             continue

@@ -224,6 +224,45 @@ class PlotKeys(WindowKeys):
     lines: Annotated[list[Value], BeforeValidator(one_or_more)] = []
 
 
+class SceneLineKeys(Keys):
+    """Points in a row, such as an instrument's shape; `width` is the instrument's."""
+
+    signal: Reference
+    label: Text = ""
+    width: Value | None = None
+
+
+class ScenePointKeys(Keys):
+    """Points of an array, or one place `along` the environment's path."""
+
+    signal: Reference | None = None
+    along: Signal | None = None
+    label: Text = ""
+
+
+class SceneArrowKeys(Keys):
+    """Vectors that begin at points."""
+
+    signal: Reference
+    at: Reference
+    label: Text = ""
+
+
+class SceneKeys(WindowKeys):
+    """A moving picture of a run: what moves between the walls of an environment, and curves beside it."""
+
+    title: Text
+    environment: Text = ""
+    motions: dict[str, Signal] = {}
+    lines: Annotated[list[Annotated[SceneLineKeys, BeforeValidator(curve)]], BeforeValidator(one_or_more)] = []
+    points: Annotated[list[Annotated[ScenePointKeys, BeforeValidator(curve)]], BeforeValidator(one_or_more)] = []
+    arrows: Annotated[list[SceneArrowKeys], BeforeValidator(one_or_more)] = []
+    signals: Annotated[list[Annotated[CurveKeys, BeforeValidator(curve)]], BeforeValidator(one_or_more)] = []
+    unit: Text = ""
+    axes: Annotated[list[Literal["x", "y", "z"]], Field(min_length=2, max_length=2)] | None = None
+    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+
+
 class RunKeys(Keys):
     """What a variant may change."""
 
@@ -252,4 +291,5 @@ class ScenarioKeys(RunKeys):
     metrics: dict[str, MetricKeys] = {}
     expect: list[ExpectKeys] = []
     plots: list[PlotKeys] = []
+    scenes: list[SceneKeys] = []
     groups: dict[str, Annotated[list[Text], BeforeValidator(one_or_more), Field(min_length=1)]] = {}

@@ -6,17 +6,23 @@ import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from twin import errors
 from twin.errors import CouplingError
-from twin.scenario.merge import nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from twin.coupling import Catalog, MemberVariable
 
     Variables = Mapping[str, MemberVariable]  # of one member
 
 ELEMENT = re.compile(r"(.+?)\[(\d+(?:\s*,\s*\d+)*)\]")
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The hint of `errors.nearest` behind a blank; nothing if nothing is known."""
+    names = list(known)
+    return f" {errors.nearest(name, names, '`')}" if names else ""
 
 
 def inside(index: tuple[int, ...], shape: tuple[int, ...]) -> bool:

@@ -12,14 +12,15 @@ from typing import TYPE_CHECKING
 from twin.errors import ScenarioError, TwinError
 from twin.scenario.grouping import group
 from twin.scenario.lookup import look_up
-from twin.scenario.merge import members, nearest
+from twin.scenario.merge import members
+from twin.scenario.names import nearest
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from twin.component import Component
+    from twin.scenario.node import Node
     from twin.scenario.spec import Scenario
-    from twin.scenario.tree import Node
 
 _above: ContextVar[tuple[str, ...]] = ContextVar("above", default=())  # files whose members are being made
 

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError
 from twin.scenario import tree
-from twin.scenario.merge import RHYTHM, members, merged, nearest
-from twin.scenario.tree import Node, Place
+from twin.scenario.merge import RHYTHM, members, merged
+from twin.scenario.names import nearest
+from twin.scenario.node import Node, Place
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -56,6 +56,7 @@ def checkable(scenario: Scenario, catalogs: Mapping[str, Catalog], analyses: Abs
             else replace(one, curves=(), x_unit="")  # it stays in its place, by which the file is looked up
             for one in scenario.plots
         ),
+        scenes=tuple(one for one in scenario.scenes if known(one.names)),
     )
 
 

@@ -6,21 +6,17 @@ converts them.
 
 from __future__ import annotations
 
-import re
 import zlib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import yaml
 
 from twin.coupling import Connection, System
 from twin.errors import CouplingError, ScenarioError
 from twin.scenario import value
-from twin.scenario.merge import nearest
-from twin.scenario.names import find, matching
-from twin.scenario.tree import FLOAT, Node
+from twin.scenario.names import find, matching, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,6 +25,8 @@ if TYPE_CHECKING:
     from twin.coupling import Catalog
     from twin.results import Analysis, Expectation, Metric, Plot
     from twin.scenario.names import Variables
+    from twin.scenario.node import Node
+    from twin.scene import Scene
 
 SETTABLE = ("parameter", "structuralParameter", "input")
 STARTABLE = ("exact", "approx")  # FMI's `initial`: a state's or an output's start value may be set
@@ -233,6 +231,8 @@ class Scenario:
     paper_applies: bool
     tree: Node = field(repr=False, compare=False)
     written: Node = field(repr=False, compare=False)  # the tree before `overrides`
+    scenes: tuple[Scene, ...] = ()
+    text: str = field(default="", repr=False, compare=False)  # of `frozen`, where it is known
 
     def cases(self, variants: Sequence[str] = (), seeds: Sequence[int] = ()) -> list[Case]:
         """Every run in the order of the file: variants, and in each its seeds. Some of them, if named."""
@@ -253,21 +253,11 @@ class Scenario:
 
     def frozen(self) -> str:
         """The scenario as one YAML text: everything merged, overrides applied, paths of FMUs absolute."""
-        return yaml.dump(self.tree.plain(), Dumper=Dumper, sort_keys=False, allow_unicode=True, width=110)
+        if self.text:
+            return self.text
+        from twin.scenario import written
 
-
-Safe: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-
-
-class Dumper(Safe):  # type: ignore[misc]
-    """Writes what `tree` reads: text such as `1e-3`, a number in YAML 1.2, gets quotes; nothing becomes an alias."""
-
-    def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002 - the base class's signature
-        """Write every value out."""
-        return True
-
-
-Dumper.add_implicit_resolver("tag:yaml.org,2002:float", re.compile(f"({FLOAT.pattern})$"), list("-+.0123456789"))
+        return written.text(self.tree)
 
 
 def member_seed(seed: int, name: str) -> int:

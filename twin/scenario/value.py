@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from twin.coupling import MemberVariable
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
-# A unit starts with a letter or as `1/s`. What is a unit is for `twin.component.unit` to say.
-QUANTITY = re.compile(rf"\s*({NUMBER})\s*((?:1\s*/\s*)?[A-Za-zµμΩ°%][A-Za-zµμΩ°%_\s*/()^·0-9.-]{{0,60}})?\s*")
+# A unit starts with a letter, or as `1/s` or `/s`. What is a unit is for `twin.component.unit` to say.
+QUANTITY = re.compile(rf"\s*({NUMBER})\s*((?:1?\s*/\s*)?[A-Za-zµμΩ°%][A-Za-zµμΩ°%_\s*/()^·0-9.-]{{0,60}})?\s*")
 
 DURATIONS = {
     "s": 10**9,
@@ -36,7 +36,10 @@ LONGEST = 10**7 * 10**9  # four months [ns]
 def split(text: str) -> tuple[str, str] | None:
     """Number and unit of a quantity's text, or None if it is not one."""
     match = QUANTITY.fullmatch(text)
-    return (match[1], (match[2] or "").strip()) if match and len(text) <= 80 else None
+    if not match or len(text) > 80:
+        return None
+    unit_text = (match[2] or "").strip()
+    return match[1], f"1{unit_text}" if unit_text.startswith("/") else unit_text
 
 
 def duration(value: Any) -> int:

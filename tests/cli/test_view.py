@@ -1,0 +1,90 @@
+"""`twin view`: what is written where, and what is told."""
+
+import os
+
+import pytest
+
+from tests.scene.drawings import svg
+from tests.scene.test_playing import PAD, SCENARIO
+from twin.run import run_scenario
+from twin.scenario import Form, load_scenario
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with a drawing and a run of the swing."""
+    place = tmp_path_factory.mktemp("view")
+    svg(place, PAD, "moving.svg")
+    (place / "swing.yaml").write_text(SCENARIO)
+    run_scenario(load_scenario(place / "swing.yaml"), Form.interpreted, root=place / "runs")
+    return place
+
+
+@pytest.fixture
+def view(folder, monkeypatch, capsys):
+    """Run `twin view` there; its exit code, stdout and stderr."""
+    monkeypatch.chdir(folder)
+    from twin.cli import called, group
+
+    def run(*words):
+        code = called(lambda **options: group.main(["view", *words], **options), "twin")
+        told = capsys.readouterr()
+        return code, told.out, told.err
+
+    return run
+
+
+def test_an_environment_is_drawn_and_described(view, folder):
+    told = (
+        "Channel\n"
+        "path: 160 mm from (0, 0) mm, 4.5 mm from its middle to the nearest wall\n"
+        "wall pad: 4 points, solid, moves with heart\n"
+        "wall upper: 2 points, friction 0.2, thickness mm 1\n"
+        "wall lower: 2 points, friction 0.2, thickness mm 1\n"
+    )
+    for name in ("a.svg", "a.png", "a.html"):
+        assert view("moving.svg", "--export", name) == (0, f"{told}{name}\n", "")
+        assert (folder / name).stat().st_size > 5000
+    assert (folder / "a.svg").read_text().startswith("<svg ")
+    assert view("moving.svg", "--export", "a.svg")[1] == f"{told}a.svg (replaced)\n"
+    assert view("two_bends")[1].endswith("\ntwo_bends.svg\n")
+
+
+def test_a_drawing_is_never_written_over(view, folder):
+    before = (folder / "moving.svg").read_text()
+    code, _, told = view("moving.svg")
+    assert (code, told) == (1, "error: moving.svg: is the drawing itself. Name another file with --export.\n")
+    assert (folder / "moving.svg").read_text() == before
+
+
+def test_a_run_is_played(view, folder):
+    (run,) = (folder / "runs/swing").iterdir()
+    place = os.path.relpath(run, folder)
+    assert view("runs/swing/latest", "--scene") == (0, f"{place}/scene.html\n", "")
+    assert "In space" in (run / "scene.html").read_text()
+    code, _, told = view("runs/swing/latest", "--scene", "-o", "a.gif")
+    assert (code, told) == (
+        1, "error: a.gif: shows one of In the channel, In space. Choose with --title, --variant and --seed.\n"
+    )  # fmt: skip
+    for name in ("b.svg", "b.png", "b.gif"):
+        assert view(place, "--scene", "--title", "In space", "-o", name, "--rate", "5")[:2] == (0, f"{name}\n")
+        assert (folder / name).stat().st_size > 1000
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("two_bens",), "There is no environment 'two_bens'. Did you mean 'two_bends'?"),
+        (("two_bends", "-o", "a.pdf"), "a.pdf: cannot be written. Use .svg, .png, .html."),
+        (("two_bends", "-o", "nowhere/a.svg"), "nowhere/a.svg: there is no folder nowhere. Make it first."),
+        (("runs/swing/latest",), "runs/swing/latest is a run. Add --scene to play what it recorded."),
+        (("two_bends", "--seed", "1"), "--title, --variant and --seed choose from a run. Add --scene."),
+        (("runs/swing/latest", "--scene", "--variant", "PI"), "there is no variant 'PI'. Known: base."),
+        (("runs/swing/latest", "--scene", "-o", "a.avi"), "a.avi: cannot be written. Use .html, .svg, .gif, .mp4, .png."),
+        (("swing.yaml",), "swing.yaml: cannot be read. Expected .svg, .geojson, .json, or the name of an environment."),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_viewed(view, words, told):
+    code, out, err = view(*words)
+    assert (code in (1, 2), out) == (True, "")
+    assert told in err

@@ -1,0 +1,117 @@
+"""Lines in the plane: lengths, crossings, distances, curves as polylines. Points are rows of (n, 2) arrays."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+ROWS = 256  # of a table of distances at once: it stays in the cache
+
+
+def length(points: NDArray[Any]) -> float:
+    """Length of a polyline."""
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+
+def unit(vector: NDArray[Any]) -> NDArray[Any]:
+    """A vector of length 1; of no length it stays as it is."""
+    size = math.hypot(*vector)
+    return vector / size if size else vector
+
+
+def cross(a: NDArray[Any], b: NDArray[Any]) -> Any:
+    """The z component of a x b."""
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def bezier(points: Sequence[Sequence[float]], tolerance: float, most: int) -> NDArray[Any]:
+    """A quadratic or cubic Bezier curve as a polyline no farther from it than `tolerance`, without its first point.
+
+    Chords of n equal parts deviate by less than max |B''| / (8 n^2), and |B''| is bounded by the control points'
+    second differences (Sederberg, Computer Aided Geometric Design, section 10.6). At most `most` points.
+    """
+    control = np.asarray(points, float)
+    degree = len(control) - 1
+    bend = degree * (degree - 1) * float(np.hypot(*np.diff(control, 2, axis=0).T).max())
+    count = min(max(math.ceil(math.sqrt(bend / (8.0 * tolerance))), 1), most)
+    s = np.linspace(0.0, 1.0, count + 1)[1:, None]
+    return np.asarray(
+        sum(math.comb(degree, k) * s**k * (1.0 - s) ** (degree - k) * control[k] for k in range(degree + 1))
+    )
+
+
+def meeting(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any], d: NDArray[Any]) -> NDArray[Any]:
+    """Which of the segments c-d a segment a-b crosses or touches."""
+    first, second = b - a, d - c
+    at_c, at_d = cross(first, c - a), cross(first, d - a)
+    at_a, at_b = cross(second, a - c), cross(second, b - c)
+    low, high = np.minimum(c, d), np.maximum(c, d)
+    boxes = np.all((low <= np.maximum(a, b)) & (high >= np.minimum(a, b)), axis=-1)
+    return np.asarray(boxes & (at_c * at_d <= 0.0) & (at_a * at_b <= 0.0))
+
+
+def crossing_point(a: NDArray[Any], b: NDArray[Any], c: NDArray[Any], d: NDArray[Any]) -> NDArray[Any]:
+    """Where two segments that meet do; of parallel ones a point that both have."""
+    slope = float(cross(b - a, d - c))
+    if slope:
+        return np.asarray(a + (b - a) * (float(cross(c - a, d - c)) / slope))
+    return next((one for one in (c, d) if np.all((one - a) * (one - b) <= 0.0)), a)
+
+
+def self_crossing(outline: NDArray[Any]) -> NDArray[Any] | None:
+    """The first point where a polyline crosses, touches or covers itself; its last point may be its first."""
+    start, end = outline[:-1], outline[1:]
+    closed = len(start) > 2 and bool(np.all(outline[0] == outline[-1]))
+    step = end - start
+    turned = (cross(step[:-1], step[1:]) == 0.0) & (np.sum(step[:-1] * step[1:], axis=1) < 0.0)
+    if turned.any():
+        return np.asarray(end[int(np.argmax(turned))])
+    for i in range(len(start) - 2):
+        last = len(start) - (1 if closed and i == 0 else 0)
+        found = meeting(start[i], end[i], start[i + 2 : last], end[i + 2 : last])
+        if found.any():
+            j = i + 2 + int(np.argmax(found))
+            return crossing_point(start[i], end[i], start[j], end[j])
+    return None
+
+
+def to_segments(points: NDArray[Any], outline: NDArray[Any]) -> NDArray[Any]:
+    """Distance of each point from a polyline."""
+    start, step = outline[:-1], np.diff(outline, axis=0)
+    square = np.sum(step**2, axis=1)
+    found = np.empty(len(points))
+    for row in range(0, len(points), ROWS):
+        away = points[row : row + ROWS, None] - start
+        share = np.clip(np.sum(away * step, axis=2) / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
+        found[row : row + ROWS] = np.hypot(*np.moveaxis(away - share[..., None] * step, 2, 0)).min(axis=1)
+    return found
+
+
+def nearest(line: NDArray[Any], outline: NDArray[Any]) -> tuple[float, NDArray[Any]]:
+    """Smallest distance of two polylines, 0 where they cross, and the place on the first one or at it."""
+    for a, b in pairwise(line):
+        found = meeting(a, b, outline[:-1], outline[1:])
+        if found.any():
+            j = int(np.argmax(found))
+            return 0.0, crossing_point(a, b, outline[j], outline[j + 1])
+    own, others = to_segments(line, outline), to_segments(outline, line)
+    if own.min() <= others.min():
+        return float(own.min()), line[int(np.argmin(own))]
+    return float(others.min()), outline[int(np.argmin(others))]
+
+
+def inside(point: NDArray[Any], outline: NDArray[Any]) -> bool:
+    """Whether a point lies within a closed polyline: an odd number of its segments is to the right of the point."""
+    a, b = outline[:-1], outline[1:]
+    over = (a[:, 1] > point[1]) != (b[:, 1] > point[1])
+    rise = np.where(over, b[:, 1] - a[:, 1], 1.0)
+    x = a[:, 0] + (point[1] - a[:, 1]) / rise * (b[:, 0] - a[:, 0])
+    return bool(np.sum(over & (x > point[0])) % 2)
