@@ -1,0 +1,133 @@
+"""The model at other values of the unknowns, again and again: built once, and in this process.
+
+Members whose memory lies here go back to how they were made, and take the next values; nothing is compiled, loaded or read
+again. Somebody else's FMU has to be instantiated anew, from the archive that stays unpacked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from twin.coupling import CoSimulation, Memory, RecordMember, find
+from twin.errors import SimulationError
+from twin.run import run_case, silent, simulation
+from twin.scenario import Form, members
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from twin.study.problem import Output, Problem
+
+    Array = np.ndarray[Any, Any]
+
+BUFFER_BYTES = 1 << 20  # for rows: many short simulations
+KEPT = 24  # simulations: delays and offsets need none of their own
+
+
+class Model:
+    """Computes what the outputs would have measured. Use it with `with`: at its end all members are freed."""
+
+    def __init__(self, problem: Problem, build: Path) -> None:
+        self.problem, self._build = problem, build
+        self.count = 0  # of simulations
+        self._kept: dict[tuple[float, ...], tuple[Array, dict[str, Array]]] = {}
+        self._places = {
+            one.name: (one.member, find(one.name, problem.catalog)) for one in problem.unknowns if one.member
+        }
+        used = [members.component_of(one) for one in problem.case.members.values()]
+        members.prebuild(used, Form.compiled, build, silent)
+        self._first = self._made()
+        self._saved = self._snapshot()
+
+    def _made(self, values: Mapping[str, float] | None = None) -> CoSimulation:
+        """New members, with these values among those they begin with."""
+        case = self.problem.case
+        parts = dict(case.members)
+        for one in self.problem.unknowns if values else ():
+            if one.member and values:
+                own = {**parts[one.member].parameters, one.variable: values[one.name]}
+                parts[one.member] = replace(parts[one.member], parameters=own)
+        case = replace(case, members=parts)
+        return simulation(case, self.problem.catalog, Form.compiled, self._build, Memory(BUFFER_BYTES))
+
+    def _snapshot(self) -> dict[str, Any]:
+        """How the members were made; nothing if one of them cannot go back there."""
+        own = self._first.members
+        if (
+            all(isinstance(one, RecordMember) and one.can_restore for one in own.values())
+            and not self.problem.case.events
+        ):
+            return {name: one.save() for name, one in own.items()}
+        return {}
+
+    def _begun(self, values: Mapping[str, float]) -> CoSimulation:
+        """A co-simulation that is about to begin."""
+        first = self._first
+        if not self._saved:
+            return self._made(values)
+        for name, saved in self._saved.items():
+            first.members[name].restore(saved)
+        for name, (member, reference) in self._places.items():
+            part, variable = first.members[member], reference.variable
+            whole = np.array(part.get(variable.name))
+            whole.reshape(-1)[reference.first : reference.first + reference.size] = values[name]
+            part.set(variable.name, whole)
+        return CoSimulation(
+            first.members, first.links, first.step, first.algorithm, record=first.recorded, every=first.every,
+            build=self._build, periods=first.periods, recorder=Memory(BUFFER_BYTES), exempt=list(first.members),
+        )  # fmt: skip
+
+    def signals(self, values: Mapping[str, float]) -> tuple[Array, dict[str, Array]]:
+        """Times [s] and what the outputs' signals are; SimulationError if the simulation fails."""
+        key = tuple(values[name] for name in self._places)
+        found = self._kept.pop(key, None) or self._simulated(values)
+        self._kept[key] = found  # the last one
+        if len(self._kept) > KEPT:
+            del self._kept[next(iter(self._kept))]
+        return found
+
+    def _simulated(self, values: Mapping[str, float]) -> tuple[Array, dict[str, Array]]:
+        self.count += 1
+        simulated = self._begun(values)
+        try:
+            run_case(self.problem.case, simulated, silent)
+            if simulated.finished:
+                raise SimulationError(simulated.failure)
+            recording = simulated.recording()
+        finally:
+            if not self._saved:
+                simulated.terminate()
+        return recording.time, recording.signals
+
+    def predicted(self, places: Array) -> list[Array]:
+        """What each output would have measured; SimulationError if the simulation fails or is not finite."""
+        values = self.problem.values(places)
+        time, signals = self.signals(values)
+        found = [sampled(one, time, signals, values) for one in self.problem.outputs]
+        if not all(np.isfinite(one).all() for one in found):
+            raise SimulationError("what is compared is not finite")
+        return found
+
+    def close(self) -> None:
+        """Free all members."""
+        self._first.terminate()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def sampled(output: Output, time: Array, signals: Mapping[str, Array], values: Mapping[str, float]) -> Array:
+    """A signal at the times at which it was measured, on straight lines between communication points."""
+    name = output.signal if output.signal in signals else output.signal.rpartition("[")[0]
+    signal = signals[name].reshape(len(time), -1)[:, output.element]
+    delay = values[output.delay] if isinstance(output.delay, str) else output.delay
+    offset = values[output.offset] if isinstance(output.offset, str) else output.offset
+    found: Array = np.interp(output.time - delay, time, signal) + offset
+    return found

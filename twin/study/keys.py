@@ -1,0 +1,95 @@
+"""Shape of an identify file: keys, their types and what they mean. Names and units are checked in `problem`."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, Field
+
+from twin.scenario import Keys, Period, Reference, Seed, Text, Time, Value
+
+Loss = Literal["linear", "soft_l1", "huber", "cauchy", "arctan"]  # as scipy.optimize.least_squares calls them
+
+
+def files(value: Any) -> Any:
+    """A list of files, also of one, also if only its path is given."""
+    return [{"file": one} if isinstance(one, str) else one for one in (value if isinstance(value, list) else [value])]
+
+
+def signal(value: Any) -> Any:
+    """A signal, also if only its name is given."""
+    return {"signal": value} if isinstance(value, str) else value
+
+
+def probability(value: Any) -> Any:
+    """A probability, from `95 %` or 0.95."""
+    try:
+        found = float(value.rstrip().removesuffix("%")) / 100 if isinstance(value, str) else float(value)
+    except (TypeError, ValueError):
+        found = 0.0
+    if not 0.5 <= found < 1:
+        raise ValueError("expected a probability from 50 % to below 100 %, such as 95 %")
+    return found
+
+
+class FileKeys(Keys):
+    """A recorded file. `time`: its column of times; `start`: the time in it that is zero in the run."""
+
+    file: Text = ""
+    time: Text = ""
+    start: Time = 0
+    node: Annotated[int, Field(strict=True, ge=1, le=127)] | None = None  # of a decoded bus trace
+    variant: Text = ""  # of a run
+    seed: Seed | None = None
+    gap: Period | None = None  # longest time without a value through which an input is drawn as a line
+
+
+class RangeKeys(Keys):
+    """Where a value is looked for. `start`: the first guess, by default what the model has."""
+
+    low: Value | None = Field(None, alias="from")
+    high: Value | None = Field(None, alias="to")
+    start: Value | None = None
+    scale: Literal["linear", "log"] = "linear"
+
+
+class InputKeys(Keys):
+    """A column that drives a variable: factor * column + offset."""
+
+    signal: Reference = "."
+    factor: float = 1.0
+    offset: Value = 0.0
+
+
+class OutputKeys(InputKeys):
+    """A column that a variable is compared with.
+
+    `noise`: standard deviation of the measurement, else it is estimated; `weight`: how much more it counts.
+    `delay` and `offset` may be looked for, too.
+    """
+
+    offset: Value | RangeKeys = 0.0
+    delay: Value | RangeKeys = 0.0
+    noise: Value | None = None
+    weight: Annotated[float, Field(gt=0)] = 1.0
+
+
+class IdentifyKeys(Keys):
+    """An identify file."""
+
+    title: Text = ""
+    description: Text = ""
+    scenario: Text = ""
+    component: Text = ""
+    variant: Text = ""
+    seed: Seed | None = None
+    step: Period | None = None
+    set: dict[Text, Value] = Field(default_factory=dict)
+    data: Annotated[list[FileKeys], BeforeValidator(files)] = Field(default_factory=list)
+    inputs: dict[Text, Annotated[InputKeys, BeforeValidator(signal)]] = Field(default_factory=dict)
+    outputs: dict[Text, Annotated[OutputKeys, BeforeValidator(signal)]] = Field(default_factory=dict)
+    start: Time | None = Field(None, alias="from")
+    stop: Time | None = Field(None, alias="to")
+    fit: dict[Text, RangeKeys] = Field(default_factory=dict)
+    loss: Loss = "linear"
+    confidence: Annotated[float, BeforeValidator(probability)] = 0.95

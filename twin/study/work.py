@@ -1,0 +1,56 @@
+"""An identification from its file to its result."""
+
+from __future__ import annotations
+
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from twin.errors import ScenarioError
+from twin.study.engine import Model
+from twin.study.intervals import METHODS, known
+from twin.study.loading import load
+from twin.study.result import Result
+from twin.study.search import search
+
+if TYPE_CHECKING:
+    from twin.study.problem import Problem
+    from twin.study.search import Progress
+
+
+def silent(_what: str, _part: float, _best: str) -> None:
+    """No progress shown."""
+
+
+def identify(
+    problem: Problem | str | Path,
+    *,
+    starts: int = 8,
+    seed: int = 0,
+    intervals: str = "jacobian",
+    build: Path = Path("build"),
+    progress: Progress = silent,
+    command: str = "twin.study.identify",
+) -> Result:
+    """Fit a model to recordings. After Ctrl-C: the best until then, with intervals by the Jacobian."""
+    problem = problem if not isinstance(problem, str | Path) else load(problem)
+    if intervals not in METHODS:
+        raise ScenarioError(f"intervals: {intervals} is not known. Use {', '.join(METHODS)}.")
+    if starts < 1:
+        raise ScenarioError("starts: one at least is needed.")
+    started = datetime.now(UTC).astimezone()
+    begin = time.perf_counter()
+    with Model(problem, build) as model:
+        found = search(model, starts, seed, progress)
+        method = "jacobian" if found.interrupted else intervals
+        try:
+            knowledge = known(model, found, method, seed, lambda what, part: progress(what, part, ""))
+        except KeyboardInterrupt:
+            if found.interrupted:
+                raise
+            found.interrupted = True
+            knowledge = known(model, found, "jacobian", seed, lambda what, part: progress(what, part, ""))
+        predicted = model.predicted(found.places)
+        found.simulations, found.seconds = model.count, time.perf_counter() - begin
+    return Result(problem, found, knowledge, predicted, command, started)
