@@ -2,13 +2,16 @@
 
 from math import floor
 
-from twin.component import Component, Int64, input, local, normal, output, parameter, seed_stream
+from twin.component import ERROR, OK, Component, Int64, input, local, normal, output, parameter, seed_stream
+
+LINE = 32  # periods that a value may wait
 
 
 class ForceSensor(Component):
     """Force sensor behind the wall: white noise, then rounding to the sensor's resolution.
 
-    ATI Nano17 SI-12-0.12, one axis. A value is published one period after it was sampled.
+    ATI Nano17 SI-12-0.12, one axis. A value is published one period after it was sampled, and `latency` later still: whole
+    periods up to 31, else ERROR. Drift, temperature, hysteresis and latency are off unless they are set.
     """
 
     period = 5e-3
@@ -23,14 +26,46 @@ class ForceSensor(Component):
     seed = parameter(1, "", "seed of the noise; give every noisy member its own", type=Int64, fixed=True,
                      source="arbitrary")
 
+    drift = parameter(0.0, "N/s", "change of the zero over time", source="0: zeroed before each run; estimate 1 to 5 mN/min")
+    temperature = parameter(293.15, "K", "of the sensor", source="20 degC, where it was zeroed")
+    temperature_sensitivity = parameter(0.0, "N/K", "change of the zero per temperature",
+                                        source="0: a bench at rest; estimate 5 mN/K, 0.03 % of 17 N")
+    hysteresis = parameter(0.0, "N", "difference of what is shown under rising and falling force", display_unit="mN",
+                           minimum=0.0, source="0: below the noise; estimate 0.1 % of a cycle's force and more with a mount")
+    latency = parameter(0.0, "s", "age of a value beyond one period, such as of a filter or a network", display_unit="ms",
+                        minimum=0.0, source="0: its own controller reads it")
+
+    shown = local(0.0, "N", "force behind the hysteresis")
+    line = local(0.0, "N", "values of the last periods, a ring", shape=(LINE,))
+    head = local(0, "", "place of the latest value in the ring", type=Int64)
     stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)
-        self.measured_force = rounded(self.force, self.resolution)
+        self.shown = self.force
+        value = rounded(self.force + warmed(self), self.resolution)
+        for i in range(LINE):
+            self.line[i] = value
+        self.head = 0
+        self.measured_force = value
 
-    def step(self, t: float, h: float) -> None:
-        self.measured_force = rounded(self.force + self.noise * normal(self.stream), self.resolution)
+    def step(self, t: float, h: float) -> int:
+        age = floor(self.latency / h + 0.5)
+        if age >= LINE:
+            return ERROR
+
+        # play: what is shown stays until the force has gone back by the hysteresis
+        self.shown = min(max(self.shown, self.force - 0.5 * self.hysteresis), self.force + 0.5 * self.hysteresis)
+        zero = self.drift * t + warmed(self)
+        self.head = (self.head + 1) % LINE
+        self.line[self.head] = rounded(self.shown + zero + self.noise * normal(self.stream), self.resolution)
+        self.measured_force = self.line[(self.head - age + LINE) % LINE]
+        return OK
+
+
+def warmed(self: ForceSensor) -> float:
+    """Zero [N] that the temperature makes."""
+    return self.temperature_sensitivity * (self.temperature - 293.15)
 
 
 def rounded(force: float, resolution: float) -> float:

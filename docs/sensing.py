@@ -1,0 +1,142 @@
+"""Draw the figures of docs/explanation/sensing.md, and write its result tables, from runs made now.
+
+python docs/sensing.py
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from figures import ROOT, draw_plots, pivot, run, save
+from fmus.fiber.model import Fiber
+from fmus.fiber_shape.model import FiberShape
+from fmus.guided_tip.model import GuidedTip
+from matplotlib.figure import Figure
+
+from twin.results import plotting
+
+PAGE = ROOT / "docs" / "explanation" / "sensing.md"
+PUBLISHED = (0.35, 1.15)  # mean error over 38 cm of Jackle et al., for shapes of different complexity [mm]
+FIBERS = 40
+
+TABLES = {
+    "fiber_shape": ("error_mean", "error_max", "residual", "status"),
+    "tip_tracking": ("error_mean", "error_std", "error_max", "error_rms", "status"),
+}
+PATHS: dict[str, dict[str, Any]] = {
+    "plane": {"segment_length": (0.203, 0.0785, 0.0785, 1.0, 1.0, 1.0)},
+    "3-D": {
+        "segment_length": (0.203, 0.0785, 0.0785, 1.0, 1.0, 1.0),
+        "segment_angle": (0.0, 0.0, np.radians(110.0), 0.0, 0.0, 0.0),
+    },
+    "arch": {
+        "segment_length": (0.1, 0.1, 0.125, 1.0, 1.0, 1.0),
+        "segment_curvature": (0.0, 5.0, 25.0, 0.0, 0.0, 0.0),
+        "segment_angle": (0.0, np.radians(70.0), 0.0, 0.0, 0.0, 0.0),
+    },
+}
+
+
+def distances(path: dict[str, Any], fiber: dict[str, Any], sampled: dict[str, Any], seed: int) -> Any:
+    """Distance of the reconstructed curve from the true one at each node [mm], for one fiber."""
+    tip = GuidedTip(**path, **sampled)
+    tip.start()
+    sensed = Fiber(seed=seed, **fiber, **sampled)
+    sensed.curvature[:] = tip.curvature
+    sensed.start()
+    shape = FiberShape(wavelength=sensed.wavelength, grating_count=sensed.grating_count, **sampled)
+    shape.start()
+    nodes = int(tip.count) + 1
+    return 1e3 * np.linalg.norm(shape.shape[:nodes] - tip.shape[:nodes], axis=1)
+
+
+def fibers(path: str, fiber: dict[str, Any] | None = None, sampled: dict[str, Any] | None = None) -> Any:
+    """The same for many fibers, one row each; their gratings lie at all places of a pitch along the path."""
+    sampled = sampled or {"pitch": 10e-3}
+    first, *rest = PATHS[path]["segment_length"]
+    found = []
+    for seed in range(FIBERS):
+        lengths = first - sampled["pitch"] * seed / FIBERS, *rest
+        found.append(distances({**PATHS[path], "segment_length": lengths}, fiber or {}, sampled, seed))
+    return np.array(found)
+
+
+def draw_along(axis: Any) -> None:
+    """Error along the fiber, mean of all fibers and where four of five are."""
+    for number, path in enumerate(PATHS):
+        found = fibers(path)
+        s = np.linspace(0.0, 380.0, found.shape[1])
+        color = plotting.COLORS[number]
+        axis.plot(s, found.mean(axis=0), color=color, label=f"{path}: mean {found[:, 1:].mean():.2f} mm")
+        axis.fill_between(s, *np.quantile(found, (0.1, 0.9), axis=0), color=color, alpha=0.15, linewidth=0)
+    axis.axhspan(*PUBLISHED, color="0.85", zorder=0, label="published means")
+    axis.set(xlabel="distance from the base [mm]", ylabel="error [mm]", xlim=(0, 380), ylim=(0, None))
+    axis.legend(loc="upper left")
+
+
+def draw_growth(axis: Any, label: str, values: list[float], cases: list[tuple[Any, Any]]) -> None:
+    """Mean error over something that is made worse."""
+    for number, path in enumerate(PATHS):
+        means = [fibers(path, fiber, sampled)[:, 1:].mean() for fiber, sampled in cases]
+        axis.plot(values, means, "o-", color=plotting.COLORS[number], markersize=3.5, label=path)
+    axis.axhspan(*PUBLISHED, color="0.85", zorder=0)
+    axis.set(xlabel=label, ylim=(0, None), xlim=(0, None))
+
+
+def draw_shape() -> None:
+    """Error of the shape along the fiber, and how it grows."""
+    pitches = [10.0, 12.5, 20.0, 31.67, 40.0]
+    counts = [38, 30, 19, 12, 9]
+    angles = [0.0, 1.0, 2.0, 3.0, 5.0]
+    offsets = [0.0, 1.0, 2.0, 5.0, 10.0]
+    with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": "shape"}):
+        figure = Figure((9.0, 6.4), layout="constrained")
+        grid = figure.add_gridspec(2, 3, height_ratios=(1.3, 1.0))
+        draw_along(figure.add_subplot(grid[0, :]))
+        panels = [figure.add_subplot(grid[1, k]) for k in range(3)]
+        sampled = [{"pitch": 1e-3 * pitch, "count": count} for pitch, count in zip(pitches, counts, strict=True)]
+        draw_growth(panels[0], "distance of gratings [mm]", pitches, [(None, one) for one in sampled])
+        turned = [({"angle_error": np.radians(angle)}, None) for angle in angles]
+        draw_growth(panels[1], "error of the cores' angles [deg]", angles, turned)
+        moved = [({"reference_error": 1e-12 * offset}, None) for offset in offsets]
+        draw_growth(panels[2], "error of the references [pm]", offsets, moved)
+        panels[0].set_ylabel("mean error [mm]")
+        panels[0].legend(loc="upper left")
+        save(figure, "fiber_shape.svg")
+
+
+def write_table(name: str, text: str) -> None:
+    """Replace what stands between the comments of a table."""
+    marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+    PAGE.write_text(marks.sub(lambda match: match[1] + text + "\n" + match[2], PAGE.read_text()))
+
+
+def main() -> None:
+    """Draw and write everything."""
+    draw_shape()
+    with tempfile.TemporaryDirectory() as name:
+        outcomes = {scenario: run(scenario, Path(name)) for scenario in TABLES}
+    for scenario, metrics in TABLES.items():
+        write_table(scenario, shown(outcomes[scenario].summary, metrics))
+    draw_plots(outcomes["tip_tracking"], {"Tip motion by fiber and by EM tracker": "tip_tracking.svg"})
+
+
+def shown(summary: Any, metrics: tuple[str, ...]) -> str:
+    """Metrics as columns, for those variants that have all of them."""
+    variants = set.intersection(*(set(summary["metrics"][name]["variants"]) for name in metrics))
+    kept = {
+        name: {**summary["metrics"][name], "variants": {
+            variant: one for variant, one in summary["metrics"][name]["variants"].items() if variant in variants
+        }}
+        for name in metrics
+    }  # fmt: skip
+    return pivot({"metrics": kept}, metrics)
+
+
+if __name__ == "__main__":
+    main()

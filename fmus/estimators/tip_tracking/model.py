@@ -1,0 +1,375 @@
+"""Pose of the tip by the shift of the curvature profile."""
+
+from math import atan2, ceil, exp, floor, hypot, isfinite, sqrt
+
+from fmus.dense import eigenvectors
+
+from fmus.curves import hermite, interpolated, interval, slope, spline, weights
+from fmus.gratings import DEGRADED, GRATINGS, LOST, NODES, VALID
+from twin.component import Boolean, Component, Int32, input, local, output, parameter, terminal
+
+LARGEST = 1e4  # curvature [1/m] or coordinate [m] that is no longer one of an instrument
+COARSE = 4  # shifts per pitch that are tried over the whole window
+FINE = (1.0, 0.1)  # half widths of the parabolas that refine the best one, of the coarse increment
+
+
+class TipTracking(Component):
+    """The seven steps of Al-Ahmad et al. (RACS), section IV.C: how far the instrument has come, and where its tip is.
+
+    The universal frame is that of the fiber's base at the first sample. Needs bends: along a straight or evenly bent path
+    a shift changes nothing, which `uncertainty` tells. Before travel leaves half the window, a new reference is taken.
+    """
+
+    period = 4e-3
+
+    curvature = input("1/m", "curvature at each grating along both directions", shape=(GRATINGS, 2), nominal=20.0)
+    shape = input("m", "curve in the frame of the base: base, then each pitch", shape=(NODES, 3), display_unit="mm",
+                  nominal=10e-3)
+    tangent = input("", "directions of the curve there", shape=(NODES, 3), nominal=1.0)
+    profile_status = input("", "0 valid, 1 degraded, 2 lost", type=Int32, minimum=0, maximum=2)
+    profile_age = input("s", "age of the sample", start=8e-3, display_unit="ms", nominal=1e-4)
+
+    travel = output("m", "signed travel since the first sample, positive distal", display_unit="mm")
+    position = output("m", "tip in the universal frame", shape=(3,), display_unit="mm")
+    direction = output("", "tangent at the tip in the universal frame", shape=(3,))
+    roll = output("rad", "rotation of the instrument about itself since the reference", display_unit="deg")
+    uncertainty = output("m", "standard deviation of the travel since the reference, as the match tells it",
+                         display_unit="mm")
+    mismatch = output("1/m", "rms difference of the matched curvatures")
+    status = output("", "0 valid; 1 degraded: input degraded, path too straight or changed, or held; 2 lost", type=Int32)
+    age = output("s", "age of the sample when it was published", display_unit="ms")
+
+    profile = terminal("the instrument's curve", curvature=curvature, shape=shape, tangent=tangent,
+                       status=profile_status, age=profile_age)
+    tip = terminal("the tip", position=position, status=status, age=age)
+
+    count = parameter(38, "", "gratings per core", type=Int32, fixed=True, minimum=8, maximum=GRATINGS,
+                      source="as fiber")
+    pitch = parameter(10e-3, "m", "distance of gratings", display_unit="mm", minimum=1e-3, fixed=True,
+                      source="as fiber")
+    window = parameter(20e-3, "m", "largest travel from the reference that is looked for: zeta_max", display_unit="mm",
+                       minimum=1e-3, source="chosen: the heart moves 12 mm, and half of the window is used")
+    free_length = parameter(20e-3, "m", "distal part that is not guided, left out of the match", display_unit="mm",
+                            minimum=0.0, source="as guided_tip")
+    registered_length = parameter(0.03, "m", "over which a point's weight in the registration falls to 37 %, from the tip",
+                                  display_unit="mm", minimum=1e-3,
+                                  source="chosen: three gratings, so that a bend farther away still tells the roll")
+    curvature_noise = parameter(0.05, "1/m", "standard deviation of a component of curvature; the least believed",
+                                minimum=1e-6, source="fiber: references off by 2 pm at 37.5 um, and noise of 0.5 pm")
+    uncertainty_limit = parameter(0.5e-3, "m", "uncertainty from which on the result is degraded", display_unit="mm",
+                                  minimum=0.0, source="paper, section IV.C: 0.60 mm is what tracking should reach")
+    blind_limit = parameter(5e-3, "m", "uncertainty from which on there is no result", display_unit="mm", minimum=0.0,
+                            source="half a pitch: no better than counting gratings")
+    mismatch_limit = parameter(2.0, "1/m", "mismatch from which on the result is degraded: the path has changed",
+                               minimum=0.0, source="chosen: a tenth of the paper's bends")
+    fresh = parameter(14e-3, "s", "age of a sample from which on it is degraded", display_unit="ms", minimum=0.0,
+                      source="chosen: as fiber_shape")
+    hold = parameter(0.1, "s", "how long the last good result is held before it is lost", display_unit="ms", minimum=0.0,
+                     source="as fiber_shape")
+
+    reference = local(0.0, "1/m", "curvature of the reference", shape=(GRATINGS, 2))
+    moments = local(0.0, "1/m", "bending of its splines", shape=(GRATINGS, 2))
+    factors = local(0.0, "", "scratch of the splines", shape=(GRATINGS,))
+    reference_shape = local(0.0, "m", "curve of the reference in the universal frame", shape=(NODES, 3))
+    reference_tangent = local(0.0, "", "its directions there", shape=(NODES, 3))
+    reference_travel = local(0.0, "m", "travel of the reference", display_unit="mm")
+    begun = local(False, "", "whether there is a reference", type=Boolean)
+    ever = local(False, "", "whether there has been a result", type=Boolean)
+    error = local(0.0, "1/m^2", "sum of squared differences of the last shift that was tried")
+    along = local(0.0, "1/m^2", "sum of a conj(b) of that shift, real part")
+    across = local(0.0, "1/m^2", "its imaginary part")
+    onto = local(0.0, "m", "points of the reference that the nodes of now match", shape=(NODES, 3))
+    center = local(0.0, "m", "mean of the cropped curve, and of the reference's", shape=(2, 3))
+    moment = local(0.0, "m^2", "products of both cropped curves", shape=(3, 3))
+    horn = local(0.0, "", "Horn's matrix, and its diagonal form", shape=(4, 4))
+    vectors = local(0.0, "", "its eigenvectors", shape=(4, 4))
+    rotation = local(0.0, "", "from the frame of the base to the universal frame", shape=(3, 3))
+
+    kept_travel = local(0.0, "m", "travel of the last good sample", display_unit="mm")
+    kept_position = local(0.0, "m", "its position", shape=(3,), display_unit="mm")
+    kept_direction = local(0.0, "", "its direction", shape=(3,))
+    kept_roll = local(0.0, "rad", "its roll", display_unit="deg")
+    kept_age = local(0.0, "s", "its age", display_unit="ms")
+    doubt = local(0.0, "m", "uncertainty of the last sample that was matched", display_unit="mm")
+    difference = local(0.0, "1/m", "its mismatch")
+    used = local(4, "", "gratings in use: count, as far as there is room", type=Int32)
+
+    def initialize(self) -> None:
+        self.used = max(min(self.count, GRATINGS), 4)
+        for a in range(3):
+            self.kept_position[a] = 0.0
+            self.kept_direction[a] = 1.0 if a == 2 else 0.0
+        self.kept_travel = 0.0
+        self.kept_roll = 0.0
+        self.kept_age = 0.0
+        self.doubt = self.window
+        self.difference = 0.0
+        self.begun = False
+        self.ever = False
+        self.status = LOST
+        publish(self)
+
+    def step(self, t: float, h: float) -> None:
+        self.status = track(self, h)
+        publish(self)
+
+
+def publish(self: TipTracking) -> None:
+    """The last good sample, and how well the last one matched."""
+    self.travel = self.kept_travel
+    self.roll = self.kept_roll
+    self.age = self.kept_age
+    self.uncertainty = self.doubt
+    self.mismatch = self.difference
+    for a in range(3):
+        self.position[a] = self.kept_position[a]
+        self.direction[a] = self.kept_direction[a]
+
+
+def track(self: TipTracking, h: float) -> int:
+    """Take a sample, or hold what there was; the status."""
+    age = self.profile_age + h
+    usable = self.profile_status != LOST and isfinite(age) and age <= h + self.hold and readable(self)
+    shift = 0.0
+    if usable:
+        if not self.begun:
+            begin(self)
+        shift = best_shift(self)
+        judge(self, shift)
+        usable = self.doubt <= self.blind_limit and self.doubt < self.window
+    if not usable:
+        self.kept_age += h
+        return DEGRADED if self.ever and self.kept_age <= self.hold + 0.5 * h else LOST
+    register(self, shift)
+    self.kept_travel = self.reference_travel + shift
+    self.kept_roll = atan2(-self.across, self.along)
+    self.kept_age = age
+    self.ever = True
+    doubtful = self.profile_status != VALID or self.difference > self.mismatch_limit
+    if abs(shift) > 0.5 * self.window and not doubtful:
+        renew(self)
+    return DEGRADED if doubtful or self.doubt > self.uncertainty_limit or age > h + self.fresh else VALID
+
+
+def readable(self: TipTracking) -> bool:
+    """Whether the whole profile is numbers that a curve may have."""
+    for i in range(self.used):
+        for c in range(2):
+            if not abs(self.curvature[i, c]) < LARGEST:
+                return False
+    for i in range(self.used + 1):
+        for j in range(3):
+            if not (abs(self.shape[i, j]) < LARGEST and abs(self.tangent[i, j]) < LARGEST):  # no number is not less either
+                return False
+    return True
+
+
+def begin(self: TipTracking) -> None:
+    """Step 1 at k = 0: the first curve is the reference, its base the universal frame."""
+    for i in range(NODES):
+        for j in range(3):
+            self.reference_shape[i, j] = self.shape[i, j]
+            self.reference_tangent[i, j] = self.tangent[i, j]
+    self.reference_travel = 0.0
+    self.begun = True
+    keep_curvature(self)
+
+
+def keep_curvature(self: TipTracking) -> None:
+    """The profile of now as the reference's."""
+    for i in range(self.used):
+        for c in range(2):
+            self.reference[i, c] = self.curvature[i, c]
+    spline(self.reference, self.moments, self.factors, self.used)
+
+
+def first(self: TipTracking) -> int:
+    """Step 2, crop: first grating, and first node, from which no shift in the window leaves the reference."""
+    return ceil(self.window / self.pitch + 0.5)
+
+
+def last(self: TipTracking) -> int:
+    """The grating behind the last of them; the node of this number is the last one."""
+    return self.used - ceil((self.window + self.free_length) / self.pitch + 0.5)
+
+
+def best_shift(self: TipTracking) -> float:
+    """Steps 3 and 4: the shift [m] with the least squares, first over the window, then between those that were tried."""
+    increment = self.pitch / COARSE
+    tries = floor(self.window / increment)
+    best = 0.0
+    least = squares(self, 0.0)
+    for k in range(1, tries + 1):
+        for sign in range(-1, 2, 2):
+            found = squares(self, sign * k * increment)
+            if found < least:
+                least = found
+                best = sign * k * increment
+    for k in range(len(FINE)):
+        width = FINE[k] * increment
+        below = squares(self, best - width)
+        middle = squares(self, best)
+        above = squares(self, best + width)
+        curve = below - 2.0 * middle + above
+        if curve > 0.0:
+            best += min(max(0.5 * width * (below - above) / curve, -width), width)
+    return min(max(best, -self.window), self.window)
+
+
+def squares(self: TipTracking, shift: float) -> float:
+    """Sum of squared differences of the cropped profile and the reference, shifted; rolled so that it is least.
+
+    As complex numbers a of now and b of the reference: |a|^2 + |b|^2 - 2 |sum of a conj(b)|.
+    """
+    both = along = across = 0.0
+    begin, end = first(self), last(self)
+    j = interval(begin + shift / self.pitch, self.used)
+    w, x, y, z = weights(begin + shift / self.pitch - j)
+    v = self.reference
+    m = self.moments
+    for i in range(begin, end):
+        k = j + i - begin
+        b1 = w * v[k, 0] + x * v[k + 1, 0] + y * m[k, 0] + z * m[k + 1, 0]
+        b2 = w * v[k, 1] + x * v[k + 1, 1] + y * m[k, 1] + z * m[k + 1, 1]
+        a1 = self.curvature[i, 0]
+        a2 = self.curvature[i, 1]
+        both += a1 * a1 + a2 * a2 + b1 * b1 + b2 * b2
+        along += a1 * b1 + a2 * b2
+        across += a2 * b1 - a1 * b2
+    self.along = along
+    self.across = across
+    self.error = max(both - 2.0 * hypot(along, across), 0.0)
+    return self.error
+
+
+def judge(self: TipTracking, shift: float) -> None:
+    """Uncertainty of a shift: noise over how fast the reference changes along the arc, other than by a roll."""
+    squares(self, shift)
+    begin, end = first(self), last(self)
+    variance = self.error / max(2.0 * (end - begin) - 2.0, 1.0)
+    self.difference = sqrt(variance)
+    j = interval(begin + shift / self.pitch, self.used)
+    part = begin + shift / self.pitch - j
+    size = steep = turning = 0.0
+    for i in range(begin, end):
+        k = j + i - begin
+        b1 = interpolated(self.reference, self.moments, 0, k, part)
+        b2 = interpolated(self.reference, self.moments, 1, k, part)
+        d1 = slope(self.reference, self.moments, 0, k, part) / self.pitch
+        d2 = slope(self.reference, self.moments, 1, k, part) / self.pitch
+        size += b1 * b1 + b2 * b2
+        steep += d1 * d1 + d2 * d2
+        turning += b1 * d2 - b2 * d1
+    if size > 0.0:
+        steep -= turning * turning / size
+
+    # both profiles are noisy, and noise makes slopes too: what it would make of a straight path tells nothing
+    noise = max(variance, 2.0 * self.curvature_noise * self.curvature_noise)
+    steep -= 2.0 * max(end - begin, 0) * noise / (self.pitch * self.pitch)
+    self.doubt = self.window
+    if steep > 0.0:
+        self.doubt = min(sqrt(noise / steep), self.window)
+
+
+def register(self: TipTracking, shift: float) -> None:
+    """Steps 5 to 7: both curves cropped where they match and moved to the origin; the rotation; the tip's pose.
+
+    All that overlaps is used, not only the crop, and a point counts less, the farther it is from the tip: errors of shape
+    far away would turn the tip about a long lever. The origin is the mean of the points, as least squares demand.
+    """
+    begin = ceil(max(-shift, 0.0) / self.pitch)
+    end = self.used - ceil((max(shift, 0.0) + self.free_length) / self.pitch)
+    first_place = begin + shift / self.pitch
+    ahead = min(max(floor(first_place), 0) - begin, self.used - 1 - end)
+    w, x, y, z = hermite(first_place - ahead - begin, self.pitch)
+    fading = exp(-self.pitch / self.registered_length)
+    total = 0.0
+    weight = 1.0
+    for a in range(3):
+        self.center[0, a] = self.center[1, a] = 0.0
+    for k in range(end + 1 - begin):
+        i = end - k
+        j = i + ahead
+        for a in range(3):
+            value = w * self.reference_shape[j, a] + x * self.reference_shape[j + 1, a]
+            value += y * self.reference_tangent[j, a] + z * self.reference_tangent[j + 1, a]
+            self.onto[i, a] = value
+            self.center[0, a] += weight * self.shape[i, a]
+            self.center[1, a] += weight * value
+        total += weight
+        weight *= fading
+    for a in range(3):
+        self.center[0, a] /= total
+        self.center[1, a] /= total
+        for b in range(3):
+            self.moment[a, b] = 0.0
+    weight = 1.0
+    for k in range(end + 1 - begin):
+        i = end - k
+        for b in range(3):
+            other = weight * (self.onto[i, b] - self.center[1, b])
+            for a in range(3):
+                self.moment[a, b] += (self.shape[i, a] - self.center[0, a]) * other
+        weight *= fading
+    rotate_onto(self)
+    for a in range(3):
+        self.kept_position[a] = moved(self, self.used, a)
+        self.kept_direction[a] = 0.0
+        for b in range(3):
+            self.kept_direction[a] += self.rotation[a, b] * self.tangent[self.used, b]
+
+
+def moved(self: TipTracking, i: int, a: int) -> float:
+    """Coordinate of a node of this curve in the universal frame [m]."""
+    value = self.center[1, a]
+    for b in range(3):
+        value += self.rotation[a, b] * (self.shape[i, b] - self.center[0, b])
+    return value
+
+
+def rotate_onto(self: TipTracking) -> None:
+    """The rotation that the singular value decomposition of `moment` gives, as a quaternion: it cannot be a reflection.
+
+    Horn, J. Opt. Soc. Am. A 4(4), 1987: eigenvector of the largest eigenvalue of a symmetric 4x4 matrix.
+    """
+    m = self.moment
+    self.horn[0, 0] = m[0, 0] + m[1, 1] + m[2, 2]
+    self.horn[1, 1] = m[0, 0] - m[1, 1] - m[2, 2]
+    self.horn[2, 2] = m[1, 1] - m[0, 0] - m[2, 2]
+    self.horn[3, 3] = m[2, 2] - m[0, 0] - m[1, 1]
+    self.horn[0, 1] = m[1, 2] - m[2, 1]
+    self.horn[0, 2] = m[2, 0] - m[0, 2]
+    self.horn[0, 3] = m[0, 1] - m[1, 0]
+    self.horn[1, 2] = m[0, 1] + m[1, 0]
+    self.horn[1, 3] = m[2, 0] + m[0, 2]
+    self.horn[2, 3] = m[1, 2] + m[2, 1]
+    for i in range(4):
+        for j in range(i):
+            self.horn[i, j] = self.horn[j, i]
+    eigenvectors(self.horn, self.vectors, 4)
+    top = 0
+    for i in range(1, 4):
+        if self.horn[i, i] > self.horn[top, top]:
+            top = i
+    w, x, y, z = self.vectors[0, top], self.vectors[1, top], self.vectors[2, top], self.vectors[3, top]
+    self.rotation[0, 0] = w * w + x * x - y * y - z * z
+    self.rotation[1, 1] = w * w - x * x + y * y - z * z
+    self.rotation[2, 2] = w * w - x * x - y * y + z * z
+    self.rotation[0, 1] = 2.0 * (x * y - w * z)
+    self.rotation[1, 0] = 2.0 * (x * y + w * z)
+    self.rotation[0, 2] = 2.0 * (x * z + w * y)
+    self.rotation[2, 0] = 2.0 * (x * z - w * y)
+    self.rotation[1, 2] = 2.0 * (y * z - w * x)
+    self.rotation[2, 1] = 2.0 * (y * z + w * x)
+
+
+def renew(self: TipTracking) -> None:
+    """The curve of now, where it was found to be, is the reference from here on."""
+    for i in range(NODES):
+        for a in range(3):
+            self.reference_shape[i, a] = moved(self, i, a)
+            self.reference_tangent[i, a] = 0.0
+            for b in range(3):
+                self.reference_tangent[i, a] += self.rotation[a, b] * self.tangent[i, b]
+    self.reference_travel = self.kept_travel
+    keep_curvature(self)
