@@ -1,9 +1,10 @@
 """What is kept of a checked scenario is what checking it gives, and counts only while nothing has changed."""
 
 import json
-import os
+import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,8 @@ import pytest
 
 from tests.fmi.third_party import native_fmu
 from twin.errors import ScenarioError
-from twin.scenario import checked, displayed, kept, load_scenario, look_up
+from twin.run import run_scenario
+from twin.scenario import Checked, checked, displayed, kept, load_scenario, look_up
 
 SCENARIOS = sorted((Path(__file__).parents[2] / "scenarios").glob("*.yaml"))
 TEXT = """
@@ -46,38 +48,72 @@ def sealed(monkeypatch):
 
 
 def same(one, other):
-    (ours, catalogs), (theirs, others) = one, other
-    assert ours == theirs
+    (ours, catalogs), (theirs, others) = ((each.scenario, each.catalogs) for each in (one, other))
+    bare = {"period_ns": None, "communication_ns": None}
+    ours_bare, theirs_bare = (
+        [replace(case, members={n: replace(m, **bare) for n, m in case.members.items()}) for case in each.variants]
+        for each in (ours, theirs)
+    )
+    assert ours_bare == theirs_bare
+    assert replace(ours, variants=()) == replace(theirs, variants=())
     assert ours.frozen() == theirs.frozen()
-    assert [case.members for case in ours.variants] == [case.members for case in theirs.variants]
     for variant, members in others.items():
         for name, variables in members.items():
             assert list(catalogs[variant][name]) == list(variables)
             for key, variable in variables.items():
                 np.testing.assert_equal(catalogs[variant][name][key].start, variable.start)
                 assert catalogs[variant][name][key].dtype == variable.dtype
-            assert ours.cases([variant], [5])[0].values(name, catalogs[variant][name]).keys() == (
-                theirs.cases([variant], [5])[0].values(name, variables).keys()
-            )
+            values = [each.cases([variant], [5])[0].values(name, variables) for each in (ours, theirs)]
+            np.testing.assert_equal(*values)
 
 
-def test_what_is_kept_is_what_was_checked(scenario, tmp_path, sealed):
+def keep(path, folder, build, *options):
+    """Check a scenario, build its components and keep it in a folder."""
+    first = checked(path, options, folder)
+    first.keep(build)
+    return first
+
+
+def test_what_is_kept_is_what_was_checked(scenario, tmp_path, sealed, build):
     before = load_scenario(scenario)
     catalogs, problems = look_up(before)
     assert not problems
-    first = checked(scenario, (), tmp_path / "build")
-    same(first, (displayed(before, catalogs), catalogs))
+    first = keep(scenario, tmp_path / "kept", build)
+    same(first, Checked(displayed(before, catalogs), catalogs))
     sealed()
-    same(checked(scenario, (), tmp_path / "build"), first)
+    same(checked(scenario, (), tmp_path / "kept"), first)
 
 
 @pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
-def test_every_scenario(path, tmp_path):
+def test_every_scenario(path, tmp_path, build):
     if path.stem == "drive_faults":
         pytest.skip("needs hardware")
-    first = checked(path, (), tmp_path)
-    if list(tmp_path.rglob("*.json")):
-        same(kept.find(next(tmp_path.rglob("*.json"))), first)
+    first = keep(path, tmp_path, build)
+    found = kept.find(first.place)
+    assert (found is None) == bool(first.scenario.analyses or first.scenario.scenes)
+    if found is not None:
+        same(found, first)
+
+
+def test_a_run_of_what_is_kept_gives_the_same_bits(tmp_path, build):
+    """A scenario with a group of another one, periods, seeds and parameter sets."""
+    path, tables = SCENARIOS[0].with_name("heart_wall_force.yaml"), []
+    for _ in range(2):
+        known = checked(path, (), tmp_path / "kept")
+        outcome = run_scenario(
+            known.scenario, variants=["PI+FF"], seeds=[2], root=tmp_path / "runs", build=build, known=known
+        )
+        tables.append(outcome.tables["PI+FF", 2])
+    assert known.place is None  # the second one was kept
+    assert known.scenario.cases()[0].members["estimate"].built is not None
+    assert tables[0].values.keys() == tables[1].values.keys()
+    for name, values in tables[0].values.items():
+        assert np.array_equal(values, tables[1].values[name], equal_nan=True), name
+    reports = [
+        re.sub(r"\d{4}-\d\d-\d\d[^<]*", "", one.read_text()) for one in sorted((tmp_path / "runs").rglob("report.html"))
+    ]
+    assert len(reports) == 2
+    assert re.findall(r"<td>[^<]*</td>", reports[0]) == re.findall(r"<td>[^<]*</td>", reports[1])
 
 
 def test_numbers_keep_their_bits(tmp_path):
@@ -88,12 +124,12 @@ def test_numbers_keep_their_bits(tmp_path):
 
 
 @pytest.mark.parametrize("what", ["file", "extended", "option", "folder"])
-def test_what_changed_is_checked_anew(scenario, tmp_path, sealed, what, monkeypatch):
+def test_what_changed_is_checked_anew(scenario, tmp_path, sealed, what, monkeypatch, build):
     base = scenario
     if what == "extended":
         scenario = tmp_path / "two.yaml"
         scenario.write_text(f"extends: {base.name}\n")
-    checked(scenario, (), tmp_path / "build")
+    keep(scenario, tmp_path / "build", build)
     sealed()
     options = ("stop_time=2 s",) if what == "option" else ()
     if what in ("file", "extended"):
@@ -104,23 +140,33 @@ def test_what_changed_is_checked_anew(scenario, tmp_path, sealed, what, monkeypa
         checked(scenario, options, tmp_path / "build")
 
 
-def test_a_component_that_changed(tmp_path, monkeypatch):
-    (tmp_path / "own_part.py").write_text(PART)
-    (tmp_path / "one.yaml").write_text(
-        "stop_time: 1 s\nmembers: {a: {component: own_part:Part, parameters: {gain: 2}}}\n"
+def test_what_may_import_anything_is_not_kept(tmp_path, monkeypatch, build):
+    (tmp_path / "one.yaml").write_text('stop_time: 1 s\nmembers: {a: {component: "tests.coupling.parts:Lag"}}\n')
+    first = keep(tmp_path / "one.yaml", tmp_path / "kept", build)
+    assert first.place is not None
+    assert not first.place.exists()
+
+
+def test_a_component_that_changed(tmp_path):
+    """In another process, with a catalog of its own."""
+    (tmp_path / "fmus" / "own_part").mkdir(parents=True)
+    model = tmp_path / "fmus" / "own_part" / "model.py"
+    model.write_text(PART)
+    (tmp_path / "one.yaml").write_text("stop_time: 1 s\nmembers: {a: {component: own_part, parameters: {gain: 2}}}\n")
+    code = (
+        "from pathlib import Path; from twin.scenario import checked; known = checked(Path('one.yaml'), (), Path('build'))\n"
+        "print('kept' if known.place is None else 'new'); known.keep(Path('build'))"
     )
-    code = "import sys; from pathlib import Path; from twin.scenario import checked; print(checked(Path('one.yaml'), (), Path('build'))[1])"
 
     def run():
         command = [sys.executable, "-c", code]
-        environment = {**os.environ, "PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
-        return subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
 
-    first = run()
-    assert first.returncode == 0, first.stderr
-    assert len(list((tmp_path / "build").rglob("*.json"))) == 1
-    assert run().stdout == first.stdout
-    (tmp_path / "own_part.py").write_text(PART.replace("minimum=0.0", "minimum=3.0"))
+    assert run().stdout == "new\n"
+    assert run().stdout == "kept\n"
+    model.write_text(PART.replace('"gain"', '"what is multiplied by"'))
+    assert run().stdout == "new\n"
+    model.write_text(PART.replace("minimum=0.0", "minimum=3.0"))
     assert "is below the minimum" in run().stderr
 
 
@@ -139,10 +185,10 @@ class Part(Component):
 '''
 
 
-def test_an_fmu_that_was_replaced(tmp_path, sealed):
+def test_an_fmu_that_was_replaced(tmp_path, sealed, build):
     path = native_fmu(tmp_path)
     (tmp_path / "one.yaml").write_text(f"stop_time: 1 s\nmembers: {{a: {{component: {path}}}}}\n")
-    checked(tmp_path / "one.yaml", (), tmp_path / "build")
+    keep(tmp_path / "one.yaml", tmp_path / "build", build)
     sealed()
     checked(tmp_path / "one.yaml", (), tmp_path / "build")
     path.write_bytes(path.read_bytes() + b"\0")
@@ -151,14 +197,14 @@ def test_an_fmu_that_was_replaced(tmp_path, sealed):
 
 
 @pytest.mark.parametrize("damage", [b"", b"\xff\xfe", b"{}", b"cut", b"changed"])
-def test_a_damaged_file_is_made_anew(scenario, tmp_path, damage):
-    first = checked(scenario, (), tmp_path / "build")
+def test_a_damaged_file_is_made_anew(scenario, tmp_path, damage, build):
+    first = keep(scenario, tmp_path / "build", build)
     place = next((tmp_path / "build").rglob("*.json"))
     whole = place.read_bytes()
     broken = {b"cut": whole[:-20], b"changed": whole.replace(b"0.2", b"0.3")}.get(damage, damage)
     assert broken != whole
     place.write_bytes(broken)
-    same(checked(scenario, (), tmp_path / "build"), first)
+    same(keep(scenario, tmp_path / "build", build), first)
     assert place.read_bytes() == whole
 
 
@@ -170,6 +216,6 @@ def test_mistakes_are_not_kept(tmp_path):
     assert not list(tmp_path.rglob("*.json"))
 
 
-def test_no_place_to_keep_it(scenario, tmp_path):
+def test_no_place_to_keep_it(scenario, tmp_path, build):
     (tmp_path / "build").write_text("a file")
-    checked(scenario, (), tmp_path / "build")
+    keep(scenario, tmp_path / "build", build)

@@ -120,7 +120,8 @@ def command(
         if hardware_file is None:
             hardware = None
             with working(f"checking {file}"):
-                scenario, options["catalogs"] = checked(file, overrides, build)
+                found = options["known"] = checked(file, overrides, build, Form(form))
+            scenario = found.scenario
         else:
             from twin.scenario import load_scenario
 

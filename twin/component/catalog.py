@@ -17,17 +17,17 @@ if TYPE_CHECKING:
     from types import ModuleType
 
 
-def _places() -> list[str]:
+def places() -> list[str]:
     """Folders called `fmus`: that of the current directory first, then those on the path, then the project's."""
     here = Path.cwd()
     roots = [here, *(Path(entry or here) for entry in sys.path), Path(__file__).parents[2]]
     return list(dict.fromkeys(str(place) for root in roots if (place := root.absolute() / "fmus").is_dir()))
 
 
-def _kinds(places: list[str]) -> list[str]:
+def _kinds(roots: list[str]) -> list[str]:
     """Folders in them that hold components of one kind."""
     return list(
-        dict.fromkeys(str(model.parents[1]) for root in places for model in sorted(Path(root).glob("*/*/model.py")))
+        dict.fromkeys(str(model.parents[1]) for root in roots for model in sorted(Path(root).glob("*/*/model.py")))
     )
 
 
@@ -37,7 +37,7 @@ def _folders() -> list[Path]:
     All of them count, with or without `__init__.py`: a person's own components stand beside the project's. So do folders
     in them that hold components of one kind.
     """
-    here, found = Path.cwd(), _places()
+    here, found = Path.cwd(), places()
     try:
         if found and "fmus" not in sys.modules and str(Path(found[-1]).parent) not in sys.path:
             sys.path.append(str(Path(found[-1]).parent))
@@ -50,18 +50,18 @@ def _folders() -> list[Path]:
 
 def names() -> list[str]:
     """Names of all components: folders of `fmus` with a model.py. Nothing is imported."""
-    places = _places()
-    if not places:
+    roots = places()
+    if not roots:
         raise DeclarationError(f"There is no folder `fmus` in {Path.cwd()}. Run this from the project's folder.")
-    found = dict.fromkeys([*places, *_kinds(places), *getattr(sys.modules.get("fmus"), "__path__", ())])
+    found = dict.fromkeys([*roots, *_kinds(roots), *getattr(sys.modules.get("fmus"), "__path__", ())])
     return sorted({place.parent.name for folder in found for place in Path(folder).glob("*/model.py")})
 
 
 def _place(name: str) -> Path | None:
     """Folder of a component, by a few looks instead of listing all that there are; None if these find nothing."""
-    places = _places() if name.isidentifier() else []
-    kinds = (f"{place}/{kind}" for place in places for kind in sorted(os.listdir(place)))  # noqa: PTH208 - quicker
-    looked = (folder for folder in chain(places, kinds) if os.path.isfile(f"{folder}/{name}/model.py"))  # noqa: PTH113
+    roots = places() if name.isidentifier() else []
+    kinds = (f"{root}/{kind}" for root in roots for kind in sorted(os.listdir(root)))  # noqa: PTH208 - quicker
+    looked = (folder for folder in chain(roots, kinds) if os.path.isfile(f"{folder}/{name}/model.py"))  # noqa: PTH113
     return next((Path(folder, name) for folder in looked), None)
 
 

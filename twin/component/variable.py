@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from math import prod
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -97,7 +98,7 @@ class Variable:
     @property
     def size(self) -> int:
         """Number of scalars."""
-        return int(np.prod(self.shape, dtype=int))
+        return prod(self.shape)
 
     @property
     def dtype(self) -> np.dtype[Any]:
@@ -106,7 +107,8 @@ class Variable:
 
     def start_array(self) -> np.ndarray[Any, Any]:
         """Start value as an array of the variable's shape and type."""
-        return np.broadcast_to(np.asarray(self.start, dtype=self.dtype), self.shape)
+        start = np.asarray(self.start, dtype=self.dtype)
+        return np.broadcast_to(start, self.shape) if self.shape else start
 
     def elements(self) -> list[str]:
         """Names of the scalars, as FMI 2.0 needs them: `r[1]`, `r[2]`; `a[1,2]`. Counted from 1 as in Modelica."""
@@ -219,7 +221,7 @@ def layout(variables: Sequence[Variable], hidden: dict[str, tuple[Type, tuple[in
         names.append(name)
         formats.append((storage(kind, shape), shape) if shape else storage(kind, shape))
         offsets.append(at)
-        return at + DTYPES[kind].itemsize * int(np.prod(shape, dtype=int))
+        return at + DTYPES[kind].itemsize * prod(shape)
 
     def align(at: int, size: int) -> int:
         return -(-at // size) * size

@@ -56,7 +56,13 @@ class Group(Component):
     text: ClassVar[str] = ""  # the generated source
 
     def __init__(self, **values: Any) -> None:
-        self.record = np.zeros(1, self.layout.dtype)
+        self.settle(np.zeros(1, self.layout.dtype))
+        for name, value in values.items():
+            self.views[name][...] = value
+
+    def settle(self, record: np.ndarray[Any, Any]) -> None:
+        """Lie in a record, with the start values in it; one that lies in another's is of a group in a group."""
+        self.record = record
         raw = self.record.view(np.uint8)
         self.views = {}
         for variable in self.variables:
@@ -69,7 +75,7 @@ class Group(Component):
             self.__dict__[name] = nested(part.component, self.record[name])
             for field, value in part.component.start_values().items():
                 self.__dict__[name].views[field][...] = value
-        for name, value in {**type(self).start_values(), **values}.items():
+        for name, value in self.start_values().items():
             self.views[name][...] = value
 
     @classmethod
@@ -81,6 +87,9 @@ class Group(Component):
 def nested(cls: type[Component], record: np.ndarray[Any, Any]) -> Component:
     """An instance of a component over memory that lies in another record."""
     part = cls.__new__(cls)
+    if isinstance(part, Group):
+        part.settle(record)
+        return part
     part.record = record
     part.views = {name: record[name][0, ...] for name in cls.layout.dtype.names or ()}
     for name, view in part.views.items():

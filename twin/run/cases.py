@@ -116,7 +116,8 @@ def simulation(case: Case, catalog: Catalog, form: Form, build: Path, recorder: 
     parts: dict[str, Member] = {}
     try:
         for name, spec in case.members.items():
-            parts[name] = members.make(name, members.component_of(spec), case.values(name, catalog[name]), form, build)
+            made = spec.built or members.component_of(spec)
+            parts[name] = members.make(name, made, case.values(name, catalog[name]), form, build)
             if spec.isolate:
                 parts[name] = IsolatedMember(parts[name], build)
         found = {name: part.variables for name, part in parts.items()}

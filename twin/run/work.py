@@ -40,8 +40,8 @@ from twin.run.finish import finish
 from twin.scenario import Form, members
 
 if TYPE_CHECKING:
-    from twin.coupling import Catalog, CoSimulation
-    from twin.scenario import Case, Scenario
+    from twin.coupling import CoSimulation
+    from twin.scenario import Case, Checked, Scenario
 
 WRITERS = ("pyarrow.parquet",)  # what the end needs, imported while the loop runs
 ABOUT = ("name", "title", "source", "description", "path", "step_ns", "algorithm")  # of a run, as they are
@@ -59,21 +59,21 @@ def run_scenario(
     report: bool = True,
     hardware: Hardware | None = None,
     link: Link | None = None,
-    catalogs: dict[str, Catalog] | None = None,
+    known: Checked | None = None,
 ) -> Outcome:
     """Run a scenario and write its folder; a failing member or Ctrl-C ends it early, with what there is written.
 
-    `catalogs`: its members' variables by variant, if it has been checked with them already (`twin.scenario.checked`).
+    `known`: what is known of it, if it has been checked with its members already (`twin.scenario.checked`).
 
     `link`: to the process that watches this one (`twin.process.supervise`); without it the run records by itself.
     """
     refuse_faults(scenario.cases(variants, seeds), hardware)
     if hardware is not None:
         scenario = hardware.apply(scenario)
-    if catalogs is None:
+    catalogs = dict(known.catalogs) if known is not None else prepare(scenario)
+    if known is None:
         from twin.scenario import displayed
 
-        catalogs = prepare(scenario)
         scenario = displayed(scenario, catalogs)
     cases = scenario.cases(variants, seeds)
     about = results.Run(
@@ -96,6 +96,8 @@ def run_scenario(
         with Stop(last=work.link.watched) as work.stop:
             link.keep(resume=str(outcome.folder), hint=f"Then: twin recover {outcome.folder}")
             work.build_members()
+            if known is not None:
+                known.keep(build)
             work.run(cases)
             work.end()
     finally:
@@ -139,7 +141,7 @@ class Work:
 
     def build_members(self) -> None:
         """Build what the members are made of; a run that is interrupted here has recorded nothing."""
-        used = [members.component_of(spec) for case in self.cases for spec in case.members.values()]
+        used = [spec.built or members.component_of(spec) for case in self.cases for spec in case.members.values()]
         try:
             with self.stop.armed():
                 members.prebuild(used, self.form, self.build, self.progress)

@@ -5,14 +5,14 @@ from typing import TYPE_CHECKING
 from twin import late
 
 if TYPE_CHECKING:
-    from twin.scenario import members
+    from twin.scenario import kept, members
     from twin.scenario.check import check_against, event_problems
     from twin.scenario.dimensions import displayed
     from twin.scenario.grouping import group, part
-    from twin.scenario.kept import checked
+    from twin.scenario.kept import Checked, checked
     from twin.scenario.load import changed, examine, load_scenario, made_scenario, parse_scenario
     from twin.scenario.lookup import look_up
-    from twin.scenario.members import Form, has_source, make
+    from twin.scenario.members import Built, Form, has_source, make
     from twin.scenario.message import dotted, quoted, validate
     from twin.scenario.model import Keys, Period, Reference, Seed, Text, Time, Value, reference
     from twin.scenario.names import nearest
@@ -31,7 +31,9 @@ if TYPE_CHECKING:
     from twin.scenario.value import duration, number, resolve, short
 
 __all__ = [
+    "Built",
     "Case",
+    "Checked",
     "ConnectionSpec",
     "EventSpec",
     "FaultSpec",
@@ -57,6 +59,7 @@ __all__ = [
     "examine",
     "group",
     "has_source",
+    "kept",
     "load_scenario",
     "look_up",
     "made_scenario",
@@ -78,7 +81,9 @@ __all__ = [
 __getattr__ = late.names(
     __name__,
     {
+        "Built": "members",
         "Case": "spec",
+        "Checked": "kept",
         "ConnectionSpec": "spec",
         "EventSpec": "spec",
         "FaultSpec": "spec",
@@ -105,6 +110,7 @@ __getattr__ = late.names(
         "group": "grouping",
         "has_source": "members",
         "load_scenario": "load",
+        "kept": "",
         "look_up": "lookup",
         "made_scenario": "load",
         "make": "members",

@@ -1,154 +1,196 @@
 """Checked scenarios, kept under what they were made from: what has not changed is neither read nor checked again.
 
-A scenario is plain data once it is checked, and kept as such: JSON with its hash in front. It counts if its file and all
-that it extends, its components and FMUs, the engine and the libraries that have a say are what they were; else, and where
-the file is damaged or cannot be written, the scenario is checked as if nothing had been kept.
+A scenario is plain data once it is checked and its components are built, and kept as such: JSON with its hash in front.
+It counts if its file and all that was read for it, the components' sources, their FMUs, the engine and the libraries that
+have a say are what they were; else, and where the file is damaged or cannot be written, all is done as if nothing had
+been kept.
 """
 
 from __future__ import annotations
 
 import hashlib
+import inspect
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin import compiler, installed
-from twin.component import catalog
+from twin import installed
+from twin.component import Component, PythonComponent, catalog
 from twin.coupling import MemberVariable, TerminalMember
 from twin.errors import ScenarioError, TwinError
-from twin.fmi import built
 from twin.results import Curve, Expectation, Expression, Metric, Plot, Window, expression
+from twin.scenario.members import Built, Form, as_built, communication, component_of
 from twin.scenario.node import Node, Place
 from twin.scenario.spec import Case, ConnectionSpec, EventSpec, MemberSpec, RecordSpec, Scenario
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from twin.coupling import Catalog
 
 ENGINE = Path(__file__).parents[1]
-LIBRARIES = ("numpy", "pint", "pydantic", "PyYAML")
+LIBRARIES = ("numpy", "pint", "pydantic", "PyYAML", "ziglang")
+SUFFIXES = (".py", ".md", ".c", ".h", ".html")  # of what decides what a component's FMU is
 LARGEST = 4_000_000  # of a text that is kept [byte]: beyond it, reading takes as long as checking
 KINDS: dict[str, Any] = {
     one.__name__: one
     for one in (
-        *(Scenario, Case, MemberSpec, ConnectionSpec, EventSpec, RecordSpec, Node, Place),
+        *(Scenario, Case, MemberSpec, ConnectionSpec, EventSpec, RecordSpec, Node, Place, Built),
         *(Metric, Expectation, Plot, Curve, Window, MemberVariable, TerminalMember),
     )
 }
 
 
-def checked(path: Path, overrides: Sequence[str], build: Path) -> tuple[Scenario, dict[str, Catalog]]:
-    """A scenario with its members' variables by variant, all of it checked; ScenarioError lists every problem."""
-    place = build / "scenarios" / f"{digest(str(Path.cwd()), str(path), *overrides)[:32]}.json"
-    if (found := find(place)) is not None:
+@dataclass(frozen=True)
+class Checked:
+    """A scenario in which nothing is wrong, with its members' variables by variant."""
+
+    scenario: Scenario
+    catalogs: Mapping[str, Catalog]
+    place: Path | None = None  # where to keep it, if it is not kept yet
+    read: tuple[str, ...] = ()  # files
+
+    def keep(self, build: Path) -> None:
+        """Keep it, once all that it is made of is built, if it is nothing but data: not what holds code of its own."""
+        scenario = self.scenario
+        if self.place is None or scenario.analyses or scenario.scenes:
+            return
+        try:
+            scenario = replace(
+                scenario, text=scenario.frozen(), variants=tuple(settled(case, build) for case in scenario.variants)
+            )
+            specs = [spec for case in scenario.variants for spec in case.members.values()]
+            fmus = sorted({one.built.path if one.built else one.component for one in specs})
+            variables = list({id(one): one for case in self.catalogs.values() for one in case.values()}.values())
+            numbers = {id(one): number for number, one in enumerate(variables)}
+            told = {
+                "made_from": made_from(self.read, [one for one in fmus if one.endswith(".fmu")]),
+                "scenario": encoded(scenario),
+                "variables": [encoded(one) for one in variables],
+                "catalogs": {
+                    variant: {member: numbers[id(one)] for member, one in case.items()}
+                    for variant, case in self.catalogs.items()
+                },
+            }
+            text = json.dumps(told)
+            if len(text) < LARGEST:
+                put(self.place, f"{digest(text)}\n{text}")
+        except (TypeError, OSError, TwinError):
+            return  # something that is no plain data, or no place to keep it
+
+
+def checked(path: Path, overrides: Sequence[str], build: Path, form: Form = Form.fmu) -> Checked:
+    """A scenario with its members' variables, all of it checked; ScenarioError lists every problem.
+
+    What is kept has FMUs for members; a run in another `form` needs the components themselves.
+    """
+    place = build / "scenarios" / f"{digest(str(Path.cwd()), str(build), str(path), *overrides)[:32]}.json"
+    if form is Form.fmu and (found := find(place)) is not None:
         return found
     from twin.scenario.dimensions import displayed
     from twin.scenario.load import load_scenario
     from twin.scenario.lookup import look_up
+    from twin.scenario.tree import READ
 
-    scenario = load_scenario(path, overrides)
+    read: set[str] = set()
+    token = READ.set(read)
+    try:
+        scenario = load_scenario(path, overrides)
+    finally:
+        READ.reset(token)
     catalogs, problems = look_up(scenario)
     if problems:
         raise ScenarioError(problems)
-    scenario = displayed(scenario, catalogs)
-    keep(place, scenario, catalogs)
-    return scenario, catalogs
+    return Checked(displayed(scenario, catalogs), catalogs, place if form is Form.fmu else None, tuple(sorted(read)))
 
 
-def find(place: Path) -> tuple[Scenario, dict[str, Catalog]] | None:
+def find(place: Path) -> Checked | None:
     """What is kept, if it still holds."""
     try:
         sum_, _, text = place.read_text().partition("\n")
         if sum_ != digest(text):
             return None
         told = json.loads(text)
-        if told["made_from"] != made_from(told["made_from"]["files"], told["made_from"]["components"]):
+        if told["made_from"] != made_from(told["made_from"]["files"], told["made_from"]["fmus"]):
             return None
         variables = [decoded(one) for one in told["variables"]]
         scenario: Scenario = decoded(told["scenario"])
     except (OSError, ValueError, TypeError, LookupError, AttributeError, TwinError):
         return None  # nothing is kept, or something that it was made from is gone: whoever checks it will say so
-    return scenario, {
-        variant: {member: variables[number] for member, number in members.items()}
-        for variant, members in told["catalogs"].items()
-    }
+    return Checked(
+        scenario,
+        {
+            variant: {member: variables[number] for member, number in members.items()}
+            for variant, members in told["catalogs"].items()
+        },
+    )
 
 
-def keep(place: Path, scenario: Scenario, catalogs: Mapping[str, Catalog]) -> None:
-    """Keep a scenario, if it is nothing but data: parts of other scenarios and analyses are code that may change."""
-    specs = [spec for case in scenario.variants for spec in case.members.values()]
-    if scenario.analyses or scenario.scenes or any(spec.made for spec in specs):
-        return
-    numbers: dict[int, int] = {}
-    variables: list[Any] = []
-    try:
-        for case in catalogs.values():
-            for one in case.values():
-                if id(one) not in numbers:
-                    numbers[id(one)] = len(variables)
-                    variables.append(encoded(one))
-        told = {
-            "made_from": made_from(sorted(files(scenario)), sorted({spec.component for spec in specs})),
-            "scenario": encoded(replace(scenario, text=scenario.frozen())),
-            "variables": variables,
-            "catalogs": {
-                variant: {member: numbers[id(one)] for member, one in case.items()}
-                for variant, case in catalogs.items()
-            },
-        }
-        text = json.dumps(told)
-        if len(text) < LARGEST:
-            compiler.put(place, f"{digest(text)}\n{text}".encode())
-    except (TypeError, OSError, TwinError):
-        return  # something that is no plain data, or no place to keep it
+def settled(case: Case, build: Path) -> Case:
+    """A case whose members are FMUs; TypeError if one is made of somebody's own module, which may import anything."""
+    members = {}
+    for name, spec in case.members.items():
+        made = component_of(spec)
+        if isinstance(made, str) and made.endswith(".fmu"):
+            members[name] = spec
+            continue
+        cls = catalog.component(made) if isinstance(made, str) else made
+        if not isinstance(cls, type) or not all(map(is_ours, parts(cls))):
+            raise TypeError(f"{name} is no component of a catalog")
+        if issubclass(cls, PythonComponent):
+            members[name] = spec
+            continue
+        rhythm = communication(spec)
+        members[name] = replace(spec, made=None, built=as_built(cls, build), period_ns=None, communication_ns=rhythm)
+    return replace(case, members=members)
 
 
-def made_from(
-    names: Sequence[str] | Mapping[str, str], components: Sequence[str] | Mapping[str, str]
-) -> dict[str, Any]:
-    """Hashes of all that decides what a scenario is and whether it is right."""
+def parts(cls: type[Component]) -> Iterable[type[Component]]:
+    """A component, or those that a group is made of."""
+    inside = getattr(cls, "parts", {})
+    return [one for part in inside.values() for one in parts(part.component)] if inside else [cls]
+
+
+def is_ours(cls: type[Component]) -> bool:
+    """Whether a component lies in a catalog: then its sources are looked at."""
+    return any(Path(inspect.getfile(cls)).is_relative_to(place) for place in catalog.places())
+
+
+def made_from(files: Iterable[str], fmus: Iterable[str]) -> dict[str, Any]:
+    """Hashes of all that decides what a scenario is, whether it is right, and what its FMUs are."""
     return {
-        "engine": engine(),
-        "files": {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in names},
-        "components": {name: content(name) for name in components},
+        "engine": sources(str(ENGINE)),
+        "components": {place: sources(place) for place in catalog.places()},
+        "libraries": {name: installed.version(name) for name in LIBRARIES},
+        "files": {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in files},
+        "fmus": {name: hashlib.sha256(Path(name).read_bytes()).hexdigest() for name in fmus},
     }
-
-
-def files(scenario: Scenario) -> set[str]:
-    """Every file that something in the scenario comes from."""
-
-    def places(node: Node) -> Iterator[str]:
-        yield node.place.file
-        for one in (*node.entries.values(), *node.items):
-            yield from places(one)
-
-    return {name for tree in (scenario.tree, scenario.written) for name in places(tree) if Path(name).is_file()}
-
-
-def content(component: str) -> str:
-    """Hash of an FMU's file, or of all that a component's FMU would be made from."""
-    if component.endswith(".fmu"):
-        return hashlib.sha256(Path(component).read_bytes()).hexdigest()
-    return built.made_from(catalog.component(component), "3.0")
 
 
 @cache
-def engine() -> str:
-    """Hash of the engine's files by name, size and time, and of the libraries' versions."""
-    words = [f"{name} {installed.version(name)}" for name in LIBRARIES]
-    for folder, _, names in os.walk(ENGINE):
+def sources(folder: str) -> str:
+    """Hash of the sources in a folder by name, size and time."""
+    words = []
+    for place, _, names in os.walk(folder):
         for name in names:
-            if name.endswith(".py"):
-                told = os.stat(f"{folder}{os.sep}{name}")  # noqa: PTH116 - two hundred files
-                words.append(f"{folder} {name} {told.st_size} {told.st_mtime_ns}")
+            if name.endswith(SUFFIXES):
+                told = os.stat(f"{place}{os.sep}{name}")  # noqa: PTH116 - hundreds of files
+                words.append(f"{place} {name} {told.st_size} {told.st_mtime_ns}")
     return digest(*sorted(words))
+
+
+def put(place: Path, text: str) -> None:
+    """Write a file at once: others see none of it or all."""
+    place.parent.mkdir(parents=True, exist_ok=True)
+    partial = place.with_name(f".{place.name}.{os.getpid()}")
+    partial.write_text(text)
+    partial.replace(place)
 
 
 def digest(*words: str) -> str:

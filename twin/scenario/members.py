@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 from contextlib import suppress
+from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
 from itertools import count
@@ -20,6 +21,17 @@ if TYPE_CHECKING:
 
     from twin.fmi import FMUMember
     from twin.scenario.spec import MemberSpec
+
+
+@dataclass(frozen=True)
+class Built:
+    """An FMU that was built of a component of ours, with what its description does not tell: the class is not needed."""
+
+    path: str
+    period_ns: int
+    driven: tuple[str, ...]
+    renamed: tuple[tuple[str, str], ...]  # of the FMU's names to the component's
+    sources: tuple[tuple[str, str], ...]  # where a parameter's value comes from, by its name
 
 
 class Form(StrEnum):
@@ -86,24 +98,21 @@ def communication(spec: MemberSpec) -> int | None:
     return spec.period_ns if isinstance(made := component_of(spec), str) or not samples(made) else None
 
 
-def make(name: str, component: str | type[Component], values: Mapping[str, Any], form: Form, build: Path) -> Member:
+def make(
+    name: str, component: str | type[Component] | Built, values: Mapping[str, Any], form: Form, build: Path
+) -> Member:
     """A member with its start values set. Python-side components, and those without a source, run as Python.
 
     That is, whatever `form` says.
     """
     if isinstance(component, str) and component.endswith(".fmu"):
         return imported(name, Path(component), values)
+    if isinstance(component, Built):
+        return opened(name, component, values)
     cls = catalog.component(component) if isinstance(component, str) else component
     form = form if has_source(cls) else Form.interpreted
     if form is Form.fmu and not issubclass(cls, PythonComponent):
-        from twin.fmi import built
-
-        member = imported(name, built.build(cls, "3.0", build), values)
-        member.period_ns, member.driven = cls.period_ns, driven(cls)
-        for variable in cls.variables:
-            if variable.role is Role.derivative:
-                member.rename(f"der({variable.name.removeprefix('der_')})", variable.name)
-        return member
+        return opened(name, as_built(cls, build), values)
     native = form is Form.compiled and not issubclass(cls, PythonComponent)
     part = instance(name, cls, values)
     code = compiler.load_component(cls, build) if native else None
@@ -111,8 +120,34 @@ def make(name: str, component: str | type[Component], values: Mapping[str, Any],
     return RecordMember(name, part, code, identity={"kind": kind, "component": str(component)})
 
 
+def as_built(cls: type[Component], build: Path) -> Built:
+    """A component's FMU, made if it is not there as it would be made now."""
+    from twin.fmi import built
+
+    derivatives = (v.name for v in cls.variables if v.role is Role.derivative)
+    return Built(
+        str(built.build(cls, "3.0", build)),
+        cls.period_ns,
+        tuple(sorted(driven(cls))),
+        tuple((f"der({name.removeprefix('der_')})", name) for name in derivatives),
+        tuple((v.name, v.source) for v in cls.variables if v.source),
+    )
+
+
+def opened(name: str, fmu: Built, values: Mapping[str, Any]) -> FMUMember:
+    """The member of an FMU that is built of a component."""
+    member = imported(name, Path(fmu.path), values)
+    member.period_ns, member.driven = fmu.period_ns, frozenset(fmu.driven)
+    for old, new in fmu.renamed:
+        member.rename(old, new)
+    return member
+
+
 def prebuild(
-    components: Iterable[str | type[Component]], form: Form, build: Path, progress: Callable[[str, float], object]
+    components: Iterable[str | type[Component] | Built],
+    form: Form,
+    build: Path,
+    progress: Callable[[str, float], object],
 ) -> None:
     """Build what the members of a run need and lack, side by side on all cores, and show it.
 
@@ -125,7 +160,7 @@ def prebuild(
     classes = {
         one: catalog.component(one) if isinstance(one, str) else one
         for one in dict.fromkeys(components)
-        if not str(one).endswith(".fmu")
+        if not isinstance(one, Built) and not str(one).endswith(".fmu")
     }
     is_there = built.is_built if form is Form.fmu else compiler.is_translated
     lacking: list[type[Component]] = []

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from twin.component import Component
     from twin.coupling import Catalog
     from twin.results import Analysis, Expectation, Metric, Plot
+    from twin.scenario.members import Built
     from twin.scenario.names import Variables
     from twin.scenario.node import Node
     from twin.scene import Scene
@@ -36,8 +37,8 @@ STARTABLE = ("exact", "approx")  # FMI's `initial`: a state's or an output's sta
 class MemberSpec:
     """A member as the file names it. `component`: a name in fmus/, `module:Class`, or the absolute path of an FMU.
 
-    `made` is the component if it is a group of another scenario, absolute/path.yaml#group. `period_ns` is what it
-    samples at, `communication_ns` how often it takes inputs and publishes; None: as the component says.
+    `made` is the component if it is a group of another scenario, absolute/path.yaml#group; `built` its FMU, if that is known
+    to be what would be built now. `period_ns` is what it samples at, `communication_ns` how often it takes inputs and publishes; None: as the component says.
     """
 
     component: str
@@ -49,6 +50,7 @@ class MemberSpec:
     where: str = field(default="", compare=False)
     places: dict[str, str] = field(default_factory=dict, compare=False)  # parameter or key -> file:line
     made: type[Component] | None = field(default=None, compare=False)
+    built: Built | None = field(default=None, compare=False)
 
     def values(self, name: str, variables: Variables) -> tuple[dict[str, Any], list[str]]:
         """Start values as numpy values in the variables' units, and what is wrong with them; `name` is the member's."""
@@ -180,7 +182,8 @@ class Case:
         found, problems = self.members[member].values(member, variables)
         if problems:
             raise ScenarioError(problems)
-        seeds = ["seed", *(name for name in variables if self.members[member].made and name.endswith(".seed"))]
+        spec = self.members[member]
+        seeds = ["seed", *(name for name in variables if (spec.made or spec.built) and name.endswith(".seed"))]
         for name in seeds:
             own = variables.get(name)
             if (
