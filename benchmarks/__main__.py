@@ -18,7 +18,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import TextIO
 
-from benchmarks import export, first_times, force, group, hil, isolate, peers, rig, ring, startup
+from benchmarks import bench, export, first_times, force, group, hil, isolate, peers, rig, ring, startup
 
 RESULTS = Path(__file__).parent / "results"
 PACKAGES = (
@@ -109,6 +109,7 @@ def main() -> None:
         isolate.main()
         hil.show(60.0)
         export.main()
+        bench.measure()
         force.main()
         rig.main()
     print(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)

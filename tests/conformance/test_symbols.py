@@ -6,7 +6,7 @@ import pytest
 
 from tests.fmi.loaded import symbols
 from twin import compiler
-from twin.component import Component, catalog, input, local, output
+from twin.component import Component, PythonComponent, catalog, input, local, output
 from twin.conformance import agreement as conformance
 from twin.conformance import reference
 from twin.fmi import exporter
@@ -69,9 +69,12 @@ def assert_only_mathematics(version, defined, needed):
     assert needed <= compiler.LIBM | {"sincos"}  # glibc's libm has both in one; the code generator knows
 
 
+NATIVE = [name for name in catalog.names() if not issubclass(catalog.component(name), PythonComponent)]
+
+
 @LINUX
 @pytest.mark.parametrize("version", conformance.VERSIONS)
-@pytest.mark.parametrize("name", catalog.names())
+@pytest.mark.parametrize("name", NATIVE)
 def test_symbols(name, version, build, tmp_path):
     path = exporter.build(catalog.component(name), version, build)
     assert_only_mathematics(version, *of_library(path, tmp_path))

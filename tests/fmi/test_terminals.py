@@ -19,7 +19,8 @@ from twin.fmi.terminals import PLACE
 from twin.scenario import load_scenario, look_up, parse_scenario
 
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
-WITH = [n for n in catalog.names() if catalog.component(n).terminals]
+NATIVE = [n for n in catalog.names() if not issubclass(catalog.component(n), PythonComponent)]
+WITH = [n for n in NATIVE if catalog.component(n).terminals]
 
 
 def declared(name):
