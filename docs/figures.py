@@ -103,7 +103,8 @@ def save(figure: Any, name: str) -> None:
 # ------------------------------------------------------------------------------------------------- the force experiment
 
 PLACES = {
-    "heart": (0, 0.85),
+    "heart": (0, -0.85),
+    "tip": (0, 0.85),
     "estimate": (1.5, 0.85),
     "controller": (3.0, 0.85),
     "servomotor": (3.0, 0),
@@ -113,7 +114,8 @@ PLACES = {
 }
 WIDTH, HEIGHT = 0.84, 0.42
 LABELS = {
-    ("heart", "estimate"): "position", ("heart", "wall"): "position", ("estimate", "controller"): "estimated\nposition",
+    ("heart", "wall"): "position", ("wall", "tip"): "bending", ("sheath", "tip"): "travel",
+    ("tip", "estimate"): "curvature", ("estimate", "controller"): "estimated\nposition",
     ("controller", "servomotor"): "target velocity", ("servomotor", "sheath"): "gripper\nposition",
     ("sheath", "servomotor"): "reaction", ("sheath", "wall"): "tip\nposition", ("wall", "sheath"): "contact force",
     ("wall", "sensor"): "contact force", ("sensor", "controller"): "measured force",
@@ -127,9 +129,9 @@ def draw_system(outcome: Outcome) -> None:
     assert set(PLACES) == set(case.members)
     assert set(LABELS) == links
     with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": "system"}):
-        figure = Figure((8.4, 4.2), layout="constrained")
+        figure = Figure((8.4, 5.6), layout="constrained")
         axis = figure.subplots()
-        axis.set(xlim=(-0.75, 3.75), ylim=(-0.36, 1.85), aspect="equal")
+        axis.set(xlim=(-0.75, 3.75), ylim=(-1.21, 1.85), aspect="equal")
         axis.axis("off")
         for name, (x, y) in PLACES.items():
             color = "#d1495b" if name == "controller" else "#0b62a4"
@@ -143,7 +145,8 @@ def draw_system(outcome: Outcome) -> None:
                 "wall": "bending, silicone",
                 "servomotor": "drive and rod",
                 "heart": "7 harmonics",
-                "estimate": "late, with error",
+                "tip": "its shape",
+                "estimate": "fiber, tracking, UKF",
                 "sensor": "200 Hz, noise",
             }[name]
             axis.text(x, y + 0.05, name, ha="center", va="center", weight="bold", color=color, fontsize=11)
@@ -177,7 +180,7 @@ def draw_arrow(axis: Any, source: str, target: str) -> None:
         shift = 0.0 if (target, source) not in LABELS else 0.09 * sign
         axis.annotate("", (x1 - sign * WIDTH / 2, y1 + shift), (x0 + sign * WIDTH / 2, y0 + shift), arrowprops=style)
         above = shift >= 0 and not (shift == 0 and y0 == 0)
-        place = y0 + shift + (0.05 if above else -0.05)
+        place = (y0 + y1) / 2 + shift + (0.05 if above else -0.05)
         axis.text((x0 + x1) / 2, place, label, va="bottom" if above else "top", **text)
 
 

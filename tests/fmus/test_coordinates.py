@@ -1,7 +1,6 @@
 """Around the feedforward controller: its C library, statistics, programs, and what every component of it must have."""
 
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ from fmus.coordinate_program.model import CoordinateProgram
 from scipy import stats
 
 import fmus
+from tests.c_compilers import linking
 from twin import compiler
 from twin.compiler import library
 from twin.component import Role, catalog, unit
@@ -56,9 +56,9 @@ int main(void)
 def test_the_c_library_gives_the_components_steps(tmp_path, build):
     library.export(CoordinateFeedforward, "coordinate_feedforward", tmp_path, build, ("x86_64-linux",), force=False)
     (tmp_path / "main.c").write_text(MAIN)
-    zig = [sys.executable, "-m", "ziglang", "cc", "-std=c11", "-O2", "-Wall", "-Werror"]
+    command = [*linking("x86_64-linux"), "-std=c11", "-O2", "-Wall", "-Werror"]
     archive = "x86_64-linux/libcoordinate_feedforward.a"
-    subprocess.run([*zig, "main.c", archive, "-lm", "-o", "main"], cwd=tmp_path, check=True)
+    subprocess.run([*command, "main.c", archive, "-lm", "-o", "main"], cwd=tmp_path, check=True)
     targets = np.random.default_rng(1).uniform(0, (16e-3, 21e-3, 6.2e-3), (200, 3))
     text = "\n".join(" ".join(float(value).hex() for value in row) for row in targets)
     done = subprocess.run([tmp_path / "main"], input=text, capture_output=True, text=True, check=True)

@@ -7,7 +7,7 @@ from fmus.servomotor.model import Servomotor
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from tests.fmus.rails import TRUE_GRIP, Judge, Rig
+from tests.fmus.rails import STEP, TRUE_GRIP, Judge, Rig, places
 
 
 class PartsRail:
@@ -20,27 +20,29 @@ class PartsRail:
         self.t = 0.0
         for part in (*self.motors, *self.cylinders):
             part.start(0.0)
+        self.places = [
+            (places(motor), places(cylinder)) for motor, cylinder in zip(self.motors, self.cylinders, strict=True)
+        ]
         self.read()
 
     def read(self):
-        self.position = [float(motor.position) for motor in self.motors]
-        self.velocity = [float(motor.velocity) for motor in self.motors]
-        self.extension = [max(float(cylinder.extension), 0.0) for cylinder in self.cylinders]
+        self.position = [motor["position"][0] for motor, _ in self.places]
+        self.velocity = [motor["velocity"][0] for motor, _ in self.places]
+        self.extension = [max(cylinder["extension"][0], 0.0) for _, cylinder in self.places]
 
-    def advance(self, h, target, valve, pressure_ok, drive_ok):
-        for k in range(2):
-            motor, cylinder = self.motors[k], self.cylinders[k]
-            motor.target_velocity = target[k]
-            motor.load_force = self.load if self.extension[k] >= TRUE_GRIP else 0.0
-            motor.current_maximum = 2.37 if drive_ok[k] else 0.0
-            cylinder.valve = bool(valve[k])
-            motor.advance(self.t, h)
-            cylinder.advance(self.t, h)
-        self.t += h
+    def advance(self, target, valve, pressure_ok, drive_ok):
+        for k, (motor, cylinder) in enumerate(self.places):
+            motor["target_velocity"][0] = target[k]
+            motor["load_force"][0] = self.load if self.extension[k] >= TRUE_GRIP else 0.0
+            motor["current_maximum"][0] = 2.37 if drive_ok[k] else 0.0
+            cylinder["valve"][0] = valve[k]
+            self.motors[k].advance(self.t, STEP)
+            self.cylinders[k].advance(self.t, STEP)
+        self.t += STEP
         self.read()
 
     def measured(self):
-        return [float(motor.position_actual_value) for motor in self.motors]
+        return [motor["position_actual_value"][0] for motor, _ in self.places]
 
 
 def make(native, h=1e-3, load=0.0):
@@ -56,7 +58,7 @@ def test_speed_is_kept(native, velocity):
     rig.run(0.8, velocity)
     first = len(rig.log)
     rig.run(0.2 / abs(velocity), velocity)
-    speeds = rig.table[first:, 1]
+    speeds = rig.table[first:, 0]
     means = speeds[: len(speeds) // 20 * 20].reshape(-1, 20).mean(axis=1)
     assert abs(means - velocity).max() < 0.25e-3
     assert rig.sequencer.regrip_count >= 4

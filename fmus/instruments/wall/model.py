@@ -19,6 +19,7 @@ class Wall(Component):
     heart_position = input("m", "wall position, positive away from the instrument", display_unit="mm", nominal=5e-3)
 
     force = output("N", "contact force, never negative")
+    displacement = output("m", "of the free end by the contact, across it, positive distal", display_unit="mm")
 
     instrument = terminal("root of the distal section", position=tip_position, force=force)
     heart = terminal("the heart that moves the wall", position=heart_position)
@@ -57,6 +58,7 @@ class Wall(Component):
         depth = max(self.indentation, 0.0)
         elastic = 4.0 / 3.0 * self.wall_modulus * sqrt(self.tip_radius * depth) * depth
         self.force = max(self.load, 0.0)
+        self.displacement = -self.force / bending
 
         # separated: the wall has recovered, and the free end carries no force
         if self.load < 0.0 and self.indentation <= 0.0:

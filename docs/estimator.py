@@ -1,0 +1,87 @@
+"""Draw the figures of docs/explanation/heart_estimator.md, and write its result tables, from runs made now.
+
+python docs/estimator.py
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from figures import ROOT, draw_plots, run, save
+from fmus.beat_search import candidate_rate
+from fmus.heart.model import Heart
+from fmus.heart_motion.model import SEARCHING, HeartMotion
+from matplotlib.figure import Figure
+
+from twin.results import plotting
+
+PAGE = ROOT / "docs" / "explanation" / "heart_estimator.md"
+SAMPLE = 4e-3  # [s] of tip tracking
+
+
+def table(summary: Mapping[str, Any], names: tuple[str, ...]) -> str:
+    """Metrics as columns, mean over the seeds; one row for each variant."""
+    metrics = [summary["metrics"][name] for name in names]
+    rows = [f"| variant | {' | '.join(one['description'] for one in metrics)} |", "|---" * (len(names) + 1) + "|"]
+    for variant in metrics[0]["variants"]:
+        values = [f"{one['variants'][variant]['mean']:.2g} {one['unit']}" for one in metrics]
+        rows.append(f"| {variant} | {' | '.join(values)} |")
+    return "\n".join(rows)
+
+
+def write_table(name: str, text: str) -> None:
+    """Replace what stands between the comments `results NAME` and `end`."""
+    marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+    PAGE.write_text(marks.sub(lambda match: match[1] + text + "\n" + match[2], PAGE.read_text()))
+
+
+def searched(rate: float) -> tuple[list[float], list[float], float]:
+    """Rates, the part of the motion that each leaves, and the one that was chosen, of a heart that breathes."""
+    heart = Heart(rate=rate, respiration=3e-3, blend_in=0.0)
+    part = HeartMotion()
+    noise = np.random.default_rng(1)
+    part.start(0.0)
+    k = 0
+    while part.mode == SEARCHING:
+        heart.start(k * SAMPLE)
+        part.tip_position[2] = heart.position + 0.5e-3 * noise.normal()
+        part.advance(k * SAMPLE, SAMPLE)
+        k += 1
+    rates = [candidate_rate(part, i) for i in range(len(part.rests))]
+    return rates, part.rests.tolist(), float(part.found_rate)
+
+
+def draw_search() -> None:
+    """What each rate leaves of a heart at 0.8, 1.2 and 2 Hz."""
+    with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": "search"}):
+        figure = Figure((8.4, 3.0), layout="constrained")
+        axis = figure.subplots()
+        for rate, color in ((0.8, "#0b62a4"), (1.2, "#d1495b"), (2.0, "#2f855a")):
+            rates, rests, found = searched(rate)
+            axis.plot(rates, rests, color=color, label=f"heart at {rate} Hz, found {found:.2f} Hz")
+            axis.axvline(found, color=color, linestyle=":", linewidth=0.8)
+        axis.set(xlabel="rate [Hz]", ylabel="part of the motion that is left", ylim=(0, 1))
+        axis.legend()
+        save(figure, "heart_rate_search.svg")
+
+
+def main() -> None:
+    """Draw and write everything."""
+    with tempfile.TemporaryDirectory() as name:
+        motion, force = run("heart_motion", Path(name)), run("heart_wall_ahead", Path(name))
+    write_table("heart_motion", table(motion.summary, ("error_std", "error_range", "velocity_error_std")))
+    names = ("force_error_std", "force_error_max", "estimate_error_std", "estimate_velocity_error_std")
+    write_table("heart_wall_ahead", table(force.summary, names))
+    draw_plots(motion, {"Estimate and truth": "heart_motion.svg"})
+    draw_plots(force, {"Heart and estimate": "heart_ahead.svg"})
+    draw_search()
+
+
+if __name__ == "__main__":
+    main()
