@@ -1,4 +1,4 @@
-"""`twin` as a command without its start of a second: a process that has loaded the engine forks for each command."""
+"""Commands without their start of a second: a process that has loaded the engine forks for each of them."""
 
 import json
 import os
@@ -7,11 +7,40 @@ import sys
 from pathlib import Path
 
 SERVER = """
-import json, os, sys
-import matplotlib.pyplot, fmpy, pyarrow.parquet
-import twin.fmi.importer, twin.run
+import atexit, gc, json, os, runpy, sys, threading, traceback
+import matplotlib.pyplot, fmpy, pandas, pint, pyarrow.parquet, scipy.optimize, scipy.stats, xarray
+import twin.face, twin.fmi.importer, twin.results.plotting, twin.run
 from twin.cli import main
 
+
+def run(program, *words):
+    sys.argv = ["twin", *words] if program == "twin" else list(words)
+    if program == "twin":
+        main()
+    elif words[0] == "-m":
+        sys.path.insert(0, os.getcwd())
+        sys.argv[:2] = words[1:2]
+        runpy.run_module(words[1], run_name="__main__", alter_sys=True)
+    else:
+        sys.path.insert(0, os.path.dirname(os.path.abspath(words[0])))
+        runpy.run_path(words[0], run_name="__main__")
+
+
+def status(program, *words):
+    try:
+        run(program, *words)
+    except SystemExit as end:
+        if isinstance(end.code, str):
+            print(end.code, file=sys.stderr)
+        return end.code if isinstance(end.code, int) else bool(end.code)
+    except BaseException:
+        traceback.print_exc()
+        return 1
+    return 0
+
+
+gc.collect()
+gc.freeze()  # else a collection copies what is shared
 for line in sys.stdin:
     words, folder, output = json.loads(line)
     if os.fork():
@@ -20,13 +49,17 @@ for line in sys.stdin:
     os.chdir(folder)
     for number, name in enumerate((os.devnull, output + ".out", output + ".err")):
         os.dup2(os.open(name, os.O_RDWR | os.O_CREAT | os.O_TRUNC), number)
-    sys.argv = ["twin", *words]
-    sys.exit(main())
+    ended = status(*words)
+    threading._shutdown()
+    atexit._run_exitfuncs()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(ended)  # to take everything apart would first copy it
 """
 
 
 class CommandLine:
-    """Runs `twin` in a folder. The engine is loaded, no component is: these are the folder's own."""
+    """Runs `twin` and `python` in a folder. The engine is loaded, no component is: these are the folder's own."""
 
     def __init__(self, root: Path, place: Path) -> None:
         self.output = str(place / "twin")
@@ -38,11 +71,11 @@ class CommandLine:
             text=True,
         )
 
-    def run(self, words: list[str], folder: Path) -> subprocess.CompletedProcess:
+    def run(self, words: list[str], folder: Path, program: str = "twin") -> subprocess.CompletedProcess:
         """One command; its status and what it printed."""
         assert self.process.stdin
         assert self.process.stdout
-        self.process.stdin.write(json.dumps([words, str(folder), self.output]) + "\n")
+        self.process.stdin.write(json.dumps([[program, *words], str(folder), self.output]) + "\n")
         self.process.stdin.flush()
         status = int(self.process.stdout.readline())
         printed = (Path(f"{self.output}.{name}").read_text() for name in ("out", "err"))

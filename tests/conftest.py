@@ -6,15 +6,22 @@ Property tests draw the same every time. `HYPOTHESIS_PROFILE=random` lets them s
 xdist's own way to group tests writes into node IDs, which newer versions of pytest do not let it.
 """
 
+import gc
 import os
 import re
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import settings
 from xdist.scheduler import LoadScopeScheduling
+
+from tests import fmpy_once
+from tests.command_line import CommandLine
+
+ROOT = Path(__file__).parent.parent
 
 # tests start many processes, and each would compile all it imports where bytecode is not kept
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -51,7 +58,24 @@ MULTICAST = (
 @pytest.fixture(scope="session")
 def build() -> Path:
     """The project's own build folder; its cache is by content, so tests and users may share it."""
-    return Path(__file__).parent.parent / "build"
+    return ROOT / "build"
+
+
+@pytest.fixture(scope="session", autouse=True)
+def fmpy_works_once() -> Iterator[None]:
+    """See `tests.fmpy_once`."""
+    with pytest.MonkeyPatch.context() as patch:
+        fmpy_once.install(patch)
+        yield
+
+
+@pytest.fixture(scope="session")
+def command_line(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CommandLine | None]:
+    """Runs commands; None where a process cannot fork."""
+    line = CommandLine(ROOT, tmp_path_factory.mktemp("command_line")) if hasattr(os, "fork") else None
+    yield line
+    if line:
+        line.close()
 
 
 def group(nodeid: str) -> str:
@@ -91,3 +115,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return ORDER.index(file) if file in ORDER else len(ORDER)
 
     items.sort(key=place)
+
+
+def pytest_collection_finish() -> None:
+    """What was imported and collected stays: the collector of garbage need not look at it again and again."""
+    gc.collect()
+    gc.freeze()

@@ -24,7 +24,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.command_line import CommandLine
 from twin.cli.check import examine
 
 ROOT = Path(__file__).parent.parent
@@ -39,7 +38,7 @@ NOTEBOOK = "<!-- the python blocks of this page are the cells of one notebook --
 
 MAIN = "twin run scenarios/heart_wall_force.yaml"
 TEST = (ROOT / ".ci" / "run").read_text().splitlines()[-1].replace("exec ", "")
-RUN = TEST.replace("-e '.[test]'", "-e .").replace(".venv/bin/python -m pytest", f".venv/bin/{MAIN}")
+RUN = TEST.replace("--no-compile -e '.[test]'", "-e .").replace(".venv/bin/python -m pytest", f".venv/bin/{MAIN}")
 
 
 def named(path):
@@ -51,8 +50,8 @@ def execute(words, folder, command_line):
     assert words[0] in ("twin", "python"), (
         f"{words[0]}: only twin and python run in bash blocks; use ```text for the rest"
     )
-    if words[0] == "twin" and command_line:
-        return command_line.run(words[1:], folder)
+    if command_line:
+        return command_line.run(words[1:], folder, words[0])
     start = {"python": [sys.executable], "twin": [sys.executable, "-P", "-c", "from twin.cli import main; main()"]}
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     return subprocess.run(
@@ -93,28 +92,19 @@ def built(build, tmp_path_factory):
     return place
 
 
-@pytest.fixture(scope="module")
-def command_line(tmp_path_factory):
-    if not hasattr(os, "fork"):
-        yield None
-        return
-    line = CommandLine(ROOT, tmp_path_factory.mktemp("command_line"))
-    yield line
-    line.close()
-
-
-@pytest.fixture
-def folder(tmp_path, built):
+def furnish(folder, built):
     """What a page finds in its current folder."""
     for name in ("fmus", "scenarios", "hw_bridge/benches"):
-        shutil.copytree(ROOT / name, tmp_path / name, ignore=shutil.ignore_patterns("__pycache__"))
-    (tmp_path / "build").symlink_to(built)
-    return tmp_path
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(ROOT / name, folder / name, ignore=ignored, copy_function=shutil.copyfile)
+    (folder / "build").symlink_to(built)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=named)
-def test_blocks_run(page, folder, command_line):
-    text = page.read_text()
+def test_blocks_run(page, tmp_path, built, command_line):
+    text, folder = page.read_text(), tmp_path
+    if BLOCK.search(text):
+        furnish(folder, built)
     command_line = None if page.name == "README.md" else command_line  # one page as it is, from the start
     cells = []
     for block in BLOCK.finditer(text):

@@ -1,14 +1,18 @@
 """What is installed, read from folders, is what importlib.metadata says; and faces of rooms that import late."""
 
 import importlib
+import tomllib
 from importlib import metadata
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 from twin import installed, late
 
-ROOMS = [place.parent.name for place in Path("twin").glob("*/__init__.py")]
+ROOT = Path(__file__).parent.parent
+ROOMS = [place.parent.name for place in ROOT.glob("twin/*/__init__.py")]
 
 
 def test_versions():
@@ -16,6 +20,17 @@ def test_versions():
         assert installed.version(name) == metadata.version(name)
     with pytest.raises(metadata.PackageNotFoundError):
         installed.version("no-such-package")
+
+
+def test_what_the_project_needs_has_its_version_in_the_constraints():
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
+    kept = {canonicalize_name(name): version for name, version in (line.split("==") for line in lines)}
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    wanted = [Requirement(text) for text in (*project["dependencies"], *extras["python"], *extras["test"])]
+    wanted = [one for one in wanted if one.name != project["name"]]
+    assert len(wanted) > 20
+    assert [str(one) for one in wanted if kept.get(canonicalize_name(one.name), "0") not in one.specifier] == []
 
 
 @pytest.mark.parametrize("group", ["twin.commands", "twin.hardware", "console_scripts", "pytest11", "nothing"])

@@ -23,7 +23,7 @@ class Agenda:
     def at(self, time: int, action: Callable[[], None]) -> None:
         """Do `action` at this time, or as soon as possible if it has passed."""
         self._count += 1
-        heapq.heappush(self._queue, (max(time, self.now), self._count, action))
+        heapq.heappush(self._queue, (max(self.now, time), self._count, action))
 
     def next_time(self) -> int:
         """When the next action is due [ns]."""
@@ -31,9 +31,9 @@ class Agenda:
 
     def advance(self, time: int) -> None:
         """Do everything that is due until `time`, including it."""
-        while self._queue and self._queue[0][0] <= time:
-            due, _, action = heapq.heappop(self._queue)
-            self.now = due
+        queue = self._queue
+        while queue and queue[0][0] <= time:
+            self.now, _, action = heapq.heappop(queue)
             action()
         self.now = max(self.now, time)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import sys
+from contextlib import nullcontext, redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,6 +47,9 @@ def command() -> None:
 @click.option("--to", "end", type=float, default=float("inf"), metavar="S", help="Leave out what was after it [s].")
 @click.option("--json", "form", flag_value="json", help="One JSON object per line.")
 @click.option("--csv", "form", flag_value="csv", help="One row per frame, values included.")
+@click.option(
+    "-o", "--output", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Write to this file."
+)
 def decode(
     trace: Path,
     bench: Path | None,
@@ -57,6 +61,7 @@ def decode(
     begin: float,
     end: float,
     form: str | None,
+    output: Path | None,
 ) -> None:
     """Print the frames of TRACE (.asc, .blf, .log) as candump does, with their meaning.
 
@@ -86,7 +91,8 @@ def decode(
     )
     write = {None: text, "json": as_json, "csv": as_csv}[form]
     try:
-        write(lines)
+        with output.open("w", encoding="utf-8") if output else nullcontext(sys.stdout) as file, redirect_stdout(file):
+            write(lines)
     except BrokenPipeError:  # the reader, such as head, has seen enough
         sys.stderr.close()
 

@@ -71,8 +71,10 @@ class Axis:
             self._version = dictionary.version
             self.units = self.profile.units(dictionary)
             self.currents = self.profile.currents(dictionary)
+            self.warming = 1.0 - exp(-clock.seconds(CYCLE) / self.currents.lag)  # towards the square, in a cycle
             self._tune()
-        self.position = motor.measured_position - self.origin
+        measured = motor.measured_position
+        self.position = measured - self.origin
         self.velocity = motor.measured_velocity
         self._derate(motor.current)
         if not self.holds_position:
@@ -81,8 +83,8 @@ class Axis:
         for place, low, high, actual in self._actual:
             whole = round(actual(self))
             values[place] = whole if low <= whole <= high else low if whole < low else high
-        closed = self.switches.closed(motor.measured_position)
-        dictionary.put(0x60FD, sum(bit << number for number, bit in enumerate(closed)))
+        negative, positive, home = self.switches.closed(measured)
+        dictionary.put(0x60FD, negative | positive << 1 | home << 2)
 
     def _tune(self) -> None:
         """Gains of the dictionary: with its defaults the motor's loops are as its component has them."""
@@ -104,7 +106,7 @@ class Axis:
     def _derate(self, current: float) -> None:
         """I2t: mean square with the thermal time constant; above the continuous current that one is the limit."""
         limits = self.currents
-        self.heat += (current * current - self.heat) * (1.0 - exp(-clock.seconds(CYCLE) / limits.lag))
+        self.heat += (current * current - self.heat) * self.warming
         square = limits.continuous * limits.continuous
         self.derated = self.heat >= square if not self.derated else self.heat > 0.81 * square
         self.level = self.heat / square if square else 0.0

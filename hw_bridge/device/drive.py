@@ -190,8 +190,9 @@ class Drive(Slave):
         """Errors that the drive finds itself."""
         axis, dictionary, profile = self.axis, self.dictionary, self.profile
         low, high = profile.supply(dictionary)
-        self._while(OVERVOLTAGE, self.supply > high)
-        self._while(UNDERVOLTAGE, self.supply < low)
+        supply = self.supply
+        self._while(OVERVOLTAGE, supply > high)
+        self._while(UNDERVOLTAGE, supply < low)
         if profile.masks:
             self._while(OVERCURRENT, axis.derated)
         enabled = self.state is State.ENABLED
@@ -213,7 +214,8 @@ class Drive(Slave):
             self.error(code)
         elif (
             not condition
-            and code in self.active.keys() - self.lasting
+            and code in self.active
+            and code not in self.lasting
             and self.state not in (State.REACTION, State.FAULT)
         ):
             self._forget({code})

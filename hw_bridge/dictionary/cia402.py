@@ -137,10 +137,16 @@ _BY_COMMAND: dict[tuple[State, Command], Transition] = {
     (one.source, one.command): one for one in TRANSITIONS if one.command is not Command.NONE
 }
 
+_LOOKED_AT = 0x6F  # bits of the statusword that any pattern looks at
+_BY_BITS = [
+    next((state for state, pattern in STATUS.items() if pattern.fits(bits)), State.NOT_READY)
+    for bits in range(_LOOKED_AT + 1)
+]
+
 
 def state_of(statusword: int) -> State:
     """The state that a statusword shows."""
-    return next((state for state, pattern in STATUS.items() if pattern.fits(statusword)), State.NOT_READY)
+    return _BY_BITS[statusword & _LOOKED_AT]
 
 
 def command_of(controlword: int, previous: int) -> Command:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import struct
 from collections import deque
 from math import degrees
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 from hw_bridge.bus import Frame
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 TARGET_PDO, CONTROL_PDO, FORCE_PDO = 0x200, 0x300, 0x400
 STATE_PDO, SPEED_PDO = 0x180, 0x280
+ASKED = itemgetter(0)  # of a way
 WINDOW = 1.0  # time over which the way that was driven is compared with the way that was asked for [s]: what stands
 # against an end stop is noticed at a speed of the limit over this time
 MARGIN = 1e-3  # by which a drive may swing back while it leaves an end stop [m or rad]
@@ -215,4 +217,5 @@ class Node(Station):
             return self.target_position - self.position
         if not self.ways:
             return 0.0
-        return sum(asked for asked, _ in self.ways) - (self.position - self.ways[0][1])
+        asked: float = sum(map(ASKED, self.ways))
+        return asked - (self.position - self.ways[0][1])

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from itertools import pairwise
 from math import copysign
+from operator import mul
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from hw_bridge.hardware import ShadowKeys
 
@@ -69,22 +70,21 @@ SYMPTOMS = (
 
 def figures_of(kept: list[Sample], bands: ShadowKeys, cycle: float) -> Figures:
     """What a window of samples shows; `cycle` [s] between them."""
-    jump = max(abs(b.position - a.position - b.velocity * cycle) for a, b in pairwise(kept))
-    moving = [one for one in kept if abs(one.speed) > bands.moving]
-    ahead = [one.current for one in moving if one.speed > 0.0]
-    back = [one.current for one in moving if one.speed < 0.0]
+    position, velocity, current, speed, load, _ = zip(*kept, strict=True)
+    jump = max(abs(b - a - v * cycle) for (a, b), v in zip(pairwise(position), velocity[1:], strict=True))
+    ways = [direction(one, bands.moving) for one in speed]
+    ahead = [one for one, way in zip(current, ways, strict=True) if way > 0.0]
+    back = [one for one, way in zip(current, ways, strict=True) if way < 0.0]
     enough = FEW * len(kept)
-    current = [one.current for one in kept]
-    load = [one.load for one in kept]
     return Figures(
         jump / bands.position,
-        (kept[-1].position - kept[0].position) / bands.position,
-        -mean([one.velocity * copysign(1.0, one.speed) for one in moving]) / bands.velocity,
+        (position[-1] - position[0]) / bands.position,
+        -mean([one * way for one, way in zip(velocity, ways, strict=True) if way]) / bands.velocity,
         (mean(ahead) if len(ahead) > enough else 0.0) / bands.current,
         (mean(back) if len(back) > enough else 0.0) / bands.current,
         min(len(ahead), len(back)) > enough,
         mean([one * copysign(1.0, force) for one, force in zip(current, load, strict=True) if force]) / bands.current,
-        explained(current, load) > explained(current, [direction(one.speed, bands.moving) for one in kept]),
+        explained(current, load) > explained(current, ways),
     )
 
 
@@ -98,8 +98,8 @@ def mean(values: list[float]) -> float:
     return sum(values) / len(values) if values else 0.0
 
 
-def explained(values: list[float], cause: list[float]) -> float:
+def explained(values: Sequence[float], cause: Sequence[float]) -> float:
     """Share of the squares of `values` that a multiple of `cause` accounts for."""
-    product = sum(one * other for one, other in zip(values, cause, strict=True))
-    squares = sum(one * one for one in values) * sum(one * one for one in cause)
+    product = sum(map(mul, values, cause))
+    squares = sum(map(mul, values, values)) * sum(map(mul, cause, cause))
     return product * product / squares if squares else 0.0

@@ -3,22 +3,21 @@
 import shutil
 import struct
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from elftools.elf.elffile import ELFFile
 
+from tests.c_compilers import CLANG, linking
 from twin import compiler
-from twin.compiler import library
+from twin.compiler import library, zig
 from twin.component import Component, catalog, input, output, parameter
 from twin.errors import BuildError, TwinError
 from twin.run import prepare
 from twin.scenario import group, load_scenario
 
 BARE = Path(__file__).with_name("bare")
-ZIG = [sys.executable, "-m", "ziglang"]
 WARNINGS = ["-Wall", "-Wextra", "-Wpedantic", "-Werror"]
 
 # machine to emulate, and how to link for it: zig's own libm and compiler library stand for newlib's and libgcc
@@ -82,7 +81,7 @@ def test_two_libraries_in_one_program_equal_the_components_to_the_bit(folder, ta
     before = runner(target)
     (tmp_path / "main.c").write_text(MAIN)
     libraries = [str(folder / target / f"lib{name}.a") for name in ("sheath", "pi_control")]
-    command = [*ZIG, "cc", "-target", library.TRIPLES[target][0], "-std=c11", "-O2", *WARNINGS, "-ffp-contract=off"]
+    command = [*linking(target), "-std=c11", "-O2", *WARNINGS, "-ffp-contract=off"]
     subprocess.run([*command, f"-I{folder}", "main.c", *libraries, "-lm", "-o", "main"], cwd=tmp_path, check=True)
     done = subprocess.run([*before, tmp_path / "main"], capture_output=True, text=True, check=True, timeout=60)
     lines = done.stdout.splitlines()
@@ -112,7 +111,7 @@ int main(void)
     control.controller_force = 0.1;
     control_start(&control, 0.0);
     for (int k = 0; k < 300; k++) {
-        control.estimate_position = 0.003 * (k % 50) / 50.0;
+        control.controller_setpoint = 0.2 + 0.1 * (k % 50) / 50.0;
         if (control_step(&control, k / 1000.0, 0.001)) return 1;
         printf("%a\\n", control.controller_target_velocity);
     }
@@ -128,7 +127,7 @@ def test_a_group_of_a_scenario_is_one_library(build, tmp_path):
     target = compiler.host()
     library.export(cls, "control", tmp_path, build, (target,), force=False)
     (tmp_path / "main.c").write_text(GROUP)
-    command = [*ZIG, "cc", "-target", library.TRIPLES[target][0], "-std=c11", "-O2", *WARNINGS, "-ffp-contract=off"]
+    command = [*linking(target), "-std=c11", "-O2", *WARNINGS, "-ffp-contract=off"]
     archive = str(tmp_path / target / "libcontrol.a")
     subprocess.run([*command, "main.c", archive, "-lm", "-o", "main"], cwd=tmp_path, check=True)
     lines = subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=True, timeout=60).stdout.split()
@@ -136,7 +135,7 @@ def test_a_group_of_a_scenario_is_one_library(build, tmp_path):
     part.views["controller.force"][...] = 0.1
     part.start()
     for k, line in enumerate(lines):
-        part.views["estimate.position"][...] = 0.003 * (k % 50) / 50.0
+        part.views["controller.setpoint"][...] = 0.2 + 0.1 * (k % 50) / 50.0
         part.advance(k / 1000.0, 0.001)
         assert float.fromhex(line) == part.views["controller.target_velocity"]
     assert len(lines) == 300
@@ -166,7 +165,18 @@ def emulated(program, names, folder, target, place):
     if not shutil.which(emulator):
         pytest.skip(f"{emulator} is missing: Debian's qemu-system-arm")
     libraries = [str(folder / target / f"lib{name}.a") for name in names]
-    command = [*ZIG, "cc", *options, "-std=c11", "-O2", "-ffreestanding", *WARNINGS, f"-I{folder}", "-o", "firmware"]
+    command = [
+        str(zig.executable()),
+        "cc",
+        *options,
+        "-std=c11",
+        "-O2",
+        "-ffreestanding",
+        *WARNINGS,
+        f"-I{folder}",
+        "-o",
+        "firmware",
+    ]
     command += [str(BARE / program), *libraries, f"-Wl,-T,{BARE / target}.ld", "-Wl,-e,reset"]
     subprocess.run(command, cwd=place, check=True)
     silent = ["-display", "none", "-monitor", "none", "-serial", "none", "-semihosting", "-kernel", "firmware"]
@@ -239,17 +249,16 @@ int main(void)
 
 
 @pytest.mark.skipif(compiler.host() != "x86_64-linux", reason="the library of this machine is not built")
-@pytest.mark.parametrize(("compiler", "standard"), [("cc", "c11"), ("cc", "gnu11"), ("c++", "c++17")])
-def test_names_that_are_reserved_get_an_underscore_in_c_and_cpp(compiler, standard, build, tmp_path):
+@pytest.mark.parametrize(("language", "standard"), [("c", "c11"), ("c", "gnu11"), ("c++", "c++17")])
+def test_names_that_are_reserved_get_an_underscore_in_c_and_cpp(language, standard, build, tmp_path):
     library.export(Awkward, "awkward", tmp_path, build, ("x86_64-linux",), force=False)
-    source = "main.c" if compiler == "cc" else "main.cpp"
+    source = "main.c" if language == "c" else "main.cpp"
     (tmp_path / source).write_text(CHECK)
-    target = ["-target", library.TRIPLES["x86_64-linux"][0], "-O2"]
-    command = [*ZIG, compiler, *target, f"-std={standard}", *WARNINGS, "-c", source, "-o", "main.o"]
+    command = [*linking("x86_64-linux", language), "-O2", f"-std={standard}", *WARNINGS, "-c", source, "-o", "main.o"]
     subprocess.run(command, cwd=tmp_path, check=True)
 
     # linked as C: nothing of the C++ library is used, and zig would first build it
-    link = [*ZIG, "cc", *target, "main.o", "x86_64-linux/libawkward.a", "-lm", "-o", "main"]
+    link = [*linking("x86_64-linux"), "main.o", "x86_64-linux/libawkward.a", "-lm", "-o", "main"]
     subprocess.run(link, cwd=tmp_path, check=True)
     done = subprocess.run([tmp_path / "main"], capture_output=True, text=True, check=True)
     assert done.stdout == "8 7\n"
@@ -270,12 +279,12 @@ def test_names_that_become_the_same_are_refused():
         library.header(Twice, "twice")
 
 
-@pytest.mark.parametrize(("compiler", "standard"), [("cc", "c11"), ("cc", "c23"), ("c++", "c++11"), ("c++", "c++17")])
+@pytest.mark.parametrize(("language", "standard"), [("c", "c11"), ("c", "c23"), ("c++", "c++11"), ("c++", "c++17")])
 @pytest.mark.parametrize("name", ["sheath", "servomotor", "pi_control"])
-def test_the_header_is_c_and_cpp(folder, compiler, standard, name, tmp_path):
-    source = "check.c" if compiler == "cc" else "check.cpp"
+def test_the_header_is_c_and_cpp(folder, language, standard, name, tmp_path):
+    source = "check.c" if language == "c" else "check.cpp"
     (tmp_path / source).write_text(f'#include "{name}.h"\nint main(void) {{ return TWIN_OK; }}\n')
-    command = [*ZIG, compiler, f"-std={standard}", *WARNINGS, f"-I{folder}", "-c", source, "-o", "check.o"]
+    command = [*CLANG, "-x", language, f"-std={standard}", *WARNINGS, f"-I{folder}", "-c", source, "-o", "check.o"]
     subprocess.run(command, cwd=tmp_path, check=True)
 
 
@@ -290,7 +299,7 @@ def test_the_header_is_c_and_cpp(folder, compiler, standard, name, tmp_path):
 )
 def test_objects_need_libm_and_the_compilers_runtime_alone(folder, target, machine, runtime, tmp_path):
     archive = folder / target / "libsheath.a"
-    subprocess.run([*ZIG, "ar", "x", str(archive)], cwd=tmp_path, check=True)
+    subprocess.run([str(zig.executable()), "ar", "x", str(archive)], cwd=tmp_path, check=True)
     needed, defined = set(), set()
     for path in tmp_path.glob("*.o"):
         with path.open("rb") as file:

@@ -3,21 +3,23 @@
 import re
 import shutil
 import subprocess
+from functools import cache
 
 import pytest
 
+from tests.c_compilers import CLANG
 from twin import compiler
 from twin.compiler import zig
 from twin.component import PythonComponent, catalog
 
 CLEAN = ["-Wall", "-Wextra", "-Wconversion", "-pedantic", "-std=c11", "-Werror"]
-CLANG = [str(zig.executable()), "clang", "-nostdinc", "-isystem", str(zig.headers())]
 NAMES = [name for name in catalog.names() if not issubclass(catalog.component(name), PythonComponent)]
 
 
 @pytest.fixture(scope="module")
-def texts(build):
-    return {name: compiler.sources(catalog.component(name), name, build) for name in NAMES}
+def text(build):
+    """The C of a component, made once."""
+    return cache(lambda name: compiler.sources(catalog.component(name), name, build))
 
 
 def compiled(made, folder, command):
@@ -29,22 +31,22 @@ def compiled(made, folder, command):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_no_compiler_complains(name, texts, tmp_path):
-    compiled(texts[name], tmp_path, [*CLANG, "-fsyntax-only"])
+def test_no_compiler_complains(name, text, tmp_path):
+    compiled(text(name), tmp_path, [*CLANG, "-fsyntax-only"])
     if shutil.which("gcc"):
-        compiled(texts[name], tmp_path, ["gcc", "-fsyntax-only"])
+        compiled(text(name), tmp_path, ["gcc", "-fsyntax-only"])
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not shutil.which("gcc"), reason="gcc is missing")
 @pytest.mark.parametrize("name", NAMES)
-def test_gcc_complains_of_nothing_that_it_sees_when_optimizing(name, texts, tmp_path):
-    compiled(texts[name], tmp_path, ["gcc", "-O3", "-c", "-o", "it.o"])
+def test_gcc_complains_of_nothing_that_it_sees_when_optimizing(name, text, tmp_path):
+    compiled(text(name), tmp_path, ["gcc", "-O3", "-c", "-o", "it.o"])
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_it_reads_like_c_of_a_person(name, texts):
-    cls, made = catalog.component(name), texts[name]
+def test_it_reads_like_c_of_a_person(name, text):
+    cls, made = catalog.component(name), text(name)
     code = re.sub(r"/\*.*?\*/", "", made.source, flags=re.DOTALL)
     assert not re.search(r"^#\s*define", made.source, flags=re.MULTILINE)
     assert "goto" not in code
@@ -56,8 +58,8 @@ def test_it_reads_like_c_of_a_person(name, texts):
     assert str(zig.executable().parent) not in made.source + made.header
 
 
-def test_comments_and_lines_of_python_are_there(texts):
-    made = texts["sheath"]
+def test_comments_and_lines_of_python_are_there(text):
+    made = text("sheath")
     assert "/* a bend presses the instrument on the sheath by its angle times the thrust */" in made.source
     assert re.search(r"for \(int64_t i = 0; i < NODES; i\+\+\) \{ /\* line \d+ \*/", made.source)
     assert "static double beyond(double value, double limit)" in made.source

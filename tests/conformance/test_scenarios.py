@@ -24,7 +24,8 @@ FAST = {"hysteresis_identification": ("seeds=[1]",)}  # it fits for seconds per 
 def is_long(path):
     """Whether all variants with all seeds take long."""
     scenario = ALL[path]
-    return len(scenario.seeds) * sum(case.stop_ns - case.start_ns for case in scenario.variants) / 1e9 > LONG
+    weight = 6 if path.stem.startswith("bench_") else 1  # bodies run at a few times real time, not at hundreds
+    return weight * len(scenario.seeds) * sum(case.stop_ns - case.start_ns for case in scenario.variants) / 1e9 > LONG
 
 
 @pytest.fixture(scope="module")

@@ -241,7 +241,7 @@ def test_a_group_of_another_scenario_is_a_member(tmp_path, build):
     (tmp_path / "rig.yaml").write_text(RIG)
     scenario = parse_scenario(TWO, tmp_path / "two.yaml")
     runs = [
-        run_scenario(scenario, root=tmp_path / "runs", build=build, report=True, form=form)
+        run_scenario(scenario, root=tmp_path / "runs", build=build, report=form is Form.fmu, form=form)
         for form in (Form.fmu, Form.compiled, Form.interpreted)
     ]
     tables = [outcome.tables for outcome in runs]

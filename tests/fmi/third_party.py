@@ -4,7 +4,12 @@ import subprocess
 import sys
 import textwrap
 import zipfile
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from tests.c_compilers import linking
+from twin import compiler
 
 FMI2 = """
 from pythonfmu.fmi2slave import Fmi2Slave, Fmi2Causality as C, Fmi2Variability as V, Boolean, Integer, Real, String
@@ -154,18 +159,24 @@ NATIVE_XML = """<?xml version="1.0" encoding="UTF-8"?>
 """
 
 
+@cache
+def native_library(source: str) -> bytes:
+    """A shared library from C."""
+    with TemporaryDirectory() as folder:
+        place = Path(folder)
+        (place / "native.c").write_text(textwrap.dedent(source))
+        command = [*linking(compiler.host()), "-shared", "-fPIC", "-O1", "-w", "-o", "Native.so", "native.c"]
+        subprocess.run(command, check=True, capture_output=True, cwd=place)
+        return (place / "Native.so").read_bytes()
+
+
 def native_fmu(folder: Path, xml: str = NATIVE_XML, source: str = NATIVE) -> Path:
     """An FMI 3.0 FMU from C."""
-    (folder / "native.c").write_text(textwrap.dedent(source))
-    library = folder / "Native.so"
-    if not library.exists():
-        command = [sys.executable, "-m", "ziglang", "cc", "-shared", "-fPIC", "-O1", "-w"]
-        subprocess.run([*command, "-o", str(library), str(folder / "native.c")], check=True, capture_output=True)
     return archive(
         folder / "Native.fmu",
         {
             "modelDescription.xml": xml.encode(),
-            "binaries/x86_64-linux/Native.so": library.read_bytes(),
+            "binaries/x86_64-linux/Native.so": native_library(source),
         },
     )
 

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import pytest
 
-from tests.command_line import CommandLine
 from tests.run.endings import MODES, ending_fmu
 from twin.errors import TwinError
 from twin.results import Signals, stream
@@ -34,13 +33,6 @@ ENDS = {
     "exit":  f"ended the process with exit code 7 in fmi3DoStep, in the step from t = 300 ms. {LOG}",
     "hang":  f"did not return for 0.5 s in fmi3DoStep, in the step from t = 300 ms. {LOG}",
 }  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def command_line(tmp_path_factory):
-    made = CommandLine(ROOT, tmp_path_factory.mktemp("command"))
-    yield made
-    made.close()
 
 
 @pytest.fixture(scope="module")

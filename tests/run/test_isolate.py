@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.command_line import CommandLine
 from tests.run.endings import MODES, ending_fmu
 from tests.run.test_endings import ENDS, results
 from twin.component import Component, PythonComponent, input, local, output, parameter
@@ -101,13 +100,6 @@ SCENARIO = """
       - {{at: 40 ms, release: ["a.y[1]"]}}
     record: {{variables: ["*"]}}
 """
-
-
-@pytest.fixture(scope="module")
-def command_line(tmp_path_factory):
-    made = CommandLine(ROOT, tmp_path_factory.mktemp("command"))
-    yield made
-    made.close()
 
 
 @pytest.fixture(scope="module")

@@ -17,6 +17,7 @@ LONGEST = 60  # characters of a unit
 LARGEST = 10**100  # of a size's numerator and denominator
 PREFIXES: dict[str, Fraction | int] = {
     "": 1,
+    "p": Fraction(1, 10**12),
     "n": Fraction(1, 10**9),
     "u": Fraction(1, 10**6),
     "µ": Fraction(1, 10**6),
@@ -32,11 +33,11 @@ TURN = 2 * Fraction(math.pi)  # [rad]
 # symbol: prefixes that it is used with, size, exponents
 SYMBOLS: dict[str, tuple[str, Fraction | int, tuple[int, ...]]] = {
     "g":   ("mk",      Fraction(1, 1000), (1, 0, 0, 0, 0, 0, 0, 0)),
-    "m":   ("nuµμmck", 1,                 (0, 1, 0, 0, 0, 0, 0, 0)),
-    "s":   ("nuµμm",   1,                 (0, 0, 1, 0, 0, 0, 0, 0)),
+    "m":   ("pnuµμmck", 1,                (0, 1, 0, 0, 0, 0, 0, 0)),
+    "s":   ("pnuµμm",  1,                 (0, 0, 1, 0, 0, 0, 0, 0)),
     "min": ("",        60,                (0, 0, 1, 0, 0, 0, 0, 0)),
     "h":   ("",        3600,              (0, 0, 1, 0, 0, 0, 0, 0)),
-    "A":   ("uµμm",    1,                 (0, 0, 0, 1, 0, 0, 0, 0)),
+    "A":   ("pnuµμm",  1,                 (0, 0, 0, 1, 0, 0, 0, 0)),
     "K":   ("m",       1,                 (0, 0, 0, 0, 1, 0, 0, 0)),
     "mol": ("m",       1,                 (0, 0, 0, 0, 0, 1, 0, 0)),
     "rad": ("m",       1,                 (0, 0, 0, 0, 0, 0, 0, 1)),
@@ -52,7 +53,7 @@ SYMBOLS: dict[str, tuple[str, Fraction | int, tuple[int, ...]]] = {
     "V":   ("mk",      1,                 (1, 2, -3, -1, 0, 0, 0, 0)),
     "ohm": ("mkM",     1,                 (1, 2, -3, -2, 0, 0, 0, 0)),
     "H":   ("uµμm",    1,                 (1, 2, -2, -2, 0, 0, 0, 0)),
-    "F":   ("nuµμm",   1,                 (-1, -2, 4, 2, 0, 0, 0, 0)),
+    "F":   ("pnuµμm",  1,                 (-1, -2, 4, 2, 0, 0, 0, 0)),
     "T":   ("m",       1,                 (1, 0, -2, -1, 0, 0, 0, 0)),
     "l":   ("uµμm",    Fraction(1, 1000), (0, 3, 0, 0, 0, 0, 0, 0)),
     "L":   ("uµμm",    Fraction(1, 1000), (0, 3, 0, 0, 0, 0, 0, 0)),

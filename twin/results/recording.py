@@ -132,7 +132,7 @@ class SignalFile:
                 pa.field(one.label, pa.from_numpy_dtype(one.dtype), metadata={k: v for k, v in notes.items() if v})
             )
         self.schema = pa.schema(fields, {"project": f"catheter-twin {twin.__version__}", **about})
-        # dictionaries of doubles that hardly repeat take half of the time to write, and no less room
+        # dictionaries of doubles that hardly repeat take up to half of the time to write, and save little room or none
         self.writer = parquet.ParquetWriter(path, self.schema, compression="zstd", use_dictionary=["variant"])
 
     def write(self, variant: str, seed: int, signals: Signals) -> None:
