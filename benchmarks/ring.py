@@ -39,8 +39,8 @@ def time_c(program: Path, version: str, path: Path, members: int, steps: int) ->
     """Ns per member and step, and the last output."""
     unpacked = unpack(path)
     library = next((unpacked.folder / "binaries").rglob("*.so"))
-    variables = {variable.name: str(variable.valueReference) for variable in unpacked.description.modelVariables}
-    command = [str(program), version[0], str(library), unpacked.description.guid, str(members), str(steps)]
+    variables = {variable.name: str(variable.reference) for variable in unpacked.description.variables}
+    command = [str(program), version[0], str(library), unpacked.description.token, str(members), str(steps)]
     output = subprocess.run([*command, variables["u"], variables["y"]], check=True, capture_output=True, text=True)
     unpacked.close()
     result = output.stdout.split()

@@ -27,6 +27,7 @@ FIBERS = 40
 TABLES = {
     "fiber_shape": ("error_mean", "error_max", "residual", "status"),
     "tip_tracking": ("error_mean", "error_std", "error_max", "error_rms", "status"),
+    "travel_distance": ("difference", "hall_error", "shift_error", "fused_error", "hall_rms", "shift_rms", "fused_rms"),
 }
 PATHS: dict[str, dict[str, Any]] = {
     "plane": {"segment_length": (0.203, 0.0785, 0.0785, 1.0, 1.0, 1.0)},

@@ -24,6 +24,8 @@ NAMES = (
     "pi_bouc_wen_control",
     "pi_control",
     "pi_feedforward_control",
+    "prandtl_ishlinskii_compensator",
+    "rate_bouc_wen_compensator",
     "regripping_sequencer",
     "servomotor",
     "sheath",

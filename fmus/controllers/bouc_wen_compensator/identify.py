@@ -63,7 +63,7 @@ STARTS = (
 def simulate(constants: Iterable[float], x_in: NDArray[np.float64]) -> NDArray[np.float64]:
     """Tip position x_out [m] over samples of the gripper position x_in [m], from h = 0."""
     c = Constants(*constants)
-    h, _ = _hysteresis(c, x_in / MILLIMETER)
+    h, _ = hysteresis(c, x_in / MILLIMETER)
     return c.alpha_x * x_in - MILLIMETER * h
 
 
@@ -75,7 +75,7 @@ def identify(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> Fit:
     def model(p: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         if p.tobytes() not in known:
             known.clear()
-            h, slopes = _hysteresis(Constants(*p[:5]), gripper)
+            h, slopes = hysteresis(Constants(*p[:5]), gripper)
             jacobian = np.column_stack((gripper, -slopes, np.ones_like(gripper)))
             known[p.tobytes()] = (p[0] * gripper - h + p[5] - tip, jacobian)
         return known[p.tobytes()]
@@ -111,7 +111,7 @@ analysis.outputs = {  # type: ignore[attr-defined]
 }  # fmt: skip
 
 
-def _hysteresis(c: Constants, x_in: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def hysteresis(c: Constants, x_in: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """State h [mm] over x_in [mm], and its sensitivities to alpha, beta, delta, gamma; integrated over x_in, not over time."""
     _, alpha, beta, delta, gamma = c
     h = s_alpha = s_beta = s_delta = s_gamma = 0.0

@@ -51,6 +51,8 @@ class TipTracking(Component):
                        minimum=1e-3, source="chosen: the heart moves 12 mm, and half of the window is used")
     free_length = parameter(20e-3, "m", "distal part that is not guided, left out of the match", display_unit="mm",
                             minimum=0.0, source="as guided_tip")
+    matched_length = parameter(10.0, "m", "distal part of the crop that is matched; less than all where travel differs along it",
+                               display_unit="mm", minimum=30e-3, source="paper, section IV.C: all of the crop")
     registered_length = parameter(0.03, "m", "over which a point's weight in the registration falls to 37 %, from the tip",
                                   display_unit="mm", minimum=1e-3,
                                   source="chosen: three gratings, so that a bend farther away still tells the roll")
@@ -185,7 +187,7 @@ def keep_curvature(self: TipTracking) -> None:
 
 def first(self: TipTracking) -> int:
     """Step 2, crop: first grating, and first node, from which no shift in the window leaves the reference."""
-    return ceil(self.window / self.pitch + 0.5)
+    return max(ceil(self.window / self.pitch + 0.5), last(self) - ceil(self.matched_length / self.pitch))
 
 
 def last(self: TipTracking) -> int:

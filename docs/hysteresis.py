@@ -1,0 +1,85 @@
+"""Write the result table of docs/explanation/hysteresis.md, and draw its figure, from a run made now.
+
+python docs/hysteresis.py
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import matplotlib as mpl
+import numpy as np
+from figures import ROOT, run, save
+from fmus.bouc_wen_compensator.identify import PAPER, simulate
+from fmus.bouc_wen_compensator.model import BoucWenCompensator
+from fmus.hysteresis_models import constants
+from fmus.prandtl_ishlinskii_compensator import identify as plays
+from fmus.prandtl_ishlinskii_compensator.model import PrandtlIshlinskiiCompensator
+from matplotlib.figure import Figure
+
+from twin.results import plotting
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+PAGE = ROOT / "docs" / "explanation" / "hysteresis.md"
+MOTIONS = ("chirp", "heart", "fast heart")
+
+# shown -> suffix of the variant, metric of the model's error
+ROWS = {
+    "none": ("", None),
+    "Prandtl-Ishlinskii": (" PI", "prandtl_ishlinskii_error"),
+    "Bouc-Wen as printed": (" BW", "bouc_wen_error"),
+    "Bouc-Wen with a lag": (" rate BW", "rate_bouc_wen_error"),
+    "the same from the drive's target": (" rate BW+drive", "with_drive_error"),
+}
+
+
+def table(summary: Mapping[str, Any]) -> str:
+    """One row for each model; errors in mm."""
+    shown = ("the chirp", "heart, 1 Hz", "heart, 1.6 Hz")
+    columns = [*(f"model: {one}" for one in shown), *(f"tracking: {one}" for one in shown), "largest: heart, 1 Hz"]
+    rows = [f"| model | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
+
+    def value(metric: str, variant: str) -> str:
+        return f"{summary['metrics'][metric]['variants'][variant]['mean']:.2f}"
+
+    for name, (suffix, error) in ROWS.items():
+        cells = [value(error, motion) if error else "" for motion in MOTIONS]
+        cells += [value("tracking_error_std", motion + suffix) for motion in MOTIONS]
+        rows.append(f"| {name} | {' | '.join(cells)} | {value('tracking_error_max', 'heart' + suffix)} |")
+    return "\n".join(rows)
+
+
+def draw_loops() -> None:
+    """The loop of each rate-independent model under a sine of 5 mm, from its second period on."""
+    path = 5e-3 * np.sin(2.0 * np.pi * np.arange(0.0, 3.0, 1e-3))
+    sum_of_plays = PrandtlIshlinskiiCompensator
+    answers = {
+        "Bouc-Wen, the paper's constants": simulate(PAPER, path),
+        "Bouc-Wen, identified here": simulate(constants(BoucWenCompensator), path),
+        "Prandtl-Ishlinskii": plays.simulate(sum_of_plays.weight.start, path, sum_of_plays.threshold.start),
+    }
+    with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": "loops"}):
+        figure = Figure((8.4, 3.2), layout="constrained")
+        for axis, (name, tip) in zip(figure.subplots(1, 3), answers.items(), strict=True):
+            axis.plot(1e3 * path[1000:], 1e3 * tip[1000:], color=plotting.COLORS[0], linewidth=1.2)
+            axis.set(xlabel="gripper [mm]", title=name)
+        figure.axes[0].set(ylabel="tip [mm]")
+        save(figure, "hysteresis_loops.svg")
+
+
+def main() -> None:
+    """Draw and write everything."""
+    with tempfile.TemporaryDirectory() as name:
+        outcome = run("hysteresis_models", Path(name))
+    marks = re.compile(r"(<!-- results hysteresis_models -->\n).*?(<!-- end -->)", re.DOTALL)
+    PAGE.write_text(marks.sub(lambda match: match[1] + table(outcome.summary) + "\n" + match[2], PAGE.read_text()))
+    draw_loops()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,49 @@
+"""Distances of moves by gripper, fiber and both, as Al-Ahmad et al. (RACS), section VI, compare them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    Signal = NDArray[np.float64]
+
+STEP = 4e-3  # between recorded rows [s]
+REST = (9.5, 27.5, 46.0)  # before the move out, between, and after the move back [s], as scenarios/travel_distance.yaml
+
+
+def distances(true: Signal, hall: Signal, shift: Signal, fused: Signal) -> dict[str, float]:
+    """Mean of the moves' absolute errors, and of the difference of both measures; each read once, while all rests.
+
+    One reading holds the breath of its instant, as a person's reading does.
+    """
+    rows = [round(instant / STEP) for instant in REST]
+    moves = {
+        name: np.diff(values[rows])
+        for name, values in (("true", true), ("hall", hall), ("shift", shift), ("fused", fused))
+    }
+    results = {
+        "difference": float(np.abs(moves["hall"] - moves["shift"]).mean()),
+        "difference_out": float(abs(moves["hall"][0] - moves["shift"][0])),
+        "difference_back": float(abs(moves["hall"][1] - moves["shift"][1])),
+        "way": float(np.abs(moves["hall"]).mean()),
+    }
+    for name, values in (("hall", hall), ("shift", shift), ("fused", fused)):
+        results[f"{name}_error"] = float(np.abs(moves[name] - moves["true"]).mean())
+        results[f"{name}_rms"] = float(np.sqrt(np.mean((values - true) ** 2)))
+    results["against_worse"] = results["fused_error"] / max(results["hall_error"], results["shift_error"])
+    results["against_better"] = results["fused_error"] - min(results["hall_error"], results["shift_error"])
+    results["rms_against_better"] = results["fused_rms"] - min(results["hall_rms"], results["shift_rms"])
+    return results
+
+
+distances.outputs = {  # type: ignore[attr-defined]
+    **dict.fromkeys(
+        ("difference", "difference_out", "difference_back", "way", "against_better", "rms_against_better"), "m"
+    ),
+    **{f"{name}_{kind}": "m" for name in ("hall", "shift", "fused") for kind in ("error", "rms")},
+    "against_worse": "",
+}
