@@ -159,8 +159,6 @@ class SimulatedBench(Bench):
 
     def restless(self, failed: bool, unconfirmed: Sequence[str]) -> list[str]:  # noqa: ARG002 - the truth is known
         """What is not at rest in truth."""
-        for plant in self.plants.values():  # what pushed is not simulated any more: its last force would push forever
-            plant.motor.load(0.0)
         if failed:  # drives that did not hear the master stop by themselves
             self.bus.advance(self.bus.now + AFTERMATH)
         before = [plant.motor.position for plant in self.plants.values()]
