@@ -9,7 +9,7 @@ import numpy as np
 
 import twin
 from twin.compiler.resolve import TranslationError
-from twin.compiler.structs import block_comment, clean, flat_struct, struct_of, struct_of_dtype, struct_text
+from twin.compiler.structs import WIDTH, block_comment, clean, flat_struct, struct_of, struct_of_dtype, struct_text
 from twin.compiler.tangent import Tangents, tangents
 from twin.compiler.text import Sources, place_of
 from twin.compiler.types import REAL, Struct
@@ -134,7 +134,8 @@ def header(cls: type[Component], name: str, struct: Struct, own: tuple[Entry, ..
 def about(cls: type[Component], file: str) -> str:
     """The comment at the begin of a file: docstring, and where it comes from."""
     lines = [clean(line).rstrip() for line in inspect.cleandoc(cls.__doc__ or cls.__name__).splitlines()]
-    origin = f"{file}, written by twin {twin.__version__} from {cls.__qualname__} ({place_of(cls)}). SI units."
+    by, source = f"{file}, written by twin {twin.__version__}", f"from {cls.__qualname__} ({place_of(cls)}). SI units."
+    origin = f"{by} {source}" if len(by) + len(source) < WIDTH else f"{by}\n   {source}"
     return "\n".join([f"/* {lines[0]}", *(f"   {line}".rstrip() for line in lines[1:]), "", f"   {origin} */"])
 
 
