@@ -38,6 +38,7 @@ DRIVES = f"""
 extends: {ROOT}/scenarios/heart_wall_force.yaml
 seeds: [1]
 members: {{clock: {{component: "benchmarks.parts:WallClock", parameters: {{pause: 0.1 ms}}}}}}
+record: {{variables: ["clock.*", "sensor.*"]}}
 """
 NEXT = "{stop_time: 1 ms, members: {wall: {component: wall}}}"
 TARGETS = ("worker", "supervisor", "both")
