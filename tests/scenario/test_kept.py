@@ -170,6 +170,19 @@ def test_a_component_that_changed(tmp_path):
     assert "is below the minimum" in run().stderr
 
 
+def test_a_component_that_imports_something_beside_the_catalog_is_not_kept(tmp_path):
+    (tmp_path / "fmus" / "own_part").mkdir(parents=True)
+    (tmp_path / "fmus" / "own_part" / "model.py").write_text(f"import beside\n{PART}")
+    (tmp_path / "beside.py").write_text("")
+    (tmp_path / "one.yaml").write_text("stop_time: 1 s\nmembers: {a: {component: own_part}}\n")
+    code = (
+        "from pathlib import Path; from twin.scenario import checked\n"
+        "for _ in range(2): known = checked(Path('one.yaml'), (), Path('build')); print(known.place is None); known.keep(Path('build'))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.stdout.split() == ["False", "False"], done.stderr
+
+
 PART = '''
 """One."""
 from twin.component import Component, output, parameter

@@ -8,10 +8,11 @@ been kept.
 
 from __future__ import annotations
 
+import ast
 import hashlib
-import inspect
 import json
 import os
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cache
@@ -38,6 +39,7 @@ ENGINE = Path(__file__).parents[1]
 LIBRARIES = ("numpy", "pint", "pydantic", "PyYAML", "ziglang")
 SUFFIXES = (".py", ".md", ".c", ".h", ".html")  # of what decides what a component's FMU is
 LARGEST = 4_000_000  # of a text that is kept [byte]: beyond it, reading takes as long as checking
+KNOWN = {"twin", "numpy", *sys.stdlib_module_names}  # modules whose changes are seen, or that do not change
 KINDS: dict[str, Any] = {
     one.__name__: one
     for one in (
@@ -142,7 +144,7 @@ def settled(case: Case, build: Path) -> Case:
             continue
         cls = catalog.component(made) if isinstance(made, str) else made
         if not isinstance(cls, type) or not all(map(is_ours, parts(cls))):
-            raise TypeError(f"{name} is no component of a catalog")
+            raise TypeError(f"{name} is made of more than the catalog's sources")
         if issubclass(cls, PythonComponent):
             members[name] = spec
             continue
@@ -158,8 +160,29 @@ def parts(cls: type[Component]) -> Iterable[type[Component]]:
 
 
 def is_ours(cls: type[Component]) -> bool:
-    """Whether a component lies in a catalog: then its sources are looked at."""
-    return any(Path(inspect.getfile(cls)).is_relative_to(place) for place in catalog.places())
+    """Whether a component is made of the catalog's sources alone, which are looked at: it, and all that it imports."""
+    waiting, seen = [cls.__module__], set[str]()
+    while waiting:
+        module = sys.modules.get(waiting.pop())
+        file = getattr(module, "__file__", None)
+        if file is None or not any(Path(file).is_relative_to(place) for place in catalog.places()):
+            return False
+        imported = {name for name in imports(Path(file)) if name.partition(".")[0] not in KNOWN}
+        waiting += [name for name in imported - seen if name.startswith("fmus.")]
+        seen |= imported
+        if any(not name.startswith("fmus.") and name != "fmus" for name in imported):
+            return False
+    return True
+
+
+def imports(file: Path) -> Iterable[str]:
+    """Names of the modules that a file imports, those that are not loaded by themselves left out."""
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (one.name for one in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            names = [f"{node.module}.{one.name}" for one in node.names]
+            yield from (name if name in sys.modules else f"{node.module}" for name in names)
 
 
 def made_from(files: Iterable[str], fmus: Iterable[str]) -> dict[str, Any]:
