@@ -161,6 +161,8 @@ def told(error: TwinError | OSError | MemoryError) -> list[str]:
         return str(error).split("\n")
     if isinstance(error, MemoryError):
         return [f"not enough memory{f' ({error})' if str(error) else ''}. Record less, or raise the limit (ulimit -v)."]
+    if error.errno == errno.ENOMEM:
+        return told(MemoryError())
     place = f"{error.filename}: " if error.filename else ""
     if error.errno == errno.ENOSPC:
         return [f"{place}the disk is full. Free some space; what was written before is kept."]
