@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from twin.errors import ScenarioError
 from twin.results import Expectation, Metric, Signals, Window, evaluate, expression, shown
-from twin.results.metrics import REDUCE
+from twin.results.reduction import REDUCE
 from twin.run.report import cells
 
 TIME = np.arange(1001) * 0.01

@@ -17,6 +17,8 @@ from tests.run.endings import MODES, ending_fmu
 from twin.errors import TwinError
 from twin.results import Signals, stream
 from twin.results.recording import read_signals
+from twin.results.reduction import REDUCE
+from twin.results.rows import Column
 from twin.run import recover, run_scenario
 from twin.scenario import Form, parse_scenario
 
@@ -202,19 +204,37 @@ def test_all_processes_are_killed(tmp_path, build):
 
 
 def test_a_recording_that_is_larger_than_memory(tmp_path, build, monkeypatch):
+    reductions = "\n      ".join(f"{name}: {{signal: rail.velocity, reduce: {name}}}" for name in REDUCE)
     scenario = parse_scenario(
-        """
+        f"""
         stop_time: 50 ms
-        members: {wall: {component: wall}, rail: {component: chirp}}
-        record: {variables: ["*.*"]}
+        members: {{wall: {{component: wall}}, rail: {{component: chirp}}}}
+        connections: ["rail.position -> wall.tip_position"]
+        record: {{variables: ["*.*"]}}
+        metrics:
+          {reductions.replace("      ", "          ")}
+          late: {{signal: rail.position, reduce: mean, from: 20 ms, to: 30 ms, unit: mm}}
+        expect:
+          - {{signal: rail.position, at_most: -1 mm}}
+          - {{signal: wall.force, from: 45.2 ms, to: 45.8 ms, at_most: 1 N}}
+        plots:
+          - {{title: Over time, signals: [rail.position]}}
+          - {{title: A loop, xy: [rail.position, rail.velocity]}}
         """,
         tmp_path / "s.yaml",
     )
-    whole = run_scenario(scenario, Form.compiled, root=tmp_path / "a", build=build, report=False)
+    whole = run_scenario(scenario, Form.compiled, root=tmp_path / "a", build=build)
     monkeypatch.setattr(stream, "LARGE", 0)
-    monkeypatch.setattr(stream, "SLICE", 7)
-    parts = run_scenario(scenario, Form.compiled, root=tmp_path / "b", build=build, report=False)
+    monkeypatch.setattr(stream, "SLICE", 700)
+    monkeypatch.setattr(Column, "__array__", None)  # nobody asks for a whole column
+    parts = run_scenario(scenario, Form.compiled, root=tmp_path / "b", build=build)
     one, other = (read_signals(run.folder / "signals.parquet")[0]["base", 0] for run in (whole, parts))
     assert len(one.time) == 51
     assert list(one.values) == list(other.values)
     assert all((one.values[name] == other.values[name]).all() for name in one.values)
+    assert parts.evaluation.outcomes == whole.evaluation.outcomes
+    assert [one.verdict for one in whole.evaluation.outcomes] == ["fail", "fail"]
+    for one, other in zip(whole.evaluation.figures, parts.evaluation.figures, strict=True):
+        assert other.values == pytest.approx(one.values, rel=1e-13), one.metric.name
+    assert (whole.folder / "report.html").read_text().count("<svg") == 2
+    assert (parts.folder / "report.html").read_text().count("<svg") == 2

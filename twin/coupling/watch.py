@@ -23,7 +23,7 @@ from twin.coupling.plan import Key, Plan, bits, kind, view
 from twin.coupling.system import stepping_order
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Mapping
+    from collections.abc import Callable, Collection, Iterable, Mapping
 
     from twin.coupling.member import Access, Member, MemberVariable
     from twin.coupling.system import Link
@@ -254,17 +254,21 @@ class Watch:
         cause = f"with finite inputs. {REMEDY}" if is_source else f"and not all of its inputs are finite. {REMEDY}"
         return f"{name}.{first}{place} is {value[index]:g} {when}{more}, {cause}"
 
-    def spell(self, time: np.ndarray[Any, Any], signals: Mapping[str, np.ndarray[Any, Any]]) -> str:
-        """What was recorded as not finite, and was finite again before anybody looked; empty if nothing was."""
-        first: tuple[int, str] | None = None
-        for name, found in self.variables.items():
-            for path in (path for v in found if (path := f"{name}.{v.name}") in signals):
-                good = np.isfinite(signals[path].reshape(len(time), -1)).all(axis=1)
-                if not good.all():
-                    first = min(first or (len(time), ""), (int(np.argmin(good)), path))
-        if first is None:
-            return ""
-        return f"{first[1]} was not finite at t = {time[first[0]]:g} s, and later was again. {REMEDY}"
+    def spell(self, parts: Iterable[tuple[np.ndarray[Any, Any], Mapping[str, np.ndarray[Any, Any]]]]) -> str:
+        """What was recorded as not finite, and was finite again before anybody looked; empty if nothing was.
+
+        `parts`: times and signals, one after the other.
+        """
+        for time, signals in parts:
+            first: tuple[int, str] | None = None
+            for name, found in self.variables.items():
+                for path in (path for v in found if (path := f"{name}.{v.name}") in signals):
+                    good = np.isfinite(signals[path].reshape(len(time), -1)).all(axis=1)
+                    if not good.all():
+                        first = min(first or (len(time), ""), (int(np.argmin(good)), path))
+            if first is not None:
+                return f"{first[1]} was not finite at t = {time[first[0]]:g} s, and later was again. {REMEDY}"
+        return ""
 
 
 def finite_value(member: Member, name: str) -> bool:

@@ -9,8 +9,8 @@ from twin.results.expression import Expression
 from twin.results.metrics import Curve, Ending, Evaluation, Expectation, Figure, Metric, Outcome, Plot, evaluate
 from twin.results.reading import Recorded, read_variables, recorded
 from twin.results.recording import write_text
-from twin.results.signals import Signals, Window, coherent, shown
-from twin.results.stream import Journal, Stream, column_of, plain_column, slices, unfinished
+from twin.results.signals import Signals, Window, coherent, shown, within
+from twin.results.stream import Journal, Stream, column_of, plain_column, unfinished
 
 if TYPE_CHECKING:
     from twin.results import calibration, plotting
@@ -48,8 +48,8 @@ __all__ = [
     "recording",
     "shown",
     "signals",
-    "slices",
     "stream",
     "unfinished",
+    "within",
     "write_text",
 ]

@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin import clock
 from twin.component import catalog
 from twin.coupling import MemberVariable
 from twin.errors import ScenarioError, TwinError, nearest
-from twin.results.signals import WHOLE, Window
+from twin.results.signals import WHOLE, Window, within
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -71,8 +70,8 @@ class Analysis:
 
     def apply(self, signals: Signals) -> Signals:
         """The signals with those of the analysis; before and after its window they are not a number."""
-        found = {name: signals.evaluate(expression, self.window) for name, expression in self.inputs.items()}
-        arrays = {name: pair[1] for name, pair in found.items() if pair is not None}
+        found = {name: given(signals, expression, self.window) for name, expression in self.inputs.items()}
+        arrays = {name: values for name, values in found.items() if values is not None}
         if len(arrays) < len(self.inputs):
             return signals
         try:
@@ -81,15 +80,19 @@ class Analysis:
             raise
         except Exception as error:  # a person's own function may raise anything
             raise TwinError(f"{self.where}: {self.function} failed: {type(error).__name__}: {error}") from error
-        time = np.rint(signals.time * clock.NANOSECONDS)
-        start, stop = self.window.start_ns, self.window.stop_ns
-        inside = np.ones(len(time), bool)
-        inside &= True if start is None else time >= start
-        inside &= True if stop is None else time <= stop
+        inside = within(np.asarray(signals.time), self.window)
         values, units = dict(signals.values), dict(signals.units)
         for name, variable in self.variables().items():
-            whole = np.full(len(time), np.nan)
+            whole = np.full(len(inside), np.nan)
             whole[inside] = results[name]
             values[f"{self.name}.{name}"] = whole
             units[f"{self.name}.{name}"] = variable.unit
         return replace(signals, values=values, units=units)
+
+
+def given(signals: Signals, expression: Expression, window: Window) -> Any:
+    """An input of an analysis: a value for each sample, or of an array's bare name all of it, (n, ...); None: not recorded."""
+    if (pair := signals.evaluate(expression, window)) is not None:
+        return pair[1]
+    whole = signals.si({expression.single.name}) if expression.single and not expression.single.index else {}
+    return next((values[within(np.asarray(signals.time), window)] for values in whole.values()), None)

@@ -14,23 +14,14 @@ import numpy as np
 
 from twin import clock
 from twin.results import dimension
+from twin.results.reduction import reduced
 from twin.results.signals import WHOLE, Signals, Window, shown
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Iterable, Mapping
 
     from twin.results.expression import Expression
 
-REDUCE: dict[str, Callable[[np.ndarray[Any, Any]], Any]] = {
-    "mean":         np.mean,
-    "std":          np.std,
-    "rms":          lambda x: np.sqrt(np.mean(np.square(x))),
-    "max_abs":      lambda x: np.max(np.abs(x)),
-    "min":          np.min,
-    "max":          np.max,
-    "final":        lambda x: x[-1],
-    "peak_to_peak": np.ptp,
-}  # fmt: skip
 SPREADS = ("std", "peak_to_peak")  # differences, whatever the signal is
 
 
@@ -224,11 +215,9 @@ def figure(metric: Metric, variant: str, tables: Mapping[tuple[str, int], Signal
     for (name, seed), signals in tables.items():
         if name != variant or not signals.has(metric.signal):
             continue
-        found = signals.evaluate(metric.signal, metric.window)
-        with np.errstate(all="ignore"):
-            value = float(REDUCE[metric.reduce](found[1])) if found is not None and len(found[1]) else np.nan
+        value = reduced(metric.reduce, (samples for _, samples in signals.pieces(metric.signal, metric.window)))
         values[seed] = value if np.isfinite(value) else None
-        scale = max(scale, signals.scale(metric.signal) if found is not None else 0.0)
+        scale = max(scale, signals.scale(metric.signal) if np.isfinite(value) else 0.0)
     return Figure(metric, variant, values, metric.paper.get(variant), scale=scale)
 
 
@@ -262,18 +251,26 @@ def outcome(one: Expectation, figures: Iterable[Figure], tables: Mapping[tuple[s
             if variant in own:
                 found.append((case, *((np.nan, np.nan) if value is None else (value, value)), ""))
         elif signals.has(one.signal):
-            samples = signals.evaluate(one.signal, one.window)
-            if samples is None or not len(samples[1]):
-                return unjudged(one, case, samples is None)
+            extremes = list(map(extreme, signals.pieces(one.signal, one.window)))
+            if not any(map(len, extremes)):
+                return unjudged(one, case, not extremes)
             scale = max(scale, signals.scale(one.signal))
-            low, high = int(np.argmin(samples[1])), int(np.argmax(samples[1]))
-            is_low = one.at_least is not None and not samples[1][low] >= one.at_least
-            worse = low if is_low or not np.isfinite(samples[1][low]) else high
-            found.append((case, samples[1][low], samples[1][high], f" at {samples[0][worse]:.6g} s"))
+            times, values = np.concatenate(extremes).T
+            low, high = int(np.argmin(values)), int(np.argmax(values))
+            is_low = one.at_least is not None and not values[low] >= one.at_least
+            worse = low if is_low or not np.isfinite(values[low]) else high
+            found.append((case, values[low], values[high], f" at {times[worse]:.6g} s"))
     if one.mean and found:
         mean = float(np.mean([row[1] for row in found]))
         found = [(f"the mean of {len(found)} runs", mean, mean, "")]
     return limits(one, found, scale)
+
+
+def extreme(samples: tuple[Any, Any]) -> np.ndarray[Any, Any]:
+    """Time and value of the lowest and of the highest sample, (2, 2); of none (0, 2)."""
+    time, value = samples
+    places = [int(np.argmin(value)), int(np.argmax(value))] if len(value) else []
+    return np.stack([time[places], np.asarray(value, np.float64)[places]], axis=1)
 
 
 def subject(one: Expectation) -> tuple[str, str, str]:

@@ -256,7 +256,16 @@ def drawable(plot: Plot, tables: Tables, variant: str) -> bool:
 
 
 def line(curve: Curve, plot: Plot, signals: Signals) -> tuple[Any, Any] | None:
-    """Points of a curve in SI, or None if its signals were not recorded."""
+    """Points of a curve in SI, or None if its signals were not recorded; of what is large, those that can be seen."""
+    parts = [found for part in signals.parts() if (found := points_of(curve, plot, part)) is not None]
+    if len(parts) > 1:
+        parts = [(envelope if curve.x is None else thinned)(*part) for part in parts]
+        return np.concatenate([x for x, _ in parts]), np.concatenate([y for _, y in parts])
+    return parts[0] if parts else None
+
+
+def points_of(curve: Curve, plot: Plot, signals: Signals) -> tuple[Any, Any] | None:
+    """Points of a curve in SI, or None if its signals were not recorded or there are none."""
     found = signals.evaluate(curve.signal, plot.window)
     if found is None or not len(found[0]):
         return None

@@ -14,9 +14,9 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,6 +25,7 @@ import numpy as np
 from twin import clock
 from twin.errors import TwinError
 from twin.process import Death, alive
+from twin.results import rows
 from twin.results.recording import Column
 from twin.results.signals import Signals
 
@@ -32,11 +33,9 @@ if TYPE_CHECKING:
     from twin.coupling import Layout
 
 FOLDER, JOURNAL, OWNER = ".recording", "journal.jsonl", "owner"
-WORD = 8
-LARGE = 1 << 30  # signals of more are read from the file one by one as they are needed [byte]
-SLICE = 1 << 20  # rows of these that are written at once
 FORMAT = 1
-DTYPES: dict[str, Any] = {"f": np.float64, "u": np.uint64}
+LARGE = 1 << 28  # rows of more are not read at once [byte]
+SLICE = 1 << 26  # but so many [byte]
 
 
 class Journal:
@@ -178,51 +177,18 @@ def has_begun(run: Path) -> bool:
 
 
 def signals(folder: Path, number: int, layout: Mapping[str, Any], complete: bool, last: int | None = None) -> Signals:
-    """The signals of a case in its rows; large ones are read from the file when they are asked for.
+    """The signals of a case in its rows; those of large files are read when they are asked for.
 
     `last`: tick of the last row that counts, or None.
     """
     if not layout:
         return Signals(np.zeros(0), {}, complete=complete)
-    words = whole_rows(folder / f"{number}.rows", layout["words"])
-    words = words if last is None else words[words[:, 0] <= last]
-    time = (layout["begin"] + np.ascontiguousarray(words[:, 0]) * layout["step"]) / clock.NANOSECONDS
-    found: Mapping[str, Any] = Columns(
-        words, {name: (first, tuple(shape), kind) for name, first, shape, kind, *_ in layout["columns"]}
-    )
-    if words.nbytes < LARGE:
-        found = dict(found)
+    recorded = rows.Rows(folder / f"{number}.rows", layout["words"], LARGE, SLICE, last)
+    places = {name: rows.Place(first, tuple(shape), kind) for name, first, shape, kind, *_ in layout["columns"]}
+    time, values = rows.columns(recorded, places, (layout["begin"], layout["step"], clock.NANOSECONDS))
     units = {name: unit for name, _, _, _, unit, _ in layout["columns"]}
     displayed = {name: unit for name, _, _, _, _, unit in layout["columns"] if unit}
-    return Signals(time, found, units, complete, displayed)
-
-
-def whole_rows(file: Path, width: int) -> np.ndarray[Any, Any]:
-    """The rows that a file has, without one that is cut off."""
-    count = file.stat().st_size // (WORD * width) if file.exists() else 0
-    if not count:
-        return np.zeros((0, width), np.int64)
-    return np.memmap(file, np.int64, "r", shape=(count, width))
-
-
-class Columns(Mapping[str, Any]):
-    """Signals in rows of words: each is taken out when it is asked for. `places`: first word, shape, kind."""
-
-    def __init__(self, words: np.ndarray[Any, Any], places: Mapping[str, tuple[int, tuple[int, ...], str]]) -> None:
-        self.words, self.places = words, places
-
-    def __getitem__(self, name: str) -> np.ndarray[Any, Any]:
-        first, shape, kind = self.places[name]
-        size = int(np.prod(shape, dtype=int))
-        block = np.ascontiguousarray(self.words[:, first : first + size])
-        values: np.ndarray[Any, Any] = block != 0 if kind == "b" else block.view(DTYPES.get(kind, np.int64))
-        return np.asarray(values).reshape(len(block), *shape)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.places)
-
-    def __len__(self) -> int:
-        return len(self.places)
+    return Signals(time, values, units, complete, displayed)
 
 
 def unfinished(root: Path) -> list[Path]:
@@ -241,18 +207,6 @@ def abandoned(run: Path) -> bool:
         return not any(map(alive, (run / FOLDER / OWNER).read_text(encoding="utf-8").split()))
     except OSError:
         return True
-
-
-def slices(signals: Signals) -> Iterator[Signals]:
-    """Signals in parts that fit into memory; most are one part."""
-    if not isinstance(signals.values, Columns):
-        yield signals
-        return
-    for begin in range(0, len(signals.time), SLICE):
-        rows = slice(begin, begin + SLICE)
-        yield replace(
-            signals, time=signals.time[rows], values=Columns(signals.values.words[rows], signals.values.places)
-        )
 
 
 def plain_column(column: Column) -> dict[str, Any]:

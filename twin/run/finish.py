@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from twin.component import catalog
 from twin.errors import SimulationError
-from twin.results import Journal, evaluate, slices
+from twin.results import Journal, evaluate
 from twin.results import recording as results
 from twin.run.cases import Hardware, Outcome, note
 
@@ -52,7 +52,7 @@ def write_signals(outcome: Outcome) -> None:
     try:
         with results.SignalFile(beside, outcome.columns, {"scenario": outcome.scenario.name}) as file:
             for (variant, seed), signals in outcome.tables.items():
-                for part in slices(signals):
+                for part in signals.parts():
                     file.write(variant, seed, part)
         beside.replace(path)
     finally:

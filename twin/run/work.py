@@ -249,7 +249,7 @@ class Work:
         if complete and (trouble := self.link.trouble) is not None:
             complete, failure = False, f"{case.name}: the recording cannot go on ({trouble.strerror})."
         recorded = streams.signals(self.journal.folder, number, self.journal.layout, complete, simulated.last)
-        if complete and (spell := simulated.watch.spell(recorded.time, recorded.values)):
+        if complete and (spell := simulated.watch.spell((part.time, part.values) for part in recorded.parts())):
             complete, failure = False, f"{case.name}: {spell}"
             recorded = replace(recorded, complete=False)
         outcome.take(case.variant, case.seed, analyzed(outcome.scenario, case.variant, recorded, self.progress))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.component import unit as units
-from twin.results import coherent
+from twin.results import coherent, within
 from twin.scene import geometry
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 ARROW = 0.14  # length of the longest arrow as part of a picture's diagonal
 MARGIN = 0.04  # around what is drawn, as part of its size
+INSTANTS = 100_000  # of a recording that is larger than memory may be
 NARROWEST = 0.2  # height of a picture as part of its width, and the other way around
 
 
@@ -136,8 +137,9 @@ def still(environment: Environment) -> Frames:
 
 def instants(scene: Scene, signals: Signals) -> Frames | None:
     """A case's instants; None if nothing of what moves in the scene was recorded."""
+    signals = signals.sampled(INSTANTS)
     values = signals.si(set(scene.names))
-    inside = within(scene, signals)
+    inside = within(signals.time, scene.window)
     if not inside.any():
         return None
 
@@ -146,7 +148,8 @@ def instants(scene: Scene, signals: Signals) -> Frames | None:
         if array is None or array.ndim < 2:
             return None
         array = array if array.ndim == 3 else array[:, None]
-        return array[inside][..., list(scene.axes)] if array.shape[-1] == 3 else array[inside]
+        found: Array = array[inside][..., list(scene.axes)] if array.shape[-1] == 3 else array[inside]
+        return found
 
     def single(expression: Any) -> Array | None:
         found = signals.evaluate(expression, scene.window)
@@ -190,16 +193,6 @@ def own_unit(scene: Scene, signals: Signals) -> str:
     """The unit of a scene's curves if they are signals of one unit, else none: they are shown in SI."""
     found = {signals.units.get(one.signal.single.name, "") if one.signal.single else "" for one in scene.curves}
     return found.pop() if len(found) == 1 else ""
-
-
-def within(scene: Scene, signals: Signals) -> Array:
-    """Which samples lie in the scene's window, by whole nanoseconds."""
-    time = np.rint(signals.time * 1e9)
-    start, stop = scene.window.start_ns, scene.window.stop_ns
-    inside = np.ones(len(time), bool)
-    return (
-        inside & (time >= (start if start is not None else -np.inf)) & (time <= (stop if stop is not None else np.inf))
-    )
 
 
 def along(environment: Environment, far: Array) -> Array:
