@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from hw_bridge.device import uneven
 from hw_bridge.dictionary import Mode
 from hw_bridge.hardware import ContactKeys, overloaded, plausible
 from hw_bridge.profiles import profile
@@ -13,7 +14,7 @@ from twin.component import Boolean, Role, catalog
 from twin.coupling import READABLE, find
 from twin.errors import CouplingError, TwinError, nearest
 from twin.scenario import members as forms
-from twin.scenario import read
+from twin.scenario import number, read
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -25,7 +26,14 @@ if TYPE_CHECKING:
     from twin.scenario import Case, MemberSpec
 
 NEEDED = ("target_velocity", "position_actual_value")
+ADOPTED = {
+    "position",
+    "load_force",
+    "position_gain",
+    "current_maximum",
+}  # what a motor is known by that a drive takes over
 MEASURED = "measured_force"
+SAMPLING = "drive_period"
 
 
 class Fitting:
@@ -62,6 +70,14 @@ class Fitting:
             if isinstance(told, int) and (problem := targets.unknown_mode(told, profile(node.profile), known)):
                 where = case.members[name].places.get("mode_of_operation", case.members[name].where)
                 found.append(f"{where}: {name} is a drive: {problem}")
+            found += self._sampling(name, case.members[name])
+            if node.motor == "member" and not known >= ADOPTED:
+                found.append(
+                    f"{self.path}: nodes.{name}.motor: {cls.__name__} is no linear motor that a drive could take over. "
+                    f"Leave it out."
+                )
+            if problem := targets.unfollowed(node, cls, told):
+                found.append(f"{self.path}: nodes.{name}.follow: {problem}")
             if node.outputs:
                 found += unswitchable(f"{self.path}: nodes.{name}.outputs", node.outputs, case.members)
         for name, module in self.keys.modules.items():
@@ -77,6 +93,18 @@ class Fitting:
         if (forces := len(self.forced(case))) and (problem := overloaded(self.keys, forces)):
             found.append(f"{self.path}: {problem}")
         return found
+
+    def _sampling(self, name: str, member: MemberSpec) -> list[str]:
+        """That the member's loops cannot sample in a simulated drive, whose motor has its parameters."""
+        given = member.parameters.get(SAMPLING)
+        if given is None or not self.keys.simulated:
+            return []
+        where = f"{member.places.get(SAMPLING, member.where)}: {name}"
+        try:
+            problem = uneven(number(given, "s", f"{where}.{SAMPLING}"))
+        except CouplingError:  # what is wrong with the value is told with the others
+            return []
+        return [f"{where} is a drive: {problem}"] if problem else []
 
     def forced(self, case: Case) -> set[str]:
         """Members that are told a force, on drives that follow one."""

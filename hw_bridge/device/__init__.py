@@ -2,7 +2,7 @@
 
 from hw_bridge.device.drive import Drive
 from hw_bridge.device.module import Module
-from hw_bridge.device.motor import Motor
+from hw_bridge.device.motor import Motor, uneven
 from hw_bridge.device.slave import Slave
 from hw_bridge.device.store import Store
 
@@ -12,4 +12,5 @@ __all__ = [
     "Motor",
     "Slave",
     "Store",
+    "uneven",
 ]

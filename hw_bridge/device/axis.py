@@ -121,21 +121,25 @@ class Axis:
         self.holds_position = False
         self.speed = 0.0
 
-    def follow_position(self, position: float, speed: float = 0.0) -> None:
-        """Demand a position, within the software limits."""
+    def follow_position(self, position: float, speed: float = 0.0, offset: float = 0.0, current: float = 0.0) -> None:
+        """Demand a position, within the software limits. `offset` and `current` [A]: 60B1h and 60B2h, fed forward."""
         low, high = self.range()
         self.demand = min(max(position, low), high)
         self.clipped = self.demand != position
         self.speed, self.holds_position = speed, True
-        self.motor.follow_position(self.demand + self.origin, self.limit)
+        if offset:  # the largest speed bounds it too
+            largest = self.fastest()
+            self.clipped |= abs(offset) > largest
+            offset = min(max(offset, -largest), largest)
+        self.motor.follow_position(self.demand + self.origin, self.limit, offset, current)
 
-    def follow_velocity(self, velocity: float, limit: float | None = None) -> None:
-        """Demand a speed, within the largest one; with no more than `limit` [A] where given."""
+    def follow_velocity(self, velocity: float, limit: float | None = None, current: float = 0.0) -> None:
+        """Demand a speed, within the largest one; with no more than `limit` [A] where given. `current` [A]: 60B2h."""
         largest = self.fastest()
         self.speed = min(max(velocity, -largest), largest)
         self.clipped = self.speed != velocity
         self.holds_position = False
-        self.motor.follow_velocity(self.speed, self.limit if limit is None else min(limit, self.limit))
+        self.motor.follow_velocity(self.speed, self.limit if limit is None else min(limit, self.limit), current)
 
     def follow_current(self, current: float) -> None:
         """Demand a current [A]."""

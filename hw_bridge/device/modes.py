@@ -223,7 +223,10 @@ class ProfileVelocity(ModeOfOperation):
 
 
 class CyclicPosition(ModeOfOperation):
-    """csp: follows 607Ah at once; with 60C2h it interpolates linearly over the period between targets."""
+    """csp: follows 607Ah at once; with 60C2h it interpolates linearly over the period between targets.
+
+    60B0h is added to the target; 60B1h and 60B2h are fed forward into the loops of speed and current.
+    """
 
     def begin(self) -> None:
         """Follow what the target says: a host that did not set it to the actual position makes the motor jump."""
@@ -231,7 +234,7 @@ class CyclicPosition(ModeOfOperation):
         self.since = self.axis.agenda.now
 
     def _target(self) -> float:
-        return (self.dictionary.get(0x607A) + self.dictionary.get(0x60B0)) * self.axis.units.position
+        return (self.dictionary.get(0x607A) + self.dictionary.get(cia402.POSITION_OFFSET)) * self.axis.units.position
 
     def period(self) -> int:
         """Interpolation period [ns]; 0: none."""
@@ -246,7 +249,10 @@ class CyclicPosition(ModeOfOperation):
             self.origin, self.target, self.since = self.axis.demand, target, now
         share = 1.0 if not period else min((now - self.since + MILLISECOND) / period, 1.0)
         speed = (self.target - self.origin) / (period / 1e9) if period and share < 1.0 else 0.0
-        self.axis.follow_position(self.origin + share * (self.target - self.origin), speed)
+        units, dictionary = self.axis.units, self.dictionary
+        offset = dictionary.get(cia402.VELOCITY_OFFSET) * units.velocity
+        current = dictionary.get(cia402.TORQUE_OFFSET) * units.torque
+        self.axis.follow_position(self.origin + share * (self.target - self.origin), speed, offset, current)
 
     def bits(self) -> int:
         """Follows the command; following error."""
@@ -254,15 +260,17 @@ class CyclicPosition(ModeOfOperation):
 
 
 class CyclicVelocity(ModeOfOperation):
-    """csv: follows 60FFh at once."""
+    """csv: follows 60FFh with 60B1h added at once; 60B2h is fed forward into the loop of the current."""
 
     def begin(self) -> None:
         """Nothing to prepare."""
 
     def cycle(self) -> None:
         """Demand target and offset."""
-        demand = self.dictionary.get(0x60FF) + self.dictionary.get(0x60B1)
-        self.axis.follow_velocity(demand * self.axis.units.velocity)
+        units, dictionary = self.axis.units, self.dictionary
+        demand = dictionary.get(0x60FF) + dictionary.get(cia402.VELOCITY_OFFSET)
+        current = dictionary.get(cia402.TORQUE_OFFSET) * units.torque
+        self.axis.follow_velocity(demand * units.velocity, None, current)
 
     def bits(self) -> int:
         """Follows the command."""
@@ -277,7 +285,7 @@ class CyclicTorque(ModeOfOperation):
 
     def cycle(self) -> None:
         """Demand target and offset."""
-        demand = self.dictionary.get(0x6071) + self.dictionary.get(0x60B2)
+        demand = self.dictionary.get(0x6071) + self.dictionary.get(cia402.TORQUE_OFFSET)
         self.axis.follow_current(demand * self.axis.units.torque)
 
     def bits(self) -> int:

@@ -20,6 +20,18 @@ from twin.scenario import Form, members
 
 CYCLE = MILLISECOND  # control cycle of a drive [ns]; a multiple of the sampling time of the motor's loops
 CSP, CSV, CST = 8, 9, 10
+SAMPLES = (1, 2, 4, 5, 8, 10, 20)  # of a motor's loops in a cycle; periods that can be written exactly
+
+
+def uneven(period: float) -> str:
+    """That the motor's loops do not sample a whole number of times in a control cycle, or nothing. `period` [s]."""
+    cycle = clock.seconds(CYCLE)
+    samples = cycle / period
+    if samples >= 0.5 and abs(round(samples) - samples) < 1e-6:
+        return ""
+    counts = [one for one in SAMPLES if one < samples][-1:] + [one for one in SAMPLES if one > samples][:1]
+    choice = " or ".join(f"{1e3 * cycle / one:g} ms" for one in counts)
+    return f"drive_period {1e3 * period:g} ms does not divide the drive's control cycle of {1e3 * cycle:g} ms. Use {choice}."
 
 
 class Motor:
@@ -48,6 +60,7 @@ class Motor:
         self.grip = 1.0  # share of the load that reaches it
         self.offset = 0.0  # error of the sensor [m or rad]
         self._stuck: float | None = None  # where the sensor stands still
+        self._ahead = self._pushed = 0.0  # what offsets add: to the target position, and to the integral [A]
         self.off()
 
     @property
@@ -111,18 +124,41 @@ class Motor:
         self._views["current_maximum"][...] = 0.0
         # the loops begin anew when power comes back: nothing was gathered, and no position was followed meanwhile
         self._views["current_integral"][...] = 0.0
+        self._ahead = self._pushed = 0.0
         self._views["mode_of_operation"][...] = CSV
 
-    def follow_position(self, position: float, limit: float) -> None:
-        """Go to a position [m or rad] with no more than `limit` [A]."""
-        self._follow(CSP, "target_position", (position - self.offset) / self.model.ratio, limit)
+    def follow_position(self, position: float, limit: float, velocity: float = 0.0, current: float = 0.0) -> None:
+        """Go to a position [m or rad] with no more than `limit` [A]; added to the loops: a speed, a current [A]."""
+        self._ahead = self._lead(velocity / self.model.ratio)
+        self._push(current)
+        self._follow(CSP, "target_position", (position - self.offset) / self.model.ratio + self._ahead, limit)
 
-    def follow_velocity(self, velocity: float, limit: float) -> None:
-        """Keep a speed [m/s or rad/s]."""
+    def follow_velocity(self, velocity: float, limit: float, current: float = 0.0) -> None:
+        """Keep a speed [m/s or rad/s]; added to the loop: a current [A]."""
+        self._push(current)
         self._follow(CSV, "target_velocity", velocity / self.model.ratio, limit)
+
+    def _lead(self, velocity: float) -> float:
+        """How far the target goes ahead so that the position loop asks for so much more speed, to the last digit.
+
+        The loop is gain * (target - position), and some components feed the target's own speed forward.
+        """
+        if velocity == 0.0 and self._ahead == 0.0:
+            return 0.0
+        own = self.get("feedforward") / clock.seconds(CYCLE) if "feedforward" in self._views else 0.0
+        if self._views["mode_of_operation"] != CSP:  # a target that nobody followed has no speed
+            own = 0.0
+        return (velocity + own * self._ahead) / (self.get("position_gain") + own)
+
+    def _push(self, current: float) -> None:
+        """A current beside that of the velocity loop: its integral is added to the rest just so."""
+        if current != self._pushed:
+            self._views["current_integral"][...] += current - self._pushed
+            self._pushed = current
 
     def follow_current(self, current: float, limit: float) -> None:
         """Keep a current [A]."""
+        self._pushed = 0.0  # the loop's integral becomes this current
         target, constant = EFFORT[self.model.load]
         self._follow(CST, target, current * self.get(constant), limit)
 
@@ -135,4 +171,4 @@ class Motor:
     def advance(self, time: int) -> None:
         """Go one control cycle on from `time` [ns]."""
         if self._step(self._member.instance, clock.seconds(time), clock.seconds(CYCLE)) != OK:
-            raise SimulationError("motor: its step failed. The control cycle has to be a multiple of its drive_period.")
+            raise SimulationError(f"motor: {uneven(self.get('drive_period')) or 'its step failed.'}")

@@ -97,6 +97,9 @@ class Mode(IntEnum):
     CST = 10
 
 
+# added to targets of position, velocity and torque; in csp and csv those of velocity and torque are fed forward
+POSITION_OFFSET, VELOCITY_OFFSET, TORQUE_OFFSET = OFFSETS = (0x60B0, 0x60B1, 0x60B2)
+
 # digital outputs
 OUTPUTS, LEVELS, MASK = 0x60FE, 1, 2
 LEVELS_WORD = 0x60FE0120  # of a mapping

@@ -3,11 +3,21 @@
 from hw_bridge.hardware import plausible
 from hw_bridge.hardware.events import planned
 from hw_bridge.hardware.file import load, overloaded
-from hw_bridge.hardware.keys import ContactKeys, FaultKeys, HardwareKeys, LimitKeys, ModuleKeys, NodeKeys, ShadowKeys
+from hw_bridge.hardware.keys import (
+    ContactKeys,
+    FaultKeys,
+    FollowKeys,
+    HardwareKeys,
+    LimitKeys,
+    ModuleKeys,
+    NodeKeys,
+    ShadowKeys,
+)
 
 __all__ = [
     "ContactKeys",
     "FaultKeys",
+    "FollowKeys",
     "HardwareKeys",
     "LimitKeys",
     "ModuleKeys",

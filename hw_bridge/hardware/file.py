@@ -14,6 +14,7 @@ from hw_bridge.hardware.keys import (
     MASTER,
     ContactKeys,
     FaultKeys,
+    FollowKeys,
     HardwareKeys,
     HeartbeatKeys,
     HomingKeys,
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 PROCESS_DATA = (4, 7, 7, 8, 1)  # bytes of a drive's frames in a cycle: two RPDOs, two TPDOs, a heartbeat
-SWITCHING = (8, *PROCESS_DATA[1:])  # the same with digital outputs in the first RPDO
+BESIDE = 4  # bytes of digital outputs or a velocity offset in the first RPDO, or in one more
 IN_AND_OUT = (4, 1, 1)  # of a module: outputs, inputs, a heartbeat
 FORCE_DATA = 2  # bytes of one more RPDO, for a drive that is told a force
 FULL = 0.8  # more leaves no room for what is repeated
@@ -38,11 +39,18 @@ FULL = 0.8  # more leaves no room for what is repeated
 
 def bus_load(keys: HardwareKeys, forces: int = 0) -> float:
     """Share of a cycle that its process data, SYNC and heartbeats take on the wire at most. `forces`: drives told one."""
-    sizes = [size for node in keys.nodes.values() for size in (SWITCHING if node.outputs else PROCESS_DATA)]
+    sizes = [size for node in keys.nodes.values() for size in process_data(node)]
     sizes += [size for _ in keys.modules for size in IN_AND_OUT]
     sizes += forces * [FORCE_DATA]
     frames = [*(Frame(0, bytes(size)) for size in sizes), Frame(0), Frame(0, b"0")]
     return sum(map(bit_count, frames)) / keys.bit_rate * 1e9 / keys.cycle
+
+
+def process_data(node: NodeKeys) -> tuple[int, ...]:
+    """Bytes of a drive's frames in a cycle."""
+    beside = bool(node.outputs) + node.offset
+    first = PROCESS_DATA[0] + min(beside, 1) * BESIDE
+    return (first, *PROCESS_DATA[1:], *[BESIDE] * (beside - 1))
 
 
 def overloaded(keys: HardwareKeys, forces: int = 0) -> str:
@@ -166,6 +174,7 @@ KEYS: dict[str, type[Keys]] = {
     "limits": LimitKeys,
     "heartbeat": HeartbeatKeys,
     "homing": HomingKeys,
+    "follow": FollowKeys,
     "contact": ContactKeys,
     "faults": FaultKeys,
     "shadow": ShadowKeys,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import cia402
+from hw_bridge.dictionary import Mode, cia402
 from hw_bridge.profiles import profile
 from twin.errors import CouplingError
 from twin.scenario import number
@@ -72,10 +72,24 @@ def _node(node: NodeKeys, simulated: bool) -> list[tuple[tuple[str, ...], str]]:
     ):
         text = f"{chosen.title} has no digital outputs 60FEh. Leave it out, or use those of another drive."
         found.append((("safe_outputs",), text))
+    found += _following(node, chosen)
+    if node.motor == "member" and not simulated:
+        found.append((("motor",), "a real drive has the motor that is wired to it. Leave it out."))
     for (index, sub), value in node.objects.items():
         if text := _object(chosen, index, sub, value, simulated):
             found.append((("objects",), f"{index:04X}h.{sub}: {text}"))
     return found
+
+
+def _following(node: NodeKeys, chosen: Profile) -> list[tuple[tuple[str, ...], str]]:
+    """What the drive has not to follow targets as the file wants it."""
+    if "gain" in node.follow.model_fields_set and node.follow.mode != "csv":
+        return [(("follow", "gain"), "in csp the position loop is the drive's. Leave it out, or add `mode: csv`.")]
+    mappable = any(one.index == cia402.VELOCITY_OFFSET and one.mappable for one in chosen.objects)
+    if node.offset and not (mappable and Mode.CSP in chosen.modes):
+        text = f"{chosen.title} has no velocity offset 60B1h in csp. Add `mode: csv`, or use another drive."
+        return [(("follow", "feedforward"), text)]
+    return []
 
 
 def _object(chosen: Profile, index: int, sub: int, value: int, simulated: bool) -> str:

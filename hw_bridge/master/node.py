@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from hw_bridge.master.station import Waiting
     from hw_bridge.profiles import Profile
 
-TARGET_PDO, CONTROL_PDO, FORCE_PDO = 0x200, 0x300, 0x400
+TARGET_PDO, CONTROL_PDO, FORCE_PDO, LEVELS_PDO = 0x200, 0x300, 0x400, 0x500
 STATE_PDO, SPEED_PDO = 0x180, 0x280
 ASKED = itemgetter(0)  # of a way
 WINDOW = 1.0  # time over which the way that was driven is compared with the way that was asked for [s]: what stands
@@ -63,11 +63,14 @@ class Node(Station):
         self.homing = False
         self.mode = Mode.CSV
         self.target_position = self.target_velocity = self.target_force = 0.0
+        self.aimed: float | None = None  # target position of the cycle before; None: there was none [m]
+        self.speed = self.offset = 0.0  # of this target position, and what of it is fed forward in csp [m/s]
         self.told_force = False  # whether process data have room for a force
         self.outputs = self.safe_outputs = keys.safe_outputs or 0  # 60FEh.1, and what it is at rest
         self.word = 0
         self.raw_position = self.raw_velocity = self.raw_current = 0
-        self.carried = 0.0  # part of the last target that rounding left over [device units]
+        # parts of the last target and offset that rounding left over [device units]
+        self.carried = self.offset_carried = 0.0
         self.ways: deque[tuple[float, float]] = deque()  # asked for and driven, one for each cycle [m]
         self.use_units()
 
@@ -138,7 +141,32 @@ class Node(Station):
         self.carried += value - whole
         return whole
 
+    def rounded_offset(self, value: float) -> int:
+        """The same of an offset; none leaves nothing over."""
+        whole = round(value + self.offset_carried) if value else 0
+        self.offset_carried += value - whole
+        return whole
+
     # -------------------------------------------------------------------------------------------------- each cycle
+
+    def aim(self, position: float, cycle: int) -> None:
+        """The target position of this cycle [m]. Its speed is that of the way on which the drive interpolates."""
+        self.speed = 0.0 if self.aimed is None else (position - self.aimed) / cycle * 1e9
+        self.aimed = self.target_position = position
+
+    def lose_aim(self) -> None:
+        """No target position in this cycle: the next one has no speed."""
+        self.aimed, self.speed, self.offset = None, 0.0, 0.0
+
+    @property
+    def goes_to(self) -> float:
+        """The last target position, or where it is if there was none [m]."""
+        return self.position if self.aimed is None else self.aimed
+
+    @property
+    def lag(self) -> float:
+        """How far it is behind the last target position [m]."""
+        return self.goes_to - self.position
 
     @property
     def own_mode(self) -> Mode:
@@ -163,13 +191,20 @@ class Node(Station):
         control = [word]
         if mode is Mode.PP and follows:  # each target is a new set-point, on a rising edge of bit 4
             control = [word | cia402.CHANGE_IMMEDIATELY, word | cia402.CHANGE_IMMEDIATELY | cia402.NEW_SET_POINT]
-        data = struct.pack("<i", position)
+        data, last = struct.pack("<i", position), []
+        if self.keys.offset:  # in other modes it would be added to the speed
+            offset = self.offset if follows and mode is Mode.CSP else 0.0
+            data += struct.pack("<i", self.rounded_offset(offset / (self.sign * self.units.velocity)))
         if self.keys.outputs:  # they keep what they hold until the drive stands
-            data += struct.pack("<I", self.safe_outputs if self.goal is State.DISABLED else self.outputs)
+            levels = struct.pack("<I", self.safe_outputs if self.goal is State.DISABLED else self.outputs)
+            if self.keys.offset:
+                last = [Frame(LEVELS_PDO + self.number, levels)]
+            else:
+                data += levels
         target = Frame(TARGET_PDO + self.number, data)
         pdo = CONTROL_PDO + self.number
         force = [Frame(FORCE_PDO + self.number, struct.pack("<h", torque))] if self.told_force else []
-        return [target, *(Frame(pdo, struct.pack("<Hbi", one, mode, velocity)) for one in control), *force]
+        return [target, *(Frame(pdo, struct.pack("<Hbi", one, mode, velocity)) for one in control), *force, *last]
 
     def controlword(self, state: State) -> int:
         """The next step towards the goal."""

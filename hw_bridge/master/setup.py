@@ -141,6 +141,7 @@ def differing(node: Node) -> tuple[list[str], list[str]]:
 def written(node: Node) -> list[tuple[int, int]]:
     """Objects with parameters that a run writes, beside the standard ones for process data and heartbeats."""
     own = [(index, sub) for index, sub, _ in node.vendor.setup] + list(node.keys.objects)
+    own += [(cia402.VELOCITY_OFFSET, 0)] if node.keys.offset else []
     entries = node.mirror.objects
     common = [(index, 0) for index in RAMPS] + [(0x607D, 1), (0x607D, 2), (0x60C2, 1)]
     return own + [one for one in common if one[1] in entries.get(one[0], {})]
@@ -169,6 +170,7 @@ def configure(node: Node, cycle: int, master: int) -> None:
     if 0x60C2 in entries:  # 0 means no interpolation on an EPOS4
         write(node, 0x60C2, 1, cycle // MILLISECOND)
         write(node, 0x60C2, 2, -3)
+    forget_offsets(node)
     make_safe(node)
     unmask(node)
     ramps(node)
@@ -225,7 +227,7 @@ def mapping(node: Node) -> None:
     """The remap procedure for four PDOs each way: one controlword in all, everything at SYNC, the others off."""
     # a drive without interpolation gets several set-points in a cycle: they act when they come
     kind = 1 if 0x60C2 in node.mirror else 255
-    received = receive(bool(node.keys.outputs), node.told_force)
+    received = receive(bool(node.keys.outputs), node.told_force, node.keys.offset)
     transmit: tuple[tuple[int, ...], ...] = (TRANSMIT, (SPEED, node.vendor.current), (), ())
     for number in range(4):
         map_pdo(node, 0x1400 + number, 0x200 + 0x100 * number + node.number, received[number], kind)
@@ -252,6 +254,13 @@ def make_safe(node: Node) -> None:
         write(node, cia402.OUTPUTS, cia402.LEVELS, node.keys.safe_outputs)
 
 
+def forget_offsets(node: Node) -> None:
+    """What another program left in 60B0h to 60B2h would be added to every target."""
+    for index in cia402.OFFSETS:
+        if index in node.mirror and _asked(node, index):
+            write(node, index, 0, 0)
+
+
 def unmask(node: Node) -> None:
     """Let the bits act that follow signals, where the drive has a mask; only after they are safe."""
     if node.keys.outputs and cia402.MASK in node.mirror.objects[cia402.OUTPUTS]:
@@ -266,6 +275,8 @@ def unmask(node: Node) -> None:
 def release(node: Node) -> State:
     """After an orderly end: disabled by SDO too, no heartbeat is expected any more. The state that it tells."""
     node.sdo.write(0x6040, 0, b"\0\0")
+    if node.keys.offset:
+        forget_offsets(node)
     node.sdo.write(0x1016, 1, b"\0\0\0\0")
     node.sdo.write(0x1017, 0, b"\0\0")
     return state_of(node.sdo.number(0x6041) & 0xFFFF)

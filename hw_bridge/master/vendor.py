@@ -49,15 +49,18 @@ VENDORS = {
 TARGET, CONTROL = (0x607A0020,), (0x60400010, 0x60600008, 0x60FF0020)
 TRANSMIT = (0x60410010, 0x60610008, 0x60640020)
 FORCE = (0x60710010,)  # of a drive that is told a force: in a PDO of its own, the others are full
+OFFSET = (0x60B10020,)  # of one whose targets' speed is fed forward: beside the target, so that neither comes alone
 SPEED = 0x606C0020
 
 # what stands for a mode that a drive has not
 SUBSTITUTES = {Mode.CSP: Mode.PP, Mode.CSV: Mode.PV}
 
 
-def receive(outputs: bool, force: bool) -> tuple[tuple[int, ...], ...]:
-    """Mapping of four RPDOs; digital outputs that follow signals find room beside the target."""
-    return ((*TARGET, cia402.LEVELS_WORD) if outputs else TARGET, CONTROL, FORCE if force else (), ())
+def receive(outputs: bool, force: bool, offset: bool) -> tuple[tuple[int, ...], ...]:
+    """Mapping of four RPDOs; digital outputs that follow signals find room beside the target, or in the last one."""
+    levels = (cia402.LEVELS_WORD,) if outputs else ()
+    beside, last = (OFFSET, levels) if offset else (levels, ())
+    return (TARGET + beside, CONTROL, FORCE if force else (), last)
 
 
 def current_unit(vendor: Vendor, units: Units) -> float:

@@ -54,12 +54,12 @@ class Plant:
             return replace(
                 own, component=name, parameters=given, position="angle", load="load_torque", ratio=values["gear_ratio"]
             )
-        if name != own.component:
-            return own
-        if own.parameters:  # another motor than the member's
+        adopted = self.keys.motor == "member"
+        if not adopted and (name != own.component or own.parameters):  # another motor than the member's
             return own
         self.parameters = {key: value for key, value in values.items() if key not in OWN}
-        return replace(own, parameters=given)
+        ratio = 1.0 / self.keys.scale if adopted else own.ratio  # the drive counts what it takes for its motor
+        return replace(own, component=name, parameters=given, position="position", load="load_force", ratio=ratio)
 
     def zero(self, position: float) -> None:
         """True and measured positions count from the same place, where this one is measured [m or rad]."""

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from hw_bridge.hardware import HardwareKeys
-    from hw_bridge.master import Master
+    from hw_bridge.master import Master, Node
     from hw_bridge.session.contact import ContactWatch
     from twin.component import Component
 
@@ -48,28 +48,38 @@ class Orders:
             if retracting:  # outputs stay: who holds the instrument takes it along
                 watch = watches.get(name)
                 node.mode, node.target_velocity = Mode.CSV, watch.velocity() if watch and watch.reason else 0.0
+                node.lose_aim()
                 continue
             node.outputs = levels(node.keys.outputs, node.safe_outputs, self.axes[name])
-            mode = self.mode(name)
-            limit = node.keys.limits
-            if mode is Mode.CSV:
-                node.target_velocity = targets.velocity(name, self.axes[name], limit)
-            if mode is Mode.CST:
-                node.target_force = targets.force(name, self.axes[name], limit, node.keys.scale)
-            if mode is Mode.CSP:
-                target = targets.finite(name, self.axes[name], "target_position")
-                if (jump := abs(target - node.position)) > limit.following_error:
-                    raise SimulationError(
-                        f"{name}: target_position {node.way(target)} is {node.way(jump)} from where the drive is, a jump. "
-                        f"All drives stop."
-                    )
-                node.target_position = target
-            node.mode = mode
+            told = self.mode(name)
+            if told is Mode.CST:
+                node.target_force = targets.force(name, self.axes[name], node.keys.limits, node.keys.scale)
+            node.mode = self.follow(node, told)
         for name, module in master.modules.items():
             if not retracting:
                 module.outputs = levels(module.keys.outputs, module.safe_outputs, self.switches[name])
         if retracting and all(watch.done() for watch in retracting):
             raise SimulationError(f"{retracting[0].reason} All drives stop.")
+
+    def follow(self, node: Node, told: Mode) -> Mode:
+        """What the member is told, in the mode that the hardware file names for its drive: the answer."""
+        axis, keys, limits = self.axes[node.name], node.keys.follow, node.keys.limits
+        mode = told if told is Mode.CST or keys.mode is None else Mode[keys.mode.upper()]
+        speed = targets.velocity(node.name, axis, limits) if told is Mode.CSV else 0.0
+        error = node.lag  # of the cycle before: what was measured belongs to its target
+        if told is Mode.CSP:
+            node.aim(targets.position(node, axis), self.keys.cycle)
+        elif mode is Mode.CSP:
+            node.aim(node.goes_to + speed * self.keys.cycle / 1e9, self.keys.cycle)
+        else:
+            node.lose_aim()
+        fed = keys.feedforward * node.speed
+        if mode is Mode.CSV:
+            node.target_velocity = (
+                speed if told is Mode.CSV else targets.within(fed + keys.gain * error, limits.velocity)
+            )
+        node.offset = targets.within(fed, limits.velocity)
+        return mode
 
     def mode(self, name: str) -> Mode:
         """What a member is told in each cycle."""

@@ -11,7 +11,8 @@ from twin.errors import SimulationError
 if TYPE_CHECKING:
     from collections.abc import Collection
 
-    from hw_bridge.hardware import LimitKeys
+    from hw_bridge.hardware import LimitKeys, NodeKeys
+    from hw_bridge.master import Node
     from hw_bridge.profiles import Profile
     from twin.component import Component
     from twin.scenario import Case
@@ -34,6 +35,18 @@ def unknown_mode(wanted: int, profile: Profile, member: Collection[str]) -> str:
     return ""
 
 
+def unfollowed(node: NodeKeys, member: type[Component], told: object) -> str:
+    """What of `follow` has nothing to follow, or nothing. `told`: the mode in which the scenario lets the member begin."""
+    mode = told
+    if not isinstance(mode, int):
+        mode = next((one.start for one in member.variables if one.name == "mode_of_operation"), Mode.CSV)
+    if node.follow.mode is not None and mode == Mode.CST:
+        return "the member is told forces, which cst follows. Leave it out."
+    if node.follow.mode != "csp" and node.follow.feedforward and mode == Mode.CSV:
+        return "feedforward: the member is told speeds, which csv has no offset for. Add `mode: csp`, or leave it out."
+    return ""
+
+
 def told_force(name: str, case: Case, connected: Collection[str]) -> bool:
     """Whether a case tells a member a force, at whatever time: then its process data have room for one.
 
@@ -45,6 +58,17 @@ def told_force(name: str, case: Case, connected: Collection[str]) -> bool:
         or not targets.isdisjoint(connected)
         or any(one.variable in targets for one in case.events)
     )
+
+
+def position(node: Node, axis: Component) -> float:
+    """Target position of a member [m or rad]; one that the drive could only jump to ends the run."""
+    target = finite(node.name, axis, "target_position")
+    if (jump := abs(target - node.position)) > node.keys.limits.following_error:
+        raise SimulationError(
+            f"{node.name}: target_position {node.way(target)} is {node.way(jump)} from where the drive is, a jump. "
+            f"All drives stop."
+        )
+    return target
 
 
 def velocity(name: str, axis: Component, limits: LimitKeys) -> float:

@@ -105,7 +105,8 @@ class Party:
         assert self.profile is not None
         assert self.keys is not None
         values, vendor = self.dictionary.values, VENDORS[self.profile.name]
-        received = receive(bool(self.keys.outputs), Mode.CST in self.profile.modes)  # a force, if there is one
+        forces = Mode.CST in self.profile.modes  # if the drive can be told one
+        received = receive(bool(self.keys.outputs), forces, self.keys.offset)
         for index, sub, value in vendor.setup:
             values[index, sub] = value
         values.update(self.keys.objects)

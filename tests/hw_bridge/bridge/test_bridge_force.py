@@ -20,21 +20,16 @@ BENCH = ROOT / "hw_bridge/benches/simulated_force.yaml"
 def outcome(tmp_path_factory, build):
     """Run the scenario with the hardware file's text changed, or without hardware."""
 
-    def outcome(text, scenario=SCENARIO, **more):
+    def outcome(text, scenario=SCENARIO, options=(), **more):
         tmp_path = tmp_path_factory.mktemp("outcome")
         path = tmp_path / "bench.yaml"
         path.write_text(text)
         hardware = load(path, build=build) if text else None
-        loaded = load_scenario(scenario)
-        return run_scenario(loaded, root=tmp_path, build=build, report=False, hardware=hardware, **more)
+        return run_scenario(
+            load_scenario(scenario, options), root=tmp_path, build=build, report=False, hardware=hardware, **more
+        )
 
     return outcome
-
-
-@pytest.fixture(scope="module")
-def on_the_bus(outcome):
-    """All controllers with the first seed."""
-    return outcome(BENCH.read_text(), seeds=[1])
 
 
 def figures(outcome, metric):
@@ -46,10 +41,11 @@ def verdicts(outcome):
     return found | {one.name: one.verdict for one in outcome.evaluation.outcomes}
 
 
-def test_the_bus_changes_little(outcome, on_the_bus):
+@pytest.mark.slow
+def test_the_bus_changes_little(outcome):
     """PI waits for the sensor anyway; what is fed forward comes up to 1.6 ms later."""
     without = figures(outcome("", seeds=[1]), "force_error_std")
-    with_bus = figures(on_the_bus, "force_error_std")
+    with_bus = figures(outcome(BENCH.read_text(), seeds=[1]), "force_error_std")
     ratios = {name: with_bus[name] / without[name] for name in without}
     assert ratios["PI"] == pytest.approx(1.0, abs=0.002)
     assert 1.0 < ratios["PI+FF"] < 1.03
@@ -66,7 +62,14 @@ def test_the_same_verdicts(outcome, profile):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("name", "bench"), [("regripping", "regripping"), ("racs", "racs"), ("hysteresis_identification", "hysteresis")]
+    ("name", "bench"),
+    [
+        ("regripping", "regripping"),
+        ("racs", "racs"),
+        ("hysteresis_identification", "hysteresis"),
+        ("hysteresis_identification", "hysteresis_csv"),
+        ("hysteresis_identification", "hysteresis_epos4"),
+    ],
 )
 def test_the_same_verdicts_of_others(outcome, name, bench):
     """Two carriages; with racs the rotation too, on an EPOS4 behind its gear; positions instead of speeds."""
@@ -117,9 +120,10 @@ def test_too_much_force_or_a_dead_sensor_ends_a_run_away_from_the_wall(tmp_path,
     assert not session.bench.plants["servomotor"].motor.powered
 
 
-def test_it_is_the_same_every_time(outcome, on_the_bus):
+def test_it_is_the_same_every_time(outcome):
     """Whatever ran before it."""
-    one, other = on_the_bus, outcome(BENCH.read_text(), variants=["PI+FF"], seeds=[1])
+    short = {"scenario": ROOT / "tests/conformance/short_force.yaml", "options": ["stop_time=1.5 s"], "seeds": [1]}
+    one, other = outcome(BENCH.read_text(), **short), outcome(BENCH.read_text(), variants=["PI+FF"], **short)
     assert one.tables["PI+FF", 1].values.keys() == other.tables["PI+FF", 1].values.keys()
     for name, values in one.tables["PI+FF", 1].values.items():
         assert np.array_equal(values, other.tables["PI+FF", 1].values[name], equal_nan=True), name

@@ -1,13 +1,15 @@
 """Motors of the twin behind one face."""
 
+import re
 from dataclasses import replace
 from math import sqrt
 
 import pytest
 
 from hw_bridge.device import Motor
-from hw_bridge.device.motor import CYCLE
+from hw_bridge.device.motor import CYCLE, uneven
 from hw_bridge.profiles import profile
+from twin.errors import SimulationError
 from twin.scenario import Form
 
 LM2070, EC_I_40 = profile("faulhaber_v3").motor, profile("epos4").motor
@@ -90,3 +92,22 @@ def test_where_it_was_pushed_to_without_power_is_no_jump(build, model):
         motor.advance(cycle * CYCLE)
         assert abs(motor.current) < 0.05
     assert motor.measured_position == pytest.approx(place, abs=2.0 * model.resolution)
+
+
+@pytest.mark.parametrize(
+    ("period", "problem"),
+    [
+        (0.3e-3, "drive_period 0.3 ms does not divide the drive's control cycle of 1 ms. Use 0.5 ms or 0.25 ms."),
+        (0.7e-3, "drive_period 0.7 ms does not divide the drive's control cycle of 1 ms. Use 1 ms or 0.5 ms."),
+        (2e-3, "drive_period 2 ms does not divide the drive's control cycle of 1 ms. Use 1 ms."),
+        (0.5e-3, ""), (0.2e-3, ""), (1e-3, ""),
+    ],
+)  # fmt: skip
+def test_a_sampling_time_that_does_not_divide_the_cycle_is_the_cause_that_is_named(build, period, problem):
+    motor = Motor(replace(LM2070, parameters={"drive_period": period}), build=build)
+    assert uneven(period) == problem
+    if problem:
+        with pytest.raises(SimulationError, match=re.escape(f"motor: {problem}")):
+            motor.advance(0)
+    else:
+        motor.advance(0)

@@ -104,6 +104,13 @@ def test_every_bench_is_well_formed_and_fits_its_scenario(path):
         ("true", "true\nfaults: [{at: -1 s, fault: sync, node: master}]", "faults[1]: a time is below zero."),
         ("true", "true\nfaults: [{at: 1 s, fault: drop, node: master, identifiers: [-5, 100000000000]}]", "faults[1]: identifiers are (-5, 100000000000): expected two of"),
         (GOOD, "- 1\n", "bench.yaml:1: expected keys with values, such as `node: 1`, not a list."),
+        ("node: 1", "node: 1, follow: {mode: pv}", "bench.yaml:3: nodes.servomotor.follow.mode: input should be 'csp' or 'csv', not `pv`."),
+        ("node: 1", "node: 1, follow: {feedforward: 1.5}", "follow.feedforward: input should be less than or equal to 1, not 1.5."),
+        ("node: 1", "node: 1, follow: {feedforwards: 1}", "follow.feedforwards: unknown key. Did you mean 'feedforward'?"),
+        ("node: 1", "node: 1, follow: {mode: csv, gain: 50}", "follow.gain: 50 has no unit. Write it with one, such as 50 1/s."),
+        ("node: 1", "node: 1, follow: {gain: 50 1/s}", "follow.gain: in csp the position loop is the drive's. Leave it out, or add `mode: csv`."),
+        ("node: 1, profile: faulhaber_v3", "node: 1, profile: mclm, follow: {feedforward: 1}", "follow.feedforward: FAULHABER MCLM 300x CO has no velocity offset 60B1h in csp. Add `mode: csv`, or use another drive."),
+        ("true\nnodes:\n  servomotor: {", "false\ninterface: socketcan\nchannel: can0\nnodes:\n  servomotor: {motor: member, ", "motor: a real drive has the motor that is wired to it. Leave it out."),
         ("node: 1", "node: 1, inverted: maybe", "nodes.servomotor.inverted: input should be a valid boolean"),
     ],
 )  # fmt: skip
@@ -149,6 +156,10 @@ def test_identifiers_of_a_fault_as_the_documents_have_them(write):
             "bench.yaml:3: nodes.servomotor.limits.position: `5 deg` does not convert to m. Give it as m. The member moves along a line.",
         ),
         (GOOD.replace("node: 1", "node: 1, contact: {signal: sensr.force}"), "contact: no member for sensr.force"),
+        (
+            GOOD.replace("node: 1", "node: 1, follow: {feedforward: 1}"),
+            "follow: feedforward: the member is told speeds, which csv has no offset for. Add `mode: csp`, or leave it out.",
+        ),
     ],
 )
 def test_what_does_not_fit_the_scenario(write, text, message):
@@ -169,6 +180,33 @@ def test_a_gear_between_kinds_has_to_be_told(tmp_path, write, name, member, prof
     with pytest.raises(ScenarioError, match=f"nodes.{name}: the motor of .* Add `scale`, .* for 1 {unit} of the motor"):
         load(write(text)).apply(load_scenario(scenario))
     assert load(write(text.replace("node: 1", "node: 1, scale: 2.5"))).apply(load_scenario(scenario)).variants
+
+
+def test_only_a_linear_motor_can_be_taken_over(tmp_path, write):
+    scenario = tmp_path / "one.yaml"
+    scenario.write_text("title: one\nstop_time: 1 s\nmembers: {frame: {component: rotary_drive}}\n")
+    text = "simulated: true\nnodes:\n  frame: {node: 1, profile: epos4, motor: member}\n"
+    with pytest.raises(
+        ScenarioError, match=r"nodes\.frame\.motor: RotaryDrive is no linear motor that a drive could take"
+    ):
+        load(write(text)).apply(load_scenario(scenario))
+
+
+def test_a_sampling_time_that_a_drive_cannot_have_is_the_cause_that_is_named(write):
+    scenario = load_scenario(SCENARIO, ["servomotor.drive_period=0.3 ms"])
+    with pytest.raises(ScenarioError) as caught:
+        load(write(GOOD)).apply(scenario)
+    (line,) = caught.value.problems
+    assert line == (
+        "--set servomotor.drive_period=0.3 ms: servomotor is a drive: drive_period 0.3 ms does not divide the drive's "
+        "control cycle of 1 ms. Use 0.5 ms or 0.25 ms."
+    )
+
+
+def test_forces_are_followed_as_they_are(write):
+    text = GOOD.replace("node: 1", "node: 1, follow: {mode: csp}")
+    with pytest.raises(ScenarioError, match=r"follow: the member is told forces, which cst follows\. Leave it out."):
+        load(write(text)).apply(load_scenario(SCENARIO, ["servomotor.mode_of_operation=10"]))
 
 
 def test_a_real_drive_may_have_objects_that_the_profile_has_not(write):
