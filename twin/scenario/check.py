@@ -31,7 +31,8 @@ def check(scenario: Scenario, keys: ScenarioKeys, tree: Node, trees: dict[str, N
     """Every problem that can be seen without knowing the members' variables."""
     problems: list[str] = []
     if keys.stop_time is None and "stop_time" not in scenario.tree.entries:
-        problems.append(f"{tree.place.file}: `stop_time` is missing. Add it, such as `stop_time: 10 s`.")
+        advice = "Use --set stop_time=10" if scenario.path.suffix == ".ssp" else "Add it, such as `stop_time: 10 s`"
+        problems.append(f"{tree.place.file}: `stop_time` is missing. {advice}.")
     if "members" not in scenario.tree.entries and not any(case.members for case in scenario.variants):
         problems.append(f"{tree.place.file}: `members` is missing. Add it, such as `servo: {{component: servomotor}}`.")
     if keys.seed is not None:
@@ -130,6 +131,10 @@ def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
                 f"{stop}: the run of {clock.text(case.stop_ns - case.start_ns)} is not a multiple of step"
                 f" {clock.text(case.step_ns)}. Change stop_time or step."
             )
+    try:
+        case.algorithm.divisions(case.step_ns)
+    except CouplingError as error:
+        problems.append(f"{tree.find(('algorithm',)).place}: {error}")
     every = keys.record.every
     if every is not None and every % case.step_ns:
         place = tree.find(("record", "every")).place
@@ -171,7 +176,7 @@ def check_events(case: Case) -> list[str]:
     return problems
 
 
-def outside_run(time_ns: int, case: Case) -> str:
+def outside_run(time_ns: clock.Time, case: Case) -> str:
     """What is wrong with a time that the run does not have."""
     if case.start_ns <= time_ns < case.stop_ns:
         return ""
@@ -205,6 +210,7 @@ def check_names(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str
         found = [problem_of(pattern, (), catalog) for catalog in catalogs.values()]
         if all(found):
             problems.append(f"{scenario.record.where}: {found[0]}")
+    whole = {id(one) for analysis in scenario.analyses for one in analysis.inputs.values() if one.single}
     for where, expression, variants, needed in expressions_of(scenario):
         named = {name: catalogs[name] for name in variants or catalogs}
         missing = {
@@ -223,7 +229,7 @@ def check_names(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str
         arrays = {
             name: reason
             for name, catalog in named.items()
-            if name not in missing and (reason := array_problem(expression, catalog))
+            if name not in missing and id(expression) not in whole and (reason := array_problem(expression, catalog))
         }
         for name, reason in list(arrays.items())[:1]:
             place = "" if len(arrays) + len(missing) == len(named) else f"in variant `{name}`: "

@@ -22,6 +22,11 @@ SPACING = 20e-3  # of the table's points [m]
 SAMPLING = 2e-3  # of the line between them [m]
 SMOOTHING = 20e-3  # standard deviation [m]: what a catheter of 8 Fr does not follow, and noise of points
 MM = 1e-3
+COMPONENTS = {  # that have the table, or a part of it
+    "vessel_travel": ("curvature_1", "curvature_2", "lumen"),
+    "vessel_friction": ("curvature_1", "curvature_2"),
+    "fluoroscope": ("curvature_1", "curvature_2", "lumen"),
+}
 RADIUS = "MaximumInscribedSphereRadius"  # VMTK's name of the lumen's radius at each point
 
 
@@ -118,10 +123,14 @@ def table(rows: Table) -> dict[str, Table]:
 def parameter_set(path: Path) -> str:
     """The table as YAML for `parameter_sets`."""
     values = table(read(path))
-    lines = [f"# from {path.name}: curvature [1/m] and lumen, every {SPACING / MM:.0f} mm", "vessel_travel:"]
-    for name in ("curvature_1", "curvature_2"):
-        lines.append(f"  {name}: [{', '.join(f'{round(value, 2) + 0.0:.2f}' for value in values[name])}]")
-    lines.append(f"  lumen: [{', '.join(f'{value / MM:.1f} mm' for value in values['lumen'])}]")
+    texts = {
+        "curvature_1": [f"{round(value, 2) + 0.0:.2f}" for value in values["curvature_1"]],
+        "curvature_2": [f"{round(value, 2) + 0.0:.2f}" for value in values["curvature_2"]],
+        "lumen": [f"{value / MM:.1f} mm" for value in values["lumen"]],
+    }
+    lines = [f"# from {path.name}: curvature [1/m] and lumen, every {SPACING / MM:.0f} mm"]
+    for component, names in COMPONENTS.items():
+        lines += [f"{component}:", *(f"  {name}: [{', '.join(texts[name])}]" for name in names)]
     return "\n".join(lines) + "\n"
 
 

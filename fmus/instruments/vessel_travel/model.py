@@ -49,6 +49,8 @@ class VesselTravel(Component):
                             nominal=0.1)
     grip = input("", "part of the carriages' motion that the gripper passes on: 1 holds, 0 slides", start=1.0, minimum=0.0,
                  maximum=1.0)
+    guide_travel = input("m", "travel of the tip of a catheter around it, if `guide_lumen` is there", display_unit="mm",
+                         nominal=0.1)
 
     travel = output("m", "travel of the tip along its own way, which follows the outer walls of bends", display_unit="mm")
     entry_travel = output("m", "travel of the instrument where it enters", display_unit="mm")
@@ -66,6 +68,10 @@ class VesselTravel(Component):
     tip_location = parameter(0.4, "m", "where the tip is at first, from the entry", display_unit="mm", minimum=0.0,
                              maximum=0.8, source="chosen: below the diaphragm")
     diameter = parameter(2.67e-3, "m", "of the instrument", display_unit="mm", minimum=1e-4, source="paper: 8 Fr")
+    guide_lumen = parameter(0.0, "m", "diameter of the lumen of a catheter around it; 0: there is none", display_unit="mm",
+                            minimum=0.0, source="0: alone in the vessel")
+    guide_location = parameter(0.0, "m", "where that catheter's tip is at first, from the entry", display_unit="mm",
+                               minimum=0.0, maximum=0.8, source="as tip_location of the catheter")
     axial_stiffness = parameter(920.0, "N", "E A", minimum=1.0, source="sheath: identified from the paper")
     bending_stiffness = parameter(2e-3, "N*m^2", "E I", minimum=1e-9, source="instrument: 1 to 3e-3 for an 8 Fr shaft")
     wall_friction = parameter(0.5, "N", "friction per radian of bend, without thrust", minimum=0.0,
@@ -161,7 +167,10 @@ def measure_play(self: VesselTravel) -> None:
         force *= exp(self.friction_coefficient * bend * length)
         hold = 0.5 * self.bending_stiffness * bend * bend
         crossed = 1.0 if force >= hold else force / hold
-        clearance = max(0.5 * (self.lumen[j] + self.lumen[j - 1]) - self.diameter, 0.0)
+        lumen = 0.5 * (self.lumen[j] + self.lumen[j - 1])
+        if self.guide_lumen > 0.0 and (j - 0.5) * SPACING < self.guide_location + self.guide_travel:
+            lumen = self.guide_lumen
+        clearance = max(lumen - self.diameter, 0.0)
         self.crossing[j] = length * crossed * clearance * bend
         self.squeeze[j] = length * force / self.axial_stiffness
         self.play += self.crossing[j] + 2.0 * self.squeeze[j]
