@@ -6,10 +6,13 @@ Trans. Syst. Man Cybern. 11(2), 1981. Connections that close a loop are drawn fr
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from html import escape
 from itertools import pairwise
+from types import MappingProxyType
 from typing import TYPE_CHECKING
+
+from twin.dataclass import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -18,6 +21,7 @@ if TYPE_CHECKING:
     Layers = list[list["Slot"]]
 
 HEIGHT = 40.0  # of a box [px]
+NOTE = 13.0  # a line below it that a member has a note on
 GAP = 18.0  # between boxes of a column
 LINE = 10.0  # what a line that passes a column takes there
 ROOM = 56.0  # between columns
@@ -41,8 +45,16 @@ class Slot:
         return (HEIGHT + GAP if self.member else LINE) / 2
 
 
-def draw(members: Mapping[str, str], connections: Mapping[Edge, Iterable[str]]) -> str:
-    """Members (name -> component) and what connects them (source and target member -> texts) as an SVG element."""
+def draw(
+    members: Mapping[str, str],
+    connections: Mapping[Edge, Iterable[str]],
+    notes: Mapping[str, str] = MappingProxyType({}),
+    labels: Mapping[Edge, str] = MappingProxyType({}),
+) -> str:
+    """Members (name -> component) and what connects them (source and target member -> texts) as an SVG element.
+
+    `notes` stand below members, `labels` at the ends of connections.
+    """
     if not members:
         return ""
     back = backward(list(members), list(connections))
@@ -58,20 +70,36 @@ def draw(members: Mapping[str, str], connections: Mapping[Edge, Iterable[str]]) 
         for name, component in members.items()
     }
     width = max(70.0, 18 + max(max(LETTER * len(name), SMALL * len(text)) for name, text in shown.items()))
-    left = {id(slot): 8 + place * (width + ROOM) for place, layer in enumerate(layers) for slot in layer}
+    room = max(ROOM, 22 + SMALL * max(map(len, labels.values()), default=0))
+    left = {id(slot): 8 + place * (width + room) for place, layer in enumerate(layers) for slot in layer}
     bottom = max(slot.y + slot.half for layer in layers for slot in layer)
-    size = 16 + len(layers) * width + (len(layers) - 1) * ROOM, bottom + 10
-    parts = [line(way, edge, edge in back, left, width, list(connections[edge])) for edge, way in lines.items()]
+    size = 16 + len(layers) * width + (len(layers) - 1) * room, bottom + 10 + NOTE * bool(notes)
+    parts = [
+        line(way, edge, edge in back, left, width, list(connections[edge]), labels.get(edge, ""))
+        for edge, way in lines.items()
+    ]
     parts += [box(slots[name], left[id(slots[name])], width, name, text, members[name]) for name, text in shown.items()]
     parts += [
         itself(slots[one], left[id(slots[one])], width, texts)
         for (one, other), texts in connections.items()
         if one == other
     ]
+    parts += [
+        f'<text x="{left[id(slots[name])] + width / 2:.1f}" y="{slots[name].y + HEIGHT / 2 + NOTE - 1:.1f}" '
+        f'text-anchor="middle" font-size="10" fill="currentColor" fill-opacity=".65">{escape(note)}</text>'
+        for name, note in notes.items()
+    ]
     return (
         f'<svg role="img" aria-label="system" viewBox="0 0 {size[0]:.0f} {size[1]:.0f}" '
         f'style="width: 100%; max-width: {size[0]:.0f}px; height: auto; font: 12px sans-serif; color: inherit">'
         f"{''.join(parts)}</svg>"
+    )
+
+
+def standalone(drawn: str) -> str:
+    """A drawn system as a file of its own, on white."""
+    return drawn.replace("<svg ", '<svg xmlns="http://www.w3.org/2000/svg" ', 1).replace(
+        "color: inherit", "color: #1f2933; background: #fff"
     )
 
 
@@ -160,7 +188,15 @@ def port(slot: Slot, other: Slot, edge: Edge, is_right: bool) -> float:
     return slot.y + (near.index((other, edge)) - (len(near) - 1) / 2) * step
 
 
-def line(way: list[Slot], edge: Edge, is_back: bool, left: dict[int, float], width: float, texts: list[str]) -> str:
+def line(
+    way: list[Slot],
+    edge: Edge,
+    is_back: bool,
+    left: dict[int, float],
+    width: float,
+    texts: list[str],
+    label: str,
+) -> str:
     """A connection with its arrow; what it carries is told to the mouse."""
     path = ""
     for one, other in pairwise(way):
@@ -173,7 +209,11 @@ def line(way: list[Slot], edge: Edge, is_back: bool, left: dict[int, float], wid
     tail = x + 7 if is_back else x - 7
     color = "#d1495b" if is_back else "#3b8fd4"
     title = escape("\n".join(texts) or " → ".join(edge))
-    return (
+    beside = (
+        f'<text x="{tail + (2 if is_back else -2):.1f}" y="{y - 3:.1f}" text-anchor="{"start" if is_back else "end"}" '
+        f'font-size="10" fill="{color}">{escape(label)}</text>'
+    )
+    return (beside if label else "") + (
         f'<g stroke="{color}" fill="none"><title>{title}</title><path stroke-width="1.4" d="{path}"/>'
         f'<path fill="{color}" d="M{x:.1f} {y:.1f}L{tail:.1f} {y - 3.5:.1f}L{tail:.1f} {y + 3.5:.1f}Z"/>'
         f'<path stroke="transparent" stroke-width="10" d="{path}"/></g>'

@@ -1,0 +1,48 @@
+"""What FMUs log, shown and kept where it is asked for."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.fmi.third_party import NATIVE, NATIVE_XML, native_fmu
+from twin.errors import ScenarioError
+from twin.run import run_scenario
+from twin.scenario import parse_scenario
+
+TALKING = (
+    NATIVE.replace(
+        "void (*log)(void *, int, const char *, const char *); } Instance;",
+        "void (*log)(void *, int, const char *, const char *); bool talks; } Instance;",
+        1,
+    )
+    .replace("c->log = log;", "c->log = log; c->talks = logging;", 1)
+    .replace(
+        "double end = t + h;", 'double end = t + h; if (c->talks) c->log(c->environment, 0, "logAll", "a\\nstep");', 1
+    )
+)
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    path = native_fmu(tmp_path, NATIVE_XML, TALKING)
+    return parse_scenario(
+        f"stop_time: 30 ms\nstep: 10 ms\nmembers: {{pump: {{component: {path}}}, tank: {{component: {path}}}}}\n",
+        tmp_path / "s.yaml",
+    )
+
+
+def test_one_member_is_heard(scenario, tmp_path, build):
+    heard = []
+    done = run_scenario(scenario, root=tmp_path, build=build, report=False, logged=["tan*"], hear=heard.append)
+    assert heard == ["base, seed 0: tank: OK: a step"] * 3
+    assert (done.folder / "log.txt").read_text().splitlines() == heard
+
+
+def test_nobody_is_asked_to_talk(scenario, tmp_path, build):
+    done = run_scenario(scenario, root=tmp_path, build=build, report=False)
+    assert not (done.folder / "log.txt").exists()
+
+
+def test_who_is_not_there(scenario, tmp_path):
+    with pytest.raises(ScenarioError, match=r"--log tnk: there is no member `tnk`. Did you mean 'tank'"):
+        run_scenario(scenario, root=tmp_path, logged=["tnk"])

@@ -1,0 +1,213 @@
+"""What couples the members of a scenario: picture, delays, costs, stability."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.linalg import expm
+
+from twin import clock
+from twin.cli.check import command as check
+from twin.cli.graph import command as graph
+from twin.cli.profile import command as profile_command
+from twin.component import PythonComponent, output
+from twin.coupling import growth
+from twin.errors import CouplingError
+from twin.run import prepare, profile, simulation, stability, structure_of
+from twin.scenario import Form, load_scenario, parse_scenario
+
+MASSES = """
+title: Two masses
+stop_time: 1 s
+step: 10 ms
+members:
+  a: {component: "tests.structure.masses:Sprung"}
+  b: {component: "tests.structure.masses:Free"}
+connections: [a.force -> b.force, b.x -> a.other]
+"""
+
+
+class Slow(PythonComponent):
+    """Takes its time."""
+
+    period = 1e-2
+
+    y = output("s", "time")
+
+    def step(self, t, h):
+        time.sleep(2e-4)
+        self.y = t
+
+
+@pytest.fixture
+def masses(tmp_path):
+    path = tmp_path / "masses.yaml"
+    path.write_text(MASSES)
+    return path
+
+
+def described(path, *overrides):
+    scenario = load_scenario(path, overrides)
+    case = scenario.cases((), ())[0]
+    simulated = simulation(case, prepare(scenario)[case.variant], Form.interpreted, path.parent / "build")
+    try:
+        return structure_of(case, simulated)
+    finally:
+        simulated.terminate()
+
+
+def test_order_delays_and_feedthrough(masses):
+    jacobi = described(masses)
+    assert [part.place for part in jacobi.parts] == [1, 1]
+    assert [wire.delay for wire in jacobi.wires] == ["10 ms", "10 ms"]
+    assert jacobi.parts[0].feedthrough == (("force", ("other",)),)
+    assert jacobi.parts[1].feedthrough == ()
+    assert jacobi.told == "jacobi, communication step 10 ms. Values are used 10 ms late."
+    sequence = described(masses, "algorithm=gauss_seidel")
+    assert [(wire.source, wire.delay) for wire in sequence.wires] == [
+        ("a", "10 ms"),
+        ("b", "0 s"),
+    ]  # a depends on b at once
+    assert [part.place for part in sequence.parts] == [2, 1]
+
+
+def test_a_loop_at_one_instant_is_told(tmp_path):
+    path = tmp_path / "s.yaml"
+    path.write_text(
+        "stop_time: 1 s\nmembers: {a: {component: 'tests.coupling.parts:Gain'}, b: {component: 'tests.coupling.parts:Gain'}}\n"
+        "connections: [a.y -> b.u, b.y -> a.u]\n"
+    )
+    found = described(path)
+    assert [set(loop) for loop in found.loops] == [{"a.y", "b.y"}]
+    assert "Depend on each other at one instant: " in found.told
+
+
+def test_the_picture_names_what_differs(masses, tmp_path):
+    target = tmp_path / "p.svg"
+    done = CliRunner().invoke(graph, [str(masses), "--set", "algorithm=gauss_seidel", "-o", str(target)])
+    assert done.exit_code == 0, done.output
+    texts = [one.text for one in ET.parse(target).iter() if one.tag.endswith("text")]
+    assert {"a", "b", "1.", "2."} <= set(texts)
+    assert texts.count("10 ms") + texts.count("0 s") == 1  # of the wire that is not as most are
+    assert "Two" not in done.output
+    assert done.output.splitlines()[-1] == str(target)
+
+
+def test_rows_of_terminals_are_one():
+    found = described(Path("scenarios/racs.yaml"))
+    (wire,) = (one for one in found.wires if (one.source, one.target) == ("sleeve_1", "instrument"))
+    assert (wire.values, wire.texts) == (5, ["sleeve_1.grip → instrument.grip[1]"])
+    (slow,) = (part for part in found.parts if part.period != found.step)
+    assert (slow.name, clock.text(slow.period)) == ("tracker", "25 ms")
+    assert "every 25 ms" in found.svg()
+
+
+def test_a_variant_that_is_not_there(masses):
+    done = CliRunner().invoke(graph, [str(masses), "--variant", "none"])
+    assert "there is no variant `none`" in str(done.exception)
+    done = CliRunner().invoke(graph, [str(masses), "-o", "x.png"])
+    assert "the picture is an .svg. Name it x.svg" in done.output
+
+
+# --- profile
+
+
+def test_who_takes_longest_is_found(tmp_path, build):
+    scenario = parse_scenario(
+        """
+        stop_time: 2 s
+        members:
+          slow: {component: "tests.structure.test_structure:Slow"}
+          fast: {component: chirp}
+          wall: {component: wall}
+        connections: [fast.position -> wall.tip_position]
+        events: [{at: 1 s, set: {fast.amplitude: 1 mm}}]
+        """,
+        tmp_path / "s.yaml",
+    )
+    case = scenario.cases((), ())[0]
+    found = profile(case, prepare(scenario)["base"], Form.compiled, build)
+    costs = {one.name: one for one in found.costs}
+    assert found.costs[0].name == "slow"
+    assert costs["slow"].step > 2e-4 > costs["fast"].step > 0.0
+    assert costs["slow"].per_tick == pytest.approx(costs["slow"].step / 10, rel=0.5)  # every tenth communication step
+    assert sum(one.share for one in found.costs) == pytest.approx(1.0)
+    assert 0.0 < found.overhead < 1e-5
+    assert found.seen > 200
+    assert found.real_time_factor == pytest.approx(1e-3 / found.per_tick)
+
+
+def test_what_cannot_be_measured_is_refused(masses):
+    done = CliRunner().invoke(profile_command, [str(masses), "--form", "interpreted", "--set", "algorithm=iterative"])
+    assert "Measure what one step costs with --set algorithm=jacobi" in str(done.exception)
+
+
+# --- stability
+
+
+def analytic(step: float) -> float:
+    """Growth of the two masses per Jacobi step [1]: each integrated exactly, with what the other was at its begin."""
+    a = np.array([[0.0, 1.0], [-1010.0, -0.1]])  # x, v of the sprung mass; stiffness of wall and coupling
+    b = np.array([[0.0, 1.0], [0.0, -0.1]])
+
+    def held(matrix: np.ndarray, effect: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        whole = np.zeros((3, 3))
+        whole[:2, :2], whole[:2, 2] = matrix * step, effect * step
+        found = expm(whole)
+        return found[:2, :2], found[:2, 2]
+
+    (own, other), (free, pushed) = held(a, np.array([0.0, 1000.0])), held(b, np.array([0.0, 1.0]))
+    # x_a, v_a, x_b, v_b, and what was published: the force with the other's place at the begin of the step
+    step_map = np.zeros((5, 5))
+    step_map[:2, :2], step_map[:2, 2] = own, other
+    step_map[2:4, 2:4], step_map[2:4, 4] = free, pushed
+    step_map[4] = 1000.0 * (step_map[0] - np.eye(5)[2])
+    return float(np.abs(np.linalg.eigvals(step_map)).max())
+
+
+@pytest.mark.parametrize("step", [1e-3, 5e-3, 2e-2])
+def test_growth_is_that_of_the_exact_map(masses, step):
+    scenario = load_scenario(masses, [f"step={step} s"])
+    case = scenario.cases((), ())[0]
+    simulated = simulation(case, prepare(scenario)["base"], Form.interpreted, masses.parent / "build")
+    simulated.initialize(0, case.stop_ns)
+    before = {key: simulated.value(key) for key in simulated.recorded}
+    found = growth(simulated)
+    assert found.factor == pytest.approx(analytic(step), abs=1e-5)
+    assert found.cycle == step
+    assert {name.partition(".")[0] for name in found.share} <= {"a", "b"}
+    assert all(np.array_equal(simulated.value(key), value) for key, value in before.items())
+    simulated.terminate()
+
+
+def test_what_is_unstable_is_told_with_what_would_be_stable(masses, build):
+    scenario = load_scenario(masses)
+    case, catalog = scenario.cases((), ())[0], prepare(scenario)["base"]
+    verdict = stability(case, catalog, build)
+    assert not verdict.is_stable
+    assert verdict.model.rate == pytest.approx(-0.05, abs=0.1)  # damping / (2 mass)
+    (step,) = (one for one in verdict.cures if one.startswith("step: "))
+    better = load_scenario(masses, [step.replace(": ", "=")]).cases((), ())[0]
+    assert stability(better, catalog, build).is_stable
+
+
+def test_check_says_so(masses):
+    done = CliRunner().invoke(check, [str(masses), "--coupling"])
+    assert done.exit_code == 1
+    assert "base: jacobi at 10 ms is unstable at t = 0 s: a deviation grows 1.05" in done.output
+    assert "Use step: " in done.output
+    done = CliRunner().invoke(check, [str(masses), "--coupling", "--set", "step=1 ms", "--set", "a.damping=100 N*s/m"])
+    assert (done.exit_code, "base: jacobi at 1 ms is stable" in done.output) == (0, True)
+
+
+def test_a_member_that_keeps_its_state_to_itself(tmp_path, build):
+    scenario = parse_scenario(
+        "stop_time: 1 s\nmembers: {a: {component: 'tests.structure.test_structure:Slow'}}\n", tmp_path / "s.yaml"
+    )
+    with pytest.raises(CouplingError, match="stability: a keeps its state to itself"):
+        stability(scenario.cases((), ())[0], prepare(scenario)["base"], build)

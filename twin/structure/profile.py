@@ -1,0 +1,65 @@
+"""Which member of a co-simulation costs what."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twin.coupling import Stopwatch
+from twin.dataclass import dataclass
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from twin.coupling import CoSimulation
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a member costs. `step`: one of its steps [s]; `per_tick`: of a communication step, its values moved, too [s]."""
+
+    name: str
+    what: str
+    step: float
+    per_tick: float
+    share: float
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Costs, the largest first. `per_tick`: of a whole communication step [s], the clock's readings taken off."""
+
+    costs: tuple[Cost, ...]
+    per_tick: float
+    step: float  # communication step [s]
+    overhead: float  # of reading the clock once [s]
+    seen: int  # communication steps that were looked at
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated time over the time the loop takes."""
+        return self.step / self.per_tick
+
+
+CONNECTIONS, LOOP = "connections", "loop and recording"
+
+
+def profiled(watch: Stopwatch, simulated: CoSimulation, components: Mapping[str, str], step: float) -> Profile:
+    """What a stopwatch has measured."""
+    each = watch.per_tick()
+    kinds, members, done = np.array(watch.kinds), np.array(watch.members), watch.done
+    read = (len(each) + 2) * watch.overhead
+    whole = max(watch.wall / max(watch.ticks, 1) - read, float(each.sum()))
+    rows = []
+    for number, name in enumerate(simulated.members):
+        own = members == number
+        steps = own & (kinds == "steps")
+        share = done[steps].sum() / max(watch.seen, 1)  # steps in a communication step: a slow member has fewer
+        one = float(each[steps].sum() / share) if share else 0.0
+        rows.append((name, components.get(name, ""), one, float(each[own].sum())))
+    rows.append((CONNECTIONS, "values copied and converted", 0.0, float(each[kinds == "copies"].sum())))
+    rows.append((LOOP, "", 0.0, whole - float(each.sum())))
+    ordered = sorted(rows, key=lambda row: -row[3])
+    costs = tuple(Cost(name, what, one, per_tick, per_tick / whole) for name, what, one, per_tick in ordered)
+    return Profile(costs, whole, step, watch.overhead, watch.seen)
