@@ -1,0 +1,47 @@
+"""FMUs of the small parts, and a bench that makes, reads and runs SSPs of them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.ssp import parts
+from twin.run import prepare, run_case, silent, simulation
+from twin.scenario import Form, load_scenario, package
+
+
+class Bench:
+    """Makes an SSP in a folder of its own, and runs it."""
+
+    def __init__(self, folder: Path, build: Path, fmus: dict[str, Path]):
+        self.folder, self.build, self.fmus = folder, build, fmus
+
+    def ssp(self, text: str, files: dict | None = None, name: str = "s.ssp") -> Path:
+        """An SSP with the parts' FMUs in it."""
+        return parts.packed(self.folder / name, text, {**self.fmus, **(files or {})})
+
+    def run(self, path: Path, *overrides: str, variant: str = "") -> dict[str, np.ndarray]:
+        """The recorded signals."""
+        scenario = load_scenario(path, overrides)
+        case = scenario.cases([variant] if variant else [])[0]
+        simulated = simulation(case, prepare(scenario)[case.variant], Form.fmu, self.build)
+        run_case(case, simulated, silent)
+        recorded = simulated.recording().signals
+        simulated.terminate()
+        return recorded
+
+
+@pytest.fixture(scope="session")
+def part_fmus(build):
+    """The parts as FMUs, by their place in an archive."""
+    return {
+        f"resources/{cls.__name__.lower()}.fmu": parts.fmu(cls, build) for cls in (parts.Ramp, parts.Spring, parts.Bare)
+    }
+
+
+@pytest.fixture
+def bench(tmp_path, build, part_fmus):
+    """A bench in a folder that only this test has; FMUs are unpacked there, too."""
+    token = package.BUILD.set(tmp_path / "build")
+    yield Bench(tmp_path, build, part_fmus)
+    package.BUILD.reset(token)
