@@ -18,7 +18,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import TextIO
 
-from benchmarks import bench, export, first_times, force, group, hil, isolate, peers, rig, ring, startup
+from benchmarks import bench, export, first_times, force, group, hil, isolate, iterate, peers, rig, ring, startup
 
 RESULTS = Path(__file__).parent / "results"
 PACKAGES = (
@@ -102,6 +102,7 @@ def main() -> None:
     with path.open("w") as file, contextlib.redirect_stdout(Both(sys.stdout, file)):  # type: ignore[type-var]
         machine()
         ring.main()
+        iterate.main()
         peers.compare()
         startup.measure()
         first_times.main()

@@ -2,7 +2,7 @@
 
 import time
 
-from twin.component import Component, PythonComponent, input, output, parameter
+from twin.component import Component, Int64, PythonComponent, input, local, output, parameter
 
 
 class Relay(Component):
@@ -31,3 +31,36 @@ class WallClock(PythonComponent):
     def step(self, t, h):
         time.sleep(float(self.pause))
         self.now = time.time()
+
+
+class Drift(Component):
+    """The same with a sum that grows: no iteration is over before it begins."""
+
+    u = input("", "what the neighbor gives")
+    y = output("", "what the next one gets")
+    gain = parameter(-0.9, "", "gain, of a ring that converges slowly", source="assumed")
+
+    def step(self, t, h):
+        self.y = self.gain * self.u + (t + h) * (t + h)
+
+
+class Late(Component):
+    """What comes in, 50 ms later: for scenarios that are broken on purpose."""
+
+    period = 1e-3
+
+    u = input("", "what comes in")
+    y = output("", "the same, late")
+    line = local(0.0, "", "values that wait, a ring", shape=(50,))
+    place = local(0, "", "of the oldest", type=Int64)
+
+    def initialize(self):
+        self.place = 0
+        for i in range(50):
+            self.line[i] = self.u
+        self.y = self.u
+
+    def step(self, t, h):
+        self.y = self.line[self.place]
+        self.line[self.place] = self.u
+        self.place = (self.place + 1) % 50

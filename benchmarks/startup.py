@@ -1,6 +1,7 @@
 """Start-up of `twin run` with everything built: from the start of the process until the simulation's first step.
 
-    python -m benchmarks.startup         prints `name: value` lines; times in s, of variant PI with seed 1
+    python -m benchmarks.startup             prints `name: value` lines; times in s, of variant PI with seed 1
+    python -m benchmarks.startup compare     the lines of `chain` and `container` alone
 
 A process runs the command line as it is, notes the time on the way and ends at the first step:
 
@@ -15,13 +16,16 @@ which makes importing slower.
 
 `chain` is a command that has nearly nothing to simulate: eight FMUs 2.0 that hand on what they get, 10 s at 1 ms, every
 output recorded at every step; `container` has the same FMUs in a container of fmu-manipulation-toolbox, which FMPy
-simulates in a process of its own and then drops what it recorded, where `twin run` writes its folder. They take turns.
+simulates in a process of its own and then drops what it recorded, where `twin run` writes its folder. They take turns;
+`cpu` is the processor time of a command with its processes, which a busy machine changes less. The ratio is that of wall
+times, the median over the turns.
 """
 
 from __future__ import annotations
 
 import itertools
 import json
+import os
 import statistics
 import subprocess
 import sys
@@ -126,11 +130,13 @@ def container(folder: Path, fmu: Path) -> list[str]:
     return [sys.executable, "-c", FMPY, str(path)]
 
 
-def timed(command: list[str]) -> tuple[float, str]:
-    """Wall time of a process [s], and what it printed."""
-    begin = time.monotonic()
+def timed(command: list[str]) -> tuple[float, float, str]:
+    """Wall time of a process, processor time of it and of those that it started [s], and what it printed."""
+    spent, begin = os.times(), time.monotonic()
     done = subprocess.run(command, check=True, capture_output=True, text=True)
-    return time.monotonic() - begin, done.stdout
+    took, now = time.monotonic() - begin, os.times()
+    cpu = now.children_user + now.children_system - spent.children_user - spent.children_system
+    return took, cpu, done.stdout
 
 
 def compare(repeats: int) -> None:
@@ -142,20 +148,24 @@ def compare(repeats: int) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder, fmu = Path(name), exporter.build(Relay, "2.0", ring.BUILD).absolute()
         ours = chain(folder, fmu)
-        own = json.loads(timed(ours)[1])["metrics"]["last"]["variants"]["base"]["worst"]
+        own = json.loads(timed(ours)[-1])["metrics"]["last"]["variants"]["base"]["worst"]
+        commands = {"": ours}
         try:
             theirs = container(folder, fmu)
         except ImportError as error:
             print(f"startup_chain_container: not available ({error})")
-            theirs = ours
         else:
-            if float(timed(theirs)[1].split()[-1]) != own:
+            if float(timed(theirs)[-1].split()[-1]) != own:
                 raise RuntimeError("the container's last output is another one")
-        pairs = [(timed(ours)[0], timed(theirs)[0]) for _ in range(repeats)]
-    print(f"startup_chain_s: {statistics.median(a for a, _ in pairs):.3f}")
-    if theirs is not ours:
-        print(f"startup_chain_container_s: {statistics.median(b for _, b in pairs):.3f}")
-        print(f"startup_chain_ratio: {statistics.median(a / b for a, b in pairs):.2f}")
+            commands["_container"] = theirs
+        turns = [{name: timed(command)[:2] for name, command in commands.items()} for _ in range(repeats)]
+    for name in commands:
+        for i, what in enumerate(("s", "cpu_s")):
+            times = [turn[name][i] for turn in turns]
+            print(f"startup_chain{name}_{what}: {statistics.median(times):.3f}")
+            print(f"startup_chain{name}_least_{what}: {min(times):.3f}")
+    if len(commands) > 1:
+        print(f"startup_chain_ratio: {statistics.median(turn[''][0] / turn['_container'][0] for turn in turns):.2f}")
 
 
 STANDARD = sys.stdlib_module_names
@@ -180,8 +190,10 @@ def measure(repeats: int = REPEATS) -> None:
 
 
 def main() -> None:
-    """Print the figures; with arguments, be the process that is measured."""
-    if len(sys.argv) > 1:
+    """Print the figures; with other arguments than `compare`, be the process that is measured."""
+    if sys.argv[1:] == ["compare"]:
+        compare(REPEATS)
+    elif len(sys.argv) > 1:
         run_until_first_step(float(sys.argv[1]), sys.argv[2:])
     else:
         measure()

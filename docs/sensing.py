@@ -19,10 +19,14 @@ from fmus.guided_tip.model import GuidedTip
 from matplotlib.figure import Figure
 
 from twin.results import plotting
+from twin.run import run_scenario
+from twin.scenario import load_scenario
 
 PAGE = ROOT / "docs" / "explanation" / "sensing.md"
 PUBLISHED = (0.35, 1.15)  # mean error over 38 cm of Jackle et al., for shapes of different complexity [mm]
 FIBERS = 40
+SEEDS = 20  # of a place of the gratings, and of a place of the tip in the vessel
+PLACES = range(10)  # of the gratings along the path [mm]
 
 TABLES = {
     "fiber_shape": ("error_mean", "error_max", "residual", "status"),
@@ -111,6 +115,61 @@ def draw_shape() -> None:
         save(figure, "fiber_shape.svg")
 
 
+def many(
+    scenario: str, variants: tuple[str, ...], metrics: tuple[str, ...], folder: Path, *options: str
+) -> dict[str, Any]:
+    """Values of metrics over many seeds, in their units, by variant and metric."""
+    path = ROOT / "scenarios" / f"{scenario}.yaml"
+    loaded = load_scenario(path, [f"seeds={list(range(1, SEEDS + 1))}", *options])
+    outcome = run_scenario(loaded, variants=list(variants), root=folder / "many", build=ROOT / "build", report=False)
+    table = outcome.summary["metrics"]
+    return {
+        variant: {one: np.array(list(table[one]["variants"][variant]["values"].values())) for one in metrics}
+        for variant in variants
+    }
+
+
+def places(folder: Path) -> str:
+    """Fiber minus EM tracker over places of the gratings, with and without what is learned of the interpolation."""
+    metrics = ("error_mean", "error_std", "error_max")
+    rows = [
+        "| gratings | mean of fiber minus EM, over 20 seeds | spread | largest | mean, not learned | spread | largest |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    means: dict[str, list[Any]] = {"heart": [], "not learned": []}
+    for place in PLACES:
+        moved = f"guided_tip.segment_length[1]={203 + place} mm"
+        found = many("tip_tracking", ("heart", "not learned"), metrics, folder, moved)
+        cells = []
+        for variant, own in found.items():
+            mean, spread, largest = (own[one] for one in metrics)
+            means[variant].append(mean)
+            cells.append(f"{mean.mean():.2f} +- {mean.std():.2f} mm | {spread.mean():.2f} mm | {largest.max():.2f} mm")
+        rows.append(f"| {place} mm | {' | '.join(cells)} |")
+    both = [f"{np.mean(one):.2f} mm; rms {np.sqrt(np.mean(np.square(one))):.2f} mm | | " for one in means.values()]
+    return "\n".join([*rows, f"| all | {'| '.join(both)}|"])
+
+
+def fused(folder: Path) -> str:
+    """Fusion of gripper and fiber over many seeds, by where the tip is."""
+    names = ("hall", "shift", "fused")
+    metrics = tuple(f"{name}_{kind}" for kind in ("rms", "error") for name in names)
+    variants = ("abdomen", "diaphragm", "thorax", "arch")
+    rows = [
+        "| tip | rms by Hall sensors | by shift | by both | runs where both are better than either | the same, read once | over the worse, at all times |",
+        "|---|---|---|---|---|---|---|",
+    ]
+    for variant, own in many("travel_distance", variants, metrics, folder).items():
+        rms, once = ([own[f"{name}_{kind}"] for name in names] for kind in ("rms", "error"))
+        better = [int(np.sum(one[2] < np.minimum(one[0], one[1]))) for one in (rms, once)]
+        values = " | ".join(f"{one.mean():.2f} mm" for one in rms)
+        worse = rms[2] / np.maximum(rms[0], rms[1])
+        rows.append(
+            f"| {variant} | {values} | {better[0]} of {SEEDS} | {better[1]} of {SEEDS} | {worse.mean():.2f}, at most {worse.max():.2f} |"
+        )
+    return "\n".join(rows)
+
+
 def write_table(name: str, text: str) -> None:
     """Replace what stands between the comments of a table."""
     marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -122,6 +181,8 @@ def main() -> None:
     draw_shape()
     with tempfile.TemporaryDirectory() as name:
         outcomes = {scenario: run(scenario, Path(name)) for scenario in TABLES}
+        write_table("tip_places", places(Path(name)))
+        write_table("travel_fused", fused(Path(name)))
     for scenario, metrics in TABLES.items():
         write_table(scenario, shown(outcomes[scenario].summary, metrics))
     draw_plots(outcomes["tip_tracking"], {"Tip motion by fiber and by EM tracker": "tip_tracking.svg"})

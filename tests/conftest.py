@@ -1,7 +1,8 @@
 """Shared by all tests: one build folder, so that nothing is compiled twice; what runs on one core, and in which order.
 
-Property tests draw the same every time. `HYPOTHESIS_PROFILE=random` lets them search: what that finds becomes an
-`@example` where it was found, so that the verdict on a fresh machine is never a lottery. `--hypothesis-seed` repeats it.
+Property tests draw the same every time, and a quarter of what they say. `HYPOTHESIS_PROFILE=random` lets them search,
+with all of it: what that finds becomes an `@example` where it was found, so that the verdict on a fresh machine is never
+a lottery. `--hypothesis-seed` repeats it.
 
 xdist's own way to group tests writes into node IDs, which newer versions of pytest do not let it.
 """
@@ -27,10 +28,14 @@ ROOT = Path(__file__).parent.parent
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
+# workers share the cores already: threads of theirs would only wait for each other
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # no deadlines: cores are shared, and the first call of a component compiles it
 settings.register_profile("repeatable", derandomize=True, deadline=None, print_blob=True)
 settings.register_profile("random", derandomize=False, deadline=None, print_blob=True)
-settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
+PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "repeatable")
+settings.load_profile(PROFILE)
 
 # begun in this order: what compiles the components that others need, then what takes long; the others fill the end
 ORDER = (
@@ -110,11 +115,23 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         if "multicast" in item.fixturenames and group(item.nodeid) != "multicast":  # type: ignore[attr-defined]
             raise pytest.UsageError(f"{item.nodeid}: uses multicast. Add its file to MULTICAST in tests/conftest.py.")
 
+        if PROFILE == "repeatable":
+            draw_less(item)
+
     def place(item: pytest.Item) -> int:
         file = item.nodeid.partition("::")[0].removeprefix("tests/")
         return ORDER.index(file) if file in ORDER else len(ORDER)
 
     items.sort(key=place)
+
+
+def draw_less(item: pytest.Item) -> None:
+    """A quarter of its examples: what is drawn the same every time finds nothing new."""
+    test = getattr(item, "obj", None)
+    name = "_hypothesis_internal_use_settings"
+    if (own := getattr(test, name, None)) is not None and not hasattr(test, "draws_less"):
+        setattr(test, name, settings(own, max_examples=max(own.max_examples // 4, min(own.max_examples, 10))))
+        test.draws_less = True  # type: ignore[union-attr]
 
 
 def pytest_collection_finish() -> None:

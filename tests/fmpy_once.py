@@ -1,11 +1,13 @@
 """What FMPy works out anew for each FMU, worked out once: most of the time that it takes.
 
 Names are parsed with a grammar that is built for each model description, though components have theirs in both versions
-of FMI and in many exports. And the signatures of all functions of FMI are looked up for each instance.
+of FMI and in many exports, and though elements of an array differ in their indices alone. And the signatures of all
+functions of FMI are looked up for each instance.
 """
 
 import copy
 import inspect
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -13,20 +15,27 @@ import fmpy.validation
 import pytest
 from fmpy.model_description import ModelDescription
 
-legal: set[tuple[str, str]] = set()  # naming convention, name
+legal: set[tuple[str, str]] = set()  # naming convention, form of a name
 signatures: dict[Callable[..., Any], inspect.Signature] = {}
 parse, look_up = fmpy.validation._validate_variable_names, inspect.signature
 
 
+def form(name: str) -> str:
+    """A name with 1 for every index: the grammar takes any number there."""
+    return re.sub(r"(?<=[\[,])\d+(?=[\],])", "1", name)
+
+
 def unknown_names(description: ModelDescription) -> list[str]:
-    """Problems with names that were not yet found legal."""
+    """Problems with names of forms that were not yet found legal."""
     convention = description.variableNamingConvention
+    forms = {(convention, form(one.name)): one for one in description.modelVariables}
     rest = copy.copy(description)
-    rest.modelVariables = [one for one in description.modelVariables if (convention, one.name) not in legal]
-    problems: list[str] = parse(rest) if rest.modelVariables else []
-    if not problems:
-        legal.update((convention, one.name) for one in rest.modelVariables)
-    return problems
+    rest.modelVariables = [one for key, one in forms.items() if key not in legal]
+    if rest.modelVariables and parse(rest):
+        problems: list[str] = parse(description)
+        return problems
+    legal.update(forms)
+    return []
 
 
 def signature(called: Any, **options: Any) -> inspect.Signature:

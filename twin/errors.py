@@ -11,8 +11,6 @@ TwinError                one line or several, each: where, what, what was expect
 └── SimulationError      a member failed while running; what was recorded is kept
 """
 
-import difflib
-import traceback
 import unicodedata
 from bisect import bisect
 from collections.abc import Iterable
@@ -44,6 +42,8 @@ def similar(name: str, names: list[str]) -> list[tuple[str, float]]:
     if len(names) > MANY:
         place = bisect(names, name)
         names = names[max(place - MANY // 10, 0) : place + MANY // 10]
+    import difflib
+
     plain = name.casefold()
     matcher, own = difflib.SequenceMatcher(b=plain), set(plain.split("_"))
     found = []
@@ -88,6 +88,8 @@ def described(error: BaseException) -> str:
     if isinstance(error, SyntaxError):
         place = f"{error.filename}:{error.lineno}: "
     else:
+        import traceback
+
         frames = [
             frame
             for frame in traceback.extract_tb(error.__traceback__)

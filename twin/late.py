@@ -5,7 +5,8 @@ from __future__ import annotations
 import importlib
 import sys
 import threading
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -31,21 +32,29 @@ def names(package: str, places: Mapping[str, str]) -> Callable[[str], Any]:
 
 
 @contextmanager
-def ahead(*modules: str) -> Iterator[None]:
-    """Import modules on another core while native code runs here; whoever needs one that fails is told then."""
+def beside(*tasks: Callable[[], object]) -> Iterator[None]:
+    """Do what nobody waits for on another core, while native code runs here or a disk is waited for."""
 
-    def take() -> None:
-        for name in modules:
-            with suppress(ImportError):
-                importlib.import_module(name)
+    def work() -> None:
+        for task in tasks:
+            task()
 
-    wanted = [name for name in modules if name not in sys.modules]
-    thread = threading.Thread(target=take, name="imports", daemon=True)
+    thread = threading.Thread(target=work, name="beside", daemon=True)
     with suppress(RuntimeError):  # no memory for it
-        if wanted:
+        if tasks:
             thread.start()
     try:
         yield
     finally:
         if thread.ident is not None:
-            thread.join()  # none is on its way when a process is forked off
+            thread.join()  # none is on its way when a process is forked
+
+
+def ahead(*modules: str) -> AbstractContextManager[None]:
+    """Import modules beside; whoever needs one that fails is told then."""
+
+    def take(name: str) -> None:
+        with suppress(ImportError):
+            importlib.import_module(name)
+
+    return beside(*(partial(take, name) for name in modules if name not in sys.modules))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
-from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 UNKNOWN = "not under version control"
 
@@ -19,8 +21,30 @@ def revision(folder: Path) -> str:
     return f"{commit} with changes" if _git(folder, "status", "--porcelain", "--", ".") else commit
 
 
+_asked: dict[Path, str] = {}  # ahead, for whoever asks first
+
+
+def ask(place: Path) -> None:
+    """Have git look while there is other work: it takes its time with a large checkout."""
+    _asked[place] = _checkout(place)
+
+
+def checkout(place: Path) -> str:
+    """Commit of the checkout that `place` lies in, with `+` if something was changed since; or nothing."""
+    known = _asked.pop(place, None)
+    return _checkout(place) if known is None else known
+
+
+def _checkout(place: Path) -> str:
+    if not any((parent / ".git").exists() for parent in (place, *place.parents)):
+        return ""
+    return _git(place, "describe", "--always", "--abbrev=12", "--exclude=*", "--dirty=+")
+
+
 def _git(folder: Path, *words: str) -> str:
     """What git says, nothing if it cannot say it."""
+    import subprocess
+
     command = ["git", "--no-optional-locks", "-C", str(folder), *words]
     try:
         return subprocess.run(command, capture_output=True, text=True, check=False, timeout=10).stdout.strip()

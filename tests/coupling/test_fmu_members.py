@@ -5,9 +5,11 @@ import pytest
 
 from tests.component.test_component import Everything
 from tests.coupling.parts import Clock
+from tests.fmi.third_party import NATIVE, NATIVE_XML, native_fmu
 from twin import compiler
-from twin.component import Component, input, output
+from twin.component import Component, Int32, input, output
 from twin.coupling import Connection, CoSimulation, RecordMember, System
+from twin.errors import SimulationError
 from twin.fmi import FMUMember, exporter
 
 MS = 1_000_000
@@ -22,6 +24,15 @@ class Echo(Component):
     def step(self, t, h):
         for i in range(3):
             self.y[i] = self.u[i]
+
+
+class Whole(Component):
+    """Nothing, as a whole number."""
+
+    y = output("", "zero", type=Int32)
+
+    def step(self, t, h):
+        self.y = 0
 
 
 @pytest.fixture(params=["2.0", "3.0"])
@@ -78,3 +89,45 @@ def test_a_member_that_cannot_be_read_is_named(echo, monkeypatch):
     with pytest.raises(ValueError, match="no getter"):
         simulation.initialize(0, 10 * MS)
     assert len(simulation.recording().time) == 0
+
+
+REFUSING = NATIVE.replace(
+    "int fmi3GetFloat64(Instance *c, VRS, double *v, size_t nv) {",
+    """int fmi3GetInt32(Instance *c, VRS, int32_t *v, size_t nv) { return 3; }
+int fmi3GetFloat64(Instance *c, VRS, double *v, size_t nv) {
+    if (c->y[0] > 0.25) { c->log(c->environment, 3, "logStatusError", "y is worn out"); return 3; }""",
+)
+
+
+@pytest.fixture(scope="module")
+def refusing(tmp_path_factory):
+    return native_fmu(tmp_path_factory.mktemp("refusing"), NATIVE_XML, REFUSING)
+
+
+def test_what_a_start_value_tells_is_not_asked(refusing, build):
+    member = FMUMember("part", refusing, {"mode": 0})
+    hold = RecordMember("hold", Whole(), compiler.load_component(Whole, build))
+    members = {"hold": hold, "part": member}
+    system = System({name: m.variables for name, m in members.items()}, [Connection("hold.y", "part.mode")])
+    simulation = CoSimulation(members, system.links(), 100 * MS, build=build, record=[("part", "mode"), ("hold", "y")])
+    simulation.initialize(0)
+    simulation.advance(100 * MS)
+    assert simulation.value(("part", "mode")) == 0
+    simulation.terminate()
+
+
+def test_a_refused_value_is_named(refusing, build):
+    simulation = CoSimulation({"part": FMUMember("part", refusing)}, [], 100 * MS, build=build)
+    simulation.initialize(0)
+    with pytest.raises(SimulationError) as caught:
+        simulation.advance(1000 * MS)
+    assert str(caught.value) == (
+        "part: failed with ERROR in the step from t = 200 ms. It refused fmi3GetFloat64 of y (value reference 3), y_seen (value "
+        "reference 3). "
+        "Last inputs: none. Last log: ERROR: y is worn out"
+    )
+    with pytest.raises(
+        SimulationError, match=r"y is worn out It was asked for y \(value reference 3\)\.|closed|failed"
+    ):
+        simulation.members["part"].get("y")
+    simulation.terminate()

@@ -91,7 +91,7 @@ def test_a_member_may_be_left_out(mode, build):
     simulation.terminate()
     recorded = simulation.recording()
     assert np.isinf(recorded.signals["spoiled.y"][50:]).all()
-    assert not simulation.watch.spell(recorded.time, recorded.signals)
+    assert not simulation.watch.spell([(recorded.time, recorded.signals)])
 
 
 def test_what_was_recorded_as_infinite_for_one_step_is_found_at_the_end(build):
@@ -100,7 +100,7 @@ def test_what_was_recorded_as_infinite_for_one_step_is_found_at_the_end(build):
     simulation.advance(1_000 * MS)
     simulation.terminate()
     recorded = simulation.recording()
-    text = simulation.watch.spell(recorded.time, recorded.signals)
+    text = simulation.watch.spell([(recorded.time, recorded.signals)])
     assert text.startswith("blink.y was not finite at t = 0.05 s, and later was again.")
 
 

@@ -227,8 +227,6 @@ HEAD = "<fmiModelDescription"
         ('fmiVersion="3.0"', 'fmiVersion="1.0"', "is for FMI 1.0"),
         ('fmiVersion="3.0"', 'fmiVersion="3.1"', "is for FMI 3.1"),
         ('fmiVersion="3.0"', "", "does not say for which"),
-        ("<CoSimulation", "<ModelExchange", "is for Model Exchange only"),
-        ("<CoSimulation", "<ScheduledExecution", "is for Scheduled Execution only"),
         ("<CoSimulation", "<Other", "names no interface"),
         ('modelIdentifier="Native"', "", "modelIdentifier ''"),
         ('modelIdentifier="Native"', 'modelIdentifier="../../etc/x"', "not the name of a library"),
@@ -259,7 +257,10 @@ HEAD = "<fmiModelDescription"
         ('stepSize="0.1"', 'stepSize="fast"', "stepSize='fast'"),
         ('<Int32 name="mode"', '<Int32 declaredType="Gone" name="mode"', "declaredType=.Gone."),
         ('<Float64 name="limit" valueReference="4" causality="parameter" variability="fixed" start="1e9"/>',
-         '<Clock name="limit" valueReference="4" causality="input" intervalVariability="triggered"/>', "input clocks"),
+         '<Clock name="limit" valueReference="4" causality="input" intervalVariability="triggered" shiftDecimal="x"/>',
+         "clock 'limit'"),
+        ('<Float64 name="limit" valueReference="4" causality="parameter" variability="fixed" start="1e9"/>',
+         '<Clock name="limit" valueReference="4"/><Int32 name="i" valueReference="8" clocks="9"/>', "there is no clock 9"),
     ],
 )  # fmt: skip
 def test_description(tmp_path: Path, old: str, new: str, words: str) -> None:

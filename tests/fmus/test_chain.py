@@ -35,6 +35,16 @@ def driven(part, count, stroke=5e-3, rate=1.0):
         yield part
 
 
+@pytest.fixture(scope="module")
+def cycles():
+    """Three cycles of the instrument: gripper, tip, force, kinetic over elastic energy, at each step."""
+    kept = [
+        (p.gripper_position, p.tip_position, p.reaction_force, p.kinetic_energy / p.elastic_energy)
+        for p in driven(Chain(), 3000)
+    ]
+    return np.array(kept, float).T
+
+
 def fingerprint(count=150):
     """Of every bit of a short run with contact at the wall."""
     found = hashlib.sha256()
@@ -76,23 +86,23 @@ def test_stands_where_the_sheath_stands():
     }
 
 
-def test_the_tip_lags_and_the_loop_has_an_area():
-    x, y = np.array([(p.gripper_position, p.tip_position) for p in driven(Chain(), 2000)]).T
+def test_the_tip_lags_and_the_loop_has_an_area(cycles):
+    x, y, _, _ = cycles
     cycle = slice(1000, 2000)
     area = abs(np.trapezoid(y[cycle], x[cycle]))
     assert 1e-3 < area / np.ptp(x[cycle]) < 2.5e-3
     assert np.ptp(y[cycle]) < np.ptp(x[cycle])
 
 
-def test_more_is_put_in_than_comes_out():
+def test_more_is_put_in_than_comes_out(cycles):
     """Work of the gripper over closed cycles, tip free, is what friction takes: never negative."""
-    x, f = np.array([(p.gripper_position, p.reaction_force) for p in driven(Chain(), 3000)]).T
+    x, _, f, _ = cycles
     work = np.cumsum(-0.5 * (f[1:] + f[:-1]) * np.diff(x))
     assert np.all(np.diff(work[[999, 1999, 2998]]) > 1e-3)
 
 
-def test_mass_scaling_is_small_and_bounded():
-    shares = [float(p.kinetic_energy / p.elastic_energy) for p in driven(Chain(), 1000)]
+def test_mass_scaling_is_small_and_bounded(cycles):
+    shares = cycles[3]
     part = Chain(settling=0.0)
     part.start(0.0)
     assert max(shares) < 0.03
@@ -121,6 +131,20 @@ def test_support_forces_carry_the_instrument():
     np.testing.assert_allclose(tip, -part.wall_force, atol=2e-3)
     assert part.force == pytest.approx(part.wall_force[0])
     assert 0.05 < part.force < 0.3
+
+
+def test_a_fiber_in_the_bodies_feels_both_bends_and_the_leaning_tip():
+    part = ChainOnWall()
+    part.start(0.0)
+    bend = part.fiber_curvature[: int(part.count), 1]
+    assert np.all(part.fiber_curvature[:, 0] == 0.0)
+    assert np.abs(bend[:14]).max() < 3.0  # straight up to the first bend, 162 mm behind the fiber's begin
+    np.testing.assert_allclose(bend[18:22].mean(), 20.0, rtol=0.15)  # bends of radius 50 mm
+    np.testing.assert_allclose(bend[26:30].mean(), -20.0, rtol=0.15)
+
+    # all the angle there is: from the fiber's begin, which is straight, to the tip
+    angle = np.arctan2(*(part.shape[-1] - part.shape[-2])[::-1])
+    assert np.sum(bend) * part.pitch == pytest.approx(angle, abs=0.1)
 
 
 def test_it_does_not_claim_to_come_back():

@@ -11,9 +11,10 @@ from fmus.bodies.rod import euler_load
 from twin.scene import read
 
 H = 1e-3
+SWEEP = pytest.mark.slow  # of convergence with the number of segments
 
 
-@pytest.mark.parametrize(("segments", "error"), [(10, 0.025), (20, 0.01), (40, 0.005)])
+@pytest.mark.parametrize(("segments", "error"), [(10, 0.025), (20, 0.01), pytest.param(40, 0.005, marks=SWEEP)])
 @pytest.mark.parametrize("part", [0.01, 2.0])
 def test_a_cantilever_bends_like_the_elastica(segments, error, part):
     """Small deflection is Euler and Bernoulli's, FL^3 / 3EI; at F L^2 = 2 EI the tip goes half the length aside."""
@@ -28,12 +29,12 @@ def test_the_elastica_is_that_of_the_books():
     np.testing.assert_allclose(found, [0.302, 0.811], atol=1e-3)
 
 
-@pytest.mark.parametrize(("segments", "error"), [(10, 0.03), (20, 0.015), (40, 0.008)])
+@pytest.mark.parametrize(("segments", "error"), [(10, 0.03), (20, 0.015), pytest.param(40, 0.008, marks=SWEEP)])
 def test_a_clamped_arc_gives_like_a_curved_beam(segments, error):
     assert experiments.clamped_arc(segments) == pytest.approx(1.0, abs=error)
 
 
-@pytest.mark.parametrize(("segments", "error"), [(10, 0.05), (20, 0.025), (40, 0.012)])
+@pytest.mark.parametrize(("segments", "error"), [(10, 0.05), (20, 0.025), pytest.param(40, 0.012, marks=SWEEP)])
 def test_a_column_buckles_at_eulers_load(segments, error):
     assert experiments.column(segments) == pytest.approx(1.0, abs=error)
 

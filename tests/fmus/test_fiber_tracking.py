@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from fmus.guided_tip.model import GuidedTip
+from fmus.registration import rotate_onto
 from fmus.tip_tracking import evaluate
-from fmus.tip_tracking.model import TipTracking, rotate_onto
+from fmus.tip_tracking.model import TipTracking
 from scipy.spatial.transform import Rotation
 
 from fmus.gratings import DEGRADED, LOST, VALID
@@ -28,6 +29,43 @@ def follow(chain, travels=SWEEP):
 def paper_holds(errors):
     """Whether errors [m] are within those of section IV.C."""
     return errors.std() <= 0.60e-3 and np.abs(errors).max() <= 1.81e-3
+
+
+BEAT = np.linspace(0.0, 2.0, 400)  # of the heart, twice
+BEATEN = 4e-3 * np.sin(2 * np.pi * BEAT) + 2e-3 * np.sin(4 * np.pi * BEAT + 2.8) - 2e-3 * np.sin(2.8)
+SMOOTH = {"blend_length": 30e-3}
+
+
+@pytest.mark.parametrize("path", [{}, ARCH, SMOOTH])
+@pytest.mark.parametrize("place", [0.0, 5e-3])
+def test_motion_beyond_a_pitch_tells_what_the_interpolation_is_wrong_by(native, path, place):
+    lengths = (0.203 + place, 0.0785, 0.0785, 1.0, 1.0, 1.0)
+    found = {}
+    for learn in (False, True):
+        chain = Chain(native, {**path, "segment_length": lengths}, {"seed": 3}, tracking={"learn_interpolation": learn})
+        errors = follow(chain, np.concatenate((np.zeros(5), BEATEN)))[0][205:]  # from the second beat on
+        found[learn] = abs(errors.mean()), errors.std(), np.abs(errors).max()
+    mean, spread, largest = found[True]
+    assert mean < max(0.6 * found[False][0], 0.05e-3)
+    assert spread < max(0.6 * found[False][1], 0.06e-3)
+    assert largest < 0.3e-3
+
+
+def test_motion_below_a_pitch_and_a_path_without_bends_teach_nothing(native):
+    chain = Chain(native)
+    follow(chain, 0.7 * BEATEN)
+    assert np.all(chain.tracking.wave == 0.0)
+    assert np.any(chain.tracking.path_count == 0)
+    for bends in (
+        0.0,
+        0.5,
+        1.0,
+        2.0,
+        3.0,
+    ):  # references that are off by 0.05 1/m make steps that a stretched path would hide
+        chain = Chain(native, {"segment_curvature": (0.0, bends, bends, 0.0, 0.0, 0.0)}, {"seed": 3})
+        follow(chain, BEATEN)
+        assert np.all(chain.tracking.wave == 0.0)
 
 
 @pytest.mark.parametrize("path", [{}, ARCH, {"segment_length": (0.2105, 0.0785, 0.0785, 1.0, 1.0, 1.0)}])
@@ -103,7 +141,7 @@ def test_the_rotation_is_that_of_scipy():
         turn = Rotation.random(random_state=int(random.integers(1 << 30)))
         moved = turn.apply(points) + 0.05 * random.normal(size=points.shape)
         tracking.moment[:] = points.T @ moved
-        rotate_onto(tracking)
+        rotate_onto(tracking.moment, tracking.horn, tracking.vectors, tracking.rotation)
         np.testing.assert_allclose(tracking.rotation, Rotation.align_vectors(moved, points)[0].as_matrix(), atol=1e-9)
 
 
@@ -111,7 +149,7 @@ def test_flat_curves_are_not_mirrored():
     points = np.random.default_rng(4).normal(size=(12, 3)) * (1.0, 1.0, 0.0)
     tracking = TipTracking()
     tracking.moment[:] = points.T @ (points * (1.0, -1.0, 1.0))  # best: half a turn about x, no reflection
-    rotate_onto(tracking)
+    rotate_onto(tracking.moment, tracking.horn, tracking.vectors, tracking.rotation)
     assert np.linalg.det(tracking.rotation) == pytest.approx(1.0)
 
 
@@ -276,7 +314,7 @@ def test_a_cantilever_bends_by_its_displacement(native):
 
 def test_evaluation_puts_samples_where_they_were_taken():
     t = np.arange(4000) * 1e-3
-    motion = 5e-3 * np.sin(2 * np.pi * np.maximum(t - 0.5, 0.0))
+    motion = 5e-3 * np.sin(2 * np.pi * np.maximum(t - 1.0, 0.0))
 
     def late(period, latency):
         rows = np.maximum((np.floor(t / period + 1e-9) * period - latency) * 1e3, 0).round().astype(int)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import platform
 from datetime import datetime
 from typing import TYPE_CHECKING
 
@@ -165,4 +166,22 @@ def test_a_run_that_failed_has_not_passed() -> None:
 
 
 def test_revision_outside_a_checkout(tmp_path: Path) -> None:
-    assert results.revision(tmp_path) == ""
+    assert results.checkout(tmp_path) == ""
+
+
+def test_the_file_is_that_of_the_public_writer(tmp_path: Path) -> None:
+    """`SignalFile` imports less than `pyarrow.parquet` does, and writes the same bytes."""
+    rows = Signals(np.arange(3.0), {one.name: np.ones((3, *one.shape), one.dtype) for one in COLUMNS})
+    files = [SignalFile(tmp_path / name, COLUMNS, {"scenario": "x"}) for name in ("ours", "theirs")]
+    files[1].writer.close()
+    files[1].writer = parquet.ParquetWriter(
+        tmp_path / "theirs", files[1].schema, compression="zstd", use_dictionary=["variant"]
+    )
+    for file in files:
+        file.write("a", 1, rows)
+        file.close()
+    assert (tmp_path / "ours").read_bytes() == (tmp_path / "theirs").read_bytes()
+
+
+def test_the_system_as_python_names_it() -> None:
+    assert results.system() == platform.platform()

@@ -87,7 +87,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
         ("stop_time: 10 s", "stop_time: .nan", "s.yaml:3: stop_time: nan is not a time."),
         ("stop_time: 10 s", "stop_time: -1 s", "s.yaml:3: stop_time -1 s is not after start_time 0 s."),
         ("stop_time: 10 s", "stop_time: 10.0005 s", "s.yaml:3: the run of 10.0005 s is not a multiple of step 1 ms."),
-        ("stop_time: 10 s", "stop_time: 0.1234567891 s", "s.yaml:3: stop_time: 0.1234567891 s is not a whole number of nanos"),
+        ("at: 2 s", "at: 1e-300 s", "s.yaml:14: variants.PI+FF.events[1].at: 1e-300 s is too short a time. Check the unit."),
         ("stop_time: 10 s", "stop_time: [1]", "s.yaml:3: stop_time: expected a time, such as 1 ms, not a list."),
         ("stop_time: 10 s", "stop_time: true", "s.yaml:3: stop_time: expected a time, such as 1 ms, not True."),
         ("title: Contact force", "step: -1 ms", "s.yaml:1: step: expected a time above zero, not -1 ms."),
@@ -387,3 +387,34 @@ def test_an_expectation_of_variants_in_which_its_metric_is_not_taken(keys: str) 
     text = text.replace("tolerance: 20 %}", "tolerance: 20 %, variants: PI}")
     (line,) = problems(text)
     assert line.startswith("s.yaml:23: expect: `error` is not taken in `PI+FF`, only in PI. Add it there.")
+
+
+CONNECTED = """stop_time: 1 s
+members: {wall: {component: wall}, sensor: {component: force_sensor}, controller: {component: pi_control}}
+connections: [wall.force -> sensor.force]
+variants:
+  one: {}
+  two: {connections: [sensor.measured_force -> controller.force]}
+"""
+
+
+@pytest.mark.parametrize(
+    ("variant", "end", "is_wrong"),
+    [
+        ("one", "sensor.force", False),
+        ("one", "sensor.drift", True),
+        ("one", "controller.force", True),
+        ("two", "controller.force", False),
+    ],
+)
+def test_what_is_disconnected_must_be_connected(variant: str, end: str, is_wrong: bool, tmp_path: Path) -> None:
+    (tmp_path / "s.yaml").write_text(CONNECTED)
+    path = tmp_path / "t.yaml"
+    path.write_text(f"extends: s.yaml\nvariants: {{{variant}: {{connections: [{{from: null, to: {end}}}]}}}}\n")
+    try:
+        load_scenario(path)
+        found = []
+    except ScenarioError as error:
+        found = error.problems
+    expected = f"t.yaml:2: nothing is connected to `{end}` under this name."
+    assert [line.partition(f"{tmp_path}/")[2].startswith(expected) for line in found] == [True] * is_wrong, found

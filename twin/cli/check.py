@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from twin.cli.terminal import say, working
-from twin.errors import ScenarioError
+from twin.errors import CouplingError, ScenarioError
 
 if TYPE_CHECKING:
     from twin.run import Hardware
@@ -28,13 +29,22 @@ if TYPE_CHECKING:
 @click.option(
     "--no-import", is_flag=True, help="Import no Python: check what the file and its FMUs tell by themselves."
 )
-def command(files: tuple[str, ...], overrides: tuple[str, ...], hardware_file: Path | None, no_import: bool) -> None:
+@click.option(
+    "--coupling", is_flag=True, help="Also say whether algorithm and step are stable; compiles components, runs to half."
+)
+def command(
+    files: tuple[str, ...], overrides: tuple[str, ...], hardware_file: Path | None, no_import: bool, coupling: bool
+) -> None:
     """Check scenario files: keys, units, names, times, connections.
 
     Each problem is one line, `file:line: what is wrong and what to do`. Nothing is compiled or simulated. The modules
     of components and analyses are imported, though, and importing Python runs what stands in it: for files of
     strangers there is --no-import.
+    Where the algorithm takes steps back, FMUs of others are started and made to step, go back and step again.
     The keys of faults among the events are the hardware's: name its file with --hardware.
+
+    With --coupling each variant is linearized at its start and in the middle of its run: what grows from step to step,
+    though it does not in the model itself, is a problem, and a step or an algorithm with which it does not is proposed.
     """
     from twin.cli.run import load_hardware
 
@@ -47,6 +57,10 @@ def command(files: tuple[str, ...], overrides: tuple[str, ...], hardware_file: P
             problems, good = examine(file, overrides, hardware, not no_import)
         for problem in problems:
             say(problem)
+        for note in notes(file):
+            say(f"note: {note}")
+        if coupling and not problems:
+            problems = unstable(file, overrides)
         if not problems:
             say(f"{file}: ok ({good}{'; what only Python tells was not checked' * no_import})")
         count += len(problems)
@@ -65,9 +79,61 @@ def examine(
         scenario, problems = scenarios.examine(file, overrides, imports=imports)
         if hardware is not None and not problems:
             _, problems = scenarios.look_up(hardware.apply(scenario))
+        if imports and not problems and any(case.algorithm.rolls_back for case in scenario.variants):
+            problems = unable(scenario)
     except ScenarioError as error:
         return error.problems, ""
     return problems, extent(scenario)
+
+
+def unable(scenario: Scenario) -> list[str]:
+    """Members that cannot go back to the begin of a step where the algorithm needs that."""
+    from twin.run import prepare, way_back
+
+    catalogs = prepare(scenario)
+    return list(dict.fromkeys(one for case in scenario.variants for one in way_back(case, catalogs[case.variant])))
+
+
+def unstable(file: str, overrides: tuple[str, ...]) -> list[str]:
+    """What is wrong with the coupling of a scenario's variants, printed too; one line for each that is stable."""
+    from twin import clock
+    from twin.cli.terminal import working
+    from twin.run import prepare, stability
+    from twin.scenario import load_scenario
+
+    scenario = load_scenario(file, overrides)
+    catalogs = prepare(scenario)
+    problems = []
+    for case in scenario.cases((), scenario.seeds[:1]):
+        with working(f"{file}: {case.variant}"):
+            try:
+                found = stability(case, catalogs[case.variant], Path("build"))
+            except CouplingError as error:
+                say(f"note: {file}: {case.variant}: {error}")
+                continue
+        how = f"{case.algorithm} at {clock.text(case.step_ns)}"
+        if found.is_stable:
+            say(f"{file}: {case.variant}: {how} is stable")
+            continue
+        grown = found.growth
+        cures = f"Use {' or '.join(found.cures)}." if found.cures else "No step or algorithm that was tried is better."
+        problems.append(
+            f"{file}: {case.variant}: {how} is unstable at t = {clock.text(found.at)}: a deviation grows {grown.factor:.4g} "
+            f"times in {grown.cycle * 1e3:g} ms, mostly {', '.join(grown.share[:3])}. {cures}"
+        )
+        say(problems[-1])
+    return problems
+
+
+def notes(file: str) -> list[str]:
+    """What an SSP leaves open, and what is left out of it; nothing of other files, or where it cannot be read."""
+    if not file.endswith(".ssp"):
+        return []
+    from twin.scenario import package
+
+    with suppress(ScenarioError):
+        return package.notes(Path(file), file)
+    return []
 
 
 def extent(scenario: Scenario) -> str:

@@ -22,7 +22,8 @@ PLATFORMS = ("x86_64-linux", "aarch64-linux", "x86_64-windows", "x86_64-darwin",
 @click.option("--members", help="Members of the scenario to put into one FMU, separated by commas.")
 @click.option("--group", "named", help="Or a group that the scenario names under `groups`.")
 @click.option("--variant", help="Variant of the scenario; the first one if not given.")
-@click.option("--fmi", type=click.Choice(("2.0", "3.0")), default="3.0", show_default=True, help="FMI version.")
+@click.option("--ssp", "as_ssp", is_flag=True, help="All of the scenario as an SSP: a system that other tools run.")
+@click.option("--fmi", type=click.Choice(("2.0", "3.0")), help="FMI version.  [default: 3.0; 2.0 with --ssp]")
 @click.option(
     "--platform",
     "platforms",
@@ -54,7 +55,8 @@ def command(
     members: str | None,
     named: str | None,
     variant: str | None,
-    fmi: str,
+    as_ssp: bool,
+    fmi: str | None,
     platforms: tuple[str, ...],
     target: str,
     sources: bool,
@@ -74,9 +76,17 @@ def command(
     twin export pi_control --target c -o firmware
     twin export scenarios/heart_wall_force.yaml --variant PI+FF --members estimate,controller -o controller.fmu
     twin export scenarios/heart_wall_force.yaml --group plant --fmi 2.0 -o plant.fmu
+    twin export scenarios/heart_wall_force.yaml --variant PI --ssp -o force.ssp
     """
     from twin import compiler
 
+    if as_ssp:
+        if members or named or target == "c" or sources or line_directives:
+            raise TwinError("--ssp is for all of a scenario: drop --members, --group, --target and --sources.")
+        platforms = tuple(PLATFORMS) if "all" in platforms else platforms
+        write_ssp(what, variant or "", fmi or "2.0", platforms, needs_python, output, force, build)
+        return
+    fmi = fmi or "3.0"
     if target == "c" and sources:
         raise TwinError("--sources is for FMUs: --target c writes the C anyway. Drop one of them.")
     if needs_python and (target == "c" or sources or platforms):
@@ -106,11 +116,39 @@ def command(
     say(f"{path}: FMI {fmi}, {path.stat().st_size / 1000:.0f} kB, {time.perf_counter() - begin:.1f} s")
 
 
+def write_ssp(
+    what: str,
+    variant: str,
+    fmi: str,
+    platforms: tuple[str, ...],
+    needs_python: bool,
+    output: Path | None,
+    force: bool,
+    build: Path,
+) -> None:
+    """Write a scenario as an SSP, and say what others will not do with it."""
+    from twin.scenario import load_scenario, pack, package
+
+    if not what.endswith((".yaml", ".yml", ".ssp")):
+        raise TwinError(f"{what}: --ssp writes a scenario. Give SCENARIO.yaml.")
+    path = output or Path(Path(what).with_suffix(".ssp").name)
+    if path.exists() and not force:
+        raise TwinError(f"{path} is there already. Give --force to replace it, or another name with -o.")
+    begin = time.perf_counter()
+    package.BUILD.set(build)
+    notes = pack(
+        load_scenario(what), path, build, variant=variant, version=fmi, platforms=platforms, needs_python=needs_python
+    )
+    for note in notes:
+        say(f"note: {note}", err=True)
+    say(f"{path}: {path.stat().st_size / 1000:.0f} kB, {time.perf_counter() - begin:.1f} s")
+
+
 def component(what: str, members: str | None, named: str | None, variant: str | None) -> type[Component]:
     """The component to export."""
     from twin.component import catalog
 
-    if not what.endswith((".yaml", ".yml")):
+    if not what.endswith((".yaml", ".yml", ".ssp")):
         if members or named or variant:
             raise TwinError(f"{what}: --members, --group and --variant belong to a scenario file. Give SCENARIO.yaml.")
         return catalog.component(what)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from twin import installed
+from twin import installed, late, revision
 from twin.cli.terminal import bar, paper, say, working
 from twin.errors import DeclarationError, TwinError
 from twin.process import supervise
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
 
     from twin.run import Hardware, Outcome
 
+ENGINE = Path(__file__).parents[1]
+SHOWN_WITH = ("rich.table", "rich.console", "twin.run.report")  # modules
 FORMS = ("fmu", "compiled", "interpreted")
 
 
@@ -73,6 +76,9 @@ FORMS = ("fmu", "compiled", "interpreted")
 @click.option("--arm", is_flag=True, help="Real drives may move.")
 @click.option("--json", "as_json", is_flag=True, help="Print summary.json to stdout, and nothing else there.")
 @click.option("--no-report", is_flag=True, help="Write no report.html.")
+@click.option("--log", "logged", multiple=True, is_flag=False, flag_value="*", metavar="[MEMBER]",
+              help="Show and keep what FMUs log, of MEMBER or of all; behind SCENARIO if no member is named.")  # fmt: skip
+@click.option("--half-step", is_flag=True, help="Also run each variant at half the step, and state what that changes.")
 @click.option("--timeout", type=click.FloatRange(0.0), default=0.0, metavar="S",
               help="End a case where one step of a member takes longer [s]. [default: never]")  # fmt: skip
 def command(
@@ -89,6 +95,8 @@ def command(
     arm: bool,
     as_json: bool,
     no_report: bool,
+    logged: tuple[str, ...],
+    half_step: bool,
     timeout: float,
 ) -> None:
     """Run a scenario: every variant with every seed, then metrics beside the paper's figures, and a report.
@@ -105,9 +113,12 @@ def command(
         raise click.UsageError("--trace and --replay are of a bus: name it with --hardware.")
     if trace is not None and replay is not None:
         raise click.UsageError("Use --trace or --replay: what was recorded is not recorded again.")
+    if half_step and hardware_file is not None:
+        raise click.UsageError("--half-step repeats a run, which drives on a bus do not. Drop one of them.")
     link = supervise(timeout)  # from here on in a process of its own, before anything heavy is imported
-    from twin.run import resume, run_scenario
-    from twin.scenario import Form, checked
+    with late.beside(partial(revision.ask, ENGINE)):
+        from twin.run import resume, run_scenario
+        from twin.scenario import Form, checked
 
     options: dict[str, Any] = {"build": build, "report": not no_report, "link": link}
     if link.attempt:
@@ -127,7 +138,8 @@ def command(
 
             scenario = load_scenario(file, overrides)
             hardware = load_hardware(hardware_file, arm, build, trace, replay)
-        with progress_display(scenario.title, not as_json) as progress:
+        display = progress_display(scenario.title, not as_json)
+        with display as progress:
             outcome = run_scenario(
                 scenario,
                 Form(form),
@@ -136,6 +148,10 @@ def command(
                 root=runs,
                 progress=progress,
                 hardware=hardware,
+                needed=() if as_json else SHOWN_WITH,
+                half_step=half_step,
+                logged=logged,
+                hear=display.hear,
                 **options,
             )
     if as_json:
@@ -193,6 +209,13 @@ class progress_display:  # noqa: N801 - used like a function
         elif self.shown and case != self.case:
             say(case if case.startswith("building ") else f"running {case}", err=True)
         self.case = case
+
+    def hear(self, line: str) -> None:
+        """Show a line above the bar."""
+        if self.bar is not None:
+            self.bar.console.print(line)
+        elif self.shown:
+            say(line, err=True)
 
     def __exit__(self, *_: object) -> None:
         if self.bar is not None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from twin import clock
 from twin.cli.terminal import bar, paper, say, working
 from twin.errors import FMUError, SimulationError
 from twin.process import supervise
@@ -72,10 +73,10 @@ class Bar:
     metavar="NAME=VALUE",
     help="Value before the run: `m=0.2`, `A=[[1,2],[3,4]]`, `A[1,2]=5`. May be repeated.",
 )
-@click.option("--start-time", type=float, metavar="S", help="[default: as the FMU suggests, or 0]")
-@click.option("--stop-time", type=float, metavar="S", help="[default: as the FMU suggests, or 1 s later]")
-@click.option("--step-size", type=float, metavar="S", help="[default: as the FMU suggests, or at least 500 steps]")
-@click.option("--output-interval", type=float, metavar="S", help="Time between rows. [default: the step size]")
+@click.option("--start-time", metavar="S", help="[default: as the FMU suggests, or 0]")
+@click.option("--stop-time", metavar="S", help="[default: as the FMU suggests, or 1 s later]")
+@click.option("--step-size", metavar="S", help="Such as 0.001 or 1/30. [default: as the FMU suggests, or at least 500 steps]")
+@click.option("--output-interval", metavar="S", help="Time between rows. [default: the step size]")
 @click.option(
     "--record",
     "-r",
@@ -83,6 +84,12 @@ class Bar:
     metavar="NAME",
     help="Variable to record instead of the outputs; * matches any text. May be repeated.",
 )
+@click.option("--interface", type=click.Choice(["co_simulation", "model_exchange", "scheduled_execution"]), default=None,
+              help="[default: Co-Simulation, if the FMU has it]")  # fmt: skip
+@click.option("--solver", default="", metavar="NAME",
+              help="Of Model Exchange: Radau, BDF, RK45, RK23, DOP853; CVODE, ARKODE. [default: Radau]")  # fmt: skip
+@click.option("--tolerance", type=click.FloatRange(0.0, min_open=True), metavar="RELATIVE",
+              help="Of Model Exchange. [default: as the FMU suggests, or 1e-6]")  # fmt: skip
 @click.option("--log", "show_log", is_flag=True, help="Let the FMU log, and show its last lines.")
 @click.option("--timeout", type=click.FloatRange(0.0), default=0.0, metavar="S",
               help="End it where one step takes longer [s]. [default: never]")  # fmt: skip
@@ -92,25 +99,32 @@ def command(
     input_: Path | None,
     output: Path | None,
     start_values: tuple[str, ...],
-    start_time: float | None,
-    stop_time: float | None,
-    step_size: float | None,
-    output_interval: float | None,
+    start_time: str | None,
+    stop_time: str | None,
+    step_size: str | None,
+    output_interval: str | None,
     record: tuple[str, ...],
+    interface: str | None,
+    solver: str,
+    tolerance: float | None,
     show_log: bool,
     timeout: float,
 ) -> None:
-    """Run the Co-Simulation FMU (FMI 2.0 or 3.0) alone and write its outputs.
+    """Run the FMU (FMI 2.0 or 3.0; Co-Simulation, Model Exchange or Scheduled Execution) alone and write its outputs.
 
     The folder it is unpacked to is removed at the end.
     """
     link = supervise(timeout)
-    from twin.fmi import FMUMember, left, plan, simulate, tables
+    from twin.fmi import left, plan, simulate, tables
+    from twin.fmi import member as made
 
     target = output or Path(f"{fmu.stem}_out.csv")
     tables.check_output(target)
     with working(f"reading {fmu.name}"):
-        member = FMUMember(fmu.stem, fmu, parsed(start_values), logging=show_log)
+        member = made(
+            fmu.stem, fmu, parsed(start_values), interface=interface or "", solver=solver, tolerance=tolerance,
+            logging=show_log,
+        )  # fmt: skip
     shown = Bar() if sys.stdout.isatty() else None
     try:
         planned = plan(
@@ -137,7 +151,7 @@ def command(
     if shown:
         summarize(outcome.results)
     rows = outcome.results.times
-    say(f"{target}: {len(rows)} rows, {rows[0] / 1e9:g} s to {rows[-1] / 1e9:g} s" + " (replaced)" * replaced)
+    say(f"{target}: {len(rows)} rows, {clock.seconds(rows[0]):g} s to {clock.seconds(rows[-1]):g} s" + " (replaced)" * replaced)
     if outcome.interrupted:
         raise KeyboardInterrupt
     if outcome.failure:

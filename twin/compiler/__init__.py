@@ -14,6 +14,7 @@ from twin.compiler.dependencies import dependencies, flow
 from twin.compiler.machine import (
     call_access,
     call_step,
+    call_trial,
     read8,
     read16,
     read32,
@@ -83,6 +84,7 @@ __all__ = [
     "archive",
     "call_access",
     "call_step",
+    "call_trial",
     "compile_c",
     "compile_sources",
     "component_hash",

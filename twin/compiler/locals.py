@@ -8,7 +8,9 @@ the function, as zero, what one cannot tell so.
 from __future__ import annotations
 
 import ast
-from dataclasses import dataclass, field
+from dataclasses import field
+
+from twin.dataclass import dataclass
 
 
 @dataclass(slots=True)

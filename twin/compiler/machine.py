@@ -90,3 +90,9 @@ def call_step(function: int, instance: int, t: float, h: float, flags: int) -> i
     """
     flags = int(flags)
     return int(STEP(int(function))(int(instance), float(t), float(h), 1, flags, flags + 8, flags + 16, flags + 24))
+
+
+def call_trial(function: int, instance: int, t: float, h: float, flags: int) -> int:
+    """The same for a step that may be taken back: FMI is told so (`noSetFMUStatePriorToCurrentPoint` is false)."""
+    flags = int(flags)
+    return int(STEP(int(function))(int(instance), float(t), float(h), 0, flags, flags + 8, flags + 16, flags + 24))

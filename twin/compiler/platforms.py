@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import sysconfig
-from dataclasses import dataclass
+
+from twin.dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

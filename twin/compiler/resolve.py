@@ -12,11 +12,11 @@ import io
 import linecache
 import sys
 import tokenize
-from dataclasses import dataclass
 from functools import lru_cache
 from types import FunctionType
 from typing import Any
 
+from twin.dataclass import dataclass
 from twin.errors import BuildError
 
 SILENT = ("noqa", "type:", "fmt:", "pragma:", "!")  # comments for tools

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import inspect
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from twin.dataclass import dataclass
 
 if TYPE_CHECKING:
     from twin.component import Component

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from twin.compiler.infer import Function, program
@@ -12,6 +11,7 @@ from twin.compiler.structs import layout_checks, nested, struct_text
 from twin.compiler.types import BOOLEAN, Nothing, Record, Scalar, Struct
 from twin.compiler.words import HELPERS, LIBM, NAMED, Word
 from twin.compiler.write import Needs, Signs, Writer, local_name
+from twin.dataclass import dataclass
 from twin.errors import BuildError
 
 if TYPE_CHECKING:

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import builtins
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from twin.compiler import machine
 from twin.compiler.types import BOOLEAN, INTEGER, NOTHING, REAL, Scalar, Type
+from twin.dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,6 +251,15 @@ return ((access_t)function)((void *)instance, (const void *)references, (size_t)
 typedef int32_t (*step_t)(void *, double, double, int64_t, void *, void *, void *, void *);
 return ((step_t)function)((void *)instance, t, h, 1, (void *)flags, (void *)(flags + 8), (void *)(flags + 16),
                           (void *)(flags + 24));
+""",
+        acts=True,
+    ),
+    _helper(
+        "int64_t call_trial(int64_t function, int64_t instance, double t, double h, int64_t flags)",
+        """
+typedef int32_t (*trial_t)(void *, double, double, int64_t, void *, void *, void *, void *);
+return ((trial_t)function)((void *)instance, t, h, 0, (void *)flags, (void *)(flags + 8), (void *)(flags + 16),
+                           (void *)(flags + 24));
 """,
         acts=True,
     ),

@@ -111,7 +111,7 @@ class Component:
                 setattr(cls, f"der_{variable.name}", ordered[-1])
         if cls.period is not None and not cls.period >= 0:
             raise DeclarationError(f"{cls.__name__}.period: {cls.period} s is not positive. Use 0.001 and the like.")
-        cls.period_ns = clock.nanoseconds(cls.period, f"{cls.__name__}.period") if cls.period else 0
+        cls.period_ns = clock.whole_nanoseconds(cls.period, f"{cls.__name__}.period") if cls.period else 0
         states = sum(variable.size for variable in ordered if variable.role is Role.state)
         inputs = inputs_of(ordered)
         cls.variables = tuple(ordered)
@@ -231,6 +231,8 @@ def functions(cls: type[Component]) -> tuple[solver.Function, solver.Function]:
 
 def evaluation(cls: type[Component]) -> solver.Function | None:
     """`evaluate(self, t)` of a continuous component, for a solver outside; nothing for other kinds."""
+    if (own := getattr(cls, "_evaluation", None)) is not None:  # of a group
+        return own
     derivatives = getattr(cls, "derivatives", None)
     return None if derivatives is None or issubclass(cls, PythonComponent) else solver.evaluation(derivatives)
 

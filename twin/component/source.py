@@ -75,7 +75,8 @@ def _declaration_problems(cls: type[Component]) -> Iterator[str]:
     named = {name for one in _reachable(getattr(cls, "derivatives", None), set()) for name in one.__code__.co_names}
     for variable in cls.variables:
         where = f"{cls.__name__}.{variable.name}"
-        if variable.role is Role.derivative and variable.name not in named:
+        is_own = "." not in variable.name  # those of a group's members were looked at there
+        if variable.role is Role.derivative and is_own and variable.name not in named:
             yield f"{where}: is never set. Write self.{variable.name} = ... in derivatives(self, t)."
         try:
             unit.describe(variable.unit)

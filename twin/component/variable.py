@@ -6,13 +6,14 @@ from the declarations; a unit, a sign or a meaning stands there and nowhere else
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from enum import StrEnum
 from math import prod
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from twin.dataclass import dataclass
 from twin.errors import DeclarationError
 
 if TYPE_CHECKING:

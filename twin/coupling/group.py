@@ -8,12 +8,12 @@ order in which the co-simulation loop would do it: the result equals the ungroup
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
 
-from twin.compiler import dependencies, flow
+from twin.compiler import dependencies
 from twin.component import (
     CONNECTABLE,
     Component,
@@ -29,9 +29,11 @@ from twin.component import (
     layout,
     solver,
 )
+from twin.coupling import group_equations
 from twin.coupling.system import Link, is_real
+from twin.dataclass import dataclass
 from twin.errors import CouplingError
-from twin.graph import ordered_groups, reached
+from twin.graph import ordered_groups
 
 Key = tuple[str, str]
 
@@ -52,6 +54,7 @@ class Group(Component):
 
     parts: ClassVar[dict[str, Part]] = {}
     flows: ClassVar[dict[str, frozenset[str]]] = {}
+    reaches: ClassVar[dict[str, frozenset[str]]] = {}  # what follows what at once, where there are equations
     starts: ClassVar[dict[str, Any]] = {}
     text: ClassVar[str] = ""  # the generated source
 
@@ -269,10 +272,14 @@ def compose(
         raise CouplingError(f"{name}: nothing leaves the group. Add a member whose outputs others read.")
     writer = Writer(parts, links, step)
     driven = {link.target.key for link in links}
-    variables, border = exposed(parts, driven, outputs)
+    has_equations = group_equations.offered(parts, links, step)
+    variables, border = exposed(parts, driven, outputs, has_equations)
     for key in outputs:
         writer.published(key)
     source = initialization(writer, border) + stepping(writer, border, stages)
+    if has_equations:
+        taken = [line for i, variable in enumerate(border) for line in take_border(i, variable)]
+        source += group_equations.source(writer, taken)
     place = group_layout(writer, variables, border)
     text = "\n".join(source)
     code: dict[str, Any] = dict(writer.scope)
@@ -282,10 +289,17 @@ def compose(
         "__module__": __name__,
         "parts": parts,
         "text": text,
-        "flows": flows(parts, links, variables),
+        "flows": group_equations.follows(parts, links, variables),
     }
+    if has_equations:
+        ends = (Role.input, Role.state)
+        body["reaches"] = group_equations.follows(parts, links, variables, ("derivatives",), ends)
+        body["_evaluation"] = staticmethod(code["evaluate"])
+        body["_tangents"] = group_equations.slopes(writer, border, taken)
     cls: type[Group] = type(name, (Group,), body)
     cls.variables, cls.layout, cls.period_ns = tuple(variables), place, step
+    if has_equations:
+        cls.switches = tuple(f"{member}.{one}" for member, part in parts.items() for one in part.component.switches)
     cls.starts, cls.terminals = starts(parts, variables), carried_over(parts, variables)
     advance = solver.sampled_advance(code["step"], step, inputs_of(at_border(border)))
     cls._functions = (group_start(code["initialize"]), advance)  # type: ignore[attr-defined]
@@ -303,7 +317,9 @@ def group_start(initialize: Callable[..., Any]) -> Callable[..., Any]:
     return start
 
 
-def exposed(parts: dict[str, Part], driven: set[Key], outputs: list[Key]) -> tuple[list[Variable], list[Variable]]:
+def exposed(
+    parts: dict[str, Part], driven: set[Key], outputs: list[Key], has_equations: bool
+) -> tuple[list[Variable], list[Variable]]:
     """All variables as `member.variable` with the role they have outside, and those that are the group's inputs."""
     variables, border = [], []
     for member, part in parts.items():
@@ -311,7 +327,7 @@ def exposed(parts: dict[str, Part], driven: set[Key], outputs: list[Key]) -> tup
             role = variable.role
             if (
                 (role is Role.input and (member, variable.name) in driven)
-                or role in (Role.state, Role.derivative)
+                or (role in (Role.state, Role.derivative) and not has_equations)
                 or (role is Role.output and (member, variable.name) not in outputs)
             ):
                 role = Role.local
@@ -377,16 +393,3 @@ def starts(parts: dict[str, Part], variables: list[Variable]) -> dict[str, Any]:
         value = part.values.get(name, declared)
         result[variable.name] = np.broadcast_to(np.asarray(value, variable.dtype), variable.shape)
     return result
-
-
-def flows(parts: dict[str, Part], links: list[Link], variables: list[Variable]) -> dict[str, frozenset[str]]:
-    """What initialization writes, and the group's inputs and parameters it is computed from."""
-    graph: dict[str, set[str]] = {}
-    for member, part in parts.items():
-        for name, sources in flow(part.component, ("initialize", "derivatives")).items():
-            graph[f"{member}.{name}"] = {f"{member}.{source}" for source in sources}
-    for link in links:
-        target = f"{link.target.member}.{link.target.variable.name}"
-        graph.setdefault(target, set()).add(f"{link.source.member}.{link.source.variable.name}")
-    outside = {v.name for v in variables if v.role in (Role.input, Role.parameter)}
-    return {name: frozenset(reached(graph, {name}) & outside) for name in graph}

@@ -46,6 +46,7 @@ typedef struct {
     Transfer read, write;
     Affinity set_affinity;
     int64_t loop_core, own_core; /* none: -1 */
+    int64_t is_final; /* nobody will go back before the step's begin */
 } Channel;
 
 static void copy(char *target, const char *source, int64_t bytes) {
@@ -87,9 +88,10 @@ int32_t isolated_get(Channel *c, Row *row, uint64_t count, char *values, uint64_
     return (int32_t)row->status;
 }
 
-int32_t isolated_step(Channel *c, double t, double h, int64_t set, char *event, char *terminate, char *early, char *last) {
+int32_t isolated_step(Channel *c, double t, double h, int64_t is_final, char *event, char *terminate, char *early, char *last) {
     c->t = t;
     c->h = h;
+    c->is_final = is_final;
     char *own[] = {event, terminate, early, last};
     for (int i = 0; i < 4; i++) copy(c->flags + 8 * i, own[i], 8);
     int32_t status = call(c, STEP);
@@ -129,7 +131,8 @@ static void follow(Channel *c) {
 static int32_t step(Channel *c) {
     follow(c);
     int32_t status = set(c);
-    if (status <= WARNING) status = c->step(c->instance, c->t, c->h, 1, c->flags, c->flags + 8, c->flags + 16, c->flags + 24);
+    if (status <= WARNING)
+        status = c->step(c->instance, c->t, c->h, c->is_final, c->flags, c->flags + 8, c->flags + 16, c->flags + 24);
     for (Row *row = c->rows; row; row = row->next)
         if (!row->write) {
             row->fresh = row->pending && status <= WARNING;

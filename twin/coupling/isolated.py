@@ -46,8 +46,11 @@ class IsolatedMember(Member):
     def __init__(self, inner: Member, build: Path) -> None:
         if not hasattr(os, "fork"):
             raise CouplingError(f"{inner.name}: `isolate` needs fork, which this system lacks. Leave it out.")
+        if inner.clocked:
+            raise CouplingError(f"{inner.name}: has clocks, whose events need it in this process. Leave out `isolate`.")
         self.name, self.variables, self.driven = inner.name, inner.variables, inner.driven
         self.period_ns, self.identity, self.can_restore = inner.period_ns, inner.identity, inner.can_restore
+        self.can_roll_back = inner.can_roll_back
         self.log: list[str] = []
         self.death = ""
         self._inner, self._native = inner, native(build)
@@ -176,7 +179,7 @@ class IsolatedMember(Member):
             return os.waitpid(pid, 0)[1]
         return 0
 
-    def lost(self, time: int) -> str:
+    def lost(self, time: clock.Time) -> str:
         """How the process ended in the step from `time` [ns], in one line; empty if it is there."""
         if not self._channel["is_dead"][0] or self.death:
             return self.death

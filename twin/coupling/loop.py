@@ -37,6 +37,9 @@ from twin.compiler import (
     write_float,
     write_float32,
 )
+from twin.coupling.walk import fields as walk
+
+ROUNDING = 1e-12  # part of a step by which a member may miss its end
 
 # what `run` returns
 DONE, FAILED, FINISHED, FULL, NOTICED = 0, 1, 2, 3, 4
@@ -69,15 +72,17 @@ RECORD = np.dtype(
     [
         (name, np.int64)
         for name in (
-            "tick", "stop", "begin_ns", "step_ns", "operations", "operation_count",
+            "tick", "stop", "begin_ns", "step_ns", "per_second", "operations", "operation_count",
             "place", "limit", "row_bytes", "every",  # recording: address of the next row, and of the end
             "records", "record_count", "record_converts", "record_convert_count",
             "member", "status", "finished",
             "limits", "limit_count", "beyond",  # values that are watched, and the row that one is beyond
             "scalar",  # address of a word for one that is no Float64
             "at",  # address of the row of the call that is at work: whoever looks after a crash finds the member
+            *walk.INTEGERS,
         )
-    ],
+    ]
+    + [(name, np.float64) for name in walk.FLOATS],
     align=True,
 )  # fmt: skip
 
@@ -189,12 +194,12 @@ def beyond(row: int, count: int, scalar: int) -> int:
 def run(self: Any) -> int:
     """Go on until `stop`, a full recording buffer, a member that fails or finishes the simulation, or a limit."""
     operations, operation_count, every = self.operations, self.operation_count, self.every
-    begin_ns, step_ns, limit_count = self.begin_ns, self.step_ns, self.limit_count
+    begin_ns, step_ns, per_second, limit_count = self.begin_ns, self.step_ns, self.per_second, self.limit_count
     tick = self.tick
     while tick < self.stop:
         if self.place >= self.limit:
             return FULL
-        t = (begin_ns + tick * step_ns) / 1e9
+        t = (begin_ns + tick * step_ns) / per_second
         operation = operations
         for _ in range(operation_count):
             divider = read64(operation)
@@ -225,8 +230,12 @@ def run(self: Any) -> int:
                     if status > 1:
                         self.member, self.status = read64(row + 24), status
                         return FAILED
-                    if read8(flags + 8) != 0:
-                        self.member, self.finished = read64(row + 24), 1
+                    if read64(flags + 8) + read64(flags + 16) != 0:
+                        if read8(flags + 8) != 0:
+                            self.member, self.finished = read64(row + 24), 1
+                        elif read_float(flags + 24) < t + h - ROUNDING * h:
+                            self.member, self.status, self.until = read64(row + 24), walk.EARLY, read_float(flags + 24)
+                            return FAILED
                     row += 32
             operation += 88
         tick += 1

@@ -9,18 +9,21 @@ from __future__ import annotations
 import ctypes
 from abc import ABC, abstractmethod
 from contextlib import suppress
-from dataclasses import dataclass, field
 from math import prod
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.compiler import dependencies, machine
-from twin.component import Component, PythonComponent, Role, Variable, solver, unit
-from twin.errors import CouplingError, SimulationError, TwinError, described
+from twin import clock
+from twin.compiler import machine
+from twin.component import solver, unit
+from twin.dataclass import dataclass
+from twin.errors import CouplingError, TwinError, described
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from twin.coupling.system import Link
 
 # FMI 3.0 type -> type of one scalar in memory; FMI 2.0's Real, Integer, Boolean are Float64, Int32, Boolean here
 DTYPES: dict[str, np.dtype[Any]] = {
@@ -75,6 +78,7 @@ class MemberVariable:
     minimum: float | None = None
     maximum: float | None = None
     terminals: tuple[TerminalMember, ...] = ()  # that it belongs to
+    interval: str = ""  # intervalVariability of a clock that ticks by time; empty: triggered
 
     @property
     def size(self) -> int:
@@ -145,20 +149,47 @@ class Access:
     name: str = "access"  # of the function, for whoever looks after a crash
 
 
+@dataclass(slots=True)
+class Way:
+    """The way back for a member, as the loop goes it: memory that is copied, or functions of FMI's form.
+
+    `get` and `set`: addresses of `fmiNGetFMUState` and `fmiNSetFMUState`, `places`: of a pointer for each saved state.
+    """
+
+    address: int = 0
+    words: int = 0
+    get: int = 0
+    set: int = 0
+    places: tuple[int, ...] = ()
+
+
 class Member(ABC):
     """Base of the two kinds of members: records in this process, and FMUs."""
 
     name: str
     variables: dict[str, MemberVariable]
-    period_ns: int = 0  # the member's own period; 0: every communication point
+    period_ns: clock.Time = 0  # the member's own period; 0: every communication point
     step_function: int = 0  # address of int32 (*)(void *instance, double t, double h, ...)
     step_name: str = "step"  # of that function
     instance: int = 0  # address of the instance
     log: list[str]  # last lines it logged
+    logs: bool = False  # whether it is to log more than what went wrong; told before `instantiate`
     identity: dict[str, str]  # what ran: kind, version, content hash
     can_restore: bool = False  # whether `save` and `restore` are there, and may be called as one likes
+    early: bool = False  # whether its steps may end before their end
+    can_roll_back: bool = False  # whether `way` is there: what somebody else's FMU says of itself
     driven: frozenset[str] = frozenset()  # local variables that are inputs of a part, in a group
     death: str = ""  # how the process ended that the member had of its own, in one line
+    continuous: bool = False  # whether it is solved together with those of its kind that it is connected with
+    clocked: bool = False  # whether it has clocks, and takes part in `events`
+    failure: BaseException | None = None  # what was raised in its step, if that is Python
+
+    def join(self, members: list[Member], links: list[Link]) -> None:
+        """Be solved together with others that are `continuous`, along these connections; before instantiation."""
+        raise NotImplementedError
+
+    def override(self, name: str, value: Any, element: int | None = None) -> None:
+        """Let those it is solved with see a value instead of a variable's own; None: no longer."""
 
     @abstractmethod
     def instantiate(self) -> None:
@@ -195,7 +226,7 @@ class Member(ABC):
     def failed(self, status: int) -> None:
         """Take note that a step by address returned `status`, ERROR or FATAL: `close` calls nothing forbidden then."""
 
-    def lost(self, time: int) -> str:
+    def lost(self, time: clock.Time) -> str:
         """`death`, if that came in the step from `time` [ns]; empty if the member is there."""
         return ""
 
@@ -214,141 +245,39 @@ class Member(ABC):
         """Be again as when `saved` was saved, also after a failure."""
         raise NotImplementedError
 
+    def input_derivatives(self) -> int:
+        """Address of `fmi2SetRealInputDerivatives`, or 0 if the member takes no derivatives of inputs."""
+        return 0
+
+    def slopes(self, inputs: list[MemberVariable], outputs: list[MemberVariable]) -> tuple[Any, Any, Any, Any] | None:
+        """A, B, C, D of der(x) = A x + B u, y = C x + D u in small changes, from here; None if it does not tell."""
+        return None
+
+    def way(self, count: int) -> Way:
+        """How the loop brings the member back to any of `count` points that it keeps: here by `save` and `restore`."""
+        if count > 1:
+            raise CouplingError(f"{self.name}: can be brought back to one point only, since it is isolated.")
+        saved: list[Any] = []
+
+        def tried(call: Callable[[], object]) -> int:
+            try:
+                call()
+            except Exception as error:  # nothing may pass through native frames
+                self.log.append(str(error) if isinstance(error, TwinError) else described(error))
+                return solver.ERROR
+            return solver.OK
+
+        def get(_instance: int, place: int, *_: int) -> int:
+            ctypes.c_void_p.from_address(place).value = place
+            return tried(lambda: saved.__setitem__(slice(None), [self.save()]))
+
+        def back(*_: int) -> int:
+            return tried(lambda: self.restore(saved[0]))
+
+        self._way = machine.ACCESS(get), machine.ACCESS(back), ctypes.c_void_p()
+        addresses = [ctypes.cast(one, ctypes.c_void_p).value or 0 for one in self._way[:2]]
+        return Way(get=addresses[0], set=addresses[1], places=(ctypes.addressof(self._way[2]),))
+
     @abstractmethod
     def close(self) -> None:
         """Terminate and free. Safe to call twice and in any state."""
-
-
-CAUSALITY = {Role.input: "input", Role.output: "output", Role.parameter: "parameter"}
-
-
-def declared_variables(cls: type[Component]) -> dict[str, MemberVariable]:
-    """The variables of a component as its members show them."""
-    feedthrough = dependencies(cls)
-    continuous = hasattr(cls, "derivatives")
-    places: dict[str, list[TerminalMember]] = {}
-    for name, terminal in cls.terminals.items():
-        for member, variable in terminal.members.items():
-            places.setdefault(variable.name, []).append(TerminalMember(name, member, terminal.rule))
-    return {
-        v.name: declared(v, continuous, feedthrough.get(v.name, ()), tuple(places.get(v.name, ())))
-        for v in cls.variables
-    }
-
-
-def declared(
-    variable: Variable, continuous: bool, feedthrough: tuple[str, ...], terminals: tuple[TerminalMember, ...] = ()
-) -> MemberVariable:
-    """A component's variable as its members show it."""
-    variability = "continuous" if continuous and variable.type == "Float64" else "discrete"
-    if variable.role is Role.parameter:
-        variability = "fixed" if variable.fixed else "tunable"
-    return MemberVariable(
-        variable.name, CAUSALITY.get(variable.role, "local"), variability, str(variable.type), variable.dtype,
-        variable.shape, variable.unit, variable.display_unit, variable.start_array(), variable.description, feedthrough,
-        minimum=variable.minimum, maximum=variable.maximum, terminals=terminals,
-    )  # fmt: skip
-
-
-def driven(cls: type[Component]) -> frozenset[str]:
-    """Local variables of a group that are inputs of its parts: `part.variable`, set by a connection inside."""
-    parts = getattr(cls, "parts", {})
-    local = {v.name for v in cls.variables if v.role is Role.local}
-    return frozenset(
-        name
-        for member, part in parts.items()
-        for v in part.component.variables
-        if (v.role is Role.input or v.name in driven(part.component)) and (name := f"{member}.{v.name}") in local
-    )
-
-
-@dataclass
-class RecordMember(Member):
-    """A component whose record lies in this process: interpreted, Python-side, or compiled (`code` given).
-
-    `code`: addresses of `initialize(record, t)` and `advance(record, t, h)`; without it the Python functions run.
-    """
-
-    name: str
-    component: Component
-    code: tuple[int, int] | None = None
-    log: list[str] = field(default_factory=list)
-    identity: dict[str, str] = field(default_factory=dict)
-    failure: BaseException | None = None
-
-    def __post_init__(self) -> None:
-        self.variables = declared_variables(type(self.component))
-        self.period_ns = self.component.period_ns
-        self.instance = self.component.record.ctypes.data
-        self.can_restore = not isinstance(self.component, PythonComponent)
-        self.driven = driven(type(self.component))
-        self._closed = self._initializing = self._stale = False
-        self._t = 0.0
-        if self.code:
-            self._initialize: Callable[[float], int] = self._by_address(self.code[0])
-            self.step_function = self.code[1]
-        else:
-            self._initialize = self.component.start  # type: ignore[assignment]
-            self._callback = machine.STEP(self._step)
-            self.step_function = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
-
-    def _by_address(self, address: int) -> Callable[[float], int]:
-        function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_double)(address)
-        return lambda t: int(function(self.instance, t))
-
-    def _step(self, _instance: int, t: float, h: float, *_: int) -> int:
-        try:
-            return self.component.advance(t, h)
-        except BaseException as error:  # also Ctrl-C: nothing may pass through native frames
-            self.failure = error
-            self.log.append(str(error) if isinstance(error, TwinError) else described(error))
-            return solver.ERROR
-
-    def instantiate(self) -> None:
-        """Nothing to do: the component was made with its start values."""
-
-    def enter_initialization(self, t: float, stop: float | None) -> None:
-        self._t = t
-        self._initializing = self._stale = True
-
-    def _settle(self) -> None:
-        if self._stale:
-            self._stale = False
-            try:
-                self._initialize(self._t)
-            except Exception as error:
-                raise SimulationError(f"{self.name}: initialization failed: {described(error)}") from error
-
-    def exit_initialization(self) -> None:
-        self._settle()
-        self._initializing = False
-
-    def set(self, name: str, value: Any) -> None:
-        self.component.views[name][...] = value
-        self._stale = self._initializing
-
-    def get(self, name: str) -> Any:
-        self._settle()
-        return self.component.views[name].copy()[()]
-
-    def save(self) -> Any:
-        return self.component.record.copy()
-
-    def restore(self, saved: Any) -> None:
-        self.component.record[...] = saved
-        self.failure = None
-
-    def address(self, name: str) -> int:
-        return self.instance + self.component.layout.offset(name)
-
-    def access(self, names: list[str], write: bool) -> Access:
-        raise CouplingError(f"{self.name}: a record is read and written in place.")
-
-    def close(self) -> None:
-        if not self._closed and isinstance(self.component, PythonComponent):
-            self._closed = True
-            try:
-                self.component.close()
-            except Exception as error:  # the others are to be closed all the same
-                self.log.append(f"close failed: {described(error)}")
-        self._closed = True

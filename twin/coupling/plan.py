@@ -8,13 +8,17 @@ in place.
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin import clock
 from twin.coupling import loop
+from twin.coupling.events import Events
+from twin.coupling.objects import Objects
 from twin.coupling.system import Link
+from twin.dataclass import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -70,12 +74,13 @@ class Plan:
     """
 
     members: Mapping[str, Member]
-    step_ns: int
-    periods: Mapping[str, int]
+    step_ns: clock.Time
+    periods: Mapping[str, clock.Time]
     split: frozenset[Key] = frozenset()
     memory: Memory = field(default_factory=Memory)
     published: dict[Key, int] = field(default_factory=dict)
     staged: dict[Key, int] = field(default_factory=dict)
+    given: set[Key] = field(default_factory=set)  # inputs that are recorded as their FMUs were given them
     buffers: dict[Key, int] = field(default_factory=dict)  # where an FMU's connected inputs are kept for its setters
     readers: dict[Key, list[Place]] = field(default_factory=dict)
     writers: dict[Key, list[Place]] = field(default_factory=dict)
@@ -92,13 +97,25 @@ class Plan:
     sets: dict[str, list[list[int]]] = field(default_factory=dict)
     publishes: dict[str, list[list[int]]] = field(default_factory=dict)
     keep: list[Access] = field(default_factory=list)
+    asked: dict[int, tuple[str, ...]] = field(default_factory=dict)  # variables that a call moves, by its references
     functions: dict[int, str] = field(default_factory=dict)  # names of the functions that are called, by address
+    objects: Objects | None = None  # what is no number
+    events: Events | None = None  # what happens at a communication point when all have published
     row_words: int = 1
     record_converts: tuple[int, int] = (0, 0)
 
     def divider(self, member: str) -> int:
         """Communication points per step of a member."""
         return max(1, self.periods[member] // self.step_ns)
+
+    def in_place(self, member: str) -> bool:
+        """Whether others may read the memory of a record: it publishes whenever it is stepped."""
+        return self.divider(member) == 1
+
+    def is_given(self, member: str, name: str) -> bool:
+        """Whether a variable is known from what its FMU was given: many refuse to be asked for their inputs."""
+        one = self.members[member]
+        return one.variables[name].causality == "input" and not one.address(name) and self.in_place(member)
 
     def build(
         self, order: list[list[str]], links: list[Link], recorded: list[Key], watched: Iterable[Key] = ()
@@ -109,19 +126,41 @@ class Plan:
         for link in links:
             needed[link.source.member][link.source.variable.name] = link.source.variable
             inputs[link.target.member][link.target.variable.name] = link.target.variable
-        for member, name in (*recorded, *watched):
-            needed[member][name] = self.members[member].variables[name]
+        for key in (*recorded, *watched):
+            if self.is_given(*key):
+                self.given.add(key)
+            else:
+                needed[key[0]][key[1]] = self.members[key[0]].variables[key[1]]
         for index, name in enumerate(self.members):
             self._publish(index, name, needed[name])
         for index, name in enumerate(self.members):
             self._stage_inputs(index, name, inputs[name])
+        for key in self.given:
+            variable = self.members[key[0]].variables[key[1]]
+            if key not in self.staged:
+                self.buffers[key] = self.memory.take(variable.size * variable.dtype.itemsize)
+            self.published[key] = self.staged.get(key, self.buffers.get(key, 0))
         for stage in order:
-            slots = []
-            for divider in sorted({self.divider(name) for name in stage}):
-                names = [name for name in stage if self.divider(name) == divider]
-                slots.append(self._slot(divider, names, [link for link in links if link.target.member in names]))
-            self._operations(slots)
+            self._stage(stage, links)
+        self._events()
         self._record(recorded)
+
+    def _events(self) -> None:
+        """An operation behind all others, if there are clocks."""
+        if self.events is None:
+            return
+        place = len(self.accesses)
+        self.accesses.append([self.events.address, 0, 0, 0, 0, 0, self.events.index])
+        self.functions[self.events.address] = "events"
+        self.operations.append({"divider": 1, "h": bits(0.0), "accesses": (place, place + 1)})
+
+    def _stage(self, stage: list[str], links: list[Link]) -> None:
+        """Operations of the members of a stage."""
+        slots = []
+        for divider in sorted({self.divider(name) for name in stage}):
+            names = [name for name in stage if self.divider(name) == divider]
+            slots.append(self._slot(divider, names, [link for link in links if link.target.member in names]))
+        self._operations(slots)
 
     def _grouped(self, member: str, names: dict[str, MemberVariable], write: bool) -> list[Access]:
         """Calls that move variables of an FMU, one per type, with their places in the buffer."""
@@ -137,6 +176,9 @@ class Plan:
             self.functions[access.function] = access.name
             rows = self.sets if write else self.gets
             references = int(access.references.ctypes.data)
+            self.asked[references] = tuple(
+                f"{v.name} (value reference {', '.join(map(str, v.references[:3]))})" for v in variables
+            )
             row = [access.function, self.members[member].instance, references, access.count, address, access.size]
             rows[member].append(row)
             for variable in variables:
@@ -152,7 +194,7 @@ class Plan:
         self.gets[name], self.publishes[name] = [], []
         if not all(member.address(v) for v in needed):
             self.keep += self._grouped(name, needed, write=False)
-        elif self.divider(name) == 1:
+        elif self.in_place(name):
             self.published.update({(name, v): member.address(v) for v in needed})
         else:
             for variable in needed.values():
@@ -162,6 +204,7 @@ class Plan:
                 shadow = self.memory.take(8 * words)
                 self.publishes[name].append([first, shadow, words])
                 self.published[name, variable.name] = shadow + address - first
+        self.gets[name] += self.objects.gets(name) if self.objects else []
         for row in self.gets[name]:
             row.append(index)
         for key in ((name, v) for v in needed if (name, v) in self.split):
@@ -176,6 +219,7 @@ class Plan:
             self.keep += self._grouped(name, inputs, write=True)
         else:
             self.staged.update({(name, v): member.address(v) for v in inputs})
+        self.sets[name] += self.objects.sets(name) if self.objects else []
         for row in self.sets[name]:
             row.append(index)
 
@@ -189,7 +233,7 @@ class Plan:
 
     def _slot(self, divider: int, names: list[str], links: list[Link]) -> list[dict[str, Any]]:
         """Members of a stage with the same divider: what takes their inputs, steps them, and publishes."""
-        common = {"divider": divider, "h": bits(divider * self.step_ns / 1e9)}
+        common = {"divider": divider, "h": bits(clock.seconds(divider * self.step_ns))}
         copies, converts, sets = len(self.copies), len(self.converts), len(self.accesses)
         direct = {id(link) for name in names for link in self._set_rows(name, links)}
         for link in links:
@@ -239,16 +283,16 @@ class Plan:
                 begin, end = operation.get(name, (0, 0))
                 row += [int(tables[name].ctypes.data) + begin * tables[name].strides[0], end - begin]
             rows.append(row)
-        return np.array(rows, np.int64)
+        return np.array(rows, np.int64).reshape(len(rows), len(loop.OPERATION))
 
     def calls(self, tables: Mapping[str, np.ndarray[Any, Any]]) -> dict[int, tuple[str, str]]:
         """Member and function of every row that calls one, by the row's address."""
-        names = list(self.members)
+        names, functions = list(self.members), self.functions | (self.objects.names if self.objects else {})
         found = {}
         for table, rows in (("accesses", self.accesses), ("steps", self.steps)):
             for i, row in enumerate(rows):
                 member = names[row[-1]]
-                function = self.functions[row[0]] if table == "accesses" else self.members[member].step_name
+                function = functions[row[0]] if table == "accesses" else self.members[member].step_name
                 found[int(tables[table].ctypes.data) + i * tables[table].strides[0]] = (member, function)
         return found
 
@@ -262,7 +306,7 @@ class Plan:
             if len(into) != 1 or row[3] != 1:
                 continue
             link = into[0]
-            if link.target.variable.is_bounded:
+            if link.target.variable.is_bounded or link.target.key in self.given:
                 continue  # what the member saw is looked at after its step, when the source may have gone on
             variable, foreign = (
                 link.source.variable,
@@ -277,10 +321,11 @@ class Plan:
                 direct.append(link)
         return direct
 
-    def _move(self, link: Link, source: int, target: int) -> None:
-        """A copy where the values lie alike, else a conversion."""
-        a, b = link.source.variable.dtype, link.target.variable.dtype
-        if a == b and a.itemsize == 8 and (link.factor, link.offset) == (1.0, 0.0):
+    def _move(self, link: Link, source: int, target: int, dtype: np.dtype[Any] | None = None) -> None:
+        """A copy where the values lie alike, else a conversion; `dtype`: of the target, if not the input's."""
+        a, b = link.source.variable.dtype, dtype or link.target.variable.dtype
+        same = a == b == link.target.variable.dtype and a.itemsize == 8
+        if same and (link.factor, link.offset) == (1.0, 0.0):
             row = ("copies", len(self.copies), 0)
             self.copies.append([source, target, link.source.size])
         else:
@@ -288,7 +333,8 @@ class Plan:
             conversion = [kind(a), target, kind(b), link.source.size, bits(link.factor), bits(link.offset)]
             self.converts.append([source, *conversion])
         self.readers.setdefault(link.source.key, []).append((*row, link.source.first * a.itemsize))
-        self.writers.setdefault(link.target.key, []).append((*row, link.target.first * b.itemsize))
+        offset = link.target.first * link.target.variable.dtype.itemsize  # of the value that overrides it
+        self.writers.setdefault(link.target.key, []).append((*row, offset))
 
     def _record(self, recorded: list[Key]) -> None:
         """Rows that record: word 0 is the tick; every scalar takes a word, Float64 or Int64."""

@@ -6,12 +6,13 @@ when `place` reaches `limit`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from twin.coupling import loop
+from twin.dataclass import dataclass
 from twin.errors import CouplingError, SimulationError
 from twin.process import Link
 
@@ -34,8 +35,9 @@ class Layout:
     address of its row. `count`: rows at most, or None.
     """
 
-    begin_ns: int
-    step_ns: int
+    begin: int
+    step: int
+    per_second: int  # what begin and step are counted in
     words: int
     columns: list[tuple[tuple[str, str], int, MemberVariable]]
     calls: Mapping[int, tuple[str, str]] = field(default_factory=dict)

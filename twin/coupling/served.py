@@ -49,6 +49,7 @@ CHANNEL = (
     "sched_setaffinity",
     "loop_core",
     "own_core",
+    "is_final",
 )
 ROW = (
     "function",

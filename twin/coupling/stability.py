@@ -6,7 +6,6 @@ once over the common multiple of all periods: algorithm, solvers and delays are 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,8 +13,9 @@ import numpy as np
 from twin import clock
 from twin.component import Role
 from twin.coupling import loop
-from twin.coupling.member import RecordMember
 from twin.coupling.plan import view
+from twin.coupling.record import RecordMember
+from twin.dataclass import dataclass
 from twin.errors import CouplingError
 
 if TYPE_CHECKING:
@@ -149,6 +149,7 @@ class Deviation:
         """Let the loop go over a cycle, recording and noticing nothing."""
         record = self.simulated._record.copy()
         record["every"], record["limit_count"], record["limit"] = NEVER, 0, NEVER
+        record["derives"] = 0  # Newton's method finds its Jacobian by itself
         record["stop"] = record["tick"] + self.cycle
         if self.simulated._loop(record.ctypes.data) == loop.FAILED:
             raise CouplingError(f"stability: {list(self.simulated.members)[int(record[0]['member'])]} fails a step.")

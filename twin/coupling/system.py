@@ -7,13 +7,14 @@ at once; `links` is what the algorithm couples.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 import numpy as np
 
 from twin.component import unit
 from twin.coupling import terminals
 from twin.coupling.member import MemberVariable
+from twin.dataclass import dataclass
 from twin.errors import CouplingError, nearest
 from twin.graph import ordered_groups
 
@@ -27,12 +28,18 @@ class Connection:
     """`member.variable` to `member.variable`; an element of an array is `member.variable[2]` (counted from 1).
 
     Or `member.terminal` to `member.terminal`. `terminals`: the connection of terminals that it is a part of.
+    target = factor * source + offset, after units are converted, unless `convert` is false. `bond`: of the connections
+    with the same name, of which one brings an effort and the other one takes the flow back.
     """
 
     source: str
     target: str
     where: str = ""
     terminals: str = ""
+    factor: float = 1.0
+    offset: float = 0.0
+    convert: bool = True
+    bond: str = ""
 
     @property
     def place(self) -> str:
@@ -62,12 +69,17 @@ class Reference:
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A connection that was found to be sound: target = factor * source + offset."""
+    """A connection that was found to be sound: target = factor * source + offset.
+
+    `bond`: the name of the power bond that it is declared to be part of; `terminals`: what it may be a part of.
+    """
 
     source: Reference
     target: Reference
     factor: float = 1.0
     offset: float = 0.0
+    bond: str = ""
+    terminals: str = ""
 
 
 def find(path: str, catalog: Catalog) -> Reference:
@@ -160,13 +172,13 @@ class System:
     def _link(self, connection: Connection) -> Link:
         source, target = self._ends(connection)
         text = f"{connection.source} -> {connection.target}"
-        for end in (source, target):
-            if not end.variable.connectable:
-                raise CouplingError(
-                    f"{text}: {end.variable.type} values cannot be connected, only numbers and Booleans."
-                )
         if source.size != target.size:
             raise CouplingError(f"{text}: {source.size} values do not fit {target.size}. Connect elements, like x[1].")
+        if "Clock" in (source.variable.type, target.variable.type):
+            return clock_link(source, target, connection, text)
+        if not (source.variable.connectable and target.variable.connectable):
+            return object_link(source, target, connection, text)
+        check_items(source.variable, target.variable, text)
         if is_real(source.variable) and not is_real(target.variable):
             raise CouplingError(
                 f"{text}: {source.variable.type} does not fit {target.variable.type}. Round it in a component."
@@ -182,10 +194,16 @@ class System:
                 and (a.min < b.min or a.max > b.max)
             ):
                 raise CouplingError(f"{text}: {source.variable.type} may overflow {target.variable.type}.")
-        factor, offset = unit.conversion(source.variable.unit, target.variable.unit, text)
+        factor, offset = 1.0, 0.0
+        if connection.convert:
+            factor, offset = unit.conversion(source.variable.unit, target.variable.unit, text)
         if (factor, offset) != (1.0, 0.0) and not is_real(target.variable):
             raise CouplingError(f"{text}: units of whole numbers are not converted. Use one unit on both sides.")
-        return Link(source, target, factor, offset)
+        if (connection.factor, connection.offset) != (1.0, 0.0):
+            if not is_real(target.variable):
+                raise CouplingError(f"{text}: factor and offset are for real numbers. Leave them out.")
+            factor, offset = factor * connection.factor, offset * connection.factor + connection.offset
+        return Link(source, target, factor, offset, connection.bond, connection.terminals)
 
     def _ends(self, connection: Connection) -> tuple[Reference, Reference]:
         """What a connection connects; what is wrong with each end is told at once."""
@@ -198,13 +216,46 @@ class System:
                 problems += error.problems
                 continue
             causality = found[-1].variable.causality
-            if number == 0 and causality not in READABLE:
+            is_clock = found[-1].variable.type == "Clock"  # one that ticks by time may let others tick
+            if number == 0 and causality not in READABLE and not (is_clock and found[-1].variable.interval):
                 problems.append(f"{text}: the source is an {causality}. Connect from an output.")
             elif number == 1 and causality != "input":
                 problems.append(f"{text}: the target is no input but {causality}. Connect to an input.")
         if problems:
             raise CouplingError(problems)
         return found[0], found[1]
+
+
+def object_link(source: Reference, target: Reference, connection: Connection, text: str) -> Link:
+    """A connection of strings or binaries."""
+    a, b = source.variable.type, target.variable.type
+    if a != b:
+        raise CouplingError(f"{text}: {a} does not fit {b}. Connect two of one type.")
+    if (connection.factor, connection.offset) != (1.0, 0.0):
+        raise CouplingError(f"{text}: factor and offset are for real numbers. Leave them out.")
+    return Link(source, target)
+
+
+def clock_link(source: Reference, target: Reference, connection: Connection, text: str) -> Link:
+    """A connection of clocks: the target ticks when the source does."""
+    a, b = source.variable, target.variable
+    if a.type != b.type:
+        raise CouplingError(f"{text}: {a.type} does not fit {b.type}. Connect two clocks.")
+    if b.interval:
+        raise CouplingError(f"{text}: the target ticks by itself ({b.interval}). Connect to a triggered clock.")
+    if (connection.factor, connection.offset) != (1.0, 0.0):
+        raise CouplingError(f"{text}: factor and offset are for real numbers. Leave them out.")
+    return Link(source, target)
+
+
+def check_items(source: MemberVariable, target: MemberVariable, text: str) -> None:
+    """Enumerations go as numbers: the same number must be the same item."""
+    known = dict(target.items)
+    wrong = [(name, number) for name, number in source.items if known and known.get(name) != number]
+    if wrong:
+        name, number = wrong[0]
+        other = f"is {known[name]}" if name in known else f"is not there: there are {', '.join(known)}"
+        raise CouplingError(f"{text}: `{name}` is {number} in the source, and {other} in the target. Convert it between.")
 
 
 def is_real(variable: MemberVariable) -> bool:
@@ -233,16 +284,26 @@ def direct_followers(links: list[Link], catalog: Catalog) -> dict[tuple[str, str
     }
 
 
-def stepping_order(members: list[str], links: list[Link], catalog: Catalog) -> list[str]:
-    """Gauss-Seidel order: along the connections; inside a loop, along direct feedthrough; else as declared."""
-    every: dict[str, list[str]] = {name: [] for name in members}
-    direct: dict[str, list[str]] = {name: [] for name in members}
+def stepping_order(
+    members: list[str], links: list[Link], catalog: Catalog, together: Mapping[str, str] | None = None
+) -> list[str]:
+    """Gauss-Seidel order: along the connections; inside a loop, along direct feedthrough; else as declared.
+
+    `together`: by member that steps as one with others, the one that stands for them in the order.
+    """
+    as_one = {name: (together or {}).get(name, name) for name in members}
+    nodes = list(dict.fromkeys(as_one.values()))
+    every: dict[str, list[str]] = {name: [] for name in nodes}
+    direct: dict[str, list[str]] = {name: [] for name in nodes}
     for link in links:
-        every[link.source.member].append(link.target.member)
+        source, target = as_one[link.source.member], as_one[link.target.member]
+        if source == target and together:
+            continue
+        every[source].append(target)
         if any(v.causality == "output" and feeds(link, v) for v in catalog[link.target.member].values()):
-            direct[link.source.member].append(link.target.member)
+            direct[source].append(target)
     order: list[str] = []
-    for group in ordered_groups(members, every):
+    for group in ordered_groups(nodes, every):
         inside = {name: [f for f in direct[name] if f in group] for name in group}
         for part in ordered_groups(group, inside):
             order += part

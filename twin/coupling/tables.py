@@ -29,11 +29,11 @@ class Tables:
         }  # fmt: skip
         self._operations = plan.operation_rows(self.arrays)
 
-    def publish(self, periods: Mapping[str, int], step: int) -> None:
+    def publish(self) -> None:
         """Put what members hold to where others read it; those that step with the loop are read in place."""
         for (member, name), address in self.plan.published.items():
             direct = self.members[member].address(name) and (member, name) not in self.plan.whole
-            if not direct or periods[member] != step:
+            if not direct or not self.plan.in_place(member):
                 self.put(member, name, address)
         for (member, name), address in self.plan.buffers.items():
             self.put(member, name, address)

@@ -9,7 +9,7 @@ else's FMU) makes the loop look at every step instead, at what lies in memory.
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -18,9 +18,10 @@ import numpy as np
 from twin import clock
 from twin.compiler import machine
 from twin.coupling import loop
-from twin.coupling.member import RecordMember
 from twin.coupling.plan import Key, Plan, bits, kind, view
+from twin.coupling.record import RecordMember
 from twin.coupling.system import stepping_order
+from twin.dataclass import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterable, Mapping
@@ -160,7 +161,7 @@ class Watch:
         """Rows of the table that count."""
         return len(self._rows)
 
-    def input_note(self, key: Key, plan: Plan, time: int) -> str:
+    def input_note(self, key: Key, plan: Plan, time: clock.Time) -> str:
         """That an input left its bounds in the step from `time` [ns]."""
         variable = self.members[key[0]].variables[key[1]]
         values = view(plan.staged[key], variable).reshape(variable.shape)
@@ -205,6 +206,7 @@ class Watch:
             del member.log[self._saved.lines[name] :]
         record = self._saved.record.copy()
         record["every"], record["limit_count"], record["limit"] = NEVER, 0, NEVER
+        record["derives"] = 0  # nobody would answer
         return record
 
     def began(self, end: int, run: Callable[[int], int], plan: Plan) -> int:

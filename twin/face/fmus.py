@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from twin import clock
 from twin.compiler import model_name
 from twin.component import Component, catalog
 from twin.errors import DeclarationError, FMUError, SimulationError, TwinError
@@ -16,7 +17,8 @@ from twin.face.arrays import frame
 from twin.face.progress import shown
 from twin.face.scenario import Scenario, reference
 from twin.face.words import as_arguments, choice, listed, plain, seconds
-from twin.fmi import FMUMember, exporter, plan, tables
+from twin.fmi import exporter, plan, tables
+from twin.fmi import member as made
 from twin.fmi import simulate as run_alone
 from twin.scenario import has_source, load_scenario, part
 
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from twin.face.progress import Progress
-    from twin.fmi import Results
+    from twin.fmi import FMUMember, Results
 
 INPUT = "input"  # in messages
 
@@ -41,20 +43,24 @@ def simulate(
     step_size: float | str | None = None,
     output_interval: float | str | None = None,
     record: str | Sequence[str] | None = None,
+    interface: Literal["", "co_simulation", "model_exchange", "scheduled_execution"] = "",
+    solver: str = "",
+    tolerance: float | None = None,
     progress: Progress = None,
     logging: bool = False,
 ) -> pd.DataFrame:
-    """Run any Co-Simulation FMU (FMI 2.0, 3.0) alone: column `time` [s], then its outputs, or what `record` names.
+    """Run any FMU (FMI 2.0, 3.0) alone: column `time` [s], then its outputs, or what `record` names.
 
     `input`: a DataFrame, a structured array, a dict of columns or the path of a CSV file, with a column `time` [s] (or
-    times as the DataFrame's index) and inputs; `x [mm]` converts, `u[1]` is an element. Times: seconds or text such as
+    times as the DataFrame's index) and inputs; `x [mm]` converts, `u[1]` is an element. `solver` (Radau, RK45, CVODE, ...)
+    and relative `tolerance`: of Model Exchange, which is taken where there is no Co-Simulation. Times: seconds or text such as
     `10 ms`; as the FMU suggests if not given. `.attrs` has `units`, `notes`, `log`, and `interrupted` after Ctrl-C.
     SimulationError if the FMU fails, with `results` until then; TwinError for whatever else is wrong.
     """
     path = Path(fmu)
     given = {name: plain(value) for name, value in (start_values or {}).items()}
     with as_arguments(), shown(progress, path.stem) as share:
-        member = FMUMember(path.stem, path, given, logging=logging)
+        member = made(path.stem, path, given, logging=logging, interface=interface, solver=solver, tolerance=tolerance)
         try:
             planned = plan(
                 member,
@@ -88,10 +94,10 @@ def told(share: Callable[[str, float], object], name: str, part: float) -> None:
 def table_of(results: Results) -> pd.DataFrame:
     """What an FMU did, one column for each scalar."""
     values = {
-        name: values.astype(np.bool_) if variable.type == "Boolean" else values
+        name: values.astype(np.bool_) if variable.type in ("Boolean", "Clock") else values
         for name, variable, values in results.columns()
     }
-    return frame(np.array(results.times) / 1e9, values, {name: one.unit for name, one, _ in results.columns()})
+    return frame(np.array([clock.seconds(time) for time in results.times]), values, {name: one.unit for name, one, _ in results.columns()})
 
 
 def table(given: Any, member: FMUMember) -> Any:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from twin.face import picture
 from twin.results import coherent, shown
+from twin.structure import picture
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin import clock
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.face import arrays, notebook
 from twin.face.words import listed
@@ -197,7 +198,7 @@ class Run:
             raise TwinError(
                 f"{self.folder}: nothing was run with these variants and seeds. Known: {', '.join(self.variants)}."
             )
-        events = {event.time_ns / 1e9 for case in self._checked.variants for event in case.events}
+        events = {clock.seconds(event.time_ns) for case in self._checked.variants for event in case.events}
         figure = plotting.figure(plots, chosen, sorted(events), titled=True)
         if figure is None:
             raise TwinError(f"{self.folder}: none of the signals was recorded in these variants. Choose others.")

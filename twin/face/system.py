@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin import clock
 from twin.component import Component
 from twin.errors import ScenarioError, nearest
 from twin.face import notebook
@@ -52,12 +53,16 @@ class System:
         *,
         period: float | str | None = None,
         parameters: Mapping[str, Any] | None = None,
+        interface: str = "",
+        solver: str = "",
+        solver_tolerance: float | None = None,
         **values: Any,
     ) -> None:
         """Add a member: a component by its name in fmus/, `module:Class`, a class, or the path of an FMU.
 
         `values`: parameters and start values of inputs, text with a unit or numbers in SI; `parameters`: those whose
-        names are none in Python, such as `x[1]`. `period`: as of a scenario's member.
+        names are none in Python, such as `x[1]`, or are taken here. `period`, `interface`, `solver`, `solver_tolerance`: as of
+        a scenario's member.
         """
         if name in self._members:
             raise ScenarioError(f"{NAME}: there is already a member `{name}`. Choose another name.")
@@ -72,6 +77,8 @@ class System:
             member["parameters"] = given
         if period is not None:
             member["period"] = plain(period)
+        asked = {"interface": interface, "solver": solver, "solver_tolerance": solver_tolerance}
+        member |= {key: plain(value) for key, value in asked.items() if value}
         members = {**self._members, name: member}
         self._checked(members, self._connections, classes)
         self._members, self._classes = members, classes
@@ -97,7 +104,7 @@ class System:
         *,
         start: float | str = 0.0,
         stop: float | str | None = None,
-        algorithm: str = "jacobi",
+        algorithm: str | Mapping[str, Any] = "jacobi",
         seed: int = 0,
         form: str = "compiled",
         record: str | Sequence[str] | None = None,
@@ -118,10 +125,10 @@ class System:
         if every is not None:
             recorded["every"] = plain(every)
         more = {
-            "step": f"{step_ns} ns",
-            "start_time": f"{begin} ns",
-            "stop_time": f"{end} ns",
-            "algorithm": algorithm,
+            "step": clock.exact_text(step_ns),
+            "start_time": clock.exact_text(begin),
+            "stop_time": clock.exact_text(end),
+            "algorithm": plain(algorithm) if isinstance(algorithm, str) else dict(algorithm),
             "seeds": [plain(seed)],
             "record": recorded,
         }

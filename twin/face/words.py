@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin import clock
 from twin.errors import TwinError, nearest
 from twin.scenario import duration
 
@@ -90,11 +91,11 @@ def written(value: Any) -> str:
 
 def seconds(value: float | str | None, what: str) -> float | None:
     """A time with a unit, or in seconds, as seconds."""
-    return None if value is None else nanoseconds(value, what) / 1e9
+    return None if value is None else clock.seconds(nanoseconds(value, what))
 
 
-def nanoseconds(value: float | str, what: str) -> int:
-    """A time with a unit, or in seconds, as whole nanoseconds."""
+def nanoseconds(value: float | str, what: str) -> clock.Time:
+    """A time with a unit, or in seconds, in nanoseconds, exactly."""
     try:
         return duration(plain(value))
     except ValueError as error:

@@ -5,18 +5,23 @@ from typing import TYPE_CHECKING
 from twin import late
 
 if TYPE_CHECKING:
-    from twin.fmi import built, exporter, pythonic, tables
+    from twin.fmi import archive, built, driven, exporter, markup, pythonic, tables
     from twin.fmi.archive import unpack
     from twin.fmi.importer import FMUMember
+    from twin.fmi.interface import member
     from twin.fmi.simulate import left, plan, simulate
     from twin.fmi.tables import Results
 
 __all__ = [
     "FMUMember",
     "Results",
+    "archive",
     "built",
+    "driven",
     "exporter",
     "left",
+    "markup",
+    "member",
     "plan",
     "pythonic",
     "simulate",
@@ -29,9 +34,13 @@ __getattr__ = late.names(
     {
         "FMUMember": "importer",
         "Results": "tables",
+        "archive": "",
         "built": "",
+        "driven": "",
         "exporter": "",
         "left": "simulate",
+        "member": "interface",
+        "markup": "",
         "plan": "simulate",
         "pythonic": "",
         "simulate": "simulate",

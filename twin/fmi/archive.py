@@ -13,13 +13,15 @@ import shutil
 import stat
 import tempfile
 import zipfile
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from twin import compiler
+from twin.dataclass import dataclass
 from twin.errors import FMUError
 from twin.fmi import markup, model, terminals
+from twin.process import place_for
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -46,7 +48,7 @@ FOLDERS = {  # of FMI 2.0's platforms, where it has names of its own
 class Unpacked:
     """An FMU in a folder: `folder` holds its files, `description` what modelDescription.xml says.
 
-    `binary` is the library for this platform; `notes` are remarks for the user that do not stop a run. Close it, or
+    `interface` is the one that is run, `binary` the library for this platform; `notes` are remarks for the user that do not stop a run. Close it, or
     use it as a context manager: both remove the folder.
     """
 
@@ -54,6 +56,7 @@ class Unpacked:
     folder: Path
     description: model.Model
     fmi: str
+    interface: str
     binary: Path
     sha256: str
     notes: list[str] = field(default_factory=list)
@@ -76,22 +79,24 @@ class Unpacked:
         self.close()
 
 
-_open: dict[tuple[Path, str], Unpacked] = {}
+_open: dict[tuple[Path, str, str], Unpacked] = {}
 
 
-def share(path: str | Path) -> Unpacked:
+def share(path: str | Path, interface: str = "") -> Unpacked:
     """Unpack an FMU, or join those who use it already: its instances then share one library, as FMI means them to.
 
-    Known by its content: a file that was replaced is unpacked anew. Every user calls `close` once.
+    Known by its content: a file that was replaced is unpacked anew. Every user calls `close` once. `interface`:
+    CoSimulation or ModelExchange; none: Co-Simulation, if the FMU has it.
     """
     path = Path(path)
-    key = (path, digest(path))
+    key = (path, digest(path), interface)
     known = _open.get(key)
     if known is not None and known.users > 0:
         known.users += 1
         return known
-    _open[key] = unpack(path)
-    return _open[key]
+    made = unpack(path, interface)
+    _open[key] = _open[path, key[1], made.interface] = made
+    return made
 
 
 def digest(path: Path) -> str:
@@ -103,7 +108,7 @@ def digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def unpack(path: str | Path) -> Unpacked:
+def unpack(path: str | Path, interface: str = "") -> Unpacked:
     """Check an FMU, then unpack it into a temporary folder and read its description."""
     path = Path(path)
     sha256 = digest(path)
@@ -111,15 +116,17 @@ def unpack(path: str | Path) -> Unpacked:
     try:
         with path.open("rb") as file, open_archive(path, file) as archive:
             entries = check_entries(path, archive)
-            description = read_description(path, archive, entries)
+            description = read_description(path, archive, entries, interface)
             binary = find_binary(path, description, entries)
             plugs = entries.get(terminals.PLACE) if description.fmi == "3.0" else None
             shown = document(path, archive, plugs) if plugs is not None else b""
 
             # the folder is canonical: a library's own idea of its path must not differ
-            temporary = tempfile.TemporaryDirectory(prefix="twin-fmu-", ignore_cleanup_errors=True)
+            files = needed(entries, binary)
+            place = place_for(sum(info.file_size for info in files.values()))
+            temporary = tempfile.TemporaryDirectory(prefix="twin-fmu-", dir=place, ignore_cleanup_errors=True)
             root = Path(temporary.name).resolve()
-            extract(path, archive, needed(entries, binary), root / "fmu")
+            extract(path, archive, files, root / "fmu")
         (root / "fmu" / "resources").mkdir(exist_ok=True)
         parsed = described(path, description)
         notes = ["needs the tool it was made with on this machine"] if description.needs_tool else []
@@ -129,6 +136,7 @@ def unpack(path: str | Path) -> Unpacked:
             root / "fmu",
             parsed,
             description.fmi,
+            description.interface,
             root / "fmu" / binary,
             sha256,
             notes + left_out,
@@ -218,20 +226,22 @@ def checked_name(path: Path, info: zipfile.ZipInfo) -> str:
     return str(PurePosixPath(*parts))
 
 
-def read_description(path: Path, archive: zipfile.ZipFile, entries: dict[str, zipfile.ZipInfo]) -> markup.Description:
+def read_description(
+    path: Path, archive: zipfile.ZipFile, entries: dict[str, zipfile.ZipInfo], interface: str
+) -> markup.Description:
     """modelDescription.xml, parsed safely and checked for what a run needs."""
     info = entries.get("modelDescription.xml")
     if info is None:
         inner = next((name for name in entries if name.endswith("/modelDescription.xml")), None)
         hint = f"It is in {inner!r}: zip the content of that folder" if inner else "This is not an FMU"
         raise FMUError(f"{path}: has no modelDescription.xml at its top. {hint}.")
-    return markup.check(path, document(path, archive, info))
+    return markup.check(path, document(path, archive, info), interface)
 
 
 def described(path: Path, description: markup.Description) -> model.Model:
     """What it says; FMUError if that makes no sense."""
     try:
-        return model.read(description.fmi, description.tree)
+        return model.read(description.fmi, description.tree, description.interface)
     except ValueError as error:
         reason = markup.one_line(error)
         raise FMUError(f"{path}: modelDescription.xml cannot be read ({reason}). Export the FMU once more.") from None

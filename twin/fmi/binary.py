@@ -11,15 +11,15 @@ import importlib.util
 import itertools
 import os
 import sys
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from twin import compiler
+from twin.dataclass import dataclass
 from twin.errors import FMUError, SimulationError
 from twin.fmi import archive, elf
-from twin.fmi.functions import Callbacks, Intermediate, Library, Logger2, Logger3, memory
+from twin.fmi.functions import Callbacks, ClockUpdate, Intermediate, Library, Logger2, Logger3, Preemption, memory
 from twin.fmi.markup import one_line
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 STATUS = ("OK", "WARNING", "DISCARD", "ERROR", "FATAL", "PENDING")
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
+EXCHANGE_2, CO_SIMULATION_2 = 0, 1  # fmi2Type
 LINES = 20  # log lines kept per instance
 
 
@@ -117,20 +118,48 @@ class Instance:
     kept: tuple[Any, ...]
 
 
-def instantiate(library: Library, unpacked: Unpacked, log: Log, visible: bool, logging: bool) -> Instance:
-    """Make the instance for Co-Simulation; its address is 0 if the FMU refuses."""
+def instantiate(
+    library: Library,
+    unpacked: Unpacked,
+    log: Log,
+    visible: bool,
+    logging: bool,
+    *,
+    events: bool = False,
+    early: bool = False,
+    update_clocks: Callable[[], None] | None = None,
+) -> Instance:
+    """Make the instance for the interface that is run; its address is 0 if the FMU refuses.
+
+    `events`: whether Event Mode is used, `early`: whether steps may end early; `update_clocks`: called from within a model
+    partition of Scheduled Execution.
+    """
     name, token = log.name.encode(), unpacked.description.token.encode()
     resources = unpacked.folder / "resources"
     if unpacked.fmi == "2.0":
         own = callbacks(log)
         place = resources.as_uri().encode()
-        address = library.make("fmi2Instantiate", name, 1, token, place, ctypes.byref(own), visible, logging)
+        kind = EXCHANGE_2 if unpacked.interface == "ModelExchange" else CO_SIMULATION_2
+        address = library.make("fmi2Instantiate", name, kind, token, place, ctypes.byref(own), visible, logging)
         return Instance(address, (own,))
     tell = Logger3(lambda _environment, status, _category, message: log.add(status, message))
     update = Intermediate()
     place = f"{resources}{os.sep}".encode()
-    told = (visible, logging, False, False, (ctypes.c_uint * 0)(), 0, None, tell, update)
+    if unpacked.interface == "ModelExchange":
+        address = library.make("fmi3InstantiateModelExchange", name, token, place, visible, logging, None, tell)
+        return Instance(address, (tell,))
+    if unpacked.interface == "ScheduledExecution":
+        assert update_clocks is not None
+        told_of_clocks = ClockUpdate(lambda _environment, call=update_clocks: call())  # type: ignore[misc]
+        alone = Preemption(do_nothing), Preemption(do_nothing)  # partitions run one after the other
+        given = name, token, place, visible, logging, None, tell, told_of_clocks, *alone
+        return Instance(library.make("fmi3InstantiateScheduledExecution", *given), (tell, told_of_clocks, *alone))
+    told = (visible, logging, events, early, (ctypes.c_uint * 0)(), 0, None, tell, update)
     return Instance(library.make("fmi3InstantiateCoSimulation", name, token, place, *told), (tell, update))
+
+
+def do_nothing() -> None:
+    """Nothing is preempted."""
 
 
 def last_words(lines: list[str]) -> str:

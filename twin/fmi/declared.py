@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin import clock
 from twin.coupling import DTYPES, MemberVariable, TerminalMember
+from twin.dataclass import dataclass
 from twin.errors import CouplingError, FMUError
 from twin.fmi import values
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
 
     from twin.fmi.model import Declared
 
@@ -29,7 +30,7 @@ FMI2_TYPES: dict[str, tuple[str, np.dtype[Any]]] = {
     "String":      ("String",      np.dtype(object)),
 }  # fmt: skip
 
-# the loop does not move clocks: they need event mode
+# `clocked` moves clocks
 FMI3_TYPES = {kind: (kind, dtype) for kind, dtype in {**DTYPES, "Clock": np.dtype(object)}.items()}
 
 
@@ -63,11 +64,11 @@ def step_size(text: str | None, where: str) -> float | None:
         raise FMUError(f"{where}: has fixedInternalStepSize={text!r}, expected a number [s].") from None
 
 
-def period(fixed: float | None, suggested: float | None, where: str) -> int:
-    """Period [ns] of an FMU whose step size must not vary; a suggestion (FMI 2.0) that is no whole ns is left out."""
+def period(fixed: float | None, suggested: float | None, where: str) -> clock.Time:
+    """Period [ns] of an FMU whose step size must not vary; a suggestion (FMI 2.0) that is no time is left out."""
     step = suggested if fixed is None else fixed
     try:
-        size = clock.nanoseconds(step, "fixed step size") if step else 0
+        size: clock.Time = clock.nanoseconds(step, "fixed step size") if step else 0
     except CouplingError as error:
         if fixed is not None:
             raise FMUError(f"{where}: {error}") from None
@@ -85,14 +86,6 @@ def items(declared: Declared, where: str) -> values.Items:
         raise FMUError(
             f"{where}: the items of {declared.name} have no whole numbers. Export the FMU once more."
         ) from None
-
-
-def refuse_clocks(declared: Iterable[Declared], where: str) -> None:
-    """Input clocks tick in event mode only, which is not supported."""
-    clocks = [each.name for each in declared if each.type == "Clock" and each.causality == "input"]
-    if clocks:
-        names = ", ".join(clocks[:3]) + (", ..." if len(clocks) > 3 else "")
-        raise FMUError(f"{where}: has input clocks ({names}). They need event mode, which is not supported yet.")
 
 
 def variable(

@@ -6,7 +6,6 @@
 from __future__ import annotations
 
 import inspect
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from lxml import etree
@@ -15,6 +14,7 @@ import twin
 from twin import clock
 from twin.compiler import Tangents, flow, tangents
 from twin.component import Boolean, Float64, Int64, Role, Variable, evaluation, unit
+from twin.dataclass import dataclass
 from twin.errors import BuildError
 
 if TYPE_CHECKING:
@@ -89,16 +89,22 @@ def offers_derivatives(cls: type[Component]) -> bool:
 def is_intermediate(cls: type[Component], exposed: Exposed) -> bool:
     """Whether a variable can be set or read between communication points: a continuous input or output can."""
     is_signal = exposed.variable.role in (Role.input, Role.output) and exposed.variability == "continuous"
-    return offers_exchange(cls) and is_signal
+    return offers_exchange(cls) and not cls.period_ns and is_signal
 
 
 def _properties(cls: type[Component], variable: Variable, written: dict[str, frozenset[str]]) -> tuple[str, str]:
     """`initial` and `variability`; a start value is exact unless initialization may write the variable."""
     if variable.role is Role.parameter:
         return "exact", "fixed" if variable.fixed else "tunable"
-    continuous = hasattr(cls, "derivatives") and variable.type is Float64
+    continuous = offers_exchange(cls) and variable.type is Float64
     is_written = variable.name in written or variable.role is Role.derivative
     return "calculated" if is_written else "exact", "continuous" if continuous else "discrete"
+
+
+def derivative_name(name: str) -> str:
+    """FMI's name of a derivative: `der(x)` for `der_x`, in a group `der(part.x)` for `part.der_x`."""
+    part, dot, own = name.rpartition(".")
+    return f"der({part}{dot}{own.removeprefix('der_')})"
 
 
 def expose_arrays(cls: type[Component]) -> list[Exposed]:
@@ -107,7 +113,7 @@ def expose_arrays(cls: type[Component]) -> list[Exposed]:
     starts = cls.start_values()
     result = []
     for reference, variable in enumerate(cls.variables, 1):
-        name = f"der({variable.name[4:]})" if variable.role is Role.derivative else variable.name
+        name = derivative_name(variable.name) if variable.role is Role.derivative else variable.name
         initial, variability = _properties(cls, variable, written)
         start = tuple(starts[variable.name].reshape(-1).tolist())
         offset = cls.layout.offset(variable.name)
@@ -131,7 +137,7 @@ def expose_scalars(cls: type[Component]) -> list[Exposed]:
                 f"{cls.__name__}.{variable.name}: start does not fit 32 bits of FMI 2.0. Export for FMI 3.0."
             )
         for index, element in enumerate(variable.elements()):
-            name = f"der({element[4:]})" if variable.role is Role.derivative else element
+            name = derivative_name(element) if variable.role is Role.derivative else element
             offset = whole.offset + index * variable.dtype.itemsize
             start = (whole.start[index],)
             traits = (whole.initial, whole.variability)
@@ -240,7 +246,12 @@ def _add_unknown(parent: Any, tag: str, reference: str, row: Unknown, number: Ca
 
 def _state_places(exposed: list[Exposed]) -> dict[tuple[str, int], int]:
     """Place of every state element, by the name of its derivative."""
-    return {(f"der_{e.variable.name}", e.element): i for i, e in enumerate(exposed) if e.variable.role is Role.state}
+    names = [e.variable.name.rpartition(".") for e in exposed]
+    return {
+        (f"{part}{dot}der_{own}", e.element): i
+        for i, (e, (part, dot, own)) in enumerate(zip(exposed, names, strict=True))
+        if e.variable.role is Role.state
+    }
 
 
 def _document(cls: type[Component], **attributes: Any) -> Any:
@@ -335,8 +346,8 @@ def describe_3(cls: type[Component], name: str, token: str, exposed: list[Expose
         canSerializeFMUState=True,
         providesDirectionalDerivatives=offers_derivatives(cls) or None,
         fixedInternalStepSize=clock.seconds(cls.period_ns) if cls.period_ns else None,
-        providesIntermediateUpdate=offers_exchange(cls) or None,
-        canReturnEarlyAfterIntermediateUpdate=offers_exchange(cls) or None,
+        providesIntermediateUpdate=(offers_exchange(cls) and not cls.period_ns) or None,
+        canReturnEarlyAfterIntermediateUpdate=(offers_exchange(cls) and not cls.period_ns) or None,
         hasEventMode=bool(cls.period_ns) or None,
         mightReturnEarlyFromDoStep=bool(cls.period_ns) or None,
     )

@@ -12,7 +12,6 @@ import io
 import uuid
 import zipfile
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +20,7 @@ import twin
 from twin import compiler, installed
 from twin.compiler import model_name, tangents
 from twin.component import Component, PythonComponent, Role, source
+from twin.dataclass import dataclass
 from twin.errors import BuildError
 from twin.fmi import description, terminals
 from twin.fmi.archive import FOLDERS

@@ -8,7 +8,7 @@ from __future__ import annotations
 import _ctypes
 import ctypes
 import os
-from ctypes import CFUNCTYPE, POINTER, c_bool, c_char_p, c_double, c_int, c_size_t, c_uint, c_void_p
+from ctypes import CFUNCTYPE, POINTER, c_bool, c_char_p, c_double, c_int, c_size_t, c_uint, c_uint64, c_void_p
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,8 @@ Free = CFUNCTYPE(None, c_void_p)
 StepFinished = CFUNCTYPE(None, c_void_p, c_int)
 Logger3 = CFUNCTYPE(None, c_void_p, c_int, c_char_p, c_char_p)
 Intermediate = CFUNCTYPE(None, c_void_p, c_double, c_bool, c_bool, c_bool, c_bool, POINTER(c_bool), POINTER(c_double))
+ClockUpdate = CFUNCTYPE(None, c_void_p)
+Preemption = CFUNCTYPE(None)
 
 
 class Callbacks(ctypes.Structure):
@@ -34,7 +36,23 @@ class Callbacks(ctypes.Structure):
     )
 
 
+
+
+class EventInfo(ctypes.Structure):
+    """fmi2EventInfo: what fmi2NewDiscreteStates tells."""
+
+    _fields_ = (
+        ("newDiscreteStatesNeeded", c_int),
+        ("terminateSimulation", c_int),
+        ("nominalsOfContinuousStatesChanged", c_int),
+        ("valuesOfContinuousStatesChanged", c_int),
+        ("nextEventTimeDefined", c_int),
+        ("nextEventTime", c_double),
+    )
+
+
 REFERENCES = (POINTER(c_uint), c_size_t)
+VECTOR = (POINTER(c_double), c_size_t)
 EXPERIMENT_2 = (c_int, c_double, c_double, c_int, c_double)
 EXPERIMENT_3 = (c_bool, c_double, c_double, c_bool, c_double)
 FLAG = POINTER(c_bool)
@@ -63,6 +81,44 @@ FUNCTIONS: dict[str, tuple[Any, ...]] = {
     "fmi3FreeFMUState":             (POINTER(c_void_p),),
     "fmi3DoStep":                   (c_double, c_double, c_bool, FLAG, FLAG, FLAG, POINTER(c_double)),
     "fmi3GetBinary":                (*REFERENCES, POINTER(c_size_t), POINTER(POINTER(ctypes.c_uint8)), c_size_t),
+
+    # Model Exchange
+    "fmi2EnterEventMode":           (),
+    "fmi2NewDiscreteStates":        (POINTER(EventInfo),),
+    "fmi2EnterContinuousTimeMode":  (),
+    "fmi2CompletedIntegratorStep":  (c_int, POINTER(c_int), POINTER(c_int)),
+    "fmi2SetTime":                  (c_double,),
+    "fmi2SetContinuousStates":      VECTOR,
+    "fmi2GetContinuousStates":      VECTOR,
+    "fmi2GetDerivatives":           VECTOR,
+    "fmi2GetEventIndicators":       VECTOR,
+    "fmi2GetNominalsOfContinuousStates": VECTOR,
+    "fmi2GetDirectionalDerivative": (*REFERENCES, *REFERENCES, POINTER(c_double), POINTER(c_double)),
+    "fmi3EnterEventMode":           (),
+    "fmi3UpdateDiscreteStates":     (FLAG, FLAG, FLAG, FLAG, FLAG, POINTER(c_double)),
+    "fmi3EnterContinuousTimeMode":  (),
+    "fmi3CompletedIntegratorStep":  (c_bool, FLAG, FLAG),
+    "fmi3SetTime":                  (c_double,),
+    "fmi3SetContinuousStates":      VECTOR,
+    "fmi3GetContinuousStates":      VECTOR,
+    "fmi3GetContinuousStateDerivatives": VECTOR,
+    "fmi3GetEventIndicators":       VECTOR,
+    "fmi3GetNominalsOfContinuousStates": VECTOR,
+    "fmi3GetNumberOfContinuousStates": (POINTER(c_size_t),),
+    "fmi3GetNumberOfEventIndicators": (POINTER(c_size_t),),
+    "fmi3GetDirectionalDerivative": (*REFERENCES, *REFERENCES, *VECTOR, *VECTOR),
+
+    # clocks
+    "fmi3EnterStepMode":            (),
+    "fmi3GetClock":                 (*REFERENCES, FLAG),
+    "fmi3SetClock":                 (*REFERENCES, FLAG),
+    "fmi3GetIntervalDecimal":       (*REFERENCES, POINTER(c_double), POINTER(c_int)),
+    "fmi3GetIntervalFraction":      (*REFERENCES, POINTER(c_uint64), POINTER(c_uint64), POINTER(c_int)),
+    "fmi3GetShiftDecimal":          (*REFERENCES, POINTER(c_double)),
+    "fmi3GetShiftFraction":         (*REFERENCES, POINTER(c_uint64), POINTER(c_uint64)),
+    "fmi3SetIntervalDecimal":       (*REFERENCES, POINTER(c_double)),
+    "fmi3SetIntervalFraction":      (*REFERENCES, POINTER(c_uint64), POINTER(c_uint64)),
+    "fmi3ActivateModelPartition":   (c_uint, c_double),
 }  # fmt: skip
 FUNCTIONS["fmi3SetBinary"] = FUNCTIONS["fmi3GetBinary"]
 
@@ -84,8 +140,12 @@ for version, kinds in VALUES.items():
 # these make an instance, so that none is passed
 MAKERS: dict[str, tuple[Any, ...]] = {
     "fmi2Instantiate": (c_char_p, c_int, c_char_p, c_char_p, POINTER(Callbacks), c_int, c_int),
+    "fmi3InstantiateModelExchange": (c_char_p, c_char_p, c_char_p, c_bool, c_bool, c_void_p, Logger3),
     "fmi3InstantiateCoSimulation": (
         c_char_p, c_char_p, c_char_p, c_bool, c_bool, c_bool, c_bool, *REFERENCES, c_void_p, Logger3, Intermediate,
+    ),
+    "fmi3InstantiateScheduledExecution": (
+        c_char_p, c_char_p, c_char_p, c_bool, c_bool, c_void_p, Logger3, ClockUpdate, Preemption, Preemption,
     ),
 }  # fmt: skip
 

@@ -1,24 +1,30 @@
-"""Somebody's FMU as a member of a co-simulation: FMI 2.0 or 3.0, Co-Simulation, its C functions by address."""
+"""Somebody's FMU as a member of a co-simulation: FMI 2.0 or 3.0, its C functions by address.
+
+What is said here of steps is Co-Simulation's; `exchange` has Model Exchange.
+"""
 
 from __future__ import annotations
 
 import ctypes
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from twin.coupling import Access, Member, MemberVariable
+from twin.coupling import Access, Member, MemberVariable, Way
 from twin.errors import CouplingError, FMUError, SimulationError
-from twin.fmi import binary, units, values
+from twin.fmi import binary, clocks, units, values
 from twin.fmi import declared as declarations
 from twin.fmi.archive import share
 from twin.fmi.functions import FUNCTIONS, CallError, MissingFunctionError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
     from twin.fmi.functions import Library
+    from twin.fmi.tables import Inputs
 
 # the part of fmi2GetXXX and fmi3GetXXX that stands for a type
 FMI2_FUNCTIONS = {"Float64": "Real", "Int32": "Integer", "Enumeration": "Integer"}
@@ -34,6 +40,7 @@ class FMUMember(Member):
 
     alone: ClassVar[dict[str, FMUMember]] = {}  # by token: living instances of FMUs that allow one per process
     abandoned: ClassVar[list[Any]] = []  # libraries that failed fatally
+    interface = ""  # CoSimulation or ModelExchange; none: what the FMU has, Co-Simulation rather
 
     def __init__(
         self,
@@ -47,13 +54,14 @@ class FMUMember(Member):
         self.log: list[str] = []
         self.notes: list[str] = []
         self.tolerance: float | None = None
-        self._visible, self._logging = visible, logging
+        self._visible, self.logs = visible, logging
         self._library: Library | None = None
         self._made: binary.Instance | None = None
         self._state = "none"
         self._log: binary.Log | None = None
         self._closed = False
-        self._unpacked = share(path)
+        self._given: dict[str, np.ndarray[Any, Any]] = {}  # inputs that were set other than by the loop
+        self._unpacked = share(path, self.interface)
         try:
             self._describe(dict(start_values or {}))
         except BaseException:
@@ -68,12 +76,12 @@ class FMUMember(Member):
         self._declared = {declared.name: declared for declared in description.variables}
         self._items = {name: declarations.items(declared, where) for name, declared in self._declared.items()}
         self._dependencies = description.dependencies
-        declarations.refuse_clocks(self._declared.values(), where)
         self.capabilities = description.capabilities
         self.can_get_and_set_state = self.capabilities["canGetAndSetFMUState"]
         # those of others often say so and cannot, or it takes them long
         self.can_restore = self.can_get_and_set_state and description.generator.startswith("twin ")
-        self._saved = ctypes.c_void_p()
+        self.can_roll_back = self.can_get_and_set_state
+        self._saved, self._places = ctypes.c_void_p(), list[ctypes.c_void_p]()
         self.default_experiment = declarations.experiment(description.experiment, where)
         self.fixed_step = declarations.step_size(description.fixed_step, where)
         if not self.capabilities["canHandleVariableCommunicationStepSize"]:
@@ -99,7 +107,8 @@ class FMUMember(Member):
             name: declarations.variable(declared, types, sizes, self._dependencies, where, places.get(name, ()))
             for name, declared in self._declared.items()
         }
-        return {name: units.named(one, self._units) for name, one in found.items()}
+        named = {name: units.named(one, self._units) for name, one in found.items()}
+        return clocks.shown(named, self._unpacked.description.clocks, self.capabilities)
 
     def _start_values(self, given: dict[str, Any]) -> dict[str, np.ndarray[Any, Any]]:
         """Convert the start values; structural parameters come first since they change the shapes of others."""
@@ -144,6 +153,10 @@ class FMUMember(Member):
         what = f"{declared.causality}, {declared.variability}, initial {declared.initial}"
         raise FMUError(f"{where}: {variable.name} cannot be set ({what}). Set a parameter, an input or a start state.")
 
+    def follow(self, inputs: Inputs) -> Callable[[float], None] | None:
+        """Take inputs over time from a table by itself; None: they are to be set at every communication point."""
+        return None
+
     def rename(self, old: str, new: str) -> None:
         """Know a variable by another name: `der(x)` of an FMU is `der_x` in records."""
         self.variables = {
@@ -169,14 +182,15 @@ class FMUMember(Member):
         self._log = binary.Log(self.name, self.log)
         try:
             self._library = binary.load(self._unpacked)
-            self._made = binary.instantiate(self._library, self._unpacked, self._log, self._visible, self._logging)
+            told = self._library, self._unpacked, self._log, self._visible, self.logs
+            self._made = binary.instantiate(*told, **self._instance_options())
         except MissingFunctionError as error:
             raise FMUError(f"{path}: {error}") from None
         self.instance = self._made.address
         if not self.instance:
             raise FMUError(f"{path}: refuses to be instantiated.{binary.last_words(self.log)}")
         self._state = "instantiated"
-        self.step_function, self.step_name = self._address("DoStep"), f"{self._prefix}DoStep"
+        self._find_step()
         if self._structural:
             self._call("fmi3EnterConfigurationMode")
             for name, value in self._structural.items():
@@ -184,6 +198,14 @@ class FMUMember(Member):
             self._call("fmi3ExitConfigurationMode")
         for name, value in self._start.items():
             self._write(self.variables[name], value)
+
+    def _instance_options(self) -> dict[str, Any]:
+        """What else the instance is told when it is made."""
+        return {"early": self.early}
+
+    def _find_step(self) -> None:
+        """Know the function that steps the instance."""
+        self.step_function, self.step_name = self._address("DoStep"), f"{self._prefix}DoStep"
 
     def enter_initialization(self, t: float, stop: float | None) -> None:
         experiment = (self.tolerance is not None, self.tolerance or 0.0, t, stop is not None, stop or 0.0)
@@ -237,6 +259,20 @@ class FMUMember(Member):
     def restore(self, saved: ctypes.c_void_p) -> None:
         self._call(self._state_function("Set"), saved)
 
+    def input_derivatives(self) -> int:
+        return self._address("SetRealInputDerivatives") if self.capabilities["canInterpolateInputs"] else 0
+
+    def slopes(self, inputs: list[MemberVariable], outputs: list[MemberVariable]) -> Any:
+        from twin.fmi.slopes import slopes
+
+        return slopes(self, inputs, outputs)
+
+    def way(self, count: int) -> Way:
+        places = [ctypes.c_void_p() for _ in range(count)]
+        self._places += places
+        get, set_ = (self._address(self._state_function(verb).removeprefix(self._prefix)) for verb in ("Get", "Set"))
+        return Way(get=get, set=set_, places=tuple(ctypes.addressof(one) for one in places))
+
     def _state_function(self, verb: str) -> str:
         return f"{self._prefix}{verb}FMU{'s' if self._unpacked.fmi == '2.0' else 'S'}tate"
 
@@ -265,8 +301,8 @@ class FMUMember(Member):
             # no function may be called any more, and neither its code nor its callbacks may vanish
             self.abandoned.append((self._library, self._made))
             return
-        if self._saved:
-            self._call(self._state_function("Free"), ctypes.byref(self._saved))
+        for saved in (one for one in (self._saved, *self._places) if one):
+            self._call(self._state_function("Free"), ctypes.byref(saved))
         if self.alone.get(token) is self:
             del self.alone[token]
         if self.instance:
@@ -278,10 +314,15 @@ class FMUMember(Member):
 
     def set(self, name: str, value: Any) -> None:
         variable = self.variables[name]
-        self._write(variable, values.array(variable, value, self._items[name], self.name))
+        found = values.array(variable, value, self._items[name], self.name)
+        self._write(variable, found)
+        if variable.causality == "input":
+            self._given[name] = found.copy()
 
     def get(self, name: str) -> Any:
         variable = self.variables[name]
+        if variable.causality == "input" and (known := self._given.get(name, variable.start)) is not None:
+            return np.array(known, variable.dtype).reshape(variable.shape)[()]  # many FMUs refuse to be asked
         if not variable.connectable:
             return self._read_objects(variable)
         buffer = np.zeros(variable.size, variable.dtype)
@@ -341,7 +382,21 @@ class FMUMember(Member):
         reference = (ctypes.c_uint * 1)(variable.references[0])
         pointer = ctypes.cast(ctypes.c_void_p(buffer.ctypes.data), FUNCTIONS[function][2])
         size = () if self._unpacked.fmi == "2.0" else (buffer.size,)
-        self._call(function, reference, 1, pointer, *size)
+        with self._about(variable):
+            self._call(function, reference, 1, pointer, *size)
+
+    @contextmanager
+    def _about(self, variable: MemberVariable) -> Iterator[None]:
+        """Name the variable that a refused call was about."""
+        try:
+            yield
+        except SimulationError as error:
+            raise SimulationError(f"{error} It was asked for {variable.name} ({self._reference(variable)}).") from None
+
+    @staticmethod
+    def _reference(variable: MemberVariable) -> str:
+        """`value reference 5`."""
+        return f"value reference {', '.join(map(str, variable.references[:3]))}{'...' * (len(variable.references) > 3)}"
 
     def _write(self, variable: MemberVariable, value: np.ndarray[Any, Any]) -> None:
         if variable.connectable:

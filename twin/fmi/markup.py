@@ -6,11 +6,11 @@ Without the schema, since many FMUs break it in places that do not matter; what 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from lxml import etree
 
+from twin.dataclass import dataclass
 from twin.errors import FMUError
 
 if TYPE_CHECKING:
@@ -24,13 +24,19 @@ FMI3_TYPES = {
 VARIABLES = 200_000  # largest number of variables: 10 s and 1 GB
 REFERENCES = 1 << 32  # value references are 32 bit
 TRUE = {"true", "1"}
+INTERFACES = {  # the first that is there is taken
+    "CoSimulation": "Co-Simulation",
+    "ModelExchange": "Model Exchange",
+    "ScheduledExecution": "Scheduled Execution",
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """What must be known before unpacking; `tree` is the whole document."""
+    """What must be known before unpacking; `interface` is that of a run, `tree` the whole document."""
 
     fmi: str
+    interface: str
     identifier: str
     needs_tool: bool
     tree: Any
@@ -58,8 +64,8 @@ def root_of(where: str, content: bytes) -> Any:
     return root
 
 
-def check(path: Path, content: bytes) -> Description:
-    """Parse the document and check version, interface and variables."""
+def check(path: Path, content: bytes, wanted: str = "") -> Description:
+    """Parse the document and check version, interface and variables; `wanted`: an interface, none: what there is."""
     where = f"{path}: modelDescription.xml"
     root = root_of(where, content)
     if root.tag != "fmiModelDescription":
@@ -68,15 +74,7 @@ def check(path: Path, content: bytes) -> Description:
     if not re.fullmatch(r"2\.0|3\.0(\.\d+)?", version):
         said = f"is for FMI {version}" if version else "does not say for which FMI version it is"
         raise FMUError(f"{where} {said}; FMI 2.0 and 3.0 are supported. Export the FMU for one of them.")
-    interface = root.find("CoSimulation")
-    if interface is None:
-        others = [
-            text
-            for tag, text in (("ModelExchange", "Model Exchange"), ("ScheduledExecution", "Scheduled Execution"))
-            if root.find(tag) is not None
-        ]
-        what = f"is for {' and '.join(others)} only" if others else "names no interface"
-        raise FMUError(f"{path}: {what}; Co-Simulation is needed. Export it for Co-Simulation.")
+    interface = interface_of(path, root, (wanted,) if wanted else tuple(INTERFACES))
     identifier = interface.get("modelIdentifier", "")
     if not re.fullmatch(r"\w[\w.+\- ]*", identifier):
         raise FMUError(f"{where}: modelIdentifier {identifier!r} is not the name of a library. Use letters and digits.")
@@ -85,9 +83,19 @@ def check(path: Path, content: bytes) -> Description:
         word = "guid" if version == "2.0" else "instantiationToken"
         raise FMUError(f"{where} has no {word}, without which no FMU starts. Export the FMU once more.")
     check_variables(where, root, version)
-    return Description(
-        "2.0" if version == "2.0" else "3.0", identifier, interface.get("needsExecutionTool") in TRUE, root
-    )
+    needs_tool = interface.get("needsExecutionTool") in TRUE
+    return Description("2.0" if version == "2.0" else "3.0", interface.tag, identifier, needs_tool, root)
+
+
+def interface_of(path: Path, root: Any, wanted: tuple[str, ...]) -> Any:
+    """The element of the first interface that is there; FMUError with those that there are instead."""
+    found = next((element for tag in wanted if (element := root.find(tag)) is not None), None)
+    if found is not None:
+        return found
+    others = [text for tag, text in INTERFACES.items() if root.find(tag) is not None]
+    what = f"is for {' and '.join(others)} only" if others else "names no interface"
+    needed = " or ".join(INTERFACES[tag] for tag in wanted)
+    raise FMUError(f"{path}: {what}; {needed} is needed. Export it for {needed}.")
 
 
 def check_variables(where: str, root: Any, version: str) -> None:
@@ -143,4 +151,5 @@ def check_dimension(place: str, dimension: Any, variables: dict[int, Any]) -> No
 
 def whole(text: str | None) -> int | None:
     """A number without sign, as XML holds it."""
-    return int(text) if text is not None and re.fullmatch(r"\s*[0-9]{1,19}\s*", text) else None
+    digits = text.strip() if text is not None else ""
+    return int(digits) if digits.isdecimal() and digits.isascii() and len(digits) < 20 else None

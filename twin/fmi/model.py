@@ -6,10 +6,13 @@ the standard: FMI 2.0.4, section 2.2.7; FMI 3.0.1, section 2.4.7.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import field
 from typing import Any
 
 from twin.component import unit as units
+from twin.dataclass import dataclass
+from twin.fmi import clocks
 from twin.fmi.markup import FMI2_TYPES, TRUE, whole
 
 INITIAL = {  # by variability and causality
@@ -113,6 +116,20 @@ class DeclaredUnit:
     displays: tuple[tuple[str, float, float], ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Continuous:
+    """What Model Exchange needs: value references of the states and of their derivatives, in order, whole arrays.
+
+    `indicators`: how many event indicators, as FMI 2.0 says it; FMI 3.0 is asked. `tells_steps`: whether the FMU is to be
+    told of every step of the solver.
+    """
+
+    states: tuple[int, ...]
+    derivatives: tuple[int, ...]
+    indicators: int
+    tells_steps: bool
+
+
 @dataclass(slots=True)
 class Model:
     """A model description. `experiment` and `fixed_step` are texts as they are written.
@@ -128,13 +145,19 @@ class Model:
     fixed_step: str | None
     experiment: dict[str, str]
     units: list[DeclaredUnit]
+    has_exchange: bool = False  # whether Model Exchange is offered
+    continuous: Continuous | None = None  # if that is the interface, or its directional derivatives are told
     variables: list[Declared] = field(default_factory=list)
     dependencies: dict[str, tuple[str, ...] | None] = field(default_factory=dict)
+    clocks: clocks.Clocks = field(default_factory=clocks.Clocks)
 
 
-def read(fmi: str, root: Any) -> Model:
-    """The description from its root element, whose variables `markup.check` has seen; ValueError with the line."""
-    interface = root.find("CoSimulation")
+def read(fmi: str, root: Any, tag: str = "CoSimulation") -> Model:
+    """The description from its root element, whose variables `markup.check` has seen; ValueError with the line.
+
+    `tag`: of the interface.
+    """
+    interface = root.find(tag)
     experiment = root.find("DefaultExperiment")
     model = Model(
         fmi,
@@ -145,6 +168,7 @@ def read(fmi: str, root: Any) -> Model:
         interface.get("fixedInternalStepSize"),
         {} if experiment is None else dict(experiment.attrib),
         [unit(one) for one in root.iterfind("UnitDefinitions/Unit")],
+        root.find("ModelExchange") is not None,
     )
     types = {name: found for name, found in map(fmi2_type if fmi == "2.0" else fmi3_type, types_of(fmi, root)) if name}
     elements = [one for one in root.find("ModelVariables") if isinstance(one.tag, str)]
@@ -155,7 +179,39 @@ def read(fmi: str, root: Any) -> Model:
     ]
     model.variables = bare + aliases
     model.dependencies = dependencies(fmi, root, bare)
+    if fmi == "3.0":
+        model.clocks = clocks.read(root, bare)
+    if tag == "ScheduledExecution":  # it makes no steps, and is in Event Mode when partitions run, so to speak
+        model.capabilities |= dict.fromkeys(("canHandleVariableCommunicationStepSize", "hasEventMode"), True)
+    elif tag == "ModelExchange":
+        model.continuous = continuous(fmi, root, elements, bare)
+        model.capabilities["canHandleVariableCommunicationStepSize"] = True  # a solver chooses its steps
+    elif model.capabilities["providesDirectionalDerivatives"]:
+        with suppress(ValueError):  # nobody steps with what it says there
+            model.continuous = continuous(fmi, root, elements, bare)
     return model
+
+
+def continuous(fmi: str, root: Any, elements: list[Any], bare: list[Declared]) -> Continuous:
+    """What Model Exchange needs of ModelStructure and of the interface."""
+    interface = root.find("ModelExchange")
+    if fmi == "2.0":
+        known, key, path = dict(enumerate(bare, 1)), "index", "ModelStructure/Derivatives/Unknown"
+    else:
+        known, key, path = {one.reference: one for one in bare}, "valueReference", "ModelStructure/ContinuousStateDerivative"
+    of = {one.name: element for one, element in zip(bare, elements, strict=True)}
+    states, derivatives = [], []
+    for element in root.iterfind(path):
+        place = f"line {element.sourceline}: <{element.tag}>, {key}"
+        derivative = named(element.get(key), known, place)
+        holder = of[derivative.name] if fmi == "3.0" else next(iter(of[derivative.name].iterfind("Real")), element)
+        states.append(named(holder.get("derivative"), known, f"{place}: {derivative.name!r}, derivative").reference)
+        derivatives.append(derivative.reference)
+    told = None if interface is None else interface.get("needsCompletedIntegratorStep" if fmi == "3.0" else "completedIntegratorStepNotNeeded")
+    return Continuous(
+        tuple(states), tuple(derivatives), whole(root.get("numberOfEventIndicators")) or 0,
+        (told in TRUE) == (fmi == "3.0"),
+    )  # fmt: skip
 
 
 def capabilities(fmi: str, interface: Any) -> dict[str, bool]:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import fnmatch
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
+from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ import numpy as np
 
 from twin import clock
 from twin.compiler import machine
+from twin.dataclass import dataclass
 from twin.errors import CouplingError, FMUError, SimulationError, nearest
 from twin.fmi import binary
 from twin.fmi.tables import Column, Results
@@ -38,9 +40,9 @@ FLAGS = 5  # words that fmi3DoStep writes: event, terminate, early return, last 
 class Plan:
     """When to step and what to record; times in ns. `every`: steps between two recorded rows."""
 
-    start: int
-    stop: int
-    step: int
+    start: clock.Time
+    stop: clock.Time
+    step: clock.Time
     every: int
     record: tuple[str, ...]
     notes: tuple[str, ...] = ()
@@ -64,28 +66,23 @@ class Outcome:
 def plan(
     member: FMUMember,
     *,
-    start: float | None = None,
-    stop: float | None = None,
-    step: float | None = None,
-    interval: float | None = None,
+    start: float | str | None = None,
+    stop: float | str | None = None,
+    step: float | str | None = None,
+    interval: float | str | None = None,
     record: tuple[str, ...] = (),
 ) -> Plan:
     """Times from the arguments, else from what the FMU suggests, else (stop - start) / 500; times in s."""
     suggested, name = member.default_experiment, member.identity["file"]
     notes: list[str] = []
-    begin = whole(start, suggested.start, 0, f"{name}: start time", notes)
-    end = whole(stop, suggested.stop, begin + clock.NANOSECONDS, f"{name}: stop time", notes)
+    begin = exact(start, suggested.start, 0, f"{name}: start time")
+    end = exact(stop, suggested.stop, begin + clock.NANOSECONDS, f"{name}: stop time")
     if end <= begin:
         raise FMUError(f"{name}: stops at {clock.text(end)}, not after its start {clock.text(begin)}. Use --stop-time.")
-    spacing = whole(interval, None, 0, f"{name}: output interval", notes)
+    spacing = exact(interval, None, 0, f"{name}: output interval")
     default = member.period_ns or spacing or decimal_step(end - begin)
-    size = whole(
-        step,
-        None if member.period_ns else suggested.step_size or member.fixed_step,
-        default,
-        f"{name}: step size",
-        notes,
-    )
+    own = None if member.period_ns else suggested.step_size or member.fixed_step
+    size = exact(step, own, default, f"{name}: step size")
     if size <= 0:
         raise FMUError(f"{name}: step size {clock.text(size)} is not positive. Use --step-size.")
     if interval is not None and spacing <= 0:
@@ -100,11 +97,12 @@ def plan(
             f"{name}: output interval {clock.text(spacing)} is not a multiple of the step {clock.text(size)}. "
             f"Use --step-size {clock.seconds(dividing_step(spacing, size))} or another interval."
         )
+    clock.counted(begin, size, end)
     return Plan(begin, end, size, spacing // size, choose(member, record, notes), tuple(notes))
 
 
-def whole(given: float | None, suggested: float | None, default: int, what: str, notes: list[str]) -> int:
-    """A time [ns]: what the user gave must be exact, what the FMU suggests may be rounded to 1 ns with a note."""
+def exact(given: float | str | None, suggested: float | None, default: clock.Time, what: str) -> clock.Time:
+    """A time [ns]: what the user gave, or else what the FMU suggests, if it is one."""
     if given is not None:
         return clock.nanoseconds(given, what)
     if suggested is None or not math.isfinite(suggested):
@@ -112,27 +110,25 @@ def whole(given: float | None, suggested: float | None, default: int, what: str,
     try:
         return clock.nanoseconds(suggested, what)
     except CouplingError:
-        rounded = round(suggested * clock.NANOSECONDS)
-        notes.append(f"{what} {suggested} s is rounded to {clock.seconds(rounded)} s")
-        return rounded or default
+        return default
 
 
-def decimal_step(duration: int) -> int:
+def decimal_step(duration: clock.Time) -> int:
     """The largest 1, 2 or 5 times a power of ten [ns] that makes at least 500 steps."""
-    wanted = max(duration // POINTS, 1)
+    wanted = max(int(duration // POINTS), 1)
     power: int = 10 ** (len(str(wanted)) - 1)
     return max(factor * power for factor in (1, 2, 5) if factor * power <= wanted)
 
 
-def dividing_step(interval: int, longest: int) -> int:
-    """The longest step [ns] that divides an interval and is not above `longest`."""
-    count = -(-interval // longest)
-    while interval % count:
+def dividing_step(interval: clock.Time, longest: clock.Time) -> clock.Time:
+    """The longest step [ns] that divides an interval and is not above `longest`; of whole nanoseconds if that is."""
+    count = int(-(-interval // longest))
+    while isinstance(interval, int) and interval % count:
         count += 1
-    return interval // count
+    return clock.whole(Fraction(interval) / count)
 
 
-def check_step(member: FMUMember, begin: int, end: int, step: int) -> None:
+def check_step(member: FMUMember, begin: clock.Time, end: clock.Time, step: clock.Time) -> None:
     """Refuse what a fixed-step FMU cannot do."""
     if member.capabilities["canHandleVariableCommunicationStepSize"]:
         return
@@ -158,7 +154,7 @@ def choose(member: FMUMember, wanted: tuple[str, ...], notes: list[str]) -> tupl
     if not wanted:
         for causality in ("output", "local"):
             found = [
-                each.name for each in member.variables.values() if each.causality == causality and each.type != "Clock"
+                each.name for each in member.variables.values() if each.causality == causality and can_record(each)
             ]
             if found:
                 if causality == "local":
@@ -171,7 +167,7 @@ def choose(member: FMUMember, wanted: tuple[str, ...], notes: list[str]) -> tupl
             [pattern]
             if pattern in member.variables
             else fnmatch.filter(
-                [name for name, each in member.variables.items() if each.type != "Clock"], pattern.replace("[", "[[]")
+                [name for name, each in member.variables.items() if can_record(each)], pattern.replace("[", "[[]")
             )
         )
         if not matched:
@@ -180,6 +176,11 @@ def choose(member: FMUMember, wanted: tuple[str, ...], notes: list[str]) -> tupl
             )
         names.update(dict.fromkeys(matched))
     return tuple(names)
+
+
+def can_record(variable: MemberVariable) -> bool:
+    """Whether it has a value: all but clocks that nobody lets tick."""
+    return variable.type != "Clock" or variable.connectable
 
 
 class Mover:
@@ -250,7 +251,7 @@ class Feeder:
 class Sampler:
     """Records variables of a running FMU; in files of `folder`, if given, so that they outlive this process.
 
-    `last`: how many rows there are, and the time of the step at work [ns]. `again`: read what another process recorded.
+    `last`: how many rows there are, and the time of the step at work [s]. `again`: read what another process recorded.
     """
 
     def __init__(
@@ -264,11 +265,11 @@ class Sampler:
             raise FMUError(
                 f"{member.name}: {scalars} values to record are too many. Use --output-interval or --record."
             )
-        self.last = self.table("last", (2,), np.dtype(np.int64))
-        self.when = self.table("times", (rows,), np.dtype(np.int64))
+        self.last = self.table("last", (2,), np.dtype(np.float64))
+        self.when = self.table("times", (rows,), np.dtype(np.float64))
         if not again:
             self.last[0] = 0
-        self.times: list[int] = self.when[: self.last[0]].tolist()
+        self.times: list[clock.Time] = [clock.nanoseconds(time) for time in self.when[: int(self.last[0])].tolist()]
         self.rows = {
             each.name: self.table(str(i), (rows, each.size), each.dtype) for i, each in enumerate(self.variables)
         }
@@ -284,7 +285,7 @@ class Sampler:
             return np.empty(shape, dtype)
         return np.memmap(f"{self.folder}/{name}.simulated", dtype, self.mode, shape=shape)  # type: ignore[call-overload,no-any-return]
 
-    def __call__(self, time: int) -> None:
+    def __call__(self, time: clock.Time) -> None:
         """Record a row at a time [ns]."""
         row = len(self.times)
         for mover in self.movers:
@@ -294,7 +295,7 @@ class Sampler:
         for variable in self.objects:
             self.rows[variable.name][row] = np.asarray(self.member.get(variable.name), dtype=object).reshape(-1)
         self.times.append(time)
-        self.when[row] = time
+        self.when[row] = clock.seconds(time)
         self.last[0] = row + 1
 
     def results(self) -> Results:
@@ -320,22 +321,28 @@ def simulate(
     member.log = Lines(member.log, partial(link.log, member.name)) if link else member.log
     try:
         note(f"{member.name}: instantiation")
+        clocks = late_clocks(member)
         member.instantiate()
         sampler = Sampler(member, plan.record, plan.steps // plan.every + 3, link.temporary if link else "")
         note(f"{member.name}: initialization")
         outcome = Outcome(sampler.results(), [*member.notes, *plan.notes])
-        feed = Feeder(member, inputs.on_steps(plan.start, plan.step, plan.steps)) if inputs else None
+        table = inputs.on_steps(plan.start, plan.step, plan.steps) if inputs else None
+        feed = (member.follow(table) or Feeder(member, table)) if table else None
         begin = clock.seconds(plan.start)
         member.enter_initialization(begin, clock.seconds(plan.stop))
         if feed:
             feed(begin)
         member.exit_initialization()
+        alone = clocks.Alone(member, plan, feed) if clocks else None
         sampler(plan.start)
         if link:
             link.keep(resume=True)
         note(f"{member.name}: {member.step_name}")
         beat = link.beat if link else silent
-        loop(member, plan, feed=feed, sampler=sampler, outcome=outcome, progress=progress, beat=beat)
+        if alone:
+            alone.loop(sampler, outcome, progress, beat)
+        else:
+            loop(member, plan, feed=feed, sampler=sampler, outcome=outcome, progress=progress, beat=beat)
     except SimulationError as error:
         if sampler is None or not sampler.times:
             raise
@@ -352,6 +359,16 @@ def simulate(
     return outcome
 
 
+def late_clocks(member: FMUMember) -> Any:
+    """What runs a member with clocks, None if it has none."""
+    if not member.clocked:
+        return None
+    from twin.fmi import clock_simulate
+
+    clock_simulate.may_end_steps(member)
+    return clock_simulate
+
+
 def silent(*_: object) -> None:
     """Nobody watches."""
 
@@ -362,7 +379,7 @@ def left(member: FMUMember, plan: Plan, link: Link) -> Outcome:
     sampler = Sampler(member, plan.record, plan.steps // plan.every + 3, link.temporary, again=True)
     death = link.death
     death.member, _, death.function = death.note.partition(": ")
-    death.at, death.time_ns = 1, int(sampler.last[1])
+    death.at, death.time_ns = 1, clock.nanoseconds(float(sampler.last[1]))
     return Outcome(sampler.results(), [*member.notes, *plan.notes], death.text(), death.from_outside)
 
 
@@ -370,7 +387,7 @@ def loop(
     member: FMUMember,
     plan: Plan,
     *,
-    feed: Feeder | None,
+    feed: Callable[[float], None] | None,
     sampler: Sampler,
     outcome: Outcome,
     progress: Callable[[float], None] | None,
@@ -385,7 +402,7 @@ def loop(
         time = plan.start + k * plan.step
         end = min(time + plan.step, plan.stop)
         t, h = clock.seconds(time), clock.seconds(end - time)
-        sampler.last[1] = time
+        sampler.last[1] = t
         beat()
         if feed:
             feed(t)

@@ -6,16 +6,16 @@
 from __future__ import annotations
 
 import uuid
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from twin.component import Role
+from twin.dataclass import dataclass
 from twin.fmi import description
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from twin.component import Component
+    from twin.component import Component, Variable
     from twin.fmi.description import Exposed
 
 ACCESS = {Role.input: "INPUT", Role.parameter: "TUNABLE"}
@@ -136,13 +136,18 @@ def _fields(cls: type[Component], exposed: list[Exposed], has_time: bool) -> lis
 # ------------------------------------------------------------------------------------------------------------- the file
 
 
+def _offsets(cls: type[Component], variables: Iterable[Variable]) -> list[str]:
+    """Where each element of some real variables lies in the record."""
+    return [str(cls.layout.offset(v.name) + 8 * i) for v in variables for i in range(v.size)]
+
+
 def model_c(cls: type[Component], name: str, token: str, exposed: list[Exposed], has_time: bool, code: Code) -> str:
     """`model.c`: identity, functions, one row per value reference, and the memory of instances."""
     offset = cls.layout.offset
     states = [v for v in cls.variables if v.role is Role.state]
     derivatives = [v for v in cls.variables if v.role is Role.derivative]
     nominals = [repr(float(v.nominal or 1.0)) for v in states for _ in range(v.size)]
-    indicators = [str(offset(v.name) + 8 * i) for v in description.switches(cls) for i in range(v.size)]
+    indicators = _offsets(cls, description.switches(cls))
     fields = _fields(cls, exposed, has_time)
     high, low = divmod(uuid.UUID(token.strip("{}")).int, 2**64)
     members = {
@@ -157,8 +162,8 @@ def model_c(cls: type[Component], name: str, token: str, exposed: list[Exposed],
         members |= {
             "substep": repr(float(cls.method.substep)),
             "state_count": str(len(nominals)),
-            "states": str(offset(states[0].name)),
-            "derivatives_of_states": str(offset(derivatives[0].name)),
+            "states": "states",
+            "derivatives_of_states": "derivatives_of_states",
             "nominals": "nominals",
         }
     if indicators:
@@ -181,6 +186,8 @@ def model_c(cls: type[Component], name: str, token: str, exposed: list[Exposed],
         "",
         *fields,
         *_array("double", "nominals", nominals),
+        *_array("int32_t", "states", _offsets(cls, states)),
+        *_array("int32_t", "derivatives_of_states", _offsets(cls, derivatives)),
         *_array("int32_t", "indicators", indicators),
         "static _Alignas(64) unsigned char pool[(size_t)SLOT * SLOT_COUNT(SLOT)];",
         "",

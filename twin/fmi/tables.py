@@ -5,13 +5,14 @@ from __future__ import annotations
 import csv
 import re
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin import clock
 from twin.component import unit
+from twin.dataclass import dataclass
 from twin.errors import FMUError, TwinError
 from twin.fmi import values
 
@@ -49,13 +50,13 @@ class Inputs:
     times: np.ndarray[Any, Any]
     columns: list[Column] = field(default_factory=list)
 
-    def on_steps(self, start: int, step: int, count: int) -> Inputs:
+    def on_steps(self, start: clock.Time, step: clock.Time, count: int) -> Inputs:
         """The same with rows that nearly meet a step at its very time; `start`, `step`: of the steps [ns].
 
         Added up or written as single precision, a time is a little beside what was meant, and its row must not be
         held a step late for that. Rows keep their order.
         """
-        nearest = np.rint((self.times * clock.NANOSECONDS - start) / step)
+        nearest = np.rint((self.times * clock.NANOSECONDS - float(start)) / float(step))
         met = np.array([clock.seconds(start + int(k) * step) for k in np.clip(nearest, 0, count)])
         close = np.abs(self.times - met) <= MEETS * clock.seconds(step)
         return Inputs(np.where(close, met, self.times), self.columns)
@@ -223,9 +224,9 @@ def read_column(
 
 @dataclass
 class Results:
-    """What was recorded: integer times [ns], and per variable an array of rows x scalars."""
+    """What was recorded: times [ns], and per variable an array of rows x scalars."""
 
-    times: list[int]
+    times: list[clock.Time]
     variables: list[MemberVariable]
     rows: list[np.ndarray[Any, Any]]
 
@@ -270,7 +271,7 @@ def cells(variable: MemberVariable, column: np.ndarray[Any, Any]) -> list[str]:
         return [quoted(text) for text in column]
     if variable.type == "Binary":
         return [data.hex() for data in column]
-    if variable.type == "Boolean":
+    if variable.type in ("Boolean", "Clock"):
         return [str(int(value)) for value in column]
     if variable.type == "Float32":
         return [str(value) for value in column]

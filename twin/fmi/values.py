@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from typing import TYPE_CHECKING, Any
 
@@ -102,7 +103,7 @@ def scalar_of(variable: MemberVariable, items: Items, what: str) -> Callable[[An
     kind = variable.type
     if kind in ("Float64", "Float32"):
         return lambda value: real(value, name, variable.dtype)
-    if kind == "Boolean":
+    if kind == "Boolean" or (kind == "Clock" and variable.connectable):
         return lambda value: boolean(value, name)
     if kind == "Enumeration":
         return lambda value: enumeration(value, name, items)
@@ -111,7 +112,7 @@ def scalar_of(variable: MemberVariable, items: Items, what: str) -> Callable[[An
     if kind == "Binary":
         return lambda value: binary(value, name)
     if kind == "Clock":
-        raise FMUError(f"{name} is a clock. Clocks need event mode, which is not supported yet.")
+        raise FMUError(f"{name} is a clock of an FMU without Event Mode, where it never ticks. Leave it out.")
     return lambda value: integer(value, name, variable.dtype)
 
 
@@ -121,7 +122,7 @@ def real(value: Any, name: str, dtype: np.dtype[Any]) -> float:
         number = float("true" if isinstance(value, bool | np.bool_) else value)
     except (TypeError, ValueError):
         raise FMUError(f"{name} is a number, not {value!r}. Write it like 1.5e-3.") from None
-    if np.isfinite(number) and abs(number) > np.finfo(dtype).max:
+    if dtype.itemsize < 8 and math.isfinite(number) and abs(number) > np.finfo(dtype).max:
         raise FMUError(f"{name} is a {dtype.name}, too small for {value}. Give at most {np.finfo(dtype).max:.3g}.")
     return number
 

@@ -2,8 +2,21 @@
 
 from twin.process.death import Death
 from twin.process.link import Lines, Link
-from twin.process.owner import alive, owner, sweep
+from twin.process.owner import alive, owner, place_for, sweep
 from twin.process.stop import SIGNALS, Stop
-from twin.process.supervisor import command_line, supervise
+from twin.process.supervisor import command_line, end, supervise
 
-__all__ = ["SIGNALS", "Death", "Lines", "Link", "Stop", "alive", "command_line", "owner", "supervise", "sweep"]
+__all__ = [
+    "SIGNALS",
+    "Death",
+    "Lines",
+    "Link",
+    "Stop",
+    "alive",
+    "command_line",
+    "end",
+    "owner",
+    "place_for",
+    "supervise",
+    "sweep",
+]

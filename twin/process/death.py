@@ -5,9 +5,14 @@ from __future__ import annotations
 import os
 import re
 import signal
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
+
+from twin.dataclass import dataclass
+
+if TYPE_CHECKING:
+    from twin import clock
 
 ENGINE = str(Path(__file__).parents[1])
 FRAME = re.compile(r'  File "(?P<file>.+)", line (?P<line>\d+)(?: in (?P<function>.+))?')
@@ -29,7 +34,7 @@ class Death:
     note: str = ""  # what it was at outside of the loop
     member: str = ""
     function: str = ""
-    time_ns: int | None = None
+    time_ns: clock.Time | None = None
     log: dict[str, list[str]] = field(default_factory=dict)  # last lines of each member; of stderr under an empty name
     stack: list[str] = field(default_factory=list)  # of Python, the innermost frame first
 

@@ -6,7 +6,7 @@ from twin import late
 from twin.results import dimension, expression, recording, signals
 from twin.results.analysis import Analysis
 from twin.results.expression import Expression
-from twin.results.metrics import Curve, Ending, Evaluation, Expectation, Figure, Metric, Outcome, Plot, evaluate
+from twin.results.metrics import Curve, Ending, Evaluation, Expectation, Figure, Metric, Outcome, Plot, evaluate, figure
 from twin.results.reading import Recorded, read_variables, recorded
 from twin.results.recording import write_text
 from twin.results.signals import Signals, Window, coherent, shown, within
@@ -40,6 +40,7 @@ __all__ = [
     "dimension",
     "evaluate",
     "expression",
+    "figure",
     "histogram",
     "plain_column",
     "plotting",

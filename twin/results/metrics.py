@@ -6,13 +6,14 @@ Everything here is in coherent SI units; the unit a metric is shown in is applie
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin import clock
+from twin.dataclass import dataclass
 from twin.results import dimension
 from twin.results.reduction import reduced
 from twin.results.signals import WHOLE, Signals, Window, shown
@@ -78,7 +79,7 @@ class Expectation:
 class Ending:
     """How hardware ended a run. `time_ns`: of a stop before the end; `unsafe`: what is not known to be at rest."""
 
-    time_ns: int | None = None
+    time_ns: clock.Time | None = None
     reason: str = ""
     unsafe: str = ""
     log: tuple[str, ...] = ()

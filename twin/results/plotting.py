@@ -230,6 +230,21 @@ def histogram(values: Any, label: str, salt: str = "") -> str:
         return as_svg(figure)
 
 
+def bars(values: Mapping[str, float], label: str) -> str:
+    """Named values as an SVG element, in their order."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context({**STYLE, "svg.hashsalt": label}):
+        figure = Figure((WIDTH, 0.6 + 0.26 * len(values)), layout="constrained")
+        axis = figure.subplots()
+        axis.barh(list(values), list(values.values()), color=COLORS[0], height=0.7)
+        axis.invert_yaxis()
+        axis.grid(visible=False, axis="y")
+        axis.set_xlabel(label)
+        return as_svg(figure)
+
+
 def as_svg(figure: Any) -> str:
     """A figure as an SVG element, small and the same every time."""
     text = io.StringIO()

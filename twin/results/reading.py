@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from twin.dataclass import dataclass
 from twin.results.recording import read_signals
 from twin.results.signals import Signals
 

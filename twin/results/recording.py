@@ -10,9 +10,8 @@ import json
 import math
 import os
 import platform
-import subprocess
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from datetime import datetime
 from pathlib import Path
 from types import MappingProxyType
@@ -23,10 +22,12 @@ import numpy as np
 import twin
 from twin import clock, installed
 from twin.component import unit
+from twin.dataclass import dataclass
 from twin.errors import TwinError
 from twin.results import arrow
 from twin.results.metrics import Ending, Evaluation, Figure
 from twin.results.signals import coherent
+from twin.revision import checkout
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -70,7 +71,7 @@ class Run:
     overrides: tuple[str, ...] = ()
     wall_time: float = 0.0  # of simulating alone [s]
     simulated_time: float = 0.0  # over all cases [s]
-    step_ns: int = 0
+    step_ns: clock.Time = 0
     algorithm: str = ""
     members: Mapping[str, Mapping[str, str]] = field(default_factory=dict)  # member -> identity: kind, version, hash
     extra: Mapping[str, Any] = field(default_factory=dict)  # anything else worth keeping, such as overruns
@@ -118,7 +119,7 @@ class SignalFile:
 
     def __init__(self, path: Path, columns: Iterable[Column], about: Mapping[str, str]) -> None:
         import pyarrow as pa
-        from pyarrow import parquet
+        from pyarrow._parquet import ParquetWriter
 
         self.columns = flat(columns)
         fields = [
@@ -133,7 +134,9 @@ class SignalFile:
             )
         self.schema = pa.schema(fields, {"project": f"catheter-twin {twin.__version__}", **about})
         # dictionaries of doubles that hardly repeat take up to half of the time to write, and save little room or none
-        self.writer = parquet.ParquetWriter(path, self.schema, compression="zstd", use_dictionary=["variant"])
+        self.writer = ParquetWriter(
+            str(path), self.schema, compression="zstd", use_dictionary=["variant"], writer_engine_version="V2"
+        )
 
     def write(self, variant: str, seed: int, signals: Signals) -> None:
         """Append what one case recorded, complete or not."""
@@ -301,24 +304,22 @@ def figure(one: Figure) -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """What ran: Python, packages, this project and its revision."""
-    found = {"catheter-twin": twin.__version__, "python": platform.python_version(), "platform": platform.platform()}
+    found = {"catheter-twin": twin.__version__, "python": platform.python_version(), "platform": system()}
     for package in PACKAGES:
         try:
             found[package] = installed.version(package)
         except ModuleNotFoundError:  # as PackageNotFoundError is one
             continue
-    if text := revision(Path(twin.__file__).parent):
+    if text := checkout(Path(twin.__file__).parent):
         found["revision"] = text
     return found
 
 
-def revision(place: Path) -> str:
-    """Commit of the checkout that `place` lies in, with `+` if something was changed since; or nothing."""
-    if not any((parent / ".git").exists() for parent in (place, *place.parents)):
-        return ""
-    command = ["git", "-C", str(place), "describe", "--always", "--abbrev=12", "--exclude=*", "--dirty=+"]
+def system() -> str:
+    """`platform.platform()`, which starts a process to ask for the processor's name and then leaves it out."""
     try:
-        done = subprocess.run(command, capture_output=True, text=True, timeout=3, check=False)
-    except (OSError, subprocess.SubprocessError):
-        return ""
-    return done.stdout.strip() if done.returncode == 0 else ""
+        libc = os.confstr("CS_GNU_LIBC_VERSION") or ""
+    except (AttributeError, ValueError, OSError):  # no glibc
+        return platform.platform()
+    about = os.uname()
+    return "-".join((about.sysname, about.release, about.machine, "with", libc.replace(" ", "")))

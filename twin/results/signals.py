@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from twin import clock
 from twin.component import unit
+from twin.dataclass import dataclass
 from twin.errors import CouplingError, ScenarioError
 from twin.results import rows
 
@@ -25,8 +26,8 @@ ROUNDING = 1e-12
 class Window:
     """Part of a run, both ends included [ns]; None: its start or end."""
 
-    start_ns: int | None = None
-    stop_ns: int | None = None
+    start_ns: clock.Time | None = None
+    stop_ns: clock.Time | None = None
 
     @property
     def text(self) -> str:
@@ -135,9 +136,9 @@ def within(time: np.ndarray[Any, Any], window: Window) -> np.ndarray[Any, Any]:
     rounded = np.rint(time * clock.NANOSECONDS)
     inside = np.ones(len(rounded), bool)
     if window.start_ns is not None:
-        inside &= rounded >= window.start_ns
+        inside &= rounded >= round(window.start_ns)
     if window.stop_ns is not None:
-        inside &= rounded <= window.stop_ns
+        inside &= rounded <= round(window.stop_ns)
     return inside
 
 

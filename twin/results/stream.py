@@ -16,13 +16,14 @@ import os
 import shutil
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin import clock
+from twin.dataclass import dataclass
 from twin.errors import TwinError
 from twin.process import Death, alive
 from twin.results import rows
@@ -83,7 +84,7 @@ class Journal:
             for (member, name), first, one in layout.columns
         ]
         calls = {str(address): call for address, call in layout.calls.items()}
-        self.layout = {"begin": layout.begin_ns, "step": layout.step_ns, "words": layout.words, "columns": columns}
+        self.layout = {"begin": layout.begin, "step": layout.step, "per_second": layout.per_second, "words": layout.words, "columns": columns}
         self.add(rows=number, **self.layout, calls=calls)
         return self.folder / f"{number}.rows", self.folder / f"{number}.position"
 
@@ -130,7 +131,7 @@ class Stream:
         elif ": " in death.note:
             death.member, _, death.function = death.note.partition(": ")
         if rows:
-            death.time_ns = rows["begin"] + death.tick * rows["step"]
+            death.time_ns = clock.at(rows["begin"] + death.tick * rows["step"], rows["per_second"])
         return death
 
     def position(self, number: int) -> dict[str, Any]:
@@ -185,7 +186,7 @@ def signals(folder: Path, number: int, layout: Mapping[str, Any], complete: bool
         return Signals(np.zeros(0), {}, complete=complete)
     recorded = rows.Rows(folder / f"{number}.rows", layout["words"], LARGE, SLICE, last)
     places = {name: rows.Place(first, tuple(shape), kind) for name, first, shape, kind, *_ in layout["columns"]}
-    time, values = rows.columns(recorded, places, (layout["begin"], layout["step"], clock.NANOSECONDS))
+    time, values = rows.columns(recorded, places, (layout["begin"], layout["step"], layout["per_second"]))
     units = {name: unit for name, _, _, _, unit, _ in layout["columns"]}
     displayed = {name: unit for name, _, _, _, _, unit in layout["columns"] if unit}
     return Signals(time, values, units, complete, displayed)

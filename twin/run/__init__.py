@@ -1,11 +1,31 @@
 """A scenario becomes runs, and runs a report."""
 
+from typing import TYPE_CHECKING
+
 from twin import late
 from twin.run.cases import Hardware, Outcome, analyzed, happen, prepare, run_case, signals, silent, simulation
-from twin.run.report import UNLIMITED, table
-from twin.run.work import recover, resume, run_scenario
+from twin.run.work import run_scenario
 
-__getattr__ = late.names(__name__, {"scenes": ""})
+if TYPE_CHECKING:
+    from twin.run.coupled import profile, stability, structure_of
+    from twin.run.recovery import recover, resume
+    from twin.run.report import UNLIMITED, table
+    from twin.run.way_back import way_back
+
+__getattr__ = late.names(
+    __name__,
+    {
+        "UNLIMITED": "report",
+        "profile": "coupled",
+        "stability": "coupled",
+        "recover": "recovery",
+        "resume": "recovery",
+        "scenes": "",
+        "structure_of": "coupled",
+        "table": "report",
+        "way_back": "way_back",
+    },
+)
 
 __all__ = [
     "UNLIMITED",
@@ -14,6 +34,7 @@ __all__ = [
     "analyzed",
     "happen",
     "prepare",
+    "profile",
     "recover",
     "resume",
     "run_case",
@@ -22,5 +43,8 @@ __all__ = [
     "signals",
     "silent",
     "simulation",
+    "stability",
+    "structure_of",
     "table",
+    "way_back",
 ]

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from twin.coupling import Algorithm, CoSimulation, IsolatedMember, find
+from twin import clock
+from twin.coupling import CoSimulation, IsolatedMember, find
+from twin.dataclass import dataclass
 from twin.errors import ScenarioError
 from twin.results import Ending, Evaluation, Signals
 from twin.results import recording as results
@@ -17,6 +19,7 @@ from twin.scenario import Form, members
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog, Member, Recorder
+    from twin.run.halved import Halved
     from twin.scenario import Case, EventSpec, Scenario
 
 Progress = Callable[[str, float], object]  # name of the case, part of it that is done (0 to 1)
@@ -62,6 +65,10 @@ class Outcome:
     folder: Path = Path()
     summary: dict[str, Any] = field(default_factory=dict)
     columns: list[results.Column] = field(default_factory=list)  # of all variants
+    halved: list[Halved] = field(default_factory=list)  # at half the step, if that was asked for
+    systems: dict[tuple[str, str], list[str]] = field(
+        default_factory=dict
+    )  # drawn, and what it does not show -> variants
 
     @property
     def passed(self) -> bool:
@@ -117,7 +124,7 @@ def simulation(case: Case, catalog: Catalog, form: Form, build: Path, recorder: 
     try:
         for name, spec in case.members.items():
             made = spec.built or members.component_of(spec)
-            parts[name] = members.make(name, made, case.values(name, catalog[name]), form, build)
+            parts[name] = members.make(name, made, case.values(name, catalog[name]), form, build, spec.exchange)
             if spec.isolate:
                 parts[name] = IsolatedMember(parts[name], build)
         found = {name: part.variables for name, part in parts.items()}
@@ -126,7 +133,7 @@ def simulation(case: Case, catalog: Catalog, form: Form, build: Path, recorder: 
         split = {reference.key for reference in events if reference.element is not None}
         periods = {name: every for name, spec in case.members.items() if (every := members.communication(spec))}
         return CoSimulation(
-            parts, case.system(found).links(), case.step_ns, Algorithm(case.algorithm),
+            parts, case.system(found).links(), case.step_ns, case.method(found),
             record=list(dict.fromkeys(recorded)), every=case.record.every_ns or 0, build=build, periods=periods, split=split,
             recorder=recorder, exempt=[name for name, spec in case.members.items() if not spec.finite],
         )  # fmt: skip
@@ -141,8 +148,8 @@ def run_case(case: Case, simulated: CoSimulation, progress: Progress) -> None:
     whole = max(1, case.stop_ns - case.start_ns)
     catalog = {name: member.variables for name, member in simulated.members.items()}
 
-    def advance(until: int) -> None:
-        simulated.advance(until, lambda now: progress(case.name, (now - case.start_ns) / whole))
+    def advance(until: clock.Time) -> None:
+        simulated.advance(until, lambda now: progress(case.name, float((now - case.start_ns) / whole)))
 
     simulated.initialize(case.start_ns, case.stop_ns)
     for event in case.events:
@@ -178,7 +185,8 @@ def columns(scenario: Scenario, catalogs: dict[str, Catalog]) -> list[results.Co
         for path in case.record.select(catalog):
             variable = find(path, catalog).variable
             kind = variable.dtype.kind
-            dtype = np.dtype(np.float64 if kind == "f" else np.bool_ if variable.type == "Boolean" else np.int64)
+            is_bit = variable.type in ("Boolean", "Clock")
+            dtype = np.dtype(np.float64 if kind == "f" else np.bool_ if is_bit else np.int64)
             found.setdefault(
                 path,
                 results.Column(

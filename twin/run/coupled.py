@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from twin import clock
 from twin.coupling import Algorithm, Growth, Stopwatch, growth
+from twin.dataclass import dataclass
 from twin.errors import CouplingError, SimulationError
 from twin.run.cases import Progress, happen, silent, simulation
 from twin.scenario import Form, members

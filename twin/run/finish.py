@@ -15,6 +15,8 @@ from twin.run.cases import Hardware, Outcome, note
 if TYPE_CHECKING:
     from twin.scenario import Case
 
+SYSTEMS = 3  # that are drawn, where variants differ
+
 
 def finish(outcome: Outcome, cases: Sequence[Case], report: bool, hardware: Hardware | None, journal: Journal) -> None:
     """Write the folder, then remove the recording; SimulationError if the disk does not let it, the recording stays."""
@@ -95,5 +97,7 @@ def write(outcome: Outcome, cases: Sequence[Case], report: bool, pictures: Seque
             events=page.events(distinct),
             pictures=[*scenes.pictures(outcome.scenario.scenes, outcome.tables), *pictures],
             endings=outcome.endings,
+            systems=list(outcome.systems.items())[:SYSTEMS],
+            halved=[one.cells for one in outcome.halved],
         )
         results.write_text(outcome.folder / "report.html", text)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin import clock
+from twin.dataclass import dataclass
 from twin.errors import TwinError
 from twin.results import Figure, coherent, figure
 from twin.run.cases import Progress, analyzed, run_case, signals, silent, simulation

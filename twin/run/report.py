@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import textwrap
-from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin import clock
+from twin.dataclass import dataclass
 from twin.results import Ending, Evaluation, Figure, Outcome, Plot, coherent
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class ParameterRow:
 class EventRow:
     """An event as the report shows it."""
 
-    time_ns: int
+    time_ns: clock.Time
     what: str
     variants: str = ""
 
@@ -251,7 +251,7 @@ def value_text(value: Any, unit: str, display: str) -> str:
 
 def events(cases: Sequence[Case]) -> list[EventRow]:
     """What happens when, those of all variants once."""
-    found: dict[tuple[int, str], list[str]] = {}
+    found: dict[tuple[clock.Time, str], list[str]] = {}
     for case in cases:
         happens = [
             (event.time_ns, f"{event.kind} {event.variable}" + ("" if event.kind == "release" else f" = {event.value}"))
@@ -276,10 +276,13 @@ def html(
     events: Sequence[EventRow] = (),
     pictures: Sequence[dict[str, str]] = (),
     endings: Mapping[tuple[str, int], Ending] = MappingProxyType({}),
+    systems: Sequence[tuple[tuple[str, str], Sequence[str]]] = (),
+    halved: Sequence[Mapping[str, str]] = (),
 ) -> str:
     """report.html as text. `summary` is that of `results.summary`; without `plots` every recorded signal is drawn.
 
-    `pictures` are drawn already: title, svg and note.
+    `pictures` are drawn already: title, svg and note; `systems`: drawn, what that does not show, and variants.
+    `halved`: cells of metrics at half the step.
     """
     import jinja2
 
@@ -317,11 +320,12 @@ def html(
         compared=any(one.paper is not None for one in evaluation.figures),
         variants=list(dict.fromkeys(variant for variant, _ in tables)),
         seeds=list(dict.fromkeys(seed for _, seed in tables)),
+        systems=[(svg, told, ", ".join(names) * (len(systems) > 1)) for (svg, told), names in systems], halved=halved,
         incomplete=[f"{variant}, seed {seed}" for (variant, seed), signals in tables.items() if not signals.complete],
     )  # fmt: skip
 
 
-def within(plot: Plot, time_ns: int) -> bool:
+def within(plot: Plot, time_ns: clock.Time) -> bool:
     """Whether a time lies in the part of the run that a plot shows."""
     start, stop = plot.window.start_ns, plot.window.stop_ns
     return (start is None or start < time_ns) and (stop is None or time_ns < stop)

@@ -8,19 +8,19 @@ or at once with the end.
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from contextlib import suppress
-from dataclasses import dataclass, replace
-from datetime import datetime
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin import late
+from twin import clock, late
 from twin.coupling import Ring
-from twin.errors import TwinError
+from twin.dataclass import dataclass
+from twin.errors import ScenarioError, TwinError, nearest
 from twin.process import Lines, Link, Stop
-from twin.results import Ending, Journal, Stream, column_of, plain_column
+from twin.results import Ending, Journal, plain_column
 from twin.results import recording as results
 from twin.results import stream as streams
 from twin.run.cases import (
@@ -43,8 +43,13 @@ if TYPE_CHECKING:
     from twin.coupling import CoSimulation
     from twin.scenario import Case, Checked, Scenario
 
-WRITERS = ("pyarrow.parquet",)  # what the end needs, imported while the loop runs
+WRITERS = ("pyarrow._parquet",)  # what the end needs, imported while the loop runs
+LOG = "log.txt"
 ABOUT = ("name", "title", "source", "description", "path", "step_ns", "algorithm")  # of a run, as they are
+
+
+def unheard(_line: str) -> None:
+    """Nobody listens."""
 
 
 def run_scenario(
@@ -60,10 +65,18 @@ def run_scenario(
     hardware: Hardware | None = None,
     link: Link | None = None,
     known: Checked | None = None,
+    needed: Sequence[str] = (),
+    half_step: bool = False,
+    logged: Sequence[str] = (),
+    hear: Callable[[str], object] = unheard,
 ) -> Outcome:
     """Run a scenario and write its folder; a failing member or Ctrl-C ends it early, with what there is written.
 
     `known`: what is known of it, if it has been checked with its members already (`twin.scenario.checked`).
+
+    `needed`: modules that whoever calls needs at the end, imported while the loop runs. `half_step`: also run the first seed
+    of each variant at half the step, and say what that changes. `logged`: members, or patterns of their names, whose FMUs'
+    own log goes to log.txt and, line by line, to `hear`.
 
     `link`: to the process that watches this one (`twin.process.supervise`); without it the run records by itself.
     """
@@ -76,6 +89,7 @@ def run_scenario(
 
         scenario = displayed(scenario, catalogs)
     cases = scenario.cases(variants, seeds)
+    refuse_names(logged, cases)
     about = results.Run(
         scenario.name,
         scenario.title,
@@ -84,14 +98,16 @@ def run_scenario(
         str(scenario.path),
         overrides=scenario.overrides,
         step_ns=scenario.step_ns,
-        algorithm=scenario.algorithm,
+        algorithm=scenario.algorithm.described,
     )
     outcome = Outcome(scenario, catalogs, about, folder=results.folder(root, scenario.name))
     outcome.columns = columns(scenario, catalogs)
     results.write_text(outcome.folder / "scenario.yaml", scenario.frozen())
     link, journal = link or Link(), Journal(outcome.folder)
     journal.begin(header(outcome, cases, report), link.owners)
-    work = Work(outcome, cases, form, build, progress, report, hardware, link, journal)
+    work = Work(
+        outcome, cases, form, build, progress, report, hardware, link, journal, (*WRITERS, *needed), logged, hear
+    )
     try:
         with Stop(last=work.link.watched) as work.stop:
             link.keep(resume=str(outcome.folder), hint=f"Then: twin recover {outcome.folder}")
@@ -99,10 +115,23 @@ def run_scenario(
             if known is not None:
                 known.keep(build)
             work.run(cases)
+            if half_step:
+                work.halve()
             work.end()
     finally:
         link.close()
     return outcome
+
+
+def refuse_names(logged: Sequence[str], cases: Sequence[Case]) -> None:
+    """ScenarioError if there is no member whose log is wanted."""
+    names = list(dict.fromkeys(name for case in cases for name in case.members))
+    if problems := [
+        f"--log {one}: there is no member `{one}`. {nearest(one, names)}"
+        for one in logged
+        if not any(fnmatchcase(name, one) for name in names)
+    ]:
+        raise ScenarioError(problems)
 
 
 def header(outcome: Outcome, cases: Sequence[Case], report: bool) -> dict[str, Any]:
@@ -110,6 +139,7 @@ def header(outcome: Outcome, cases: Sequence[Case], report: bool) -> dict[str, A
     about = outcome.run
     return {
         **{key: getattr(about, key) for key in ABOUT},
+        "step_ns": clock.plain(about.step_ns),
         "overrides": list(about.overrides),
         "started": about.started.isoformat(),
         "paper_applies": outcome.scenario.paper_applies,
@@ -132,6 +162,9 @@ class Work:
     hardware: Hardware | None
     link: Link
     journal: Journal
+    needed: Sequence[str] = WRITERS  # modules
+    logged: Sequence[str] = ()  # patterns of members' names
+    hear: Callable[[str], object] = unheard
     stop: Stop = None  # type: ignore[assignment]  # while the run goes on
 
     def told(self, name: str, part: float) -> None:
@@ -177,7 +210,7 @@ class Work:
                 simulated = self.made(number, case)
             begin = time.perf_counter()
             try:
-                with self.stop.armed(), late.ahead(*(WRITERS if self.hardware is None else ())):
+                with self.stop.armed(), late.ahead(*(self.needed if self.hardware is None else ())):
                     run_case(case, simulated, self.told)
             finally:
                 took = time.perf_counter() - begin
@@ -220,9 +253,27 @@ class Work:
         ring = Ring(self.link, partial(self.journal.rows, number))
         simulated = simulation(case, self.outcome.catalogs[case.variant], self.form, self.build, ring)
         self.identify(case, simulated)
+        if self.report and case.seed == self.cases[0].seed:
+            from twin.run.coupled import structure_of
+
+            found = structure_of(case, simulated)
+            self.outcome.systems.setdefault((found.svg(), found.told), []).append(case.variant)
         for name, member in simulated.members.items():
-            member.log = Lines(member.log, partial(self.link.log, name))
+            member.logs = any(fnmatchcase(name, one) for one in self.logged)
+            member.log = Lines(member.log, partial(self.heard if member.logs else self.told_of, case, name))
         return simulated
+
+    def told_of(self, _case: Case, name: str, line: str) -> None:
+        """A line of a member's log goes to whoever watches."""
+        self.link.log(name, line)
+
+    def heard(self, case: Case, name: str, line: str) -> None:
+        """And of one whose log is wanted, into its file."""
+        self.link.log(name, line)
+        text = f"{case.name}: {name}: {line}"
+        with (self.outcome.folder / LOG).open("a", encoding="utf-8") as file:
+            file.write(text + "\n")
+        self.hear(text)
 
     def identify(self, case: Case, simulated: CoSimulation) -> None:
         """Keep what the members are."""
@@ -255,119 +306,31 @@ class Work:
         outcome.take(case.variant, case.seed, analyzed(outcome.scenario, case.variant, recorded, self.progress))
         return complete, failure
 
+    def halve(self) -> None:
+        """Compare the first complete case of each variant with what it is at half the step; nothing of it is recorded."""
+        from twin.run.halved import halved, worst
+
+        outcome, about = self.outcome, self.outcome.run
+        first = {case.variant: case for case in reversed(self.cases)}
+        for case in (one for one in self.cases if first[one.variant] is one):
+            whole = outcome.tables.get((case.variant, case.seed))
+            if whole is None or not whole.complete:
+                continue
+            try:
+                with self.stop.armed():
+                    outcome.halved += halved(outcome, case, whole, self.form, self.build, self.told)
+            except KeyboardInterrupt:
+                note(about, [f"{case.name} at half the step: interrupted"])
+                return
+            except TwinError as error:
+                note(about, [str(error)])
+        if outcome.halved:
+            note(about, [worst(outcome.halved)])
+            about.extra = {**about.extra, "half_step": [one.plain for one in outcome.halved]}
+
     def end(self) -> None:
         """Write the folder; what has begun here is not interrupted."""
         self.link.note("")
         self.link.keep(finishing=True)
         self.link.close()
         finish(self.outcome, self.cases, self.report, self.hardware, self.journal)
-
-
-def resume(
-    folder: Path,
-    form: Form = Form.fmu,
-    *,
-    link: Link,
-    build: Path = Path("build"),
-    progress: Progress = silent,
-    report: bool = True,
-    others: bool = False,
-) -> Outcome:
-    """Finish a run whose process died, from its recording. `others`: first run the cases that had not begun."""
-    journal = Journal(folder)
-    journal.own(link.owners)
-    recorded = streams.read(folder)
-    work = restored(recorded, folder, link, form, build, progress, report, journal)
-    with Stop(last=work.link.watched) as work.stop:
-        work.link.keep(resume=str(folder), hint=f"Then: twin recover {folder}")
-        left = bury(work, recorded)
-        if others and left:
-            work.build_members()
-            work.run(left)
-        elif left:
-            work.outcome.end("interrupted", f"{len(left)} of {len(work.cases)} cases had not begun")
-        try:
-            work.end()
-        finally:
-            work.link.close()
-    return work.outcome
-
-
-def restored(
-    recorded: Stream,
-    folder: Path,
-    link: Link,
-    form: Form,
-    build: Path,
-    progress: Progress,
-    report: bool,
-    journal: Journal,
-) -> Work:
-    """A run as its recording tells it: the cases that have ended are in its tables."""
-    from twin.scenario import displayed, load_scenario
-
-    told = recorded.about
-    scenario = load_scenario(folder / "scenario.yaml")
-    own = {key: told[key] for key in ("name", "title", "description", "source", "paper_applies")}
-    scenario = replace(scenario, path=Path(told["path"]), overrides=tuple(told["overrides"]), **own)
-    catalogs: dict[str, Any] = {}
-    with suppress(TwinError):  # an FMU may be gone, and what it recorded is there
-        catalogs = prepare(scenario)
-        scenario = displayed(scenario, catalogs)
-    about = results.Run(
-        **{key: told[key] for key in ABOUT},
-        overrides=tuple(told["overrides"]),
-        started=datetime.fromisoformat(told["started"]),
-    )
-    outcome = Outcome(scenario, catalogs, about, folder=folder)
-    outcome.columns = [column_of(one) for one in told["columns"]]
-    variants = {case.variant: case for case in scenario.variants}
-    cases = [replace(variants[variant], seed=seed) for variant, seed in recorded.cases]
-    return Work(outcome, cases, form, build, progress, report and told["report"], None, link, journal)
-
-
-def bury(work: Work, recorded: Stream) -> list[Case]:
-    """Take over the cases that have ended, and end the one that died; those that have not begun."""
-    outcome, link = work.outcome, work.link
-    for part in recorded.parts:
-        variant, seed = recorded.cases[part.number]
-        if part.end is None:
-            death = recorded.located(part.number, link.death)
-            part.end = {
-                "end": part.number,
-                "complete": False,
-                "failure": f"{variant}, seed {seed}: {death.text()}",
-                "interrupted": death.from_outside,
-                "took": 0.0,
-                "last": None,
-            }
-            work.journal.add(**part.end)
-        end = part.end
-        outcome.run.wall_time += end["took"]
-        outcome.run.members = end.get("members") or outcome.run.members
-        note(outcome.run, end.get("notes", []))
-        if ending := end.get("ending"):
-            outcome.endings[variant, seed] = Ending(**{**ending, "log": tuple(ending["log"])})
-        signals = analyzed(outcome.scenario, variant, recorded.signals(part.number), work.progress)
-        outcome.take(variant, seed, signals, timed=bool(end["took"]))
-        if end["interrupted"]:
-            outcome.end("interrupted", end["failure"] or f"interrupted in {variant}, seed {seed}")
-        elif end["failure"]:
-            outcome.end("failed", end["failure"])
-    begun = len(recorded.parts)
-    if link.death is not None and link.death.from_outside and begun < len(work.cases):
-        outcome.end("interrupted", link.death.text())
-    return work.cases[begun:] if outcome.run.status != "interrupted" else []
-
-
-def recover(folder: Path, *, report: bool = True, progress: Progress = silent) -> Outcome:
-    """Finish a run that nobody finishes any more, from its recording; TwinError if there is nothing to finish."""
-    if not (folder / streams.FOLDER).exists():
-        what = "is complete" if (folder / "summary.json").exists() else "is no folder of a run"
-        raise TwinError(f"{folder}: {what}: there is nothing to recover.")
-    if not streams.abandoned(folder):
-        raise TwinError(f"{folder}: the run goes on. Wait for it, or end it with Ctrl-C.")
-    if not streams.has_begun(folder):
-        Journal(folder).remove()
-        raise TwinError(f"{folder}: was killed before anything was recorded.")
-    return resume(folder, link=Link(), report=report, progress=progress)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from twin import late
 
 if TYPE_CHECKING:
-    from twin.scenario import kept, members
+    from twin.scenario import kept, members, package
     from twin.scenario.check import check_against, event_problems
     from twin.scenario.dimensions import displayed
     from twin.scenario.grouping import group, part
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from twin.scenario.model import Keys, Period, Reference, Seed, Text, Time, Value, reference
     from twin.scenario.names import nearest
     from twin.scenario.node import Node
+    from twin.scenario.packing import pack
     from twin.scenario.spec import (
         Case,
         ConnectionSpec,
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
         member_seed,
     )
     from twin.scenario.tree import read
-    from twin.scenario.value import duration, number, resolve, short
+    from twin.scenario.value import duration, nanoseconds, number, resolve, short
 
 __all__ = [
     "Built",
@@ -66,8 +67,11 @@ __all__ = [
     "make",
     "member_seed",
     "members",
+    "nanoseconds",
     "nearest",
     "number",
+    "pack",
+    "package",
     "parse_scenario",
     "part",
     "quoted",
@@ -105,6 +109,7 @@ __getattr__ = late.names(
         "displayed": "dimensions",
         "dotted": "message",
         "duration": "value",
+        "nanoseconds": "value",
         "event_problems": "check",
         "examine": "load",
         "group": "grouping",
@@ -118,6 +123,8 @@ __getattr__ = late.names(
         "members": "",
         "nearest": "names",
         "number": "value",
+        "pack": "packing",
+        "package": "",
         "parse_scenario": "load",
         "part": "grouping",
         "quoted": "message",

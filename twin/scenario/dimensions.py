@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from twin.dataclass import dataclass
 from twin.errors import ScenarioError
 from twin.results import dimension
 from twin.scenario.value import short

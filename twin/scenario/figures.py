@@ -84,7 +84,7 @@ class Builder:
         return self.tree.find(("stop_time",)).place.file.startswith("--set")
 
     @property
-    def end(self) -> int | None:
+    def end(self) -> clock.Time | None:
         """When the longest variant's run ends [ns]; None if the file does not say."""
         base = self.keys.stop_time
         stops = [(self.keys.variants.get(name) or RunKeys()).stop_time or base for name in self.variants]

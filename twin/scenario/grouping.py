@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from twin.component import catalog
-from twin.coupling import Algorithm, Link, Part, compose, direct_followers, stepping_order
+from twin.coupling import Link, Part, compose, direct_followers, stepping_order
 from twin.errors import CouplingError, ScenarioError, nearest
 from twin.graph import ordered_groups, reached
 from twin.scenario.lookup import look_up
-from twin.scenario.members import communication, component_of
+from twin.scenario.members import communication, component_of, whole
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,7 +43,7 @@ def group(name: str, case: Case, variables: Catalog, chosen: list[str]) -> type[
             spec = case.members[member]
             made = component_of(spec)
             cls = catalog.component(made) if isinstance(made, str) else made
-            period = communication(spec) or cls.period_ns or case.step_ns
+            period = whole(communication(spec) or cls.period_ns or case.step_ns, f"{name}: {member}")
             parts[member] = Part(cls, case.values(member, variables[member]), period)
     inside = [link for link in links if link.source.member in parts and link.target.member in parts]
     leaving = [link for link in links if link.source.member in parts and link.target.member not in parts]
@@ -51,11 +51,11 @@ def group(name: str, case: Case, variables: Catalog, chosen: list[str]) -> type[
     if not outputs:
         outputs = [(m, v.name) for m in parts for v in variables[m].values() if v.causality == "output"]
     order = [list(parts)]
-    if case.algorithm == Algorithm.gauss_seidel:
+    if case.algorithm.is_sequential:
         every = stepping_order(list(case.members), links, variables)
         check_order(name, every, links, chosen)
         order = [[one] for one in every if one in parts]
-    return compose(name, parts, inside, case.step_ns, order, outputs)
+    return compose(name, parts, inside, whole(case.step_ns, f"{name}: step"), order, outputs)
 
 
 def part(scenario: Scenario, chosen: Sequence[str], named: str | None, variant: str | None = None) -> type[Component]:

@@ -14,7 +14,8 @@ import json
 import os
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import fields, is_dataclass, replace
+from fractions import Fraction
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,12 +24,13 @@ import numpy as np
 
 from twin import installed
 from twin.component import Component, PythonComponent, catalog
-from twin.coupling import MemberVariable, TerminalMember
+from twin.coupling import Algorithm, MemberVariable, TerminalMember
+from twin.dataclass import dataclass
 from twin.errors import ScenarioError, TwinError
 from twin.results import Curve, Expectation, Expression, Metric, Plot, Window, expression
 from twin.scenario.members import Built, Form, as_built, communication, component_of
 from twin.scenario.node import Node, Place
-from twin.scenario.spec import Case, ConnectionSpec, EventSpec, MemberSpec, RecordSpec, Scenario
+from twin.scenario.spec import Case, ConnectionSpec, EventSpec, Exchange, MemberSpec, RecordSpec, Scenario
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -43,7 +45,7 @@ KNOWN = {"twin", "numpy", *sys.stdlib_module_names}  # modules whose changes are
 KINDS: dict[str, Any] = {
     one.__name__: one
     for one in (
-        *(Scenario, Case, MemberSpec, ConnectionSpec, EventSpec, RecordSpec, Node, Place, Built),
+        *(Scenario, Case, MemberSpec, ConnectionSpec, EventSpec, Exchange, RecordSpec, Node, Place, Built),
         *(Metric, Expectation, Plot, Curve, Window, MemberVariable, TerminalMember),
     )
 }
@@ -71,16 +73,12 @@ class Checked:
             fmus = sorted({one.built.path if one.built else one.component for one in specs})
             variables = list({id(one): one for case in self.catalogs.values() for one in case.values()}.values())
             numbers = {id(one): number for number, one in enumerate(variables)}
-            told = {
-                "made_from": made_from(self.read, [one for one in fmus if one.endswith(".fmu")]),
-                "scenario": encoded(scenario),
-                "variables": [encoded(one) for one in variables],
-                "catalogs": {
-                    variant: {member: numbers[id(one)] for member, one in case.items()}
-                    for variant, case in self.catalogs.items()
-                },
+            catalogs = {
+                variant: {member: numbers[id(one)] for member, one in case.items()}
+                for variant, case in self.catalogs.items()
             }
-            text = json.dumps(told)
+            origin = json.dumps(made_from(self.read, [one for one in fmus if one.endswith(".fmu")]))
+            text = f"{origin}\n{json.dumps(encoded([scenario, variables, catalogs]))}"
             if len(text) < LARGEST:
                 put(self.place, f"{digest(text)}\n{text}")
         except (TypeError, OSError, TwinError):
@@ -98,14 +96,16 @@ def checked(path: Path, overrides: Sequence[str], build: Path, form: Form = Form
     from twin.scenario.dimensions import displayed
     from twin.scenario.load import load_scenario
     from twin.scenario.lookup import look_up
+    from twin.scenario.package import BUILD
     from twin.scenario.tree import READ
 
     read: set[str] = set()
-    token = READ.set(read)
+    token, below = READ.set(read), BUILD.set(build)
     try:
         scenario = load_scenario(path, overrides)
     finally:
         READ.reset(token)
+        BUILD.reset(below)
     catalogs, problems = look_up(scenario)
     if problems:
         raise ScenarioError(problems)
@@ -118,18 +118,18 @@ def find(place: Path) -> Checked | None:
         sum_, _, text = place.read_text().partition("\n")
         if sum_ != digest(text):
             return None
-        told = json.loads(text)
-        if told["made_from"] != made_from(told["made_from"]["files"], told["made_from"]["fmus"]):
+        line, _, content = text.partition("\n")
+        origin = json.loads(line)
+        if origin != made_from(origin["files"], origin["fmus"]):
             return None
-        variables = [decoded(one) for one in told["variables"]]
-        scenario: Scenario = decoded(told["scenario"])
+        scenario, variables, catalogs = json.loads(content, object_hook=decoded)
     except (OSError, ValueError, TypeError, LookupError, AttributeError, TwinError):
         return None  # nothing is kept, or something that it was made from is gone: whoever checks it will say so
     return Checked(
         scenario,
         {
             variant: {member: variables[number] for member, number in members.items()}
-            for variant, members in told["catalogs"].items()
+            for variant, members in catalogs.items()
         },
     )
 
@@ -199,12 +199,15 @@ def made_from(files: Iterable[str], fmus: Iterable[str]) -> dict[str, Any]:
 @cache
 def sources(folder: str) -> str:
     """Hash of the sources in a folder by name, size and time."""
-    words = []
-    for place, _, names in os.walk(folder):
-        for name in names:
-            if name.endswith(SUFFIXES):
-                told = os.stat(f"{place}{os.sep}{name}")  # noqa: PTH116 - hundreds of files
-                words.append(f"{place} {name} {told.st_size} {told.st_mtime_ns}")
+    words, waiting = [], [folder]
+    while waiting:
+        with os.scandir(waiting.pop()) as found:
+            for one in found:
+                if one.name.endswith(SUFFIXES):
+                    told = one.stat()
+                    words.append(f"{one.path} {told.st_size} {told.st_mtime_ns}")
+                elif one.name != "__pycache__" and one.is_dir(follow_symlinks=False):
+                    waiting.append(one.path)
     return digest(*sorted(words))
 
 
@@ -236,6 +239,10 @@ def encoded(value: Any) -> Any:
             return {"tuple": [encoded(one) for one in value]}
         case Mapping():
             return {"dict": [[encoded(key), encoded(one)] for key, one in value.items()]}
+        case Fraction():
+            return {"ratio": str(value)}
+        case Algorithm():
+            return {"algorithm": encoded({"name": value.name, **value.options})}
         case Path():
             return {"path": str(value)}
         case np.dtype():
@@ -252,24 +259,20 @@ def encoded(value: Any) -> Any:
 
 
 DECODERS: dict[str, Callable[[Any], Any]] = {
+    "ratio": Fraction,
+    "algorithm": lambda told: Algorithm(told),  # noqa: PLW0108 - it is called as no class is
     "scalar": lambda told: np.dtype(told[0]).type(told[1]),
-    "tuple": lambda told: tuple(map(decoded, told)),
-    "dict": lambda told: {decoded(key): decoded(one) for key, one in told},
+    "tuple": tuple,
+    "dict": dict,
     "path": Path,
     "dtype": np.dtype,
-    "array": lambda told: np.array([decoded(one) for one in told[2]], told[0]).reshape(told[1]),
+    "array": lambda told: np.array(told[2], told[0]).reshape(told[1]),
     "bytes": bytes.fromhex,
     "expression": expression.parse,
 }
 
 
-def decoded(value: Any) -> Any:
-    """What was encoded."""
-    if isinstance(value, list):
-        return [decoded(one) for one in value]
-    if not isinstance(value, dict):
-        return value
-    ((kind, told),) = value.items()
-    if kind in KINDS:
-        return KINDS[kind](*map(decoded, told))
-    return DECODERS[kind](told)
+def decoded(told: dict[str, Any]) -> Any:
+    """What was encoded as a dict, with all in it that was: to be called by `json.loads`."""
+    ((kind, content),) = told.items()
+    return KINDS[kind](*content) if kind in KINDS else DECODERS[kind](content)

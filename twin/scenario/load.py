@@ -6,13 +6,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin.coupling import Algorithm
 from twin.errors import ScenarioError
 from twin.scenario import check, figures, merge, nested
 from twin.scenario.lookup import look_up
 from twin.scenario.message import validate
 from twin.scenario.node import Node, Place
 from twin.scenario.override import overridden
-from twin.scenario.spec import Case, ConnectionSpec, EventSpec, FaultSpec, MemberSpec, RecordSpec, Scenario
+from twin.scenario.spec import Case, ConnectionSpec, EventSpec, Exchange, FaultSpec, MemberSpec, RecordSpec, Scenario
 from twin.scenario.tree import parse
 
 if TYPE_CHECKING:
@@ -100,7 +101,7 @@ def assembled(written: Node, path: Path, overrides: Sequence[str], imports: bool
     record = record_of(keys, kept, analyses, metrics, expectations, plots, pictures)
     scenario = Scenario(
         path, path.stem, keys.title or path.stem, keys.description, keys.source,
-        keys.start_time, keys.stop_time or 0, keys.step or MILLISECOND, keys.algorithm or "jacobi",
+        keys.start_time, keys.stop_time or 0, keys.step or MILLISECOND, keys.algorithm or Algorithm.jacobi,
         tuple(keys.seeds), tuple(variants.values()), record, analyses, metrics, expectations, plots,
         {name: tuple(members) for name, members in keys.groups.items()}, tuple(overrides),
         not any(touches(option) for option in effective) and not changes_the_papers(root, str(path)), root, written,
@@ -177,9 +178,18 @@ def case_of(name: str, keys: ScenarioKeys, tree: Node, base: ScenarioKeys, made:
                 str(node.place),
                 places,
                 made.get(component),
+                exchange=Exchange(own.interface, own.solver, own.solver_tolerance),
             )
     connections = tuple(
-        ConnectionSpec(one.source, one.target, str(tree.find(("connections", i)).place))
+        ConnectionSpec(
+            one.source,
+            one.target,
+            str(tree.find(("connections", i)).place),
+            one.factor,
+            one.offset,
+            one.convert,
+            one.bond,
+        )
         for i, one in enumerate(keys.connections)
         if one.source
     )
@@ -197,7 +207,7 @@ def case_of(name: str, keys: ScenarioKeys, tree: Node, base: ScenarioKeys, made:
     ]
     return Case(
         name, base.seeds[0], title or name, keys.start_time, keys.stop_time or 0, keys.step or MILLISECOND,
-        keys.algorithm or "jacobi", members, connections, tuple(sorted(events, key=lambda event: event.time_ns)),
+        keys.algorithm or Algorithm.jacobi, members, connections, tuple(sorted(events, key=lambda event: event.time_ns)),
         RecordSpec(), tuple(sorted(faults, key=lambda fault: fault.time_ns)),
     )  # fmt: skip
 

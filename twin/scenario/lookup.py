@@ -128,7 +128,7 @@ def rhythm(name: str, case: Case) -> list[str]:
     return []
 
 
-def uneven(key: str, time: int, step: int, word: str) -> str:
+def uneven(key: str, time: clock.Time, step: clock.Time, word: str) -> str:
     """A time that is no multiple of another one, and those next to it that are [ns]."""
     low = time // step * step
     choice = " or ".join(clock.text(one) for one in (low, low + step) if one)

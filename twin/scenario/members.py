@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 from contextlib import suppress
-from dataclasses import dataclass
 from enum import StrEnum
 from functools import partial
 from itertools import count
@@ -14,13 +13,14 @@ from typing import TYPE_CHECKING, Any
 from twin import clock, compiler
 from twin.component import Component, PythonComponent, Role, catalog, resampled
 from twin.coupling import Member, MemberVariable, RecordMember, declared_variables, driven
-from twin.errors import CouplingError, TwinError, described
+from twin.dataclass import dataclass
+from twin.errors import CouplingError, ScenarioError, TwinError, described
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
     from twin.fmi import FMUMember
-    from twin.scenario.spec import MemberSpec
+    from twin.scenario.spec import Exchange, MemberSpec
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,18 @@ def component_of(spec: MemberSpec) -> str | type[Component]:
     if spec.component.endswith(".fmu"):
         return spec.component
     if spec.period_ns and samples(cls := spec.made or catalog.component(spec.component)):
-        return resampled(cls, spec.period_ns)
+        return resampled(cls, whole(spec.period_ns, f"{spec.places.get('period', spec.where)}: period"))
     return spec.made or spec.component
+
+
+def whole(time: clock.Time, where: str) -> int:
+    """A time in whole nanoseconds, which components count in."""
+    if not isinstance(time, int):
+        near = clock.exact_text(round(time))
+        raise ScenarioError(
+            f"{where}: {clock.text(time)}: components count in whole nanoseconds. Use {near} or the like."
+        )
+    return time
 
 
 def samples(cls: type[Component]) -> bool:
@@ -79,7 +89,7 @@ def samples(cls: type[Component]) -> bool:
     return bool(cls.period_ns) and not getattr(cls, "parts", None)
 
 
-def tick(spec: MemberSpec) -> int:
+def tick(spec: MemberSpec) -> clock.Time:
     """What a member samples at by itself [ns], 0 if it does not: also an FMU that declares a fixed internal step."""
     made = component_of(spec)
     if isinstance(made, str) and made.endswith(".fmu"):
@@ -87,11 +97,11 @@ def tick(spec: MemberSpec) -> int:
 
         member = FMUMember("member", made)
         member.close()
-        return round((member.fixed_step or 0.0) * clock.NANOSECONDS)
+        return clock.nanoseconds(member.fixed_step or 0.0)
     return (catalog.component(made) if isinstance(made, str) else made).period_ns
 
 
-def communication(spec: MemberSpec) -> int | None:
+def communication(spec: MemberSpec) -> clock.Time | None:
     """How often a member takes inputs and publishes [ns] where the scenario says so; else as its component does."""
     if spec.communication_ns or not spec.period_ns:
         return spec.communication_ns
@@ -99,20 +109,28 @@ def communication(spec: MemberSpec) -> int | None:
 
 
 def make(
-    name: str, component: str | type[Component] | Built, values: Mapping[str, Any], form: Form, build: Path
+    name: str,
+    component: str | type[Component] | Built,
+    values: Mapping[str, Any],
+    form: Form,
+    build: Path,
+    exchange: Exchange | None = None,
 ) -> Member:
     """A member with its start values set. Python-side components, and those without a source, run as Python.
 
-    That is, whatever `form` says.
+    That is, whatever `form` says; and those that are integrated by a solver (`exchange`) as an FMU.
     """
     if isinstance(component, str) and component.endswith(".fmu"):
-        return imported(name, Path(component), values)
+        return imported(name, Path(component), values, exchange)
     if isinstance(component, Built):
-        return opened(name, component, values)
+        return opened(name, component, values, exchange)
     cls = catalog.component(component) if isinstance(component, str) else component
-    form = form if has_source(cls) else Form.interpreted
+    asked = exchange is not None and exchange.is_asked_for
+    if asked and (issubclass(cls, PythonComponent) or not has_source(cls)):
+        raise CouplingError(f"{name}: is Python-side and no FMU. Leave out `interface` and what belongs to it.")
+    form = (Form.fmu if asked else form) if has_source(cls) else Form.interpreted
     if form is Form.fmu and not issubclass(cls, PythonComponent):
-        return opened(name, as_built(cls, build), values)
+        return opened(name, as_built(cls, build), values, exchange)
     native = form is Form.compiled and not issubclass(cls, PythonComponent)
     part = instance(name, cls, values)
     code = compiler.load_component(cls, build) if native else None
@@ -129,14 +147,20 @@ def as_built(cls: type[Component], build: Path) -> Built:
         str(built.build(cls, "3.0", build)),
         cls.period_ns,
         tuple(sorted(driven(cls))),
-        tuple((f"der({name.removeprefix('der_')})", name) for name in derivatives),
+        tuple((derivative(name), name) for name in derivatives),
         tuple((v.name, v.source) for v in cls.variables if v.source),
     )
 
 
-def opened(name: str, fmu: Built, values: Mapping[str, Any]) -> FMUMember:
+def derivative(name: str) -> str:
+    """FMI's name of a derivative: `der(x)` for `der_x`, in a group `der(part.x)` for `part.der_x`."""
+    part, dot, own = name.rpartition(".")
+    return f"der({part}{dot}{own.removeprefix('der_')})"
+
+
+def opened(name: str, fmu: Built, values: Mapping[str, Any], exchange: Exchange | None = None) -> FMUMember:
     """The member of an FMU that is built of a component."""
-    member = imported(name, Path(fmu.path), values)
+    member = imported(name, Path(fmu.path), values, exchange)
     member.period_ns, member.driven = fmu.period_ns, frozenset(fmu.driven)
     for old, new in fmu.renamed:
         member.rename(old, new)
@@ -192,8 +216,11 @@ def instance(name: str, cls: type[Component], values: Mapping[str, Any]) -> Comp
     return part
 
 
-def imported(name: str, path: Path, values: Mapping[str, Any]) -> FMUMember:
+def imported(name: str, path: Path, values: Mapping[str, Any], exchange: Exchange | None = None) -> FMUMember:
     """Any FMU as a member."""
-    from twin.fmi import FMUMember
+    from twin.fmi import member
 
-    return FMUMember(name, path, dict(values))
+    if exchange is None:
+        return member(name, path, dict(values))
+    solver, tolerance = exchange.solver, exchange.solver_tolerance
+    return member(name, path, dict(values), interface=exchange.interface, solver=solver, tolerance=tolerance)

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError
-from twin.scenario import tree
+from twin.scenario import package, tree
 from twin.scenario.names import nearest
 from twin.scenario.node import Node
 from twin.scene import READERS
@@ -30,7 +30,8 @@ def load(path: Path, shown: str, problems: list[str], above: tuple[Path, ...] = 
 
     What is wrong and does not keep it from being read goes to `problems`.
     """
-    return complete(tree.read(path, shown, problems), path, shown, problems, above)
+    read = package.read if path.suffix == package.SUFFIX and path.is_file() else tree.read
+    return complete(read(path, shown, problems), path, shown, problems, above)
 
 
 def complete(root: Node, path: Path, shown: str, problems: list[str], above: tuple[Path, ...] = ()) -> Node:
@@ -41,7 +42,7 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], above: tup
     root = normal(root, own.parent, problems)
     parent = root.entries.get("extends")
     if parent is None or parent.value is None:
-        problems += strays(root, root)
+        problems += strays(root, root) + idle(root, None)
         return merged(Node({}, root.place), root)
     if not isinstance(parent.value, str):
         raise ScenarioError(f"{parent.place}: extends: expected the path of one scenario, such as contact.yaml.")
@@ -53,7 +54,7 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], above: tup
         hint = nearest(target.name, known) or " Give a path relative to this file."
         raise ScenarioError(f"{parent.place}: extends: there is no file {parent.value}.{hint}")
     base = load(target, str(Path(shown).parent / parent.value), problems, (own, *above))
-    problems += strays(root, base)
+    problems += strays(root, base) + idle(root, base)
     result = merged(base, root)
     return Node({key: node for key, node in result.entries.items() if key != "extends"}, root.place)
 
@@ -122,9 +123,9 @@ def located(member: Node, folder: Path) -> Node:
 
 
 def located_name(component: str, folder: Path) -> str:
-    """A component's name; absolute if it is the path of an FMU or of a scenario's group."""
+    """A component's name; absolute if it is the path of an FMU, of a table or of a scenario's group."""
     path, mark, group = component.partition("#")
-    if not path.endswith((".yaml", ".yml") if mark else ".fmu"):
+    if not path.endswith((".yaml", ".yml") if mark else (".fmu", ".csv")):
         return component
     return f"{(folder / path).resolve()}{mark}{group}"
 
@@ -148,22 +149,61 @@ def strays(root: Node, base: Node) -> list[str]:
     """What a file disconnects of members that neither it nor the one it extends has, in any variant."""
     empty = Node({}, root.place)
     patches = [one for file in (root, base) for one in (file, *file.entries.get("variants", empty).entries.values())]
-    known = {name for one in patches for name in members(one)}
+    known = owners(root, base)
     return [
         f"{item.entries['to'].place}: there is no member `{owner}`.{nearest(owner, known)}"
         for one in patches
-        for item in one.entries.get("connections", empty).items
-        if "from" in item.entries
-        and item.entries["from"].value is None
-        and (owner := (target(item) or "").partition(".")[0])
-        and owner not in known
+        for item in written_connections(one)
+        if disconnects(item) and (owner := (target(item) or "").partition(".")[0]) and owner not in known
     ]
+
+
+def idle(root: Node, above: Node | None) -> list[str]:
+    """What a file disconnects of the one above it, or a variant of its file, that nothing of this name connects."""
+    empty = Node({}, root.place)
+    base = above or empty
+    ends = {target(item) for item in written_connections(base)}
+    found = [(item, ends) for item in written_connections(root) if above is not None]
+    ends = ends | {target(item) for item in written_connections(root) if not disconnects(item)}
+    inherited = base.entries.get("variants", empty).entries
+    for name, variant in root.entries.get("variants", empty).entries.items():
+        own = ends | {target(item) for item in written_connections(inherited.get(name, empty))}
+        found += [(item, own) for item in written_connections(variant)]
+    return [
+        f"{item.entries['to'].place}: nothing is connected to `{end}` under this name.{nearest(end, filter(None, known))} Write what "
+        f"stands behind `->` in the connection that is to go, the terminal's name if it connects terminals."
+        for item, known in found
+        if disconnects(item)
+        and (end := target(item))
+        and end not in known
+        and end.partition(".")[0] in owners(root, base)
+    ]
+
+
+def owners(*files: Node) -> set[str]:
+    """Members of files, in any variant."""
+    variants = [one for file in files for one in file.entries.get("variants", Node({}, file.place)).entries.values()]
+    return {name for one in (*files, *variants) for name in members(one)}
+
+
+def written_connections(root: Node) -> list[Node]:
+    """The connections that a scenario or variant writes."""
+    node = root.entries.get("connections") if isinstance(root.value, dict) else None
+    return list(node.items) if node is not None else []
+
+
+def disconnects(connection: Node) -> bool:
+    """Whether it is `{from: null, to: x}`."""
+    return "from" in connection.entries and connection.entries["from"].value is None
 
 
 def merged(base: Node, patch: Node, path: Keys = (), keep_null: bool = False) -> Node:
     """`patch` over `base`. `keep_null`: both are patches themselves, so that a `null` is still to be applied."""
     if not isinstance(patch.value, dict):
         return merged_list(base, patch, path, keep_null) if isinstance(patch.value, list) else patch
+    if path == ("algorithm",):
+        named = Node({"name": base}, base.place) if isinstance(base.value, str) else base
+        base = Node({}, patch.place) if "name" in patch.entries else named
     if len(path) == 2 and path[0] == "members" and replaces(base, patch):
         base = Node({key: base.entries[key] for key in RHYTHM if key in base.entries}, patch.place)
     if not path and not keep_null:
@@ -187,9 +227,7 @@ def merged_list(base: Node, patch: Node, path: Keys, keep_null: bool) -> Node:
         return patch
     targets = {target(item) for item in patch.items} - {None}
     kept = [item for item in base.items if target(item) not in targets]
-    added = [
-        item for item in patch.items if keep_null or not ("from" in item.entries and item.entries["from"].value is None)
-    ]
+    added = [item for item in patch.items if keep_null or not disconnects(item)]
     return Node(kept + added, patch.place)
 
 

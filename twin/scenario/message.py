@@ -93,7 +93,8 @@ def line(root: Node, error: Any, model: Any = ScenarioKeys) -> str:
         example = EXAMPLES.get(str(path[-1]), f"{path[-1]}: ...")
         return f"{place}: {dotted(path[:-1])}: `{path[-1]}` is missing. Add it, such as `{example}`."
     if kind == "value_error":
-        return f"{place}: {what}: {error['msg'].removeprefix('Value error, ').rstrip('.')}."
+        text = error["msg"].removeprefix("Value error, ").rstrip(".")
+        return f"{place}: {what}: {text}{'' if text.endswith('?') else '.'}"
     if kind == "literal_error":
         choices = error["ctx"]["expected"].replace(" or ", ", ").replace("'", "").split(", ")
         return f"{place}: {what}: `{short(given)}` is not known.{nearest(str(given), choices)}"

@@ -3,24 +3,35 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, model_validator
 
+from twin import clock
+from twin.coupling import Algorithm
 from twin.errors import CouplingError, ScenarioError
 from twin.results import Expression, expression
-from twin.scenario.value import duration, number, raw, short
+from twin.scenario.names import nearest
+from twin.scenario.value import duration, nanoseconds, number, raw, short
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 REFERENCE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\.[^\s>*]+")
+RATIOS = ("smoothing", "agreement", "tolerance", "correction")  # options of algorithms
 PATTERN = re.compile(r"[A-Za-z_*][A-Za-z0-9_*]*\.[^\s>]+|\*")
 
 
-def positive(value: Any) -> int:
+def positive(value: Any) -> clock.Time:
     """A time above zero [ns]."""
     if (time := duration(value)) <= 0:
         raise ValueError(f"expected a time above zero, not {short(value)}")
     return time
+
+
+def period(value: Any) -> int:
+    """The same in whole nanoseconds."""
+    positive(value)
+    return nanoseconds(value)
 
 
 def text(value: Any) -> Any:
@@ -68,6 +79,31 @@ def percent(value: str) -> float:
     return float(value.rstrip().removesuffix("%")) / 100
 
 
+def algorithm(value: Any) -> Algorithm | None:
+    """An algorithm from its name, or from its name and options."""
+    if value is None:
+        return None
+    if not isinstance(value, str | dict):
+        raise ValueError(  # noqa: TRY004 - pydantic's way
+            f"expected a name such as jacobi, or its name and options, not {short(value)}"
+        )
+    given = {"name": value} if isinstance(value, str) else {"name": "jacobi", **value}
+    if given["name"] not in (known := [one.name for one in Algorithm]):
+        raise ValueError(f"`{short(given['name'])}` is not known.{nearest(str(given['name']), known)}")
+    readers: dict[str, Callable[[Any], Any]] = {**dict.fromkeys(RATIOS, fraction), "smallest": positive, "scales": sizes}
+    try:
+        return Algorithm({key: readers.get(key, raw)(one) for key, one in given.items()})  # type: ignore[no-any-return]
+    except CouplingError as error:
+        raise ValueError(str(error).removeprefix("algorithm: ")) from None
+
+
+def sizes(value: Any) -> dict[str, Any]:
+    """Values of variables, as they are written."""
+    if not isinstance(value, dict):
+        raise ValueError(f"expected scales such as {{wall.force: 0.2 N}}, not {short(value)}")  # noqa: TRY004
+    return {reference(name): raw(one) for name, one in value.items()}
+
+
 def published(value: Any) -> Any:
     """One figure, or one for each variant."""
     if isinstance(value, dict):
@@ -80,15 +116,17 @@ def one_or_more(value: Any) -> Any:
     return value if isinstance(value, list) else [value]
 
 
-Time = Annotated[int, BeforeValidator(duration)]
-Period = Annotated[int, BeforeValidator(positive)]
+Time = Annotated[int, BeforeValidator(nanoseconds)]
+Period = Annotated[int, BeforeValidator(period)]
+Moment = Annotated[clock.Time, PlainValidator(duration)]  # of the simulation: any ratio, such as 1/30 s
+Step = Annotated[clock.Time, PlainValidator(positive)]
 Text = Annotated[str, BeforeValidator(text)]
 Reference = Annotated[str, BeforeValidator(reference)]
 Pattern = Annotated[str, BeforeValidator(pattern)]
 Value = Annotated[Any, BeforeValidator(raw)]
 Signal = Annotated[Any, BeforeValidator(parsed)]
 Seed = Annotated[int, Field(strict=True, ge=0, lt=2**31)]
-Algorithm = Literal["jacobi", "gauss_seidel"]
+Method = Annotated[Any, BeforeValidator(algorithm)]
 
 
 class Keys(BaseModel):
@@ -101,29 +139,41 @@ class MemberKeys(Keys):
     """`servo: {component: servomotor, parameters: {mass: 0.65 kg}, period: 1 ms}`; in a variant all are optional.
 
     `period`: what it samples at. `communication_step`: how often it takes inputs and publishes. `finite`: whether a
-    value that is not finite ends the run. `isolate`: whether it gets a process of its own.
+    value that is not finite ends the run. `isolate`: whether it gets a process of its own. `interface` of FMI; of Model
+    Exchange `solver` and its relative `solver_tolerance`.
     """
 
     component: Text | None = None
     parameters: dict[str, Value] = {}
-    period: Period | None = None
-    communication_step: Period | None = None
+    period: Step | None = None
+    communication_step: Step | None = None
     finite: bool = True
     isolate: bool = False
+    interface: Literal["", "co_simulation", "model_exchange", "scheduled_execution"] = ""
+    solver: Text = ""
+    solver_tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None
     description: Text = ""
 
 
 class ConnectionKeys(Keys):
-    """`servo.position -> sheath.gripper_position`; from `null` disconnects what a patch inherits."""
+    """`servo.position -> sheath.gripper_position`; from `null` disconnects what a patch inherits.
+
+    `factor`, `offset`: target = factor * source + offset, after units are converted, unless `convert` is false. `bond`:
+    the name of the power bond that this connection and one back are.
+    """
 
     source: Reference | None = Field(alias="from")
     target: Reference = Field(alias="to")
+    factor: Annotated[float, Field(allow_inf_nan=False)] = 1.0
+    offset: Annotated[float, Field(allow_inf_nan=False)] = 0.0
+    convert: bool = True
+    bond: Text = ""
 
 
 class EventKeys(Keys):
     """What happens at a communication point, or a fault of the hardware: its keys are the hardware's own."""
 
-    at: Time
+    at: Moment
     set: dict[Reference, Value] = {}
     override: dict[Reference, Value] = {}
     release: Annotated[list[Reference], BeforeValidator(one_or_more)] = []
@@ -145,15 +195,15 @@ class EventKeys(Keys):
 class RecordKeys(Keys):
     """Variables to record, with `*` for any text, and how often; nothing: all outputs at every step."""
 
-    every: Period | None = None
+    every: Step | None = None
     variables: list[Pattern] = []
 
 
 class WindowKeys(Keys):
     """A part of the run."""
 
-    start: Time | None = Field(None, alias="from")
-    stop: Time | None = Field(None, alias="to")
+    start: Moment | None = Field(None, alias="from")
+    stop: Moment | None = Field(None, alias="to")
 
 
 class MetricKeys(WindowKeys):
@@ -267,9 +317,9 @@ class RunKeys(Keys):
     """What a variant may change."""
 
     title: Text = ""
-    stop_time: Time | None = None
-    step: Period | None = None
-    algorithm: Algorithm | None = None
+    stop_time: Moment | None = None
+    step: Step | None = None
+    algorithm: Method = None
     members: dict[str, MemberKeys | None] = {}
     connections: list[ConnectionKeys] = []
     events: list[EventKeys] | None = None
@@ -282,7 +332,7 @@ class ScenarioKeys(RunKeys):
     description: Text = ""
     source: Text = ""
     extends: Text = ""
-    start_time: Time = 0
+    start_time: Moment = 0
     seeds: Annotated[list[Seed], Field(min_length=1)] = [0]
     seed: Seed | None = None
     variants: dict[str, RunKeys | None] = {}

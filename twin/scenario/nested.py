@@ -1,4 +1,4 @@
-"""A member may be a group of another scenario: `component: rig.yaml#rig`, or `rig.yaml#rig@variant`.
+"""A member may be a table, `component: command.csv`, or a group of another scenario: `rig.yaml#rig`, or `rig.yaml#rig@variant`.
 
 It becomes one compiled component with the other scenario's values as its start values.
 """
@@ -30,17 +30,29 @@ def is_group(component: object) -> bool:
     return isinstance(component, str) and component.partition("#")[0].endswith((".yaml", ".yml")) and "#" in component
 
 
+def is_table(component: object) -> bool:
+    """Whether a member's component is a file of values over time."""
+    return isinstance(component, str) and component.endswith(".csv")
+
+
+def table(path: str) -> type[Component]:
+    """The component class of a file of values over time."""
+    from twin.fmi import driven
+
+    return driven.component(path)
+
+
 def components(trees: dict[str, Node], load: Callable[[str], Scenario]) -> tuple[dict[str, type[Component]], list[str]]:
-    """The groups that members of any variant name, and what is wrong with them. `load`: reads their scenarios."""
+    """The groups and tables that members of any variant name, and what is wrong with them. `load`: reads their scenarios."""
     made: dict[str, type[Component]] = {}
     problems: dict[str, None] = {}
     for tree in trees.values():
         for name, member in members(tree).items():
             node = member.entries.get("component")
-            if node is None or not is_group(node.value) or node.value in made:
+            if node is None or not (is_group(node.value) or is_table(node.value)) or node.value in made:
                 continue
             try:
-                made[node.value] = component(node.value, load)
+                made[node.value] = table(node.value) if is_table(node.value) else component(node.value, load)
             except TwinError as error:
                 own = getattr(error, "problems", [str(error)])
                 problems |= dict.fromkeys(f"{node.place}: member `{name}`: {one}" for one in own)

@@ -52,7 +52,7 @@ def override(root: Node, option: str) -> Node:
     path = path.removeprefix(f"variants.{only}.") if only else path
     patch = option_patch(path, value, shown)
     name = path.partition(".")[0]
-    is_member = "." in path
+    is_member = "." in path and name != "algorithm"
     if is_member and name not in members(root).keys() | {m for variant in variants.values() for m in members(variant)}:
         known = [*members(root), *TOP_LEVEL]
         raise ScenarioError(f"{shown}: there is no member `{name}`.{nearest(name, known)}")
@@ -60,7 +60,7 @@ def override(root: Node, option: str) -> Node:
         return merged(root, wrapped({"variants": wrapped({only: patch}, shown)}, shown))
     affected = {}
     for variant, node in variants.items():
-        says = members(node)[name].value is not None if is_member and name in members(node) else path in node.entries
+        says = members(node)[name].value is not None if is_member and name in members(node) else name in node.entries
         if says:
             affected[variant] = patch
     if affected:
@@ -94,6 +94,8 @@ def option_value(text: str, shown: str) -> Node:
 def option_patch(path: str, value: Node, shown: str) -> Node:
     """The patch that an option stands for."""
     name, dot, rest = path.partition(".")
+    if name == "algorithm" and dot:
+        return wrapped({name: wrapped({rest: value}, shown)}, shown)
     if not dot:
         if name not in TOP_LEVEL:
             hint = nearest(name, TOP_LEVEL)
@@ -101,7 +103,7 @@ def option_patch(path: str, value: Node, shown: str) -> Node:
         if name in ("seed", "seeds"):
             name, value = "seeds", value if isinstance(value.value, list) else Node([value], value.place)
         return wrapped({name: value}, shown)
-    if rest in ("component", *RHYTHM, "finite", "isolate"):
+    if rest in ("component", *RHYTHM, "finite", "isolate", "interface", "solver", "solver_tolerance"):
         member = wrapped({rest: value}, shown)
     else:
         member = wrapped({"parameters": wrapped({rest.removeprefix("parameters."): value}, shown)}, shown)

@@ -7,13 +7,14 @@ converts them.
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling import Connection, System
+from twin.coupling import Algorithm, Connection, System
+from twin.dataclass import dataclass
 from twin.errors import CouplingError, ScenarioError
 from twin.scenario import value
 from twin.scenario.names import find, matching, nearest
@@ -21,6 +22,7 @@ from twin.scenario.names import find, matching, nearest
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from twin import clock
     from twin.component import Component
     from twin.coupling import Catalog
     from twin.results import Analysis, Expectation, Metric, Plot
@@ -34,6 +36,20 @@ STARTABLE = ("exact", "approx")  # FMI's `initial`: a state's or an output's sta
 
 
 @dataclass(frozen=True)
+class Exchange:
+    """By which interface of FMI a member runs, and how it is integrated in Model Exchange; nothing: as is usual."""
+
+    interface: str = ""
+    solver: str = ""
+    solver_tolerance: float | None = None
+
+    @property
+    def is_asked_for(self) -> bool:
+        """Whether the scenario says anything of it."""
+        return self != Exchange()
+
+
+@dataclass(frozen=True)
 class MemberSpec:
     """A member as the file names it. `component`: a name in fmus/, `module:Class`, or the absolute path of an FMU.
 
@@ -43,14 +59,15 @@ class MemberSpec:
 
     component: str
     parameters: dict[str, Any] = field(default_factory=dict)  # name or element `r[1]` -> value as written
-    period_ns: int | None = None
-    communication_ns: int | None = None
+    period_ns: clock.Time | None = None
+    communication_ns: clock.Time | None = None
     finite: bool = True  # whether a value that is not finite ends the run
     isolate: bool = False  # whether it gets a process of its own
     where: str = field(default="", compare=False)
     places: dict[str, str] = field(default_factory=dict, compare=False)  # parameter or key -> file:line
     made: type[Component] | None = field(default=None, compare=False)
     built: Built | None = field(default=None, compare=False)
+    exchange: Exchange = field(default_factory=Exchange)
 
     def values(self, name: str, variables: Variables) -> tuple[dict[str, Any], list[str]]:
         """Start values as numpy values in the variables' units, and what is wrong with them; `name` is the member's."""
@@ -81,18 +98,25 @@ class MemberSpec:
 
 @dataclass(frozen=True)
 class ConnectionSpec:
-    """`source` and `target` are `member.variable`, or both `member.terminal`."""
+    """`source` and `target` are `member.variable`, or both `member.terminal`.
+
+    target = factor * source + offset, after units are converted, unless `convert` is false.
+    """
 
     source: str
     target: str
     where: str = field(default="", compare=False)
+    factor: float = 1.0
+    offset: float = 0.0
+    convert: bool = True
+    bond: str = ""
 
 
 @dataclass(frozen=True)
 class EventSpec:
     """What happens to one variable at one time. `kind`: set, override or release (`value` is None)."""
 
-    time_ns: int
+    time_ns: clock.Time
     kind: str
     variable: str
     value: Any = None
@@ -103,7 +127,7 @@ class EventSpec:
 class FaultSpec:
     """A fault of the hardware at a time. `tree`: all its keys as written, for the hardware to read."""
 
-    time_ns: int
+    time_ns: clock.Time
     tree: Node = field(repr=False)
 
     @property
@@ -125,7 +149,7 @@ class RecordSpec:
     """What is recorded: patterns (none: all outputs), and whatever metrics and plots read; `every_ns` or each step."""
 
     patterns: tuple[str, ...] = ()
-    every_ns: int | None = None
+    every_ns: clock.Time | None = None
     needed: tuple[str, ...] = ()
     where: str = field(default="", compare=False)
 
@@ -159,10 +183,10 @@ class Case:
     variant: str
     seed: int
     title: str
-    start_ns: int
-    stop_ns: int
-    step_ns: int
-    algorithm: str
+    start_ns: clock.Time
+    stop_ns: clock.Time
+    step_ns: clock.Time
+    algorithm: Algorithm
     members: dict[str, MemberSpec]
     connections: tuple[ConnectionSpec, ...]
     events: tuple[EventSpec, ...]
@@ -198,7 +222,24 @@ class Case:
 
     def system(self, catalog: Catalog) -> System:
         """What couples its members, to be checked against their variables."""
-        return System(catalog, [Connection(one.source, one.target, one.where) for one in self.connections])
+        return System(
+            catalog,
+            [
+                Connection(one.source, one.target, one.where, "", one.factor, one.offset, one.convert, one.bond)
+                for one in self.connections
+            ],
+        )
+
+    def method(self, catalog: Catalog) -> Algorithm:
+        """Its algorithm, with the sizes of variables as numbers in SI; ScenarioError if there is no such variable."""
+        found = {}
+        for name, given in self.algorithm.scales.items():
+            try:
+                found[name] = float(value.resolve(given, find(name, catalog)[0], f"algorithm: scales: {name}"))
+            except CouplingError as error:
+                raise ScenarioError(str(error)) from None
+        own = self.algorithm
+        return Algorithm({"name": own.name, **own.options, "scales": found}) if found else own
 
     def event_value(self, event: EventSpec, catalog: Catalog) -> Any:
         """An event's value as numpy scalar or array in the variable's unit; for an element `r[1]`, its scalar."""
@@ -218,10 +259,10 @@ class Scenario:
     title: str
     description: str
     source: str
-    start_ns: int
-    stop_ns: int
-    step_ns: int
-    algorithm: str
+    start_ns: clock.Time
+    stop_ns: clock.Time
+    step_ns: clock.Time
+    algorithm: Algorithm
     seeds: tuple[int, ...]
     variants: tuple[Case, ...]  # one for each variant, with the first seed
     record: RecordSpec

@@ -74,7 +74,7 @@ def archive(path: Path) -> str:
     if path.suffix == ".fmu":
         return "is an FMU, not a scenario. Run it with `twin simulate`, or name it as a member's component."
     if path.suffix == ".ssp":
-        return "is an SSP archive, which cannot be read. Write its system as a scenario, with its FMUs as members."
+        return "is an SSP, which is no text. Name it where a scenario is named."
     return "is a zip archive, not a text. Name the scenario in it."
 
 

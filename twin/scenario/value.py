@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin import clock
 from twin.component import unit
 from twin.errors import CouplingError
 
@@ -31,6 +32,7 @@ DURATIONS = {
     "h": 3600 * 10**9,
 }
 LONGEST = 10**7 * 10**9  # four months [ns]
+RATIO = re.compile(r"\s*(-?\d{1,9})\s*/\s*(\d{1,9})\s*([a-zµμ]*)\s*")  # `1/30 s`
 
 
 def split(text: str) -> tuple[str, str] | None:
@@ -42,22 +44,36 @@ def split(text: str) -> tuple[str, str] | None:
     return match[1], f"1{unit_text}" if unit_text.startswith("/") else unit_text
 
 
-def duration(value: Any) -> int:
-    """A time in whole nanoseconds: `1 ms`, or a bare number of seconds. ValueError says what is wrong."""
+def duration(value: Any) -> clock.Time:
+    """A time [ns], exactly: `1 ms`, `1/30 s`, or a bare number of seconds. ValueError says what is wrong."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f"expected a time, such as 1 ms, not {short(value)}")  # noqa: TRY004 - what pydantic catches
-    parts = split(value) if isinstance(value, str) else (repr(value), "s")
-    if parts is None or (isinstance(value, float) and not math.isfinite(value)):
-        raise ValueError(f"{short(value)} is not a time. Write a number and a unit, such as 1 ms")
-    number, symbol = parts
+    if isinstance(value, str) and (match := RATIO.fullmatch(value)):
+        over, under, symbol = match.groups()
+    else:
+        parts = split(value) if isinstance(value, str) else (repr(value), "s")
+        if parts is None or (isinstance(value, float) and not math.isfinite(value)):
+            raise ValueError(f"{short(value)} is not a time. Write a number and a unit, such as 1 ms or 1/30 s")
+        over, under, symbol = parts[0], "", parts[1]
     if symbol not in DURATIONS and symbol:
         raise ValueError(f"{short(value)} is not a time: use s, ms, us, ns, min or h")
-    exact = Fraction(number) * DURATIONS[symbol or "s"]
+    if under and not int(under):
+        raise ValueError(f"{short(value)} is divided by zero. Write a ratio such as 1/30 s")
+    exact = Fraction(over) / int(under or 1) * DURATIONS[symbol or "s"]
     if abs(exact) > LONGEST:
         raise ValueError(f"{short(value)} is longer than {LONGEST // 10**9} s. Check the unit")
-    if exact.denominator != 1:
-        raise ValueError(f"{short(value)} is not a whole number of nanoseconds. Round it")
-    return int(exact)
+    try:
+        return clock.whole(exact) if under else clock.ratio(exact / clock.NANOSECONDS)
+    except ValueError:
+        raise ValueError(f"{short(value)} is too short a time. Check the unit") from None
+
+
+def nanoseconds(value: Any) -> int:
+    """A time that must be whole nanoseconds, as what a drive or a component counts in. ValueError says what is wrong."""
+    time = duration(value)
+    if not isinstance(time, int):
+        raise ValueError(f"{short(value)} is not a whole number of nanoseconds. Round it")  # noqa: TRY004
+    return time
 
 
 def short(value: Any) -> str:
@@ -182,7 +198,9 @@ def element(value: Any, variable: MemberVariable, what: str) -> Any:
         if not isinstance(value, str):
             raise CouplingError(f"{what}: expected text, not {short(value)}. Put it in quotes.")
         return value
-    if variable.type == "Boolean":  # a bool, or a C int in FMI 2.0
+    if variable.interval:  # of a clock that ticks by time
+        return number(value, "s", what)
+    if variable.type in ("Boolean", "Clock"):  # a bool, or a C int in FMI 2.0
         if not isinstance(value, bool):
             raise CouplingError(f"{what}: expected true or false, not {short(value)}.")
         return variable.dtype.type(value)

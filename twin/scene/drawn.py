@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin.component import unit
+from twin.dataclass import dataclass
 from twin.errors import CouplingError, SceneError, nearest, printable
 from twin.scene import geometry
 from twin.scene.environment import Environment, Wall

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
+from twin.dataclass import dataclass
 from twin.results import Window
 
 if TYPE_CHECKING:

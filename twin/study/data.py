@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +17,7 @@ import numpy as np
 
 from twin import clock
 from twin.component import unit
+from twin.dataclass import dataclass
 from twin.errors import CouplingError, TwinError, nearest
 from twin.results import calibration, read_variables, recorded
 

@@ -17,10 +17,10 @@ from twin.run import run_case, silent, simulation
 from twin.scenario import Form, members
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from twin.study.problem import Output, Problem
+    from twin.study.problem import Output, Problem, Recording, Unknown
 
     Array = np.ndarray[Any, Any]
 
@@ -32,34 +32,73 @@ class Model:
     """Computes what the outputs would have measured. Use it with `with`: at its end all members are freed."""
 
     def __init__(self, problem: Problem, build: Path) -> None:
-        self.problem, self._build = problem, build
+        self.problem = problem
+        self._recorded: list[Simulated] = []
+        try:
+            for one in problem.recordings:
+                self._recorded.append(Simulated(one, problem.of(one), build))
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def count(self) -> int:
+        """Simulations so far."""
+        return sum(one.count for one in self._recorded)
+
+    def predicted(self, places: Array) -> list[Array]:
+        """What each output would have measured; SimulationError if a simulation fails or is not finite."""
+        values = self.problem.values(places)
+        found = []
+        for one in self._recorded:
+            time, signals = one.signals(values)
+            found += [sampled(output, time, signals, values) for output in one.recording.outputs]
+        if not all(np.isfinite(one).all() for one in found):
+            raise SimulationError("what is compared is not finite")
+        return found
+
+    def close(self) -> None:
+        """Free all members."""
+        for one in self._recorded:
+            one.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class Simulated:
+    """What happened in one recording, as the model has it at some values of `unknowns`."""
+
+    def __init__(self, recording: Recording, unknowns: Sequence[Unknown], build: Path) -> None:
+        self.recording, self._unknowns, self._build = recording, unknowns, build
         self.count = 0  # of simulations
         self._kept: dict[tuple[float, ...], tuple[Array, dict[str, Array]]] = {}
-        self._places = {
-            one.name: (one.member, find(one.name, problem.catalog)) for one in problem.unknowns if one.member
-        }
-        used = [members.component_of(one) for one in problem.case.members.values()]
+        self._places = {one.name: (one.member, find(one.path, recording.catalog)) for one in unknowns}
+        used = [members.component_of(one) for one in recording.case.members.values()]
         members.prebuild(used, Form.compiled, build, silent)
         self._first = self._made()
         self._saved = self._snapshot()
 
     def _made(self, values: Mapping[str, float] | None = None) -> CoSimulation:
         """New members, with these values among those they begin with."""
-        case = self.problem.case
+        case = self.recording.case
         parts = dict(case.members)
-        for one in self.problem.unknowns if values else ():
-            if one.member and values:
+        for one in self._unknowns:
+            if values:
                 own = {**parts[one.member].parameters, one.variable: values[one.name]}
                 parts[one.member] = replace(parts[one.member], parameters=own)
         case = replace(case, members=parts)
-        return simulation(case, self.problem.catalog, Form.compiled, self._build, Memory(BUFFER_BYTES))
+        return simulation(case, self.recording.catalog, Form.compiled, self._build, Memory(BUFFER_BYTES))
 
     def _snapshot(self) -> dict[str, Any]:
         """How the members were made; nothing if one of them cannot go back there."""
         own = self._first.members
         if (
             all(isinstance(one, RecordMember) and one.can_restore for one in own.values())
-            and not self.problem.case.events
+            and not self.recording.case.events
         ):
             return {name: one.save() for name, one in own.items()}
         return {}
@@ -94,7 +133,7 @@ class Model:
         self.count += 1
         simulated = self._begun(values)
         try:
-            run_case(self.problem.case, simulated, silent)
+            run_case(self.recording.case, simulated, silent)
             if simulated.finished:
                 raise SimulationError(simulated.failure)
             recording = simulated.recording()
@@ -103,24 +142,9 @@ class Model:
                 simulated.terminate()
         return recording.time, recording.signals
 
-    def predicted(self, places: Array) -> list[Array]:
-        """What each output would have measured; SimulationError if the simulation fails or is not finite."""
-        values = self.problem.values(places)
-        time, signals = self.signals(values)
-        found = [sampled(one, time, signals, values) for one in self.problem.outputs]
-        if not all(np.isfinite(one).all() for one in found):
-            raise SimulationError("what is compared is not finite")
-        return found
-
     def close(self) -> None:
         """Free all members."""
         self._first.terminate()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
 
 def sampled(output: Output, time: Array, signals: Mapping[str, Array], values: Mapping[str, float]) -> Array:

@@ -7,11 +7,12 @@ variance grows by (1 + r) / (1 - r), r their correlation with the next one (firs
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.dataclass import dataclass
 from twin.study.search import COARSE, FINE, Residuals
 
 if TYPE_CHECKING:

@@ -74,11 +74,9 @@ class OutputKeys(InputKeys):
     weight: Annotated[float, Field(gt=0)] = 1.0
 
 
-class IdentifyKeys(Keys):
-    """An identify file."""
+class RecordingKeys(Keys):
+    """A recording, and what it was made with."""
 
-    title: Text = ""
-    description: Text = ""
     scenario: Text = ""
     component: Text = ""
     variant: Text = ""
@@ -91,5 +89,13 @@ class IdentifyKeys(Keys):
     start: Time | None = Field(None, alias="from")
     stop: Time | None = Field(None, alias="to")
     fit: dict[Text, RangeKeys] = Field(default_factory=dict)
+
+
+class IdentifyKeys(RecordingKeys):
+    """An identify file: one recording, or what several have in common. A recording's own keys win."""
+
+    title: Text = ""
+    description: Text = ""
+    recordings: dict[Text, RecordingKeys] = Field(default_factory=dict)
     loss: Loss = "linear"
     confidence: Annotated[float, BeforeValidator(probability)] = 0.95

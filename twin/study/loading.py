@@ -1,355 +1,74 @@
-"""From an identify file to a problem: read, look up, convert; every mistake is told at once, with file and line."""
+"""From an identify file to a problem: one recording, or several with unknowns in common; every mistake is told at once."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from twin import clock
-from twin.coupling import find
-from twin.errors import ScenarioError, TwinError, nearest
-from twin.run import prepare
-from twin.scenario import load_scenario, made_scenario
-from twin.study import replay
-from twin.study.data import Column, File
-from twin.study.keys import InputKeys, RangeKeys
-from twin.study.problem import Input, Output, Problem, Unknown
-from twin.study.reader import Reader
+from twin.scenario import Node, read, validate
+from twin.study.keys import IdentifyKeys
+from twin.study.problem import Problem
+from twin.study.recording import Loader
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from twin.study.problem import Unknown
 
-    from twin.coupling import Catalog
-    from twin.scenario import Case, Node, Scenario
-
-MILLISECOND = 1_000_000
-SETTABLE = ("parameter", "input")
-LONGEST = 10**6 * clock.NANOSECONDS  # a stop time that no recording reaches
+MERGED = ("set", "fit")  # keys of which a recording's own entries are added to those of all
 
 
 def load(path: str | Path) -> Problem:
     """Read and check an identify file; ScenarioError lists all problems."""
-    return Loader(Path(path), str(path)).problem()
+    problems: list[str] = []
+    _, root, found = validate(read(Path(path), str(path), problems), IdentifyKeys)
+    problems += found
+    return together([Loader(Path(path), *one, problems) for one in recordings(root)])
 
 
-class Loader(Reader):
-    """From one file to a problem."""
-
-    def problem(self) -> Problem:
-        """The checked problem."""
-        self.refuse_missing()
-        scenario = self.scenario()
-        files = self.files()
-        columns = self.columns(files)
-        if scenario is None:
-            self.stop_if_wrong()
-        assert scenario is not None
-        case, catalog = self.case(scenario)
-        outputs, unknowns = self.outputs(columns, catalog)
-        inputs = self.inputs(columns, catalog)
-        unknowns = [*self.parameters(case, catalog), *unknowns]
-        self.alone(case, unknowns)
-        self.stop_if_wrong()
-        self.notes += overruled(scenario, case, unknowns) if self.keys.scenario else []
-        components = {name: one.component for name, one in case.members.items()}
-        reduced, left_out = self.reduced(case, catalog, unknowns)
-        case, outputs = self.timed(reduced, outputs, inputs, unknowns)
-        self.stop_if_wrong()
-        played = self.played(case, inputs)
-        case = replay.held(case, [one.values for one in played])
-        return Problem(
-            self.path, self.keys, case, replay.catalog_of(case, catalog), tuple(unknowns), tuple(outputs), tuple(played),
-            tuple(files), self.keys.component or f"{scenario.name}, {case.variant}".removesuffix(", base"),
-            tuple(self.notes), left_out, components,
-        )  # fmt: skip
-
-    def scenario(self) -> Scenario | None:
-        """The model."""
-        keys = self.keys
-        options = [f"{name}={value}" for name, value in keys.set.items()]
-        try:
-            if keys.scenario:
-                if not (self.folder / keys.scenario).is_file():
-                    known = [one.name for one in (self.folder / keys.scenario).parent.glob("*.y*ml")]
-                    self.tell(
-                        f"there is no file {keys.scenario}. {nearest(Path(keys.scenario).name, known)}", "scenario"
-                    )
-                    return None
-                return load_scenario(self.folder / keys.scenario, options)
-            if not keys.component:
-                return None
-            member: dict[str, Any] = {"component": keys.component}
-            if parameters := self.own(keys.set):
-                member["parameters"] = parameters
-            data = {"stop_time": LONGEST // clock.NANOSECONDS, "members": {member_of(keys.component): member}}
-            data["step"] = keys.step / clock.NANOSECONDS if keys.step else 1e-3
-            return made_scenario(data, str(self.path))
-        except ScenarioError as error:
-            self.problems += [self.mapped(text) for text in error.problems]
-        return None
-
-    def own(self, values: dict[str, Any]) -> dict[str, Any]:
-        """What `set` says of the only component."""
-        name = member_of(self.keys.component)
-        for key in values:
-            if key.partition(".")[0] != name:
-                self.tell(f"there is no member `{key.partition('.')[0]}`. Write {name}.parameter.", "set", key)
-        return {key.removeprefix(f"{name}."): one for key, one in values.items() if key.startswith(f"{name}.")}
-
-    def mapped(self, text: str) -> str:
-        """A problem of an option, or of the only component, with the line that it stands for."""
-        own = f"{self.path}: member `{member_of(self.keys.component)}`: "
-        if text.startswith(own):
-            return f"{self.place('component')}: component: {text.removeprefix(own)}"
-        for name, value in self.keys.set.items():
-            option = f"--set {name}={value}: "
-            if text.startswith(option):
-                return f"{self.place('set', name)}: set.{name}: {text.removeprefix(option)}"
-        return text
-
-    def files(self) -> list[File]:
-        """The recorded files that are there."""
-        found = []
-        for i, one in enumerate(self.keys.data):
-            path = ("data", i) if isinstance(self.root.find(("data",)).value, list) else ("data",)
-            if not one.file:
-                self.tell("`file` is missing. Add it, such as `file: em.csv`.", *path)
-                continue
-            try:
-                found.append(File(one, self.folder))
-                _ = found[-1].names
-            except TwinError as error:
-                found = [file for file in found if file.keys is not one]
-                self.tell(error, *path)
-        return found
-
-    def columns(self, files: list[File]) -> dict[str, Column]:
-        """What `inputs` and `outputs` name, read."""
-        found: dict[str, Column] = {}
-        for group in ("inputs", "outputs"):
-            for name in getattr(self.keys, group):
-                having = [one for one in files if name in one.names]
-                if not having:
-                    known = [column for one in files for column in one.names]
-                    if len(files) == len(self.keys.data):
-                        self.tell(f"no file has this column. {nearest(name, known, '`')}", group, name)
-                elif len(having) > 1:
-                    listed = " and ".join(one.shown for one in having)
-                    self.tell(f"{listed} have this column. Rename one of them.", group, name)
-                else:
-                    try:
-                        found[name] = having[0].column(name)
-                    except TwinError as error:
-                        self.problems += str(error).split("\n")
-        return found
-
-    def case(self, scenario: Scenario) -> tuple[Case, Catalog]:
-        """The variant that is meant, and its variables."""
-        names = [one.variant for one in scenario.variants]
-        wanted = self.keys.variant
-        if wanted and wanted not in names:
-            self.tell(f"there is no variant `{wanted}`. {nearest(wanted, names, '`')}", "variant")
-            self.stop_if_wrong()
-        if not wanted and len(names) > 1:
-            self.tell(f"has variants. Add one, such as variant: {names[0]}", "scenario")
-            self.stop_if_wrong()
-        try:
-            catalogs = prepare(scenario)
-        except ScenarioError as error:
-            self.problems += [self.mapped(text) for text in error.problems]
-            self.stop_if_wrong()
-        case = scenario.cases([wanted] if wanted else [], [self.keys.seed] if self.keys.seed is not None else [])[0]
-        return case, catalogs[case.variant]
-
-    def outputs(self, columns: dict[str, Column], catalog: Catalog) -> tuple[list[Output], list[Unknown]]:
-        """What is compared, and delays and offsets that are looked for."""
-        outputs, unknowns = [], []
-        for name, keys in self.keys.outputs.items():
-            path = ("outputs", name)
-            variable = self.looked_up(keys.signal, catalog, *path)
-            if variable is None or name not in columns:
-                continue
-            if variable.shape:
-                self.tell(f"{keys.signal} is an array. Name one element, such as {keys.signal}[1].", *path)
-                continue
-            own: dict[str, float | str] = {}
-            for key, symbol in (("delay", "s"), ("offset", variable.unit)):
-                raw = getattr(keys, key)
-                if not isinstance(raw, RangeKeys):
-                    own[key] = self.quantity(raw, symbol, *path, key)
-                    continue
-                own[key] = label = f"{key} of {name}"
-                found = self.range(raw, symbol, 0.0, *path, key)
-                shown = "ms" if key == "delay" else variable.display_unit
-                where = self.place(*path, key)
-                unknowns.append(Unknown(label, symbol, *found, raw.scale == "log", display_unit=shown, where=where))
-            noise = None if keys.noise is None else self.quantity(keys.noise, variable.unit, *path, "noise")
-            if noise is not None and noise <= 0:
-                self.tell(f"{keys.noise} is not above zero. Leave it out to have it estimated.", *path, "noise")
-            column = columns[name]
-            values = self.converted(column, variable, keys, *path)
-            element = find(keys.signal, catalog).element or 0
-            outputs.append(
-                Output(name, column.file, keys.signal, variable.unit, variable.display_unit, column.time, values,
-                       own["delay"], own["offset"], element, noise, keys.weight)
-            )  # fmt: skip
-        return outputs, unknowns
-
-    def inputs(self, columns: dict[str, Column], catalog: Catalog) -> list[tuple[str, InputKeys, Column]]:
-        """What drives the model, in the variables' units."""
-        found = []
-        for name, keys in self.keys.inputs.items():
-            path = ("inputs", name)
-            variable = self.looked_up(keys.signal, catalog, *path)
-            if variable is None or name not in columns:
-                continue
-            if variable.causality not in ("input", "output", "local"):
-                self.tell(
-                    f"{keys.signal} is {variable.causality}. Name an input, or an output that others read.", *path
-                )
-            if variable.shape:
-                self.tell(f"{keys.signal} is an array. Name one element, such as {keys.signal}[1].", *path)
-            values = self.converted(columns[name], variable, keys, *path)
-            values = values + self.quantity(keys.offset, variable.unit, *path, "offset")
-            found.append((name, keys, replace(columns[name], values=values)))
-        return found
-
-    def parameters(self, case: Case, catalog: Catalog) -> Iterator[Unknown]:
-        """The members' parameters that are looked for."""
-        for name, keys in self.keys.fit.items():
-            path = ("fit", name)
-            variable = self.looked_up(name, catalog, *path)
-            if variable is None:
-                continue
-            member, _, inner = name.partition(".")
-            if variable.causality not in SETTABLE and variable.initial not in ("exact", "approx"):
-                self.tell(f"is {variable.causality}, no parameter. Name a parameter or an input.", *path)
-                continue
-            given, problems = case.members[member].values(member, catalog[member])
-            self.problems += problems
-            reference = find(name, catalog)
-            now = np.ravel(given.get(reference.variable.name, reference.variable.start))
-            now = now[reference.first : reference.first + reference.size]
-            low, high, start = self.range(keys, variable.unit, float(now[0]), *path)
-            for bound in (low, high):
-                wrong, advice = replace(variable, shape=()).outside(bound)
-                if wrong:
-                    self.tell(f"{wrong.removeprefix(': ')}. {advice}", *path)
-            yield Unknown(name, variable.unit, low, high, start, keys.scale == "log", member, inner,
-                          variable.display_unit, self.place(*path))  # fmt: skip
-
-    def alone(self, case: Case, unknowns: list[Unknown]) -> None:
-        """A parameter set has one value for all members of a component."""
-        seen: dict[tuple[str, str], str] = {}
-        for one in unknowns:
-            if not one.member:
-                continue
-            component = case.members[one.member].component
-            other = seen.setdefault((component, one.variable), one.name)
-            if other != one.name:
-                self.tell(
-                    f"{other} is of component {component}, too, and a parameter set has one value for both. Look for one "
-                    f"of them, and set the other.", "fit", one.name,
-                )  # fmt: skip
-            elif others := [
-                name for name, spec in case.members.items() if spec.component == component and name != one.member
-            ]:
-                self.notes.append(f"{one.name}: the parameter set holds for {' and '.join(others)}, too.")
-
-    def reduced(self, case: Case, catalog: Catalog, unknowns: list[Unknown]) -> tuple[Case, tuple[str, ...]]:
-        """The case driven by its inputs, without what has no influence; that must not be what is looked for."""
-        try:
-            whole = replay.driven(case, catalog, [one.signal for one in self.keys.inputs.values()])
-        except TwinError as error:
-            self.tell(error, "inputs")
-            self.stop_if_wrong()
-        kept = replay.with_influence(whole, [one.signal for one in self.keys.outputs.values()])
-        for one in unknowns:
-            if one.member and one.member not in kept.members:
-                self.tell(
-                    f"{one.member} has no influence on {', '.join(o.signal for o in self.keys.outputs.values())}: "
-                    f"nothing leads from it there. Leave it out, or compare what it moves.", "fit", one.name,
-                )  # fmt: skip
-        return kept, tuple(name for name in case.members if name not in kept.members)
-
-    def timed(
-        self, case: Case, outputs: list[Output], inputs: list[tuple[str, InputKeys, Column]], unknowns: list[Unknown]
-    ) -> tuple[Case, list[Output]]:
-        """The case over the time that is needed, and the measured values that lie in it, whatever their delay is."""
-        step = case.step_ns
-        start = case.start_ns
-        if self.keys.component:
-            first = max((column.time[0] for *_, column in inputs), default=0.0)
-            start = -int(-round(first * clock.NANOSECONDS) // step) * step
-        begin = clock.seconds(start)
-        end = min([clock.seconds(case.stop_ns), *(column.time[-1] for *_, column in inputs)])
-        late = [column for *_, column in inputs if column.time[0] > begin + clock.seconds(step)]
-        self.notes += [
-            f"{one.name}: its first value, at {one.time[0]:.4g} s, is held from {begin:.4g} s on." for one in late
-        ]
-        first = -np.inf if self.keys.start is None else clock.seconds(self.keys.start)
-        last = np.inf if self.keys.stop is None else clock.seconds(self.keys.stop)
-        delays = {one.name: (one.low, one.high) for one in unknowns}
-        kept, needed = [], begin
-        for one in outputs:
-            low, high = delays[one.delay] if isinstance(one.delay, str) else (one.delay, one.delay)
-            inside = (one.time >= max(first, begin + high) - 1e-9) & (one.time <= min(last, end + low) + 1e-9)
-            if not inside.any():
-                self.tell(
-                    f"no value lies between {max(first, begin + high):.4g} s and {min(last, end + low):.4g} s of the run: "
-                    f"the file has {one.time[0]:.4g} s to {one.time[-1]:.4g} s. Change from, to or the start of its data.",
-                    "outputs", one.column,
-                )  # fmt: skip
-                continue
-            kept.append(replace(one, time=one.time[inside], values=one.values[inside]))
-            needed = max(needed, float(kept[-1].time[-1]) - low)
-        stop = start + max(1, int(-((start - round(needed * clock.NANOSECONDS)) // step))) * step
-        return replace(case, start_ns=start, stop_ns=stop), kept
-
-    def played(self, case: Case, inputs: list[tuple[str, InputKeys, Column]]) -> list[Input]:
-        """The inputs at every communication point."""
-        times = (case.start_ns + np.arange((case.stop_ns - case.start_ns) // case.step_ns + 1) * case.step_ns) / 1e9
-        gaps = {one.file: one.gap for one in self.keys.data}
-        found = []
-        for name, keys, column in inputs:
-            try:
-                column.refuse_gaps(gaps.get(column.file), float(times[0]), float(times[-1]))
-            except TwinError as error:
-                self.problems.append(str(error))
-            values = np.ascontiguousarray(np.interp(times, column.time, column.values))
-            found.append(Input(name, column.file, keys.signal, values))
-        self.stop_if_wrong()
-        return found
-
-
-def overruled(scenario: Scenario, case: Case, unknowns: list[Unknown]) -> list[str]:
-    """Where a scenario's member says itself what is looked for: there a parameter set does not count."""
+def recordings(root: Node) -> list[tuple[str, Node, frozenset[str]]]:
+    """Name and keys of each recording, and what is looked for in it alone; the file itself if it names none."""
+    shared = {key: node for key, node in root.entries.items() if key != "recordings"}
+    several = root.entries.get("recordings", Node({}, root.place)).entries
     found = []
+    for name, node in several.items():
+        whole = {**shared, **node.entries}
+        for key in MERGED:
+            if key in shared and key in node.entries:
+                whole[key] = Node({**shared[key].entries, **node.entries[key].entries}, node.place)
+        own = node.entries.get("fit", Node({}, node.place)).entries
+        found.append((name, Node(whole, node.place), frozenset(own)))
+    return found or [("", root, frozenset())]
+
+
+def together(loaders: list[Loader]) -> Problem:
+    """The problem of one recording or of several: what is looked for everywhere, and in one of them alone."""
+    for one in loaders:
+        one.open()
+    if any(one.model is None for one in loaders):
+        loaders[0].stop_if_wrong()
+    for one in loaders:
+        one.look()
+    unknowns = [one for loader in loaders for one in loader.parameters(loaders)]
+    for one in loaders:
+        one.alone(unknowns)
+    loaders[0].stop_if_wrong()
+    for one in loaders:
+        one.reduce()
+    refuse_without_influence(unknowns, loaders)
+    unknowns += [free for one in loaders for free in one.free]
+    done = tuple(one.recording(unknowns) for one in loaders)
+    notes = tuple(dict.fromkeys(note for one in loaders for note in one.notes))
+    components = {name: one.component for loader in loaders for name, one in loader.whole.members.items()}
+    return Problem(loaders[0].path, loaders[0].keys, done, tuple(unknowns), notes, components)
+
+
+def refuse_without_influence(unknowns: list[Unknown], loaders: list[Loader]) -> None:
+    """Tell of parameters that nothing depends on that is compared, in no recording."""
     for one in unknowns:
-        inside = ("members", one.member, "parameters")
-        for path in (inside, ("variants", case.variant, *inside)) if one.member else ():
-            entries = scenario.written.find(path).entries if reaches(scenario.written, path) else {}
-            found += [
-                f"{node.place}: {one.member}.{name} is set there, which wins over a parameter set. Remove it there."
-                for name, node in entries.items()
-                if name.partition("[")[0] == one.variable.partition("[")[0]
-            ]
-    return found
-
-
-def reaches(node: Node, path: tuple[str, ...]) -> bool:
-    """Whether there is something at the end of a path."""
-    for step in path:
-        if step not in node.entries:
-            return False
-        node = node.entries[step]
-    return True
-
-
-def member_of(component: str) -> str:
-    """What the only member is called: the component's own name."""
-    name = component.rpartition("#")[2].partition("@")[0].rpartition(":")[2]
-    return "".join(letter if letter.isalnum() else "_" for letter in Path(name).stem) or "part"
+        own = [loader for loader in loaders if one.recording in ("", loader.name)]
+        if any(one.member in loader.reduced.members for loader in own):
+            continue
+        compared = dict.fromkeys(output.signal for loader in own for output in loader.keys.outputs.values())
+        own[0].tell(
+            f"{one.member} has no influence on {', '.join(compared)}: nothing leads from it there. Leave it out, or "
+            f"compare what it moves.", "fit", one.path,
+        )  # fmt: skip

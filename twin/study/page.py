@@ -96,7 +96,7 @@ def measured(result: Result, i: int) -> dict[str, str]:
     near = Window(*(round(max(end, 0.0) * 1e9) for end in (worst - half, worst + half)))
     rms = float(np.sqrt(np.mean((one.values - predicted) ** 2)))
     return {
-        "title": one.column,
+        "title": one.label,
         "signal": one.signal,
         "file": one.file,
         "rms": difference(rms, one),

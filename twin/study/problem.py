@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.dataclass import dataclass
 from twin.results import shown
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ EDGE = 1e-3  # part of the range from a bound at which a value is at it
 
 @dataclass(frozen=True)
 class Unknown:
-    """A value that is looked for: a member's parameter, or the delay or offset of an output.
+    """A value that is looked for: a member's parameter in all recordings or in one, or the delay or offset of an output.
 
     Inside it counts from 0 at its lower bound to 1 at its upper one, evenly or by its logarithm.
     """
@@ -39,6 +40,12 @@ class Unknown:
     variable: str = ""
     display_unit: str = ""
     where: str = ""
+    recording: str = ""  # none: of all that have it
+
+    @property
+    def path(self) -> str:
+        """`member.parameter`, if it is one."""
+        return f"{self.member}.{self.variable}"
 
     def value(self, place: float) -> float:
         """The value at a place between the bounds, 0 to 1."""
@@ -89,6 +96,12 @@ class Output:
     element: int = 0  # of an array, counted from 0
     noise: float | None = None
     weight: float = 1.0
+    recording: str = ""
+
+    @property
+    def label(self) -> str:
+        """The column, and the recording if there are several."""
+        return named(self.column, self.recording)
 
 
 @dataclass(frozen=True)
@@ -102,21 +115,63 @@ class Input:
 
 
 @dataclass(frozen=True)
+class Recording:
+    """What was recorded at once, beside the model of what it was made with."""
+
+    name: str  # "" if there is no other
+    case: Case  # inputs replayed, members without influence left out
+    catalog: Catalog
+    outputs: tuple[Output, ...]
+    inputs: tuple[Input, ...]
+    files: tuple[File, ...]
+    model: str  # a component or a scenario with its variant
+    left_out: tuple[str, ...] = ()  # members without influence on the outputs
+    own: frozenset[str] = frozenset()  # `member.parameter` that is looked for in this recording alone
+
+
+@dataclass(frozen=True)
 class Problem:
     """All that is needed to look for the unknowns."""
 
     path: Path
     keys: IdentifyKeys
-    case: Case  # inputs replayed, members without influence left out
-    catalog: Catalog
+    recordings: tuple[Recording, ...]
     unknowns: tuple[Unknown, ...]
-    outputs: tuple[Output, ...]
-    inputs: tuple[Input, ...]
-    files: tuple[File, ...]
-    model: str  # what is fitted: a component or a scenario with its variant
     notes: tuple[str, ...] = ()
-    left_out: tuple[str, ...] = ()  # members without influence on the outputs
     components: dict[str, str] = field(default_factory=dict)  # member -> component, as the parameter set calls it
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """What is compared in all recordings."""
+        return tuple(one for recording in self.recordings for one in recording.outputs)
+
+    @property
+    def files(self) -> tuple[File, ...]:
+        """All files, each once."""
+        return tuple({one.path: one for recording in self.recordings for one in recording.files}.values())
+
+    @property
+    def model(self) -> str:
+        """What is fitted."""
+        models = list(dict.fromkeys(one.model for one in self.recordings))
+        shown = models[0] if len(models) == 1 else f"{models[0]} and others"
+        return shown if len(self.recordings) == 1 else f"{shown}, {len(self.recordings)} recordings"
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Members that have no influence in any recording."""
+        first, *others = self.recordings
+        return tuple(one for one in first.left_out if all(one in other.left_out for other in others))
+
+    def of(self, recording: Recording) -> tuple[Unknown, ...]:
+        """Members' parameters that a recording's simulation depends on."""
+        return tuple(
+            one
+            for one in self.unknowns
+            if one.member in recording.case.members
+            and one.recording in ("", recording.name)
+            and not (one.recording == "" and one.path in recording.own)
+        )
 
     @property
     def title(self) -> str:
@@ -131,3 +186,8 @@ class Problem:
     def values(self, places: Array) -> dict[str, float]:
         """Values of the unknowns at their places."""
         return {one.name: one.value(float(place)) for one, place in zip(self.unknowns, places, strict=True)}
+
+
+def named(what: str, recording: str) -> str:
+    """Something of one recording among several."""
+    return f"{what} in {recording}" if recording else what

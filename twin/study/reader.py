@@ -10,7 +10,7 @@ import numpy as np
 from twin.component import unit
 from twin.coupling import find
 from twin.errors import CouplingError, ScenarioError
-from twin.scenario import dotted, number, read, validate
+from twin.scenario import dotted, number, validate
 from twin.study.keys import IdentifyKeys, InputKeys, RangeKeys
 
 if TYPE_CHECKING:
@@ -23,14 +23,13 @@ if TYPE_CHECKING:
 
 
 class Reader:
-    """One file; `problems` and `notes` grow on the way."""
+    """The keys of one recording; `problems`, which all recordings share, and `notes` grow on the way."""
 
-    def __init__(self, path: Path, shown: str) -> None:
+    def __init__(self, path: Path, root: Node, problems: list[str]) -> None:
         self.path, self.folder = path, path.parent
-        self.problems: list[str] = []
+        self.problems = problems
         self.notes: list[str] = []
-        self.root: Node = read(path, shown, self.problems)
-        keys, self.root, found = validate(self.root, IdentifyKeys)
+        keys, self.root, found = validate(root, IdentifyKeys)
         self.keys: IdentifyKeys = keys
         self.problems += found
 

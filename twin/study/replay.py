@@ -51,7 +51,10 @@ def driven(case: Case, catalog: Catalog, signals: Sequence[str]) -> Case:
 
     TwinError if one of them is read by nothing.
     """
-    connections = [ConnectionSpec(one.source, one.target, one.where) for one in case.system(catalog).single()[0]]
+    connections = [
+        ConnectionSpec(one.source, one.target, one.where, one.factor, one.offset, one.convert, one.bond)
+        for one in case.system(catalog).single()[0]
+    ]
     members = dict(case.members)
     for number, signal in enumerate(signals):
         source = f"{member_name(number)}.value"

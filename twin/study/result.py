@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import shlex
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,7 @@ import numpy as np
 import yaml
 
 from twin import installed
+from twin.dataclass import dataclass
 from twin.errors import ScenarioError, nearest
 from twin.results import recording
 from twin.scenario import read
@@ -123,7 +124,7 @@ class Result:
         """Component -> parameter -> value, paths as from `folder`; what changes nothing is left out."""
         found: dict[str, dict[str, float]] = {}
         for i, one in enumerate(self.problem.unknowns):
-            if one.member and self.knowledge.effect[i]:
+            if one.member and not one.recording and self.knowledge.effect[i]:
                 component = self.problem.components[one.member]
                 name = os.path.relpath(component, folder) if Path(component).is_absolute() else component
                 found.setdefault(name, {})[one.variable] = self.values[i]
@@ -147,7 +148,7 @@ class Result:
             "model": problem.model,
             "residuals": [
                 {
-                    "column": one.column,
+                    "column": one.label,
                     "rms": float(np.sqrt(np.mean((y - one.values) ** 2))),
                     "unit": one.unit,
                     "noise": float(s),

@@ -6,11 +6,12 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.dataclass import dataclass
 from twin.errors import SimulationError, TwinError
 
 if TYPE_CHECKING:

@@ -1,5 +1,7 @@
 """Sequence of injections along the border of an infarct."""
 
+from math import floor, pi
+
 from fmus.injection import length
 from twin.component import Boolean, Component, Int32, Int64, input, local, output, parameter, terminal
 
@@ -58,6 +60,9 @@ class InjectionSequence(Component):
     position_valid = input("", "whether that is a measurement", start=True, type=Boolean)
     needle_slide = input("m", "measured position of the needle's slide", display_unit="mm", nominal=4e-3)
 
+    gate_phase = input("rad", "phase of the heartbeat at which a needle that is sent out now will enter", nominal=3.0)
+    gate_valid = input("", "whether that is known", start=True, type=Boolean)
+
     needle_command = input("m", "where the controller sent the needle's slide", display_unit="mm", nominal=4e-3)
 
     target_x = output("m", "wanted tip position", display_unit="mm")
@@ -100,6 +105,12 @@ class InjectionSequence(Component):
     force_contact = parameter(0.1, "N", "contact force that ends the approach", minimum=0.0,
                               source="paper A, section II.A: 0.1 to 0.4 N; paper B asks for a threshold")
     force_maximum = parameter(0.4, "N", "contact force that aborts", source="paper A, section II.A: 0.1 to 0.4 N")
+    gate_center = parameter(2.07, "rad", "phase at which the needle is to enter",
+                            source="0.33 of a beat of `heart`: the wall rests at the end of its way out, diastole")
+    gate_width = parameter(6.3, "rad", "width of the phases in which it may; more than 2 pi: at any time", minimum=0.0,
+                           source="chosen: no gate; paper B's bench does not beat")
+    gate_time = parameter(12.0, "s", "time in contact without such a phase that leaves the target out", minimum=0.0,
+                          source="chosen: an ectopic beat and a few beats until the phase is known again, twice")
     contact_time = parameter(50e-3, "s", "time that the force must stay above", minimum=0.0,
                              source="chosen: ten samples of the sensor")
     force_lost_time = parameter(50e-3, "s", "time without a force that aborts", minimum=0.0,
@@ -259,10 +270,21 @@ def after_approach(self: InjectionSequence) -> int:
             return WITHDRAW
         return APPROACH
 
-    # contact: a wall that beats may leave the tip for a moment, but not for all of the time
-    if not rests:
+    # contact: a wall that beats may leave the tip for a moment, but not when the needle is to go out
+    if self.elapsed > self.gate_time:
+        self.missed += 1
+        return WITHDRAW
+    if not rests or not gate_open(self):
         return CONTACT
     return PROTRUDE if touching else APPROACH
+
+
+def gate_open(self: InjectionSequence) -> bool:
+    """Whether the phase is one in which the needle may enter."""
+    if self.gate_width > 2.0 * pi:
+        return True
+    turns = (self.gate_phase - self.gate_center) / (2.0 * pi)
+    return self.gate_valid and abs(turns - floor(turns + 0.5)) <= self.gate_width / (4.0 * pi)
 
 
 def after_needle(self: InjectionSequence) -> int:

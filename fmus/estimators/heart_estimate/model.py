@@ -8,7 +8,7 @@ LINE = 64
 
 
 class HeartEstimate(Component):
-    """What fiber, shape reconstruction and Kalman filter make of the heart motion: late, with a smooth error.
+    """A stand-in that looks at the truth: the heart's motion, late and with a smooth error. Not for controllers, see `heart_motion`.
 
     Error of Al-Ahmad et al. (RACS), section IV.C. The delay is whole periods: 1 to 64 ms, else ERROR.
     """

@@ -2,7 +2,7 @@
 
 from math import floor, pi
 
-from twin.component import Component, Int64, input, local, normal, output, parameter, seed_stream
+from twin.component import Boolean, Component, Int64, input, local, normal, output, parameter, seed_stream, uniform
 
 
 class HeartPhase(Component):
@@ -13,10 +13,11 @@ class HeartPhase(Component):
 
     period = 5e-3
 
-    rate = input("Hz", "true heart rate, as `heart` has it", start=1.0, minimum=0.1, nominal=0.3)
+    beats = input("", "true beats, as `heart` counts them: an R wave at each whole number", nominal=100.0)
 
     phase = output("rad", "phase of the heartbeat, ahead by `lead`, from 0 to 2 pi")
-    beats = output("", "R waves found", type=Int64)
+    waves = output("", "R waves found: a trigger for gating", type=Int64)
+    valid = output("", "whether the last waves were found where they were expected, and lately", type=Boolean)
 
     jitter = parameter(4e-3, "s", "standard deviation of the time at which a wave is found", display_unit="ms",
                        minimum=0.0, source="estimate: detectors on a noisy electrocardiogram, 2 to 10 ms")
@@ -24,39 +25,73 @@ class HeartPhase(Component):
                       source="estimate: filters of a detector in real time, 10 to 40 ms")
     lead = parameter(90e-3, "s", "time by which the phase is ahead", display_unit="ms", minimum=0.0,
                      source="chosen: half of the time in which the handle's stepper crosses the play, 0.18 s")
+    miss = parameter(0.0, "", "part of the waves that are not found", minimum=0.0, maximum=1.0,
+                     source="0; detectors miss 0.002 to 0.05, by noise and motion, estimate")
+    rate = parameter(1.0, "Hz", "rate that is taken before the first waves", minimum=0.1, source="rate of `heart`")
+    lost_after = parameter(3.0, "", "beats without a wave after which the phase is not valid", minimum=1.0,
+                           source="chosen: two misses in a row are bridged")
+    tolerance = parameter(0.12, "", "part of a beat by which a regular wave may be early or late", minimum=0.0,
+                          source="chosen: 5 % of variability and the jitter; ectopic beats are earlier by 0.2 to 0.5")
+    regular_waves = parameter(2, "", "regular waves in a row before the phase is valid", type=Int64, minimum=1,
+                              source="chosen: an ectopic beat and its pause are over then")
     seed = parameter(18, "", "seed of the jitter; give every noisy member its own", type=Int64, fixed=True,
                      source="arbitrary")
 
-    true_phase = local(0.0, "", "phase of the heart in beats")
+    last_beats = local(0.0, "", "true beats at the last step")
     last_wave = local(0.0, "s", "when the last wave was, as far as was found")
     beat = local(1.0, "s", "period of the beats before")
     pending = local(0.0, "s", "when the next wave will be reported; negative: none")
     pending_wave = local(0.0, "s", "its time")
+    regular = local(0, "", "regular waves in a row", type=Int64)
     stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)
-        self.true_phase = 0.0
-        self.last_wave = 0.0
-        self.beat = 1.0 / max(self.rate, 0.1)
+        self.last_beats = self.beats
+        self.last_wave = -(self.beats - floor(self.beats)) / self.rate
+        self.beat = 1.0 / self.rate
         self.pending = -1.0
         self.pending_wave = 0.0
-        self.beats = 0
-        self.phase = 0.0
+        self.waves = 0
+        self.regular = 0
+        self.valid = False
+        part = self.beats + self.lead / self.beat
+        self.phase = 2.0 * pi * (part - floor(part))
 
     def step(self, t: float, h: float) -> None:
-        before = floor(self.true_phase)
-        self.true_phase += h * max(self.rate, 0.1)
-        if floor(self.true_phase) > before:
-            late = (self.true_phase - floor(self.true_phase)) / max(self.rate, 0.1)
-            self.pending_wave = t + h - late + self.jitter * normal(self.stream)
-            self.pending = t + h - late + self.delay
+        # the value at t: a wave lies between the last step and this one
+        went = self.beats - self.last_beats
+        if floor(self.beats) > floor(self.last_beats):
+            late = h * (self.beats - floor(self.beats)) / went
+            found = uniform(self.stream) >= self.miss
+            self.pending_wave = t - late + self.jitter * normal(self.stream)
+            self.pending = t - late + self.delay if found else -1.0
+        self.last_beats = self.beats
         if 0.0 <= self.pending <= t + h:
-            # half of the news: a jitter of one wave moves the phase less
-            predicted = self.last_wave + self.beat
-            self.beat += 0.2 * (self.pending_wave - self.last_wave - self.beat)
-            self.last_wave = predicted + 0.5 * (self.pending_wave - predicted)
-            self.pending = -1.0
-            self.beats += 1
+            take_wave(self)
         part = (t + h + self.lead - self.last_wave) / self.beat
         self.phase = 2.0 * pi * (part - floor(part))
+        fresh = t + h - self.last_wave <= self.lost_after * self.beat
+        self.valid = fresh and self.regular >= self.regular_waves
+
+
+def take_wave(self: HeartPhase) -> None:
+    """Half of the news, so that a jitter moves the phase less; a wave out of time is where a new count begins.
+
+    Waves that were missed are counted in.
+    """
+    interval = self.pending_wave - self.last_wave
+    passed = max(floor(interval / self.beat + 0.5), 1.0)
+    news = 1.0 / (self.waves + 1.0)  # the first waves count for more: the mean of what there is
+    predicted = self.last_wave + passed * self.beat
+    if abs(self.pending_wave - predicted) <= self.tolerance * self.beat:
+        self.regular += 1
+        self.beat += max(0.2, news) * (interval / passed - self.beat)
+        self.last_wave = predicted + max(0.5, news) * (self.pending_wave - predicted)
+    else:
+        # an ectopic beat says little of the rate; a new rate, beat by beat, does
+        self.regular = 0
+        self.beat += max(0.05, news) * (interval / passed - self.beat)
+        self.last_wave = self.pending_wave
+    self.pending = -1.0
+    self.waves += 1

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 STEP = 1e-3  # between recorded rows [s]
 EM_LATENCY = 25e-3  # of a published sample of em_tracker [s]
-REST = 0.1  # beginning, before anything moves, that both displacements count from [s]
+REST = 0.9  # beginning, before anything moves, that both displacements count from [s]: 36 samples of the EM tracker
 
 
 def published(values: Signal) -> NDArray[np.intp]:
@@ -57,7 +57,7 @@ def against_em(
         signal = np.full(len(em), np.nan)
         signal[rows] = values
         results[name] = signal
-    error = moved - measured
+    error = (moved - measured)[~rest]
     return {
         **results,
         "error_mean": float(error.mean()),

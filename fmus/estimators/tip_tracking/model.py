@@ -2,7 +2,9 @@
 
 from math import atan2, ceil, exp, floor, hypot, isfinite, sqrt
 
-from fmus.dense import eigenvectors
+from fmus.interpolation_error import ORDER, PARTS, RELEARNED, complete, find, forget, note, without
+from fmus.registration import rotate_onto
+from fmus.stretch import lead
 
 from fmus.curves import hermite, interpolated, interval, slope, spline, weights
 from fmus.gratings import DEGRADED, GRATINGS, LOST, NODES, VALID
@@ -32,6 +34,8 @@ class TipTracking(Component):
     travel = output("m", "signed travel since the first sample, positive distal", display_unit="mm")
     position = output("m", "tip in the universal frame", shape=(3,), display_unit="mm")
     direction = output("", "tangent at the tip in the universal frame", shape=(3,))
+    tip_lead = output("m", "travel of the tip beyond `travel`, by what the profile is stretched; each reference adds its error",
+                      display_unit="mm")
     roll = output("rad", "rotation of the instrument about itself since the reference", display_unit="deg")
     uncertainty = output("m", "standard deviation of the travel since the reference, as the match tells it",
                          display_unit="mm")
@@ -53,6 +57,8 @@ class TipTracking(Component):
                             minimum=0.0, source="as guided_tip")
     matched_length = parameter(10.0, "m", "distal part of the crop that is matched; less than all where travel differs along it",
                                display_unit="mm", minimum=30e-3, source="paper, section IV.C: all of the crop")
+    stretch_expected = parameter(0.05, "", "change of travel along the instrument, per length, that is expected", minimum=1e-6,
+                                 source="estimate: a clearance of 10 mm and a bend of 1 rad in 200 mm of a vessel")
     registered_length = parameter(0.03, "m", "over which a point's weight in the registration falls to 37 %, from the tip",
                                   display_unit="mm", minimum=1e-3,
                                   source="chosen: three gratings, so that a bend farther away still tells the roll")
@@ -64,6 +70,8 @@ class TipTracking(Component):
                             source="half a pitch: no better than counting gratings")
     mismatch_limit = parameter(2.0, "1/m", "mismatch from which on the result is degraded: the path has changed",
                                minimum=0.0, source="chosen: a tenth of the paper's bends")
+    learn_interpolation = parameter(True, "", "whether the error that repeats with the pitch is found and taken off", type=Boolean,
+                                    source="chosen; the paper has nothing of the kind")
     fresh = parameter(14e-3, "s", "age of a sample from which on it is degraded", display_unit="ms", minimum=0.0,
                       source="chosen: as fiber_shape")
     hold = parameter(0.1, "s", "how long the last good result is held before it is lost", display_unit="ms", minimum=0.0,
@@ -75,6 +83,13 @@ class TipTracking(Component):
     reference_shape = local(0.0, "m", "curve of the reference in the universal frame", shape=(NODES, 3))
     reference_tangent = local(0.0, "", "its directions there", shape=(NODES, 3))
     reference_travel = local(0.0, "m", "travel of the reference", display_unit="mm")
+    reference_lead = local(0.0, "m", "lead of the tip at the reference", display_unit="mm")
+    path = local(0.0, "1/m", "curvature along the path, put together from all gratings", shape=(GRATINGS * PARTS, 2))
+    path_count = local(0, "", "profiles that each part of a pitch has seen", type=Int32, shape=(PARTS,))
+    path_place = local(0.0, "", "by how much they were off its middle, in parts", shape=(PARTS,))
+    behind = local(0.0, "1/m", "differences so far", shape=(3, ORDER))
+    wave = local(0.0, "", "cosine and sine of the interpolation's error over a pitch, in pitches", shape=(2,))
+    learned = local(0, "", "profiles since that was found", type=Int32)
     begun = local(False, "", "whether there is a reference", type=Boolean)
     ever = local(False, "", "whether there has been a result", type=Boolean)
     error = local(0.0, "1/m^2", "sum of squared differences of the last shift that was tried")
@@ -88,6 +103,7 @@ class TipTracking(Component):
     rotation = local(0.0, "", "from the frame of the base to the universal frame", shape=(3, 3))
 
     kept_travel = local(0.0, "m", "travel of the last good sample", display_unit="mm")
+    kept_lead = local(0.0, "m", "its lead of the tip", display_unit="mm")
     kept_position = local(0.0, "m", "its position", shape=(3,), display_unit="mm")
     kept_direction = local(0.0, "", "its direction", shape=(3,))
     kept_roll = local(0.0, "rad", "its roll", display_unit="deg")
@@ -102,6 +118,7 @@ class TipTracking(Component):
             self.kept_position[a] = 0.0
             self.kept_direction[a] = 1.0 if a == 2 else 0.0
         self.kept_travel = 0.0
+        self.kept_lead = 0.0
         self.kept_roll = 0.0
         self.kept_age = 0.0
         self.doubt = self.window
@@ -119,6 +136,7 @@ class TipTracking(Component):
 def publish(self: TipTracking) -> None:
     """The last good sample, and how well the last one matched."""
     self.travel = self.kept_travel
+    self.tip_lead = self.kept_lead
     self.roll = self.kept_roll
     self.age = self.kept_age
     self.uncertainty = self.doubt
@@ -140,14 +158,22 @@ def track(self: TipTracking, h: float) -> int:
         judge(self, shift)
         usable = self.doubt <= self.blind_limit and self.doubt < self.window
     if not usable:
+        self.begun = self.ever  # a path too straight at first: the reference is the first profile that can be told apart
         self.kept_age += h
         return DEGRADED if self.ever and self.kept_age <= self.hold + 0.5 * h else LOST
+    doubtful = self.profile_status != VALID or self.difference > self.mismatch_limit
+    if self.learn_interpolation and not doubtful and abs(shift) <= 0.5 * self.window:
+        learn(self, shift)
+    self.kept_lead = self.reference_lead + lead(
+        self.curvature, self.reference, self.moments, first(self), last(self), self.used, self.pitch, shift,
+        self.along, self.across, self.stretch_expected,
+    )
+    shift = without(self.wave, shift / self.pitch) * self.pitch
     register(self, shift)
     self.kept_travel = self.reference_travel + shift
     self.kept_roll = atan2(-self.across, self.along)
     self.kept_age = age
     self.ever = True
-    doubtful = self.profile_status != VALID or self.difference > self.mismatch_limit
     if abs(shift) > 0.5 * self.window and not doubtful:
         renew(self)
     return DEGRADED if doubtful or self.doubt > self.uncertainty_limit or age > h + self.fresh else VALID
@@ -173,12 +199,25 @@ def begin(self: TipTracking) -> None:
             self.reference_shape[i, j] = self.shape[i, j]
             self.reference_tangent[i, j] = self.tangent[i, j]
     self.reference_travel = 0.0
+    self.reference_lead = 0.0
     self.begun = True
     keep_curvature(self)
 
 
+def learn(self: TipTracking, shift: float) -> None:
+    """What the interpolation is wrong by, from the path that all gratings have seen since the reference."""
+    begin, end = first(self), last(self)
+    note(self.path, self.path_count, self.path_place, self.curvature, begin, end, shift / self.pitch)
+    self.learned += 1
+    edge = ceil(0.5 * self.window / self.pitch) + 1  # gratings whose places not every shift has seen
+    if self.learned >= RELEARNED and end - begin > 2 * edge and complete(self.path_count):
+        self.learned = 0
+        find(self.path, self.path_place, self.behind, self.wave, begin + edge, end - edge, self.curvature_noise)
+
+
 def keep_curvature(self: TipTracking) -> None:
     """The profile of now as the reference's."""
+    forget(self.path_count, self.wave)
     for i in range(self.used):
         for c in range(2):
             self.reference[i, c] = self.curvature[i, c]
@@ -313,7 +352,7 @@ def register(self: TipTracking, shift: float) -> None:
             for a in range(3):
                 self.moment[a, b] += (self.shape[i, a] - self.center[0, a]) * other
         weight *= fading
-    rotate_onto(self)
+    rotate_onto(self.moment, self.horn, self.vectors, self.rotation)
     for a in range(3):
         self.kept_position[a] = moved(self, self.used, a)
         self.kept_direction[a] = 0.0
@@ -329,42 +368,6 @@ def moved(self: TipTracking, i: int, a: int) -> float:
     return value
 
 
-def rotate_onto(self: TipTracking) -> None:
-    """The rotation that the singular value decomposition of `moment` gives, as a quaternion: it cannot be a reflection.
-
-    Horn, J. Opt. Soc. Am. A 4(4), 1987: eigenvector of the largest eigenvalue of a symmetric 4x4 matrix.
-    """
-    m = self.moment
-    self.horn[0, 0] = m[0, 0] + m[1, 1] + m[2, 2]
-    self.horn[1, 1] = m[0, 0] - m[1, 1] - m[2, 2]
-    self.horn[2, 2] = m[1, 1] - m[0, 0] - m[2, 2]
-    self.horn[3, 3] = m[2, 2] - m[0, 0] - m[1, 1]
-    self.horn[0, 1] = m[1, 2] - m[2, 1]
-    self.horn[0, 2] = m[2, 0] - m[0, 2]
-    self.horn[0, 3] = m[0, 1] - m[1, 0]
-    self.horn[1, 2] = m[0, 1] + m[1, 0]
-    self.horn[1, 3] = m[2, 0] + m[0, 2]
-    self.horn[2, 3] = m[1, 2] + m[2, 1]
-    for i in range(4):
-        for j in range(i):
-            self.horn[i, j] = self.horn[j, i]
-    eigenvectors(self.horn, self.vectors, 4)
-    top = 0
-    for i in range(1, 4):
-        if self.horn[i, i] > self.horn[top, top]:
-            top = i
-    w, x, y, z = self.vectors[0, top], self.vectors[1, top], self.vectors[2, top], self.vectors[3, top]
-    self.rotation[0, 0] = w * w + x * x - y * y - z * z
-    self.rotation[1, 1] = w * w - x * x + y * y - z * z
-    self.rotation[2, 2] = w * w - x * x - y * y + z * z
-    self.rotation[0, 1] = 2.0 * (x * y - w * z)
-    self.rotation[1, 0] = 2.0 * (x * y + w * z)
-    self.rotation[0, 2] = 2.0 * (x * z + w * y)
-    self.rotation[2, 0] = 2.0 * (x * z - w * y)
-    self.rotation[1, 2] = 2.0 * (y * z - w * x)
-    self.rotation[2, 1] = 2.0 * (y * z + w * x)
-
-
 def renew(self: TipTracking) -> None:
     """The curve of now, where it was found to be, is the reference from here on."""
     for i in range(NODES):
@@ -374,4 +377,5 @@ def renew(self: TipTracking) -> None:
             for b in range(3):
                 self.reference_tangent[i, a] += self.rotation[a, b] * self.tangent[i, b]
     self.reference_travel = self.kept_travel
+    self.reference_lead = self.kept_lead
     keep_curvature(self)

@@ -36,6 +36,7 @@ def distances(true: Signal, hall: Signal, shift: Signal, fused: Signal) -> dict[
         results[f"{name}_rms"] = float(np.sqrt(np.mean((values - true) ** 2)))
     results["against_worse"] = results["fused_error"] / max(results["hall_error"], results["shift_error"])
     results["against_better"] = results["fused_error"] - min(results["hall_error"], results["shift_error"])
+    results["rms_against_worse"] = results["fused_rms"] / max(results["hall_rms"], results["shift_rms"])
     results["rms_against_better"] = results["fused_rms"] - min(results["hall_rms"], results["shift_rms"])
     return results
 
@@ -46,4 +47,5 @@ distances.outputs = {  # type: ignore[attr-defined]
     ),
     **{f"{name}_{kind}": "m" for name in ("hall", "shift", "fused") for kind in ("error", "rms")},
     "against_worse": "",
+    "rms_against_worse": "",
 }

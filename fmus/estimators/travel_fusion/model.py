@@ -23,6 +23,8 @@ class TravelFusion(Component):
     shift = input("m", "travel by the shift of the curvature profile, positive distal", display_unit="mm", nominal=0.1)
     tracking_status = input("", "0 valid, 1 degraded, 2 lost", type=Int32, minimum=0, maximum=2)
 
+    tip_lead = input("m", "travel of the tip beyond the shift, by what the profile is stretched", display_unit="mm", nominal=5e-3)
+
     travel = output("m", "travel of the tip along the vessel at rest", display_unit="mm")
     offset = output("m", "Hall travel less travel of the tip", display_unit="mm")
     uncertainty = output("m", "standard deviation of the travel", display_unit="mm")
@@ -55,6 +57,9 @@ class TravelFusion(Component):
                             source="as vessel_travel")
     breath_memory = parameter(200.0, "s", "over which it changes by its own size, as the tip comes to other places", minimum=1.0,
                               source="estimate: 0.75 mm of 3 mm while the tip comes 135 mm farther, at 10 mm/s")
+    between_length = parameter(0.12, "m", "from the middle of what is matched to the tip: play in between is unseen by the shift",
+                               display_unit="mm", minimum=1e-3,
+                               source="tip_tracking: window, free length, half a grating, and half of 150 mm matched")
     tip_motion = parameter(5e-3, "m", "travel of the tip after a reversal that shows that play is taken up", display_unit="mm",
                            minimum=0.0, source="chosen: above what breath may leave")
     play_maximum = parameter(60e-3, "m", "travel of the gripper after a reversal beyond which it is not play",
@@ -80,6 +85,11 @@ class TravelFusion(Component):
     way = local(0.0, "m", "travel of the gripper since the last reversal, signed", display_unit="mm")
     extreme = local(0.0, "m", "travel of the gripper at its end or at a reversal", display_unit="mm")
     turned_at = local(0.0, "m", "travel of the tip at the last reversal", display_unit="mm")
+    lead_at_turn = local(0.0, "m", "lead of the tip at the last reversal", display_unit="mm")
+    ahead_at_turn = local(0.0, "m", "what was added to the shift there", display_unit="mm")
+    ahead_full = local(0.0, "m", "what was added when the tip began to move", display_unit="mm")
+    ahead = local(0.0, "m", "what is added to the shift: the tip stands while play between it and the match is taken up",
+                  display_unit="mm")
     sign = local(1.0, "", "direction of the gripper")
     taken_up = local(True, "", "whether the tip has moved since the last reversal", type=Boolean)
     was_lost = local(False, "", "whether tracking was lost at the last step", type=Boolean)
@@ -103,6 +113,7 @@ class TravelFusion(Component):
         self.extreme = self.measured_travel
         self.turned_at = self.measured_travel
         self.sign = 1.0
+        self.lead_at_turn = self.ahead_at_turn = self.ahead_full = self.ahead = 0.0
         self.taken_up = True
         self.was_lost = False
         self.was_silent = False
@@ -145,11 +156,23 @@ def follow_direction(self: TravelFusion) -> None:
         self.sign = -self.sign
         self.taken_up = False
         self.turned_at = tip
+        if isfinite(self.tip_lead):
+            self.lead_at_turn = self.tip_lead
+        self.ahead_at_turn = self.ahead
         self.beyond = 0.0
     elif self.way * self.sign > 0.0 and self.taken_up:
         self.extreme = self.before
+    moved = (tip - self.turned_at) * self.sign
+
+    # the match moves before the tip does, and by as much more as the profile is stretched; that is made up for where the
+    # instrument between match and tip is another one
+    if self.taken_up:
+        self.ahead = self.ahead_full * min(max(1.0 - moved / self.between_length, 0.0), 1.0)
+    elif self.tracking_status != LOST and isfinite(self.tip_lead):
+        stretched = self.sign * (self.tip_lead - self.lead_at_turn)
+        self.ahead = self.ahead_at_turn + self.sign * min(max(stretched, -self.gate), 0.0)
+        self.ahead_full = self.ahead
     if not self.taken_up:
-        moved = (tip - self.turned_at) * self.sign
         if moved > self.tip_motion or abs(self.way) > self.play_maximum:
             self.taken_up = True
             self.extreme = self.before
@@ -192,19 +215,19 @@ def predict(self: TravelFusion, h: float, move: float, hall: bool) -> None:
 def correct(self: TravelFusion, h: float) -> bool:
     """Hall travel less shift is offset + reference + breath, with an error that lasts; whether it was believed."""
     if self.tracking_status == LOST or not isfinite(self.shift):
-        self.was_lost = self.ever
+        self.was_lost = self.ever or abs(self.before) > 1e-3  # the shift counts from where tracking begins
         return False
     if self.was_lost:  # a profile that was lost may be found at any other place: the shift counts anew
         self.was_lost = False
         known = self.x[OFFSET] + self.x[BREATH]
-        self.x[REFERENCE] = self.before - self.shift - known
+        self.x[REFERENCE] = self.before - self.shift - self.ahead - known
         for i in range(STATES):
             self.p[REFERENCE, i] = self.p[i, REFERENCE] = 0.0
         self.p[REFERENCE, REFERENCE] = self.gate * self.gate
         self.last_lead -= self.lasting
         self.lasting = 0.0
     self.ever = True
-    innovation = self.before - self.shift - self.x[OFFSET] - self.x[REFERENCE] - self.x[BREATH]
+    innovation = self.before - self.shift - self.ahead - self.x[OFFSET] - self.x[REFERENCE] - self.x[BREATH]
     if abs(innovation) > self.gate:
         self.was_lost = True
         return False

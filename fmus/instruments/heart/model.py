@@ -20,6 +20,8 @@ class Heart(Component):
     position = output("m", "wall position, positive away from the instrument", display_unit="mm")
     velocity = output("m/s", "wall speed", display_unit="mm/s")
 
+    beats = output("", "beats since the start, with their parts: the R wave of the electrocardiogram is at whole numbers")
+
     wall = terminal("the wall that it moves", position=position)
 
     rate = parameter(1.0, "Hz", "heart rate; a change keeps the phase", minimum=0.0,
@@ -34,6 +36,7 @@ class Heart(Component):
     offset = parameter(0.0, "m", "mean position", display_unit="mm", source="paper, section IV.B: c")
     blend_in = parameter(1.0, "s", "time from rest to full motion; 0: at once", minimum=0.0,
                          source="chosen: no jump at the start")
+    begin = parameter(0.0, "s", "time at which it begins to move", source="0: at once")
 
     wander = parameter(0.0, "", "standard deviation of the rate as part of the rate", minimum=0.0, fixed=True,
                        source="0: the paper's; at rest about 0.05, Task Force on HRV, Circulation 93, 1996, recalled")
@@ -71,6 +74,8 @@ class Heart(Component):
         self.last_rate = self.rate
         get_ahead(self, t)
 
+        self.beats = self.rate * t + self.ahead / (2.0 * pi)
+
         x = 0.0
         v = 0.0
         for i in range(HARMONICS):
@@ -83,8 +88,11 @@ class Heart(Component):
         # raised cosine
         part = 1.0
         change = 0.0
-        if t < self.blend_in:
-            angle = pi * t / self.blend_in
+        since = t - self.begin
+        if since < 0.0:
+            part = 0.0
+        elif since < self.blend_in:
+            angle = pi * since / self.blend_in
             part = 0.5 - 0.5 * cos(angle)
             change = 0.5 * pi / self.blend_in * sin(angle)
         turn = 2.0 * pi * self.respiration_rate

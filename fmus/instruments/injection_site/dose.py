@@ -1,4 +1,4 @@
-"""Dose by depth, for a plot."""
+"""Dose by depth, and when in the beat the needle goes in."""
 
 from __future__ import annotations
 
@@ -30,3 +30,20 @@ def profile(**layers: Values) -> dict[str, float | Values]:
 
 
 profile.outputs = {"depth": "m", "amount": "m^3", "spread": ""}  # type: ignore[attr-defined]
+
+
+def entries(depth: Values, beats: Values) -> dict[str, float | Values]:
+    """How often the needle went through the surface, and the first and last part of a beat in which it did.
+
+    `beats` counts beats with their parts. The parts are 0 to 1 from the R wave: a gate across it would give both ends.
+    """
+    places = np.flatnonzero((depth[:-1] <= 0.0) & (depth[1:] > 0.0)) + 1
+    parts = beats[places] % 1.0
+    return {
+        "count": float(len(places)),
+        "earliest": float(parts.min()) if len(parts) else np.nan,
+        "latest": float(parts.max()) if len(parts) else np.nan,
+    }
+
+
+entries.outputs = {"count": "", "earliest": "", "latest": ""}  # type: ignore[attr-defined]

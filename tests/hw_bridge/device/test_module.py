@@ -37,7 +37,8 @@ ROOT = Path(__file__).parents[3]
 BENCHES = ROOT / "hw_bridge/benches"
 NODE, MASTER = 9, 127
 SHORT = """extends: racs.yaml
-stop_time: 3.5 s
+stop_time: 2 s
+members: {command: {parameters: {speed: 40 mm/s, begin: 0.3 s}}}  # the other gripper takes over at 1.44 s
 record: {every: 1 ms, variables: ["sequencer.valve", "instrument.tip_position"]}
 plots: []
 """
@@ -214,7 +215,7 @@ def module_lost(session):
 @pytest.mark.parametrize("event", [raised, interrupted, encoder_failed, plug_pulled, module_lost])
 def test_both_valves_are_safe_after_every_stop(tmp_path, build, event):
     """While one of them is open in a regrip."""
-    outcome, session, seen = rig_run(tmp_path, build, "simulated_racs_module.yaml", 2500, event)
+    outcome, session, seen = rig_run(tmp_path, build, "simulated_racs_module.yaml", 1300, event)
     assert outcome.run.status == ("interrupted" if event is interrupted else "failed")
     assert [0, 1] in seen[-200:].tolist() or [1, 0] in seen[-200:].tolist()
     session.bench.bus.advance(session.bench.bus.now + 200 * MILLISECOND)
@@ -227,7 +228,7 @@ def test_only_a_module_is_safe_without_a_master(tmp_path, build, bench):
     """Outputs of drives stay as they were, which the run tells; the module closes the gripper that was open."""
     text = (
         SHORT
-        + "events: [{at: 2.5 s, fault: bus_off, node: master}]\nexpect: [{ends: stopped, from: 2.5 s, to: 2.6 s}]\n"
+        + "events: [{at: 1.3 s, fault: bus_off, node: master}]\nexpect: [{ends: stopped, from: 1.3 s, to: 1.4 s}]\n"
     )
     scenario = parse_scenario(text, ROOT / "scenarios/short_racs.yaml")
     outcome = run_scenario(
@@ -250,7 +251,7 @@ def test_grippers_hold_until_the_drives_stand(tmp_path, build):
         )
         session.bench.plants["servomotor_2"].drive.inject(0x7300)
 
-    rig_run(tmp_path, build, "simulated_racs_module.yaml", 2500, event)
+    rig_run(tmp_path, build, "simulated_racs_module.yaml", 1300, event)
     first = next(speed for word, speed in switched if word == 3)
     assert first < 0.01
 

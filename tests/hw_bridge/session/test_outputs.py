@@ -21,7 +21,8 @@ from twin.scenario import load_scenario, parse_scenario
 ROOT = Path(__file__).parents[3]
 BENCH = ROOT / "hw_bridge/benches/simulated_racs.yaml"
 SHORT = """extends: racs.yaml
-stop_time: 3.5 s
+stop_time: 2 s
+members: {command: {parameters: {speed: 40 mm/s, begin: 0.3 s}}}  # the other gripper takes over at 1.44 s
 record: {every: 1 ms, variables: ["sequencer.valve"]}
 expect: []
 plots: []
@@ -273,7 +274,7 @@ def test_outputs_of_the_drives_follow_the_sequencer(tmp_path, build):
 @pytest.mark.parametrize("event", [raised, encoder_failed])
 def test_both_grippers_hold_after_a_failure(tmp_path, build, event):
     """While one of them is open in a regrip."""
-    outcome, seen, last = rig_run(tmp_path, build, 2500, event)
+    outcome, seen, last = rig_run(tmp_path, build, 1300, event)
     assert outcome.run.status == "failed"
     assert sorted(seen[-1]) == [0, 1]
     assert last == [1, 1]
@@ -294,7 +295,9 @@ def test_a_run_with_outputs_is_recorded_shadowed_and_replayed(tmp_path, build):
     """The inputs that switch are there in a replay too; the shadow hears the target beside the outputs."""
     path, trace = tmp_path / "bench.yaml", tmp_path / "run.log"
     path.write_text(GOOD.replace("node: 1, ", "node: 1, shadow: {}, limits: {position: [-39 mm, 39 mm]}, "))
-    text = SHORT.replace("3.5 s", "0.5 s").replace("sequencer.valve", "servomotor_1.position_actual_value")
+    text = SHORT.replace("stop_time: 2 s", "stop_time: 0.5 s").replace(
+        "sequencer.valve", "servomotor_1.position_actual_value"
+    )
     tables = []
     for more in ({"trace": trace}, {"replay": str(trace)}):
         found = load(path, build=build, **more)

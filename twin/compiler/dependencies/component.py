@@ -37,7 +37,7 @@ def flow(cls: type[Component], names: Iterable[str]) -> dict[str, frozenset[str]
     """For each variable that the named functions may write, all variables it may be computed from."""
     known: dict[str, frozenset[str]] | None = getattr(cls, "flows", None)
     if known is not None:  # a group of components: its members were followed when it was made
-        return known if "initialize" in names else {}
+        return known if "initialize" in names else getattr(cls, "reaches", {})
     found = _flows.setdefault(cls, {})
     if tuple(names) not in found:
         found[tuple(names)] = _flow(cls, names)

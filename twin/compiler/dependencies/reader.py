@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import FunctionType
 
 from twin.compiler.dependencies.flows import LOCAL, RESULT, own
 from twin.compiler.resolve import Source
+from twin.dataclass import dataclass
 
 
 class UnsureError(Exception):

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import ast
-from dataclasses import dataclass, field
+from dataclasses import field
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 from twin.compiler.resolve import Source, source_of
 from twin.compiler.types import INTEGER, UNKNOWN, Type
+from twin.dataclass import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable

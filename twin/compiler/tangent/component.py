@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ from twin.compiler.tangent.function import ACTIVE, PLAIN, RECORD, Function, Line
 from twin.compiler.tangent.slopes import CALLED
 from twin.compiler.tangent.statements import block
 from twin.component import Float64, define
+from twin.dataclass import dataclass
 
 if TYPE_CHECKING:
     from twin.component import Component

@@ -5,11 +5,12 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from types import FunctionType
 from typing import Any
 
 from twin.compiler.resolve import Source
+from twin.dataclass import dataclass
 
 RECORD, ACTIVE, PLAIN = "record", "active", "plain"  # kinds of argument: has tangents, has a tangent, has none
 ZERO = "0.0"

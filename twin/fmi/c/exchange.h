@@ -20,18 +20,21 @@ static int set_time(Slot *me, int function, double t)
     return OK;
 }
 
-static double *states(Slot *me) { return place_of(&me->memory, model.states); }
-
 /* Whether an array has one value for each of `count`. */
 static bool fits(const Slot *me, int function, const void *values, size_t size, size_t count)
 {
     return (size == count && (values || !count)) || explain_size(me, function, values ? size : 0, count);
 }
 
+static void gather(Slot *me, double values[], const int32_t offsets[], uint32_t count)
+{
+    for (uint32_t i = 0; i < count; i++) values[i] = *(const double *)place_of(&me->memory, offsets[i]);
+}
+
 static int set_states(Slot *me, int function, const double values[], size_t size)
 {
     if (!fits(me, function, values, size, model.state_count)) return ERROR;
-    copy(states(me), values, sizeof(double) * model.state_count);
+    for (uint32_t i = 0; i < model.state_count; i++) *(double *)place_of(&me->memory, model.states[i]) = values[i];
     touch(me);
     return OK;
 }
@@ -40,14 +43,14 @@ static int set_states(Slot *me, int function, const double values[], size_t size
 static int get_states(Slot *me, int function, double values[], size_t size)
 {
     if (!fits(me, function, values, size, model.state_count) || settle(me) != OK) return ERROR;
-    copy(values, states(me), sizeof(double) * model.state_count);
+    gather(me, values, model.states, model.state_count);
     return OK;
 }
 
 static int get_derivatives(Slot *me, int function, double values[], size_t size)
 {
     if (!fits(me, function, values, size, model.state_count) || settle(me) != OK) return ERROR;
-    copy(values, place_of(&me->memory, model.derivatives_of_states), sizeof(double) * model.state_count);
+    gather(me, values, model.derivatives_of_states, model.state_count);
     return OK;
 }
 
@@ -61,8 +64,7 @@ static int get_nominals(Slot *me, int function, double values[], size_t size)
 static int get_indicators(Slot *me, int function, double values[], size_t size)
 {
     if (!fits(me, function, values, size, model.indicator_count) || settle(me) != OK) return ERROR;
-    for (uint32_t i = 0; i < model.indicator_count; i++)
-        values[i] = *(const double *)place_of(&me->memory, model.indicators[i]);
+    gather(me, values, model.indicators, model.indicator_count);
     return OK;
 }
 
@@ -81,8 +83,8 @@ typedef struct {
 /* Whether a variable is given in the present state, and not computed. */
 static bool is_known(const Slot *me, const Field *field)
 {
-    int32_t behind_states = model.states + (int32_t)(sizeof(double) * model.state_count);
-    bool is_state = field->offset >= model.states && field->offset < behind_states;
+    bool is_state = false;
+    for (uint32_t i = 0; i < model.state_count; i++) is_state |= field->offset == model.states[i];
     if (field->offset == TIME || field->access == SIGNAL || field->access == TUNABLE || field->access == FIXED) return true;
     return me->memory.mode == INITIALIZATION ? field->access == EXACT : is_state;
 }

@@ -74,9 +74,9 @@ typedef struct {
     /* a continuous component */
     double         substep; /* longest step of its method [s] */
     uint32_t       state_count, indicator_count;
-    int32_t        states, derivatives_of_states; /* offsets of the first ones; the others follow */
-    const double  *nominals;                      /* of states */
-    const int32_t *indicators;                    /* offsets */
+    const int32_t *states, *derivatives_of_states; /* offsets */
+    const double  *nominals;                       /* of states */
+    const int32_t *indicators;                     /* offsets */
 
     /* memory for instances and saved states, zero at first */
     unsigned char *pool;

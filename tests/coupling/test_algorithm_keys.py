@@ -1,0 +1,142 @@
+"""Algorithms in scenario files, on the command line, and from Python."""
+
+import pytest
+
+import twin
+from tests.coupling.parts import Bomb, Lag
+from tests.coupling.test_algorithms import MS
+from twin.cli.check import examine
+from twin.coupling import Algorithm
+from twin.errors import CouplingError, ScenarioError
+from twin.fmi import exporter, pythonic
+from twin.run import prepare, simulation
+from twin.scenario import Form, parse_scenario
+
+TEXT = """
+stop_time: 100 ms
+step: 4 ms
+algorithm: {algorithm}
+members:
+  a: {{component: "benchmarks.couplings:Mass", parameters: {{begin: 10 mm}}}}
+  b: {{component: "benchmarks.couplings:Answering"}}
+connections:
+  - {{from: a.x, to: b.other_x, bond: spring}}
+  - {{from: a.v, to: b.other_v, bond: spring}}
+  - {{from: b.force, to: a.f, bond: spring}}
+variants:
+  plain: {{}}
+  other: {{algorithm: {{name: step_doubling, smallest: 0.25 ms, tolerance: 0.1 %}}}}
+"""
+
+
+def scenario(algorithm="jacobi", overrides=()):
+    return parse_scenario(TEXT.format(algorithm=algorithm), "s.yaml", overrides)
+
+
+def algorithms(*given, **options):
+    return [case.algorithm for case in scenario(*given, **options).variants]
+
+
+def test_a_name_or_a_name_with_options():
+    plain, other = algorithms("{name: iterative, order: 1, acceleration: newton, agreement: 1e-8}")
+    assert plain == Algorithm("iterative", order=1, acceleration="newton", agreement=1e-8)
+    assert other == Algorithm("step_doubling", smallest=250_000, tolerance=1e-3), "nothing is left of the inherited one"
+    assert algorithms()[0] == "jacobi"
+
+
+def test_options_from_the_command_line():
+    assert algorithms(overrides=["algorithm=gauss_seidel"]) == [Algorithm.gauss_seidel] * 2
+    plain, other = algorithms(overrides=["algorithm.order=2"])
+    assert plain == Algorithm("jacobi", order=2)
+    assert other == Algorithm("step_doubling", smallest=250_000, tolerance=1e-3, order=2)
+
+
+@pytest.mark.parametrize(
+    ("algorithm", "message"),
+    [
+        ("jakobi", "s.yaml:4: algorithm: `jakobi` is not known. Did you mean `jacobi`?"),
+        ("{name: jacobi, iterations: 3}", "s.yaml:4: algorithm: jacobi has no option 'iterations'"),
+        (
+            "{name: iterative, iterations: many}",
+            "s.yaml:4: algorithm: iterations of iterative is 'many'. Give 1 to 1000.",
+        ),
+        (
+            "{name: predictive, smallest: 5 ms}",
+            "s.yaml:4: algorithm: the smallest step 5 ms is too long for the step 4 ms. Give at most 4 ms.",
+        ),
+        ("3", "s.yaml:4: algorithm: expected a name such as jacobi"),
+    ],
+)
+def test_what_is_wrong_is_one_line(algorithm, message):
+    with pytest.raises(ScenarioError) as caught:
+        scenario(algorithm)
+    assert any(one.startswith(message) for one in caught.value.problems), caught.value.problems
+
+
+def test_bonds_are_read(build):
+    checked = scenario("energy")
+    run = simulation(checked.variants[0], prepare(checked)["plain"], Form.compiled, build)
+    run.initialize(0, 100 * MS)
+    run.advance(100 * MS)
+    assert run.state["bond_count"] == 3
+    assert not run.notes
+    run.terminate()
+
+
+def test_scales_have_units(build):
+    options = "{name: predictive, tolerance: 1e-3, scales: {b.force: 4000 mN, a.v: 0.2 m/s}}"
+    checked = scenario(options)
+    case = checked.variants[0]
+    catalog = prepare(checked)["plain"]
+    assert case.method(catalog).scales == {"b.force": 4.0, "a.v": 0.2}
+    few, many = (
+        simulation(one.variants[0], catalog, Form.compiled, build) for one in (checked, scenario("predictive"))
+    )
+    for run in (few, many):
+        run.initialize(0, 100 * MS)
+        run.advance(100 * MS)
+        run.terminate()
+    assert few.state["sweeps"] < many.state["sweeps"], "what is known to be large need not be so exact"
+    with pytest.raises(ScenarioError, match=r"algorithm: scales: b.force: .*kg"):
+        scenario("{name: predictive, scales: {b.force: 1 kg}}").variants[0].method(catalog)
+
+
+def test_from_python():
+    system = twin.System()
+    system.add("a", "benchmarks.couplings:Mass", begin=0.01)
+    system.add("b", "benchmarks.couplings:Answering")
+    system.connect("a.x", "b.other_x")
+    system.connect("a.v", "b.other_v")
+    system.connect("b.force", "a.f")
+    ends = []
+    for algorithm in (
+        "iterative",
+        {"name": "iterative", "agreement": 1e-9},
+        {"name": "predictive", "smallest": "10 us"},
+    ):
+        with system.simulate("1 ms", stop="20 ms", algorithm=algorithm) as run:
+            run.advance("20 ms")
+            ends.append(float(run["a.x"]))
+    assert ends == pytest.approx([ends[0]] * 3, rel=1e-3)
+
+
+def test_check_names_members_that_cannot_go_back(tmp_path, build):
+    outside = pythonic.export(Bomb, "2.0", tmp_path / "bomb.fmu")
+    own = exporter.build(Lag, "3.0", build)
+    (tmp_path / "s.yaml").write_text(
+        f"stop_time: 20 ms\nalgorithm: iterative\nmembers:\n  lag: {{component: {own.resolve()}}}\n"
+        f"  bomb: {{component: {outside}}}\n  inside: {{component: 'tests.coupling.parts:Bomb'}}\n"
+        "connections: [lag.y -> bomb.u, lag.y -> inside.u]\n"
+    )
+    problems, _ = examine(str(tmp_path / "s.yaml"))
+    needs = "cannot go back to the begin of a step, which iterative needs. Use jacobi, gauss_seidel, energy, or give it a period."
+    assert problems == [f"{tmp_path}/s.yaml:5: bomb: {needs}", f"{tmp_path}/s.yaml:6: inside: {needs}"]
+    assert examine(str(tmp_path / "s.yaml"), ("algorithm=jacobi",))[0] == []
+    assert (
+        examine(str(tmp_path / "s.yaml"), ("bomb.communication_step=2 ms", "inside.communication_step=2 ms"))[0] == []
+    )
+
+
+def test_algorithms_that_are_no_algorithms():
+    with pytest.raises(CouplingError, match="there is no None"):
+        Algorithm({"order": 1})

@@ -1,0 +1,247 @@
+"""Clocks on import: every kind of clock, alone and in a co-simulation, and Scheduled Execution.
+
+What is expected is worked out from FMI 3.0.2, section 2.2.8; the FMUs refuse what the standard forbids (tests/fmi/clocks.c).
+"""
+
+import numpy as np
+import pytest
+
+from tests.fmi.clock_parts import KINDS, clocks_fmu, described
+from tests.fmi.third_party import archive
+from twin.coupling import Connection, CoSimulation, System
+from twin.errors import CouplingError, FMUError, SimulationError
+from twin.fmi import member, plan, simulate, tables
+
+MS = 1_000_000
+S = 1000 * MS
+
+# ticks until 2 s; a constant clock every 0.2 s from 0.1 s on, and so on as clock_parts.py declares them
+TICKS = {
+    "constant": [0.1, 0.3, 0.5, 0.7, 0.9, 1.1, 1.3, 1.5, 1.7, 1.9],
+    "fixed": [0.05, 0.3, 0.55, 0.8, 1.05, 1.3, 1.55, 1.8],  # told with its shift in Initialization Mode
+    "tunable": [0.0, 0.5, 1.0, 1.5, 2.0],
+    "paced": [0.0, 0.4, 0.8, 1.2, 1.6, 2.0],  # by a tunable parameter
+    "changing": [0.1, 0.3, 0.6, 1.0, 1.5],  # each interval is 0.1 s longer
+    "countdown": [0.8, 1.4, 2.0],  # 0.3 s after every third tick of the constant clock
+    "triggered": [],
+    "every_second": [0.3, 0.7, 1.1, 1.5, 1.9],  # of the constant clock, as an output
+    "alarm": [],
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("clocks")
+
+
+@pytest.fixture(scope="module")
+def coupled(folder, build):
+    """Run members coupled; what was recorded."""
+
+    def run(parts, connections, stop, step=50 * MS, algorithm="jacobi", starts=None, events=None, **options):
+        members = {name: member(name, clocks_fmu(folder, one), (starts or {}).get(name)) for name, one in parts.items()}
+        links = System({name: one.variables for name, one in members.items()}, connections_of(connections)).links()
+        system = CoSimulation(members, links, step, algorithm, build=build, **options)
+        try:
+            system.initialize(0, stop)
+            for time, act in (events or {}).items():
+                system.advance(time)
+                act(system)
+            system.advance(stop)
+            return system.recording(), system.failure
+        finally:
+            system.terminate()
+
+    return run
+
+
+def connections_of(texts):
+    return [Connection(*text.split(" -> ")) for text in texts]
+
+
+def changes(recording, name):
+    """Times at which a recorded variable is another one than before."""
+    values = recording.signals[name]
+    return [round(float(t), 6) for t in recording.time[1:][values[1:] != values[:-1]]]
+
+
+def alone(folder, model, stop, step, starts=None, rows=None, record=()):
+    """Results of an FMU alone, and how it ended."""
+    one = member("one", clocks_fmu(folder, model), starts or {})
+    table = None
+    if rows:
+        (folder / "rows.csv").write_text("\n".join(rows))
+        table = tables.read_inputs(folder / "rows.csv", one)
+    outcome = simulate(one, plan(one, stop=stop, step=step, record=record), table)
+    assert not outcome.failure, outcome.failure
+    return {name: column.tolist() for name, _, column in outcome.results.columns()}
+
+
+# ------------------------------------------------------------------------------------------------------ kinds of clocks
+
+
+@pytest.fixture(scope="module")
+def kinds(coupled):
+    keys = [("k", one) for kind in KINDS for one in (kind, f"{kind}_count")] + [("k", "latest")]
+    return coupled({"k": "Kinds"}, [], 2 * S, record=keys)[0]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_ticks_when_it_must(kinds, kind):
+    ticks = np.round(kinds.time[kinds.signals[f"k.{kind}"] != 0], 6)
+    assert ticks.tolist() == TICKS[kind]
+    expected = np.searchsorted(np.array(TICKS[kind]), kinds.time + 1e-9)
+    assert np.array_equal(kinds.signals[f"k.{kind}_count"], expected)
+
+
+def test_a_clocked_variable_keeps_its_value_between_ticks(kinds):
+    assert np.unique(kinds.signals["k.latest"].round(6)).tolist() == [0.0, 0.8, 1.4, 2.0]
+
+
+def test_intervals_of_the_importer(coupled):
+    starts = {"k": {"tunable": 0.2, "pace": 0.1}}
+    act = {250 * MS: lambda one: one.set(("k", "tunable"), 0.05), 300 * MS: lambda one: one.set(("k", "pace"), 0.25)}
+    keys = [("k", "tunable_count"), ("k", "paced_count")]
+    found, _ = coupled({"k": "Kinds"}, [], 600 * MS, starts=starts, events=act, record=keys)
+    assert changes(found, "k.tunable_count") == [0.2, 0.3, 0.35, 0.4, 0.45, 0.5, 0.55, 0.6]
+
+    # a new interval counts from the event in which it is told
+    assert changes(found, "k.paced_count") == [0.1, 0.2, 0.3, 0.55]
+
+
+def test_an_event_of_the_fmu_own_and_one_from_outside(coupled):
+    act = {100 * MS: lambda one: one.set(("k", "d"), 3), 200 * MS: lambda one: one.set(("k", "triggered"), value=True)}
+    keys = [("k", one) for one in ("alarm", "seen", "triggered_count")]
+    found, _ = coupled({"k": "Kinds"}, [], 500 * MS, starts={"k": {"signal_at": 0.22}}, events=act, record=keys)
+    assert found.time[found.signals["k.alarm"] != 0].tolist() == [0.25]  # the end of the step in which it happened
+    assert (changes(found, "k.seen"), found.signals["k.seen"][-1]) == ([0.15], 3)
+    assert changes(found, "k.triggered_count") == [0.25]  # as any `set`: from the next step on
+
+
+# -------------------------------------------------------------------------------------------------------- connections
+
+
+@pytest.mark.parametrize("algorithm", ["jacobi", "gauss_seidel"])
+def test_ticks_and_values_reach_others_at_the_same_time(coupled, algorithm):
+    links = ["k.every_second -> f.tick", "k.x -> f.u", "f.half -> g.tick", "f.sum -> g.u"]
+    found, _ = coupled({"g": "Follower", "k": "Kinds", "f": "Follower"}, links, 2 * S, algorithm=algorithm)
+    assert changes(found, "f.n") == TICKS["every_second"]
+    assert changes(found, "g.n") == TICKS["every_second"][1::2]
+
+    # f adds the time up at its ticks; g, in the same instant, what f has then
+    assert found.signals["f.sum"][-1] == pytest.approx(sum(TICKS["every_second"]))
+    assert found.signals["g.sum"][-1] == pytest.approx((0.3 + 0.7) + (0.3 + 0.7 + 1.1 + 1.5))
+    assert found.time[found.signals["f.half"] != 0].tolist() == TICKS["every_second"][1::2]
+
+
+def test_a_clock_that_ticks_by_time_lets_others_tick(coupled):
+    found, _ = coupled({"k": "Kinds", "f": "Follower"}, ["k.changing -> f.tick", "k.latest -> f.u"], 2 * S)
+    assert changes(found, "f.n") == TICKS["changing"]
+    assert found.signals["f.held"][-1] == pytest.approx(3 * 0.0 + 0.8 + 1.4)
+
+
+@pytest.mark.parametrize(
+    ("connections", "words"),
+    [
+        (["k.x -> f.tick"], "Float64 does not fit Clock"),
+        (["f.half -> k.fixed"], "the target ticks by itself .fixed."),
+        (["f.tick -> k.triggered"], "the source is an input"),
+        (["k.alarm -> f.tick", "k.every_second -> f.tick"], "has two sources"),
+    ],
+)
+def test_clocks_that_do_not_fit(coupled, connections, words):
+    with pytest.raises(CouplingError, match=words):
+        coupled({"k": "Kinds", "f": "Follower"}, connections, S)
+
+
+# ------------------------------------------------------------------------------------------------ Scheduled Execution
+
+# as the public Clocks FMU: the first every second, the second by hand, the third by the first at 4 s
+PARTITIONS = {
+    "first_ticks": [1, 2, 3, 4, 5, 6, 7, 8, 9, 10],
+    "second_ticks": [1, 2, 2, 2, 2, 2, 2, 2, 3, 4],
+    "third_ticks": [0, 0, 0, 0, 1, 1, 1, 1, 1, 1],
+    "total": [2, 4, 5, 6, 8, 9, 10, 11, 13, 15],
+    "result": [0, 0, 0, 0, 0, 0, 0, 0, 7, 1007],
+    "made": [0, 0, 0, 0, 1000, 1000, 1000, 1000, 1000, 1000],
+    "fifth": [False, False, True, False, False, False, True, False, False, True],
+}
+
+
+def test_the_schedule(folder):
+    rows = ["time,second,given", "0,1,0", "1,1,0", "2,0,5", "8,1,7", "9,1,1000"]
+    found = alone(folder, "Partitions", 9, 1.0, rows=rows)
+    assert {name: found[name] for name in PARTITIONS} == PARTITIONS
+
+    # the second partition has the smaller number, so it goes first; the third comes when both are done
+    assert found["order"][:2] == [201.0, 2010201.0]
+    assert found["order"][4] == 201020101010103.0
+
+
+def test_partitions_as_a_member(coupled):
+    links = ["k.every_second -> p.second", "p.fifth -> f.tick", "p.made -> f.u", "p.made -> p.given"]
+    parts = {"k": "Kinds", "p": "Partitions", "f": "Follower"}
+    found, _ = coupled(parts, links, 5 * S)
+    assert changes(found, "p.first_ticks") == [1.0, 2.0, 3.0, 4.0, 5.0]
+    assert changes(found, "p.second_ticks") == [round(0.3 + 0.4 * i, 6) for i in range(12)]
+    assert changes(found, "p.made") == [4.0]
+    assert found.signals["p.result"][-1] == 2000  # 1000 at 4.3 s and at 4.7 s
+    assert found.signals["f.n"][-1] == found.signals["p.total"][-1] // 5
+
+
+# -------------------------------------------------------------------------------------------------------------- alone
+
+
+def test_alone_a_step_ends_where_a_clock_ticks(folder):
+    found = alone(folder, "Kinds", 2, 0.4, record=(*(f"{kind}_count" for kind in KINDS), "latest"))
+    times = 0.4 * np.arange(6)
+    for kind, ticks in TICKS.items():
+        assert found[f"{kind}_count"] == np.searchsorted(np.array(ticks), times + 1e-9).tolist(), kind
+    assert found["latest"][-1] == pytest.approx(2.0)
+
+
+def test_alone_with_rows(folder):
+    rows = ["time,triggered,d,u", "0,0,0,0", "0.333,1,4,1", "0.5,0,4,1"]
+    starts = {"tunable": 0.2, "wait": 0.111}
+    found = alone(
+        folder, "Kinds", 1, 0.25, starts, rows, ("tunable_count", "triggered_count", "seen", "countdown_count")
+    )
+    assert found["tunable_count"] == [1, 2, 3, 4, 6]
+    assert found["triggered_count"] == [0, 0, 1, 1, 1]
+    assert found["seen"] == [0, 0, 4, 4, 4]
+    assert found["countdown_count"] == [0, 0, 0, 1, 1]
+
+
+# -------------------------------------------------------------------------------------------------------------- errors
+
+
+@pytest.mark.parametrize(
+    ("error", "words", "options"),
+    [
+        (SimulationError, "clock ticks at t = 50 ms, .*points of 60 ms. Use a communication step of 10 ms", {"step": 60 * MS}),
+        (CouplingError, "iterative needs", {"algorithm": "iterative"}),
+        (CouplingError, "steps with every communication step of 50 ms, not every 100 ms", {"periods": {"k": 100 * MS}}),
+        (FMUError, "constant is a constant clock", {"starts": {"k": {"constant": 0.1}}}),
+        (FMUError, "interval -1 s of tunable is not positive", {"starts": {"k": {"tunable": -1}}}),
+        (SimulationError, "at t = 510 ms, between", {"starts": {"k": {"wait": 0.01}}}),
+    ],
+)  # fmt: skip
+def test_errors(coupled, error, words, options):
+    with pytest.raises(error, match=words):
+        coupled({"k": "Kinds"}, [], S, **options)
+
+
+def test_an_event_without_end(coupled):
+    with pytest.raises(SimulationError, match="has no end after 100 instants"):
+        coupled({"k": "Kinds"}, [], S, starts={"k": {"wait": 0}})
+
+
+def test_clocks_without_event_mode_never_tick(folder):
+    xml = described("Kinds").replace('hasEventMode="true"', "")
+    one = member(
+        "one",
+        archive(folder / "without.fmu", {"modelDescription.xml": xml.encode(), "binaries/x86_64-linux/Kinds.so": b""}),
+    )
+    one.close()
+    assert not one.clocked
+    assert not one.variables["alarm"].connectable

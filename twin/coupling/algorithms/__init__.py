@@ -1,0 +1,11 @@
+"""Co-simulation algorithms, one per file: each is data that the loop, or the walk, is told."""
+
+from twin.coupling.algorithms.algorithm import Algorithm
+from twin.coupling.algorithms.energy import Energy
+from twin.coupling.algorithms.gauss_seidel import GaussSeidel
+from twin.coupling.algorithms.iterative import Iterative
+from twin.coupling.algorithms.jacobi import Jacobi
+from twin.coupling.algorithms.predictive import Predictive
+from twin.coupling.algorithms.step_doubling import StepDoubling
+
+__all__ = ["Algorithm", "Energy", "GaussSeidel", "Iterative", "Jacobi", "Predictive", "StepDoubling"]

@@ -1,0 +1,191 @@
+"""What an algorithm is: how members see each other within a step, and what a step is; data, no code that runs in it."""
+
+from __future__ import annotations
+
+from abc import ABC, ABCMeta
+from dataclasses import fields
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from twin import clock
+from twin.coupling import continuous
+from twin.coupling.system import stepping_order
+from twin.coupling.walk.fields import DOUBLING, FIXED, PREDICTED, SCHEMES
+from twin.dataclass import dataclass
+from twin.errors import CouplingError, nearest
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+    from twin.coupling.member import Member
+    from twin.coupling.system import Link
+
+FINEST = 1 << 16  # divisions of a step: times in them stay exact
+
+
+class Named(ABCMeta):
+    """Lets `Algorithm("jacobi")` be the algorithm of that name, and `Algorithm` go through them all."""
+
+    known: ClassVar[dict[str, type[Algorithm]]] = {}
+
+    def __call__(cls, *arguments: Any, **options: Any) -> Any:
+        """An algorithm by its name, or by a mapping of `name` and options."""
+        if cls.__name__ != "Algorithm":
+            return super().__call__(**options)
+        given = arguments[0] if arguments else "jacobi"
+        if isinstance(given, Algorithm):
+            return given
+        chosen = {"name": given} if isinstance(given, str) else dict(given)
+        name = chosen.pop("name", None)
+        if name not in Named.known:
+            raise CouplingError(f"algorithm: there is no {name!r}. {nearest(str(name), list(Named.known))}")
+        found = Named.known[name]
+        own = [one.name for one in fields(found) if one.init]  # type: ignore[arg-type]
+        if unknown := [key for key in (*chosen, *options) if key not in own]:
+            raise CouplingError(f"algorithm: {name} has no option {unknown[0]!r}. {nearest(unknown[0], own)}")
+        return found(**chosen, **options)
+
+    def __len__(cls) -> int:
+        return len(Named.known)
+
+    def __contains__(cls, one: object) -> bool:
+        return isinstance(one, Algorithm)
+
+    def __iter__(cls) -> Iterator[Algorithm]:
+        """Each with what is given where nothing is said, the plain ones first."""
+        every = [one() for one in Named.known.values()]
+        return iter(sorted(every, key=lambda one: (not one.is_plain, one.rolls_back, one.is_sequential)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Algorithm(ABC, metaclass=Named):
+    """How members see each other within one communication step.
+
+    `order`: of the polynomial that an input is thought to follow over a step. `smoothing`: 0 to 1, how far its jumps
+    at the begin of steps are taken out.
+    """
+
+    name: ClassVar[str] = ""
+    is_sequential: ClassVar[bool] = False  # members are stepped one by one, along the connections
+    control: ClassVar[int] = FIXED
+    scheme: ClassVar[int] = 0
+
+    order: int = 0
+    smoothing: float = 0.0
+
+    # what those have that iterate, choose steps, or correct
+    iterations: ClassVar[int] = 0
+    agreement: ClassVar[float] = 0.0
+    tolerance: ClassVar[float] = 0.0
+    floor: ClassVar[float] = 0.0
+    correction: ClassVar[float] = 0.0
+    scales: ClassVar[Mapping[str, Any]] = {}  # sizes [SI] by `member.variable` that are known before they show
+    is_strict: ClassVar[bool] = False  # a step whose iterations do not suffice ends the run
+
+    jacobi: ClassVar[Algorithm]
+    gauss_seidel: ClassVar[Algorithm]
+
+    if TYPE_CHECKING:
+
+        def __init__(self, given: object = None, /, **options: Any) -> None: ...
+
+    def __init_subclass__(cls, **_: Any) -> None:
+        if cls.name:
+            Named.known[cls.name] = cls
+
+    def __post_init__(self) -> None:
+        self._limited("order", 0, 2)
+        self._limited("smoothing", 0.0, 1.0)
+
+    def _limited(self, option: str, low: float, high: float, above: bool = False) -> None:
+        """CouplingError if an option is outside of its range."""
+        value = getattr(self, option)
+        good = isinstance(value, int | float) and not isinstance(value, bool)
+        if isinstance(low, int) and good:
+            good = value == int(value)
+        if not good or not (low < value if above else low <= value) or not value <= high:
+            range_ = f"above {low:g} up to {high:g}" if above else f"{low:g} to {high:g}"
+            raise CouplingError(f"algorithm: {option} of {self.name} is {value!r}. Give {range_}.")
+
+    def __str__(self) -> str:
+        return self.name
+
+    def __eq__(self, other: object) -> bool:
+        """Also with a name: that of an algorithm with no option given."""
+        if isinstance(other, str):
+            return other in Named.known and self == Named.known[other]()
+        return type(self) is type(other) and vars(self) == vars(other)
+
+    def __hash__(self) -> int:
+        return hash(self.name)
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """What is not as it is where nothing is said."""
+        plain = vars(type(self)())
+        return {name: value for name, value in vars(self).items() if value != plain[name]}
+
+    @property
+    def described(self) -> str:
+        """`iterative (order: 1)`."""
+        options = ", ".join(f"{name}: {value}" for name, value in self.options.items())
+        return f"{self.name} ({options})" if options else self.name
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the fixed-step loop runs it."""
+        return self.order == 0 and not self.rolls_back and self.control == FIXED and self.correction == 0
+
+    @property
+    def rolls_back(self) -> bool:
+        """Whether members have to go back to where a step began."""
+        return self.iterations > 0 or self.control in (DOUBLING, PREDICTED)
+
+    def order_of(self, members: Mapping[str, Member], links: list[Link]) -> list[list[str]]:
+        """The stages: all members at once, or one by one along their dependencies."""
+        if not self.is_sequential:
+            return [list(members)]
+        catalog = {name: member.variables for name, member in members.items()}
+        joined = continuous.together(members, links)
+        order = stepping_order(list(members), links, catalog, joined)
+        return [[one for one in members if joined.get(one, one) == name] for name in order]
+
+    def divisions(self, step: clock.Time) -> int:
+        """Into how many of the smallest steps a step [ns] may be divided: a power of two."""
+        return 1 if step else 0
+
+    @staticmethod
+    def every() -> list[Algorithm]:
+        """All algorithms, with what is given where nothing is said."""
+        return list(Algorithm)
+
+    def corrected(self, links: list[Link]) -> list[Link]:
+        """The connections that are corrected; CouplingError if what is declared cannot be."""
+        return links[:0]
+
+    def remarks(self, corrected: list[Link]) -> list[str]:
+        """What the person who runs this has to know of it."""
+        del corrected
+        return []
+
+
+def scheme_named(name: str, owner: str) -> int:
+    """The number of a way to accelerate."""
+    if name not in SCHEMES:
+        raise CouplingError(f"algorithm: {owner} has no acceleration {name!r}. {nearest(name, list(SCHEMES))}")
+    return SCHEMES.index(name)
+
+
+def halvings(step: clock.Time, smallest: clock.Time, fewest: int = 1) -> int:
+    """The power of two that divides a step into the smallest ones that are no shorter than `smallest` [ns]."""
+    count = 1
+    while step >= 2 * count * smallest and count < FINEST:
+        count *= 2
+    if step < fewest * smallest:
+        most = clock.text(clock.whole(Fraction(step) / fewest))
+        halves = ", of which halves are made, too" if fewest > 1 else ""
+        raise CouplingError(
+            f"algorithm: the smallest step {clock.text(smallest)} is too long for the step {clock.text(step)}{halves}. "
+            f"Give at most {most}."
+        )
+    return count

@@ -1,0 +1,18 @@
+"""All members at once: everybody sees the others as they were at the begin of the step, or as they tend from there."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from twin.coupling.algorithms.algorithm import Algorithm
+from twin.dataclass import dataclass
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Jacobi(Algorithm):
+    """Members in parallel; with an `order`, inputs are extrapolated."""
+
+    name: ClassVar[str] = "jacobi"
+
+
+Algorithm.jacobi = Jacobi()

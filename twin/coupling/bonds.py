@@ -1,0 +1,64 @@
+"""Power bonds: connections there and back whose product is a power, or an energy: force and velocity, pressure and flow.
+
+Those of one name in `bond:` are one; so are those of two terminals, if they are such.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import TYPE_CHECKING
+
+from twin.component import unit
+from twin.coupling.system import is_real
+from twin.errors import CouplingError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from twin.coupling.system import Link
+
+MEANT = ("W", "J")  # the second with a displacement in the place of its velocity
+
+
+def bonds(links: Iterable[Link]) -> dict[str, list[Link]]:
+    """The connections of each bond; CouplingError for those that are declared and are none."""
+    named: dict[tuple[str, bool], list[Link]] = {}
+    for link in links:
+        if name := link.bond or link.terminals:
+            named.setdefault((name, bool(link.bond)), []).append(link)
+    problems = [
+        f"bond {name}: {wrong}" for (name, declared), own in named.items() if declared and (wrong := fault(own))
+    ]
+    if problems:
+        raise CouplingError(problems)
+    return {name: own for (name, _), own in named.items() if not fault(own)}
+
+
+def fault(links: list[Link]) -> str:
+    """Why connections are no power bond; empty if they are one."""
+    ends = {frozenset((link.source.member, link.target.member)) for link in links}
+    if len(ends) > 1:
+        names = ", ".join(sorted({name for pair in ends for name in pair}))
+        return f"is between more than two members: {names}. Give every pair a name of its own."
+    sides = list(dict.fromkeys(link.source.member for link in links))
+    if len(sides) != 2:
+        return f"goes one way only, from {sides[0]}. Declare it at a connection back, too."
+    there, back = (
+        [link for link in links if link.source.member == side and is_real(link.target.variable)] for side in sides
+    )
+    if not any(is_power(a, b) for a, b in product(there, back)):
+        units = " and ".join(shown(one) for one in links[:2])
+        return f"{units} give no power. Declare it at a force and a velocity, a torque and an angle, a pressure and a flow."
+    return ""
+
+
+def is_power(a: Link, b: Link) -> bool:
+    """Whether the product of what two connections bring is a power or an energy; angles count for nothing."""
+    both = [unit.describe(one.target.variable.unit).exponents for one in (a, b)]
+    found = [x + y for x, y in zip(*both, strict=True)][:-1]
+    return any(found == list(unit.describe(one).exponents)[:-1] for one in MEANT)
+
+
+def shown(link: Link) -> str:
+    """`servo.position [m]`."""
+    return f"{link.source.member}.{link.source.variable.name} [{link.target.variable.unit or '1'}]"

@@ -1,0 +1,47 @@
+"""Members whose equations are solved together: those that are `continuous`, where they are connected with each other."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from twin import clock
+from twin.errors import CouplingError
+from twin.graph import ordered_groups
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from twin.coupling.member import Member
+    from twin.coupling.system import Link
+
+
+def between(members: Mapping[str, Member], links: list[Link]) -> list[Link]:
+    """The connections of numbers between continuous members."""
+    numbers = [link for link in links if link.source.variable.connectable]
+    return [link for link in numbers if all(members[end.member].continuous for end in (link.source, link.target))]
+
+
+def together(members: Mapping[str, Member], links: list[Link]) -> dict[str, str]:
+    """By member that is solved with others: the first of them."""
+    graph: dict[str, list[str]] = {}
+    for link in between(members, links):
+        graph.setdefault(link.source.member, []).append(link.target.member)
+        graph.setdefault(link.target.member, []).append(link.source.member)
+    groups = ordered_groups([name for name in members if name in graph], graph)
+    return {name: min(group, key=list(members).index) for group in groups for name in group if len(group) > 1}
+
+
+def join(members: Mapping[str, Member], links: list[Link], periods: Mapping[str, clock.Time]) -> None:
+    """Let them know each other; CouplingError if they do not step together."""
+    inside = between(members, links)
+    first = together(members, links)
+    for leader in dict.fromkeys(first.values()):
+        names = [name for name in members if first.get(name) == leader]
+        if len({periods[name] for name in names}) > 1:
+            told = ", ".join(f"{name} {clock.text(periods[name])}" for name in names)
+            raise CouplingError(
+                f"{', '.join(names)}: are connected and integrated together, but step differently ({told}). "
+                "Give them one communication step."
+            )
+        own = [link for link in inside if link.source.member in names]
+        members[leader].join([members[name] for name in names], own)

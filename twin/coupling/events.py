@@ -1,0 +1,242 @@
+"""Events of members with clocks: all of them at one instant, between two communication steps.
+
+At a communication point all members have come to that time and published. If a clock ticks there, or a member has an event,
+all members with clocks are in Event Mode. Clocks tick, values and ticks go along the connections in the order of the members,
+again and again until nothing changes: that is one instant of super-dense time. Another follows if a member needs it, or a
+clock ticks once more at the same time. Then the next communication step begins.
+
+The loop calls this as it calls `fmiNGetXXX`, by a row at the end of its operations; a system without clocks has none.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import TYPE_CHECKING, Any, Protocol
+
+from twin import clock
+from twin.compiler import machine
+from twin.coupling import loop
+from twin.coupling.system import stepping_order
+from twin.errors import CouplingError, SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from twin.coupling.algorithms import Algorithm
+    from twin.coupling.member import Member, MemberVariable
+    from twin.coupling.plan import Plan
+    from twin.coupling.system import Link
+
+OK, ERROR = 0, 3
+INSTANTS = 100  # of super-dense time, at most, at one communication point
+SWEEPS = 100  # over all members, at most, in one instant
+
+
+class Clocked(Protocol):
+    """A member with clocks, as it is seen here."""
+
+    name: str
+    variables: Mapping[str, MemberVariable]
+    ended: bool
+    slots: Any
+
+    @property
+    def due(self) -> clock.Time | None:
+        """When the next time-based clock ticks [ns]; None: no one knows of any."""
+
+    def due_clocks(self, now: clock.Time) -> list[str]:
+        """Clocks that tick now."""
+
+    def has_news(self, now: clock.Time) -> bool:
+        """Whether there is an event now, whatever the clocks say."""
+
+    def enter_events(self, now: clock.Time) -> None:
+        """To Event Mode."""
+
+    def tick(self, name: str, now: clock.Time) -> bool:
+        """Let an input clock tick in this instant; whether it does not do so already."""
+
+    def evaluate(self, now: clock.Time) -> bool:
+        """Tell the member its ticks and inputs, then look at its outputs; whether it was told anything."""
+
+    def found(self) -> list[str]:
+        """Clocks of the member that were found to tick since this was asked last."""
+
+    def finish(self, now: clock.Time) -> bool:
+        """End the instant; whether another one is needed."""
+
+    def leave_events(self) -> None:
+        """Back to where steps are made."""
+
+
+def split(links: list[Link]) -> tuple[list[Link], list[Link]]:
+    """The connections of values, and those of clocks."""
+    wires = [link for link in links if link.source.variable.type == "Clock"]
+    return [link for link in links if link.source.variable.type != "Clock"], wires
+
+
+def refuse(
+    members: Mapping[str, Member], algorithm: Algorithm, periods: Mapping[str, clock.Time], step: clock.Time
+) -> None:
+    """CouplingError where clocks cannot be served."""
+    clocked = [name for name, member in members.items() if member.clocked]
+    if clocked and not algorithm.is_plain:
+        raise CouplingError(
+            f"{', '.join(clocked)}: members with clocks cannot go back, as algorithm {algorithm} would have them do. "
+            "Use jacobi or gauss_seidel."
+        )
+    for name in clocked:
+        if periods[name] != step:
+            raise CouplingError(
+                f"{name}: has clocks, so it steps with every communication step of {clock.text(step)}, not every "
+                f"{clock.text(periods[name])}. Leave out its period, or use that step."
+            )
+
+
+class Events:
+    """The members with clocks of a co-simulation, their connections, and what happens at an event.
+
+    `links`: of values, `wires`: of clocks. `time`: tells where the loop is, at the end of its step [ns].
+    """
+
+    def __init__(
+        self, members: Mapping[str, Member], links: list[Link], wires: list[Link], time: Callable[[], clock.Time]
+    ) -> None:
+        self.members: dict[str, Clocked] = {name: one for name, one in members.items() if one.clocked}  # type: ignore[misc]
+        self.index = list(members).index(next(iter(self.members))) if self.members else 0
+        self.links = [link for link in links if link.target.member in self.members]
+        inside = [link for link in self.links + wires if link.source.member in self.members]
+        catalog = {name: one.variables for name, one in members.items() if name in self.members}
+        self.order = [self.members[name] for name in stepping_order(list(self.members), inside, catalog)]
+        self.wires: dict[tuple[str, str], list[tuple[str, str]]] = {}
+        for link in wires:
+            self.wires.setdefault(link.source.key, []).append(link.target.key)
+        self._rows: dict[str, list[tuple[str, int]]] = {}
+        self._objects = [link for link in inside if not link.source.variable.connectable]
+        self._time = time
+        self._callback = machine.ACCESS(self._called)
+        self.address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
+        self.failure: BaseException | None = None
+        self.check: Callable[[clock.Time], None] = lambda _now: None  # whether the next tick can be met
+
+    def connect(self, plan: Plan, arrays: Mapping[str, Any]) -> None:
+        """Know the rows by which the loop moves values to the members, overrides and all."""
+        self._arrays = arrays
+        self._rows = {name: [] for name in self.members}
+        for link in self.links:
+            rows = [(table, row) for table, row, *_ in plan.writers.get(link.target.key, [])]
+            own = self._rows[link.target.member]
+            own += [one for one in rows if one not in own]
+
+    @property
+    def due(self) -> clock.Time | None:
+        """When the next clock ticks [ns]."""
+        return min((due for one in self.order if (due := one.due) is not None), default=None)
+
+    @property
+    def ended(self) -> str:
+        """The member that wants the end; none: empty."""
+        return next((one.name for one in self.order if one.ended), "")
+
+    def _called(self, *_: int) -> int:
+        try:
+            self.look(self._time())
+        except BaseException as error:  # also Ctrl-C: nothing may pass through native frames
+            self.failure = error
+            return ERROR
+        return OK
+
+    def look(self, now: clock.Time) -> None:
+        """At a communication point that all members have reached: is there an event?"""
+        for one in self.order:
+            self._move(one)
+        due = self.due
+        if (due is not None and due <= now) or any(one.has_news(now) for one in self.order):
+            self.react(now)
+
+    def react(self, now: clock.Time) -> None:
+        """All members with clocks through an event."""
+        for one in self.order:
+            one.enter_events(now)
+        needed = True  # fmi3UpdateDiscreteStates comes once at least
+        for _ in range(INSTANTS):
+            told = self._tick(now)
+            if not (self._settle(now) or told or needed):
+                break
+            wishes = [one.finish(now) for one in self.order]
+            needed = any(wishes)
+            if self.ended:
+                break
+        else:
+            raise SimulationError(
+                f"{', '.join(self.members)}: the event at t = {clock.text(now)} has no end after {INSTANTS} instants. "
+                "Look for clocks that let each other tick, and values that switch each other."
+            )
+        for one in self.order:
+            one.leave_events()
+        self.check(now)
+
+    def _tick(self, now: clock.Time) -> bool:
+        """Let the clocks tick that are due, with those that are connected to them."""
+        ticked = [self._tick_one(one, name, now) for one in self.order for name in one.due_clocks(now)]
+        return any(ticked)
+
+    def _tick_one(self, one: Clocked, name: str, now: clock.Time) -> bool:
+        return one.tick(name, now) | self._wire(one, name, now)
+
+    def _wire(self, one: Clocked, name: str, now: clock.Time) -> bool:
+        ticked = [self._tick_one(self.members[to], own, now) for to, own in self.wires.get((one.name, name), ())]
+        return any(ticked)
+
+    def _settle(self, now: clock.Time) -> bool:
+        """One instant: until nothing changes; whether anything did."""
+        any_told = False
+        for _ in range(SWEEPS):
+            told = False
+            for one in self.order:
+                self._move(one)
+                told = one.evaluate(now) or told
+                for name in one.found():
+                    told = self._wire(one, name, now) or told
+            if not told:
+                return any_told
+            any_told = True
+        raise SimulationError(
+            f"{', '.join(self.members)}: values and clocks at t = {clock.text(now)} change each other without end, "
+            f"{SWEEPS} times. Break the loop."
+        )
+
+    def _move(self, one: Clocked) -> None:
+        """What is connected to a member goes to where it reads it."""
+        for table, row in self._rows.get(one.name, ()):
+            array = self._arrays[table]
+            move = loop.copy if table == "copies" else convert
+            move(int(array.ctypes.data) + row * array.strides[0], 1)
+        for link in self._objects:
+            if link.target.member == one.name:
+                source, target = link.source, link.target
+                held = self.members[source.member].slots[source.variable.name].values
+                into = one.slots[target.variable.name].values
+                into[target.first : target.first + target.size] = held[source.first : source.first + source.size]
+
+
+def convert(row: int, count: int) -> None:
+    """Conversions, as the loop makes them."""
+    loop.convert(row, count, 0)
+
+
+def grid(begin: clock.Time, step: clock.Time, events: Events) -> Callable[[clock.Time], None]:
+    """A check that the next tick is at a communication point; SimulationError with the step that would do."""
+
+    def check(now: clock.Time) -> None:
+        due = events.due
+        if due is None or due <= now or (due - begin) % step == 0:
+            return
+        late = [one for one in events.order if one.due == due]
+        names = ", ".join(one.name for one in late)
+        raise SimulationError(
+            f"{names}: a clock ticks at t = {clock.text(due)}, between communication points of {clock.text(step)}. "
+            f"Use a communication step of {clock.text(clock.common_step([step, due - begin]))}."
+        )
+
+    return check

@@ -1,0 +1,57 @@
+"""What the walk knows beside the loop's own fields, and the columns of its tables."""
+
+from __future__ import annotations
+
+# addresses and counts; rows are int64 words unless said otherwise
+INTEGERS = (
+    "begins", "begin_count", "ends", "end_count",  # operations of members with a period: at its begin, at its end
+    "stages", "stage_count",
+    # numbers of elements: those that a sweep cannot know before, that change in it, whose error is looked at
+    "torn", "torn_count", "moving", "moving_count", "judged", "judged_count",
+    "bonds", "bond_count",  # elements of power bonds
+    "keeps", "keep_count", "states", "state_count",  # what is kept in order to go back
+    "elements", "vectors", "course", "past", "weights", "solver",  # memory, see below
+    "order", "recalls", "most", "scheme", "control", "trial", "strict",  # options; `recalls`: earlier points; `trial`: steps are taken back
+    "inside", "position", "divisions", "stride", "least", "passed",  # place in the tick, next step, smallest: in divisions
+    "refused",
+    "back", "limited", "off", "ending", "over",  # `limited`: to `until`; `off`: begins at `now`, between two divisions
+    "pending", "teller", "jacobian", "derives", "learned",
+    "sweeps", "accepted", "rejected", "missed", "missed_tick", "unsolved", "unsolved_tick",  # counts, first ticks
+)  # fmt: skip
+FLOATS = (
+    "whole", "now", "until", "begun", "span",  # times [s]: a tick's length, see above, the step that is at work
+    "tolerance", "agreement", "floor", "smoothing", "relaxation", "linear_at", "correction",
+)  # fmt: skip
+
+# `vectors`: five of `elements` Float64 each, never taken back
+NOW, END, BEGIN, SEEN, SCALE = range(
+    5
+)  # what connections give, guess for the end, begin of the step, compared, largest
+# `course`: three more, which are; behind them `past`: number of earlier points, and the two gaps to them [s]
+EARLIER, BEFORE, LAST, LEFT = range(4)  # begin of the last step, of that before, where its course ended, power owed
+PAST = 3  # words
+
+# what an input is fed
+HELD, EXTRAPOLATED, GUESSED, ARRIVED, TO_GUESS, TO_ARRIVED = range(6)
+
+# which value of a course: its mean over the step; that of a first part, a last one; value, slope, curvature at the begin
+MEAN, FIRST, FINAL, VALUE, SLOPE, CURVATURE = range(6)
+USES = 6
+NODES = 4  # weights per use: of three points, and of where the last course ended
+SHARE = 0.125  # of a step that a member with direct feedthrough makes with the inputs of its end
+
+SCHEMES = ("relaxed", "aitken", "anderson", "newton")
+RELAXED, AITKEN, ANDERSON, NEWTON = range(4)
+DEPTH = 4  # earlier iterations that Anderson's method looks at
+
+FIXED, DOUBLING, PREDICTED, ENERGY = range(4)
+
+# columns
+STAGE = ("links", "direct", "gets", "parts", "part_count")  # the first three: addresses of operations
+PART = ("feeds", "feed_count", "operation", "begin", "length")  # the last two: parts of the step, Float64 bits
+FEED = ("now", "course", "source", "weights", "target", "kind")  # addresses of the element in both memories
+KEEP = ("address", "words", "first", "second")
+STATE = ("get", "set", "instance", "first", "second", "member")
+
+# status of an attempt, behind FMI's
+UNSOLVED, EARLY, ASKING = 8, 9, 10  # ASKING: for a Jacobian

@@ -1,0 +1,385 @@
+"""Somebody's FMU with clocks as a member: what Event Mode of Co-Simulation and Scheduled Execution have in common.
+
+A clocked variable may be read and set only while one of its clocks ticks, and discrete inputs only at events. So what others
+read and write lies in this process (`address`), and keeps its values from tick to tick; `coupling.events` says when to
+look. A clock's value is true at the communication points where it ticked.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable, Collection
+from fractions import Fraction
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock
+from twin.compiler import machine
+from twin.coupling import Access, MemberVariable
+from twin.dataclass import dataclass
+from twin.errors import FMUError, TwinError, described
+from twin.fmi import binary, values
+from twin.fmi.clocks import PERIODIC, UNCHANGED, Clock, Timer, computed
+from twin.fmi.importer import FMUMember
+
+if TYPE_CHECKING:
+    from twin.fmi.tables import Inputs
+
+WORD = 8  # bytes that every scalar has room for
+
+
+@dataclass(slots=True)
+class Slot:
+    """A variable's values in this process. `applied`: what the FMU was told last, of an input.
+
+    `clocks`: value references of its clocks; none: it may be read and set whenever the mode allows it.
+    """
+
+    variable: MemberVariable
+    is_input: bool
+    clocks: frozenset[int]
+    values: np.ndarray[Any, Any]
+    applied: np.ndarray[Any, Any]
+    call: Callable[[], int] | None = None  # moves the values, in the one direction that there is; none: not numbers
+    name: str = ""
+
+    @property
+    def has_changed(self) -> bool:
+        """Whether an input's values are not those that the FMU was told."""
+        if not self.is_input:
+            return False
+        if self.variable.connectable:
+            return self.values.tobytes() != self.applied.tobytes()
+        return bool(self.values.tolist() != self.applied.tolist())
+
+    @property
+    def is_continuous(self) -> bool:
+        """Whether it may be set between events."""
+        return self.variable.variability == "continuous" and not self.clocks
+
+    def is_open(self, active: set[int]) -> bool:
+        """Whether it may be read and set while these clocks tick."""
+        return not self.clocks or not self.clocks.isdisjoint(active)
+
+
+class ClockedMember(FMUMember):
+    """An FMU with clocks. Intervals that are for the importer to choose are start values of the clocks [s]."""
+
+    clocked = True
+
+    def _describe(self, start_values: dict[str, Any]) -> None:
+        self.slots: dict[str, Slot] = {}
+        self._intervals: dict[str, float] = {}
+        super()._describe(start_values)
+        told = self._unpacked.description.clocks
+        self.clocks = {one.name: one for one in told.every}
+        self.timers = {name: Timer(one) for name, one in self.clocks.items() if one.is_time_based}
+        self._clocks_of = told.of
+        self._sensed = [one for one in told.every if one.causality != "input"]
+        self.can_restore = self.can_roll_back = False  # much of what it is lies in this process
+        self.active: set[int] = set()  # clocks that tick in the present instant, by value reference
+        self._new: list[Clock] = []  # of those, which the FMU was not told yet
+        self._found: list[str] = []  # clocks of the FMU that were found to tick
+        self._to_tick: list[str] = []  # clocks that are to tick at the next event
+        self._waiting: dict[str, Any] = {}  # what is to be set at the next event
+        self.is_running = self.has_signalled = self.ended = False
+        self.event_time: clock.Time | None = None  # of an event that the FMU announced
+        self.failure: BaseException | None = None
+        self._kept: list[Any] = []
+
+    # description
+
+    def _start_values(self, given: dict[str, Any]) -> dict[str, np.ndarray[Any, Any]]:
+        """Intervals of clocks, then values as of any FMU."""
+        clocks = {one.name: one for one in self._unpacked.description.clocks.every}
+        for name in [name for name in given if name in clocks]:
+            self._intervals[name] = self._interval(clocks[name], given.pop(name))
+        return super()._start_values(given)
+
+    def _interval(self, own: Clock, value: Any) -> float:
+        if not own.is_settable:
+            raise FMUError(
+                f"{self.name}: {own.name} is a {own.variability} clock of the FMU's own interval. "
+                "Give an interval only to fixed and tunable clocks that declare one."
+            )
+        seconds = values.real(value, f"{self.name}: {own.name}", np.dtype(np.float64))
+        if not 0.0 < seconds < np.inf:
+            raise FMUError(f"{self.name}: the interval {seconds:g} s of {own.name} is not positive. Give seconds.")
+        return seconds
+
+    # call sequence
+
+    def enter_initialization(self, t: float, stop: float | None) -> None:
+        """Remember when the clocks begin."""
+        super().enter_initialization(t, stop)
+        self._begin = self._now = clock.nanoseconds(t)
+
+    def exit_initialization(self) -> None:
+        """Ask, before it ends, for first ticks and for what else may be asked only then."""
+        for name, timer in self.timers.items():
+            self._begin_timer(name, timer)
+        told = self._unpacked.description.clocks
+        for name, variable in self.variables.items():
+            clocked = variable.references[0] in self._clocks_of and variable.causality != "input"
+            if clocked or variable.type == "Clock":
+                slot = self.slot(name)
+                if clocked and variable.references[0] in told.initial:
+                    self.move(slot)
+        super().exit_initialization()
+        self.is_running = True
+        self.take()
+
+    def _begin_timer(self, name: str, timer: Timer) -> None:
+        """The first tick, in Initialization Mode."""
+        own = timer.own
+        if name in self._intervals:
+            timer.interval = self._set_interval(own, self._intervals[name])
+            timer.due = self._begin + own.shift
+        elif own.interval is not None and own.variability in PERIODIC:
+            timer.begin(self._begin, None)
+        else:
+            interval, qualifier = self.asked_interval(own)
+            shift = self._asked_shift(own) if own.variability in PERIODIC else 0
+            timer.begin(self._begin, interval if qualifier >= UNCHANGED else None)
+            if timer.due is not None and own.variability in PERIODIC:
+                timer.due = self._begin + shift
+        if own.variability in PERIODIC and not (timer.interval and timer.interval > 0):
+            raise FMUError(f"{self._unpacked.path}: its periodic clock {name} has no interval above 0. Export it anew.")
+
+    # what `coupling.events` asks
+
+    @property
+    def due(self) -> clock.Time | None:
+        """When the next time-based clock ticks [ns]; None: no one knows of any."""
+        return min((one.due for one in self.timers.values() if one.due is not None), default=None)
+
+    def due_clocks(self, now: clock.Time) -> list[str]:
+        """Clocks that tick now: by time, and those that somebody let tick by hand."""
+        asked, self._to_tick = self._to_tick, []
+        return asked + [name for name, one in self.timers.items() if one.due is not None and one.due <= now]
+
+    def tick(self, name: str, now: clock.Time) -> bool:
+        """Let an input clock tick in the present instant; whether it does not do so already."""
+        own = self.clocks[name]
+        if own.reference in self.active:
+            return False
+        self.active.add(own.reference)
+        self._new.append(own)
+        if name in self.timers:
+            self.timers[name].ticked(now)
+        self.slot(name).values[:] = True
+        return True
+
+    def has_news(self, now: clock.Time) -> bool:
+        """Whether there is an event now, whatever the clocks say."""
+        if self.event_time is not None and self.event_time <= now:
+            return True
+        changed = (one.has_changed and not one.clocks and not one.is_continuous for one in self.slots.values())
+        return self.has_signalled or bool(self._waiting or self._to_tick) or any(changed)
+
+    def found(self) -> list[str]:
+        """Clocks of the FMU that were found to tick since this was asked last."""
+        found, self._found = self._found, []
+        return found
+
+    # values
+
+    def set(self, name: str, value: Any) -> None:
+        """Set a variable, at the next event where it is not an input; a clock ticks then, or has a new interval."""
+        variable = self.variables[name]
+        if variable.type == "Clock":
+            self._set_clock(self.clocks[name], value)
+        elif not self.is_running:
+            super().set(name, value)
+        elif variable.causality == "input":
+            slot = self.slot(name)
+            slot.values[:] = np.ravel(values.array(variable, value, self._items[name], self.name))
+        else:
+            self._waiting[name] = value
+
+    def _set_clock(self, own: Clock, value: Any) -> None:
+        if own.is_settable and own.variability == "tunable" and self.is_running:
+            self._waiting[own.name] = self._interval(own, value)
+        elif own.is_time_based or own.causality != "input":
+            raise FMUError(
+                f"{self.name}: {own.name} ticks by itself. Set a triggered input clock to true, to let it tick."
+            )
+        elif values.boolean(value, f"{self.name}: {own.name}"):
+            self._to_tick.append(own.name)
+
+    def apply_waiting(self, now: clock.Time) -> None:
+        """Set, at an event, what was set between events."""
+        self._now = now
+        waiting, self._waiting = self._waiting, {}
+        for name, value in waiting.items():
+            if name in self.timers:
+                timer = self.timers[name]
+                timer.interval = self._set_interval(timer.own, value)
+                timer.due = now + timer.interval
+            else:
+                super().set(name, value)
+
+    def get(self, name: str) -> Any:
+        """Read a variable: what it had at the last tick if it is clocked."""
+        variable = self.variables[name]
+        slot = self.slots.get(name)
+        if variable.type != "Clock" and (not self.is_running or slot is None):
+            return super().get(name)
+        assert slot is not None
+        return slot.values.reshape(variable.shape).copy()[()]
+
+    def _write(self, variable: MemberVariable, value: np.ndarray[Any, Any]) -> None:
+        super()._write(variable, value)
+        if variable.causality == "input":
+            slot = self.slot(variable.name)
+            slot.values[:] = slot.applied[:] = np.ravel(value)
+
+    def slot(self, name: str) -> Slot:
+        """Where a variable's values lie for others."""
+        if name in self.slots:
+            return self.slots[name]
+        variable = self.variables[name]
+        room = np.zeros(WORD * variable.size, np.uint8) if variable.connectable else np.full(variable.size, None)
+        held = room.view(variable.dtype)[: variable.size]
+        if variable.start is not None:
+            held[:] = np.ravel(variable.start)
+        references = frozenset(self._clocks_of.get(variable.references[0], ()))
+        is_input = variable.causality == "input" and variable.type != "Clock"
+        slot = self.slots[name] = Slot(variable, is_input, references, held, held.copy())
+        if variable.type != "Clock" and variable.connectable:
+            access = super().access([name], write=slot.is_input)
+            places = access.references.ctypes.data, access.count, held.ctypes.data, access.size
+            slot.name, slot.call = access.name, partial(machine.ACCESS(access.function), self.instance, *places)
+            self._kept.append(access)
+        if self.is_running and not slot.is_input and not slot.clocks and variable.type != "Clock":
+            self.move(slot)
+        return slot
+
+    def move(self, slot: Slot) -> None:
+        """Tell the FMU an input's values, or take another variable's from it."""
+        name = slot.variable.name
+        if slot.call is not None:
+            self.check(slot.call(), f"{slot.name} of {name}")
+        elif slot.is_input:
+            shaped = slot.values.reshape(slot.variable.shape) if slot.variable.shape else slot.values
+            super()._write(slot.variable, shaped)
+        else:
+            slot.values[:] = np.ravel(np.asarray(super()._read_objects(slot.variable), object))
+        if slot.is_input:
+            slot.applied[:] = slot.values
+
+    def address(self, name: str) -> int:
+        """Where its values lie in this process."""
+        return int(self.slot(name).values.ctypes.data) if self.variables[name].connectable else 0
+
+    def access(self, names: list[str], write: bool) -> Access:
+        """A call that moves values between memory and what others see."""
+        slots = [self.slot(name) for name in names]
+
+        def moved(_instance: int, _references: int, _count: int, place: int, _size: int) -> int:
+            for slot in slots:
+                ends = (slot.values.ctypes.data, place) if write else (place, slot.values.ctypes.data)
+                ctypes.memmove(*ends, slot.values.nbytes)
+                place += slot.values.nbytes
+                if write and not self.is_running:
+                    self.move(slot)
+            return binary.OK
+
+        self._kept.append(machine.ACCESS(self.guarded(moved)))
+        function = ctypes.cast(self._kept[-1], ctypes.c_void_p).value or 0
+        references = np.array([one.variable.references[0] for one in slots], np.uint32)
+        return Access(function, references, len(slots), sum(one.variable.size for one in slots), "access")
+
+    def guarded(self, call: Callable[..., int]) -> Callable[..., int]:
+        """A call that keeps what it raises: nothing may pass through native frames."""
+
+        def called(*arguments: Any) -> int:
+            try:
+                return call(*arguments)
+            except BaseException as error:  # also Ctrl-C
+                self.failure = error
+                self.log.append(str(error) if isinstance(error, TwinError) else described(error))
+                return binary.ERROR
+
+        return called
+
+    def check(self, status: int, what: str) -> None:
+        """Raise what a call of the FMU raised in this process, or `SimulationError` if its status says that it failed."""
+        failure, self.failure = self.failure, None
+        if failure is not None:
+            raise failure
+        super().check(status, what)
+
+    # clocks of the FMU
+
+    def asked_interval(self, own: Clock) -> tuple[clock.Time | None, int]:
+        """The interval [ns] until the next tick as the FMU tells it, and its qualifier."""
+        qualifier = (ctypes.c_int * 1)()
+        told = self._asked_time("Interval", own, qualifier)
+        return told, qualifier[0]
+
+    def _asked_shift(self, own: Clock) -> clock.Time:
+        return self._asked_time("Shift", own) or 0
+
+    def _asked_time(self, what: str, own: Clock, *qualifier: Any) -> clock.Time | None:
+        reference = (ctypes.c_uint * 1)(own.reference)
+        if own.tells_fractions:
+            counter, resolution = (ctypes.c_uint64 * 1)(), (ctypes.c_uint64 * 1)(1)
+            self._call(f"fmi3Get{what}Fraction", reference, 1, counter, resolution, *qualifier)
+            return clock.whole(Fraction(counter[0], resolution[0] or 1) * clock.NANOSECONDS)
+        told = (ctypes.c_double * 1)()
+        self._call(f"fmi3Get{what}Decimal", reference, 1, told, *qualifier)
+        known = not qualifier or qualifier[0][0] != 0
+        return computed(told[0], f"{self.name}: {own.name}", self._now) if known else None
+
+    def _set_interval(self, own: Clock, seconds: float) -> clock.Time:
+        self._call("fmi3SetIntervalDecimal", (ctypes.c_uint * 1)(own.reference), 1, (ctypes.c_double * 1)(seconds))
+        return clock.nanoseconds(seconds, f"{self.name}: {own.name}")
+
+    def is_ticking(self, own: Clock) -> bool:
+        """Whether a clock of the FMU ticks."""
+        answer = ctypes.c_bool()
+        self._call("fmi3GetClock", (ctypes.c_uint * 1)(own.reference), 1, ctypes.byref(answer))
+        return answer.value
+
+    def sense(self) -> None:
+        """Find the FMU's own clocks that tick."""
+        for own in self._sensed:
+            if own.reference not in self.active and self.is_ticking(own):
+                self.active.add(own.reference)
+                self._found.append(own.name)
+                self.slot(own.name).values[:] = True
+
+    def take(self) -> None:
+        """Take all values that can be read while these clocks tick."""
+        for slot in self.slots.values():
+            if not slot.is_input and slot.variable.type != "Clock" and slot.is_open(self.active):
+                self.move(slot)
+
+    def tell(self) -> bool:
+        """Tell the FMU the inputs that have changed and can be set while these clocks tick; whether there were any."""
+        changed = [one for one in self.slots.values() if one.has_changed and one.is_open(self.active)]
+        for slot in changed:
+            self.move(slot)
+        return bool(changed)
+
+    def reschedule(self, now: clock.Time, ticked: Collection[int]) -> None:
+        """Ask, at the end of an event, when those clocks tick that the FMU lets tick."""
+        for timer in self.timers.values():
+            own = timer.own
+            if timer.is_asked and (own.variability != "changing" or own.reference in ticked):
+                timer.told(now, *self.asked_interval(own))
+
+    def follow(self, inputs: Inputs) -> Callable[[float], None]:
+        """Take inputs and ticks from a table, as `clock_simulate` does."""
+        from twin.fmi.clock_simulate import Fed
+
+        return Fed(self, inputs)
+
+    def rest(self) -> None:
+        """Go on from the communication point: no clock ticks."""
+        for name in self.clocks:
+            if name in self.slots:
+                self.slots[name].values[:] = False
