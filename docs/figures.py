@@ -248,6 +248,35 @@ def draw_publication(folder: Path) -> None:
         save(figure, "publication.svg")
 
 
+LATE = """
+stop_time: 8 ms
+members:
+  ramp: {component: "figures:Ramp"}
+  y1: {component: "figures:Fast"}
+  y2: {component: "figures:Fast"}
+  y3: {component: "figures:Fast"}
+connections: [ramp.y -> y1.u, y1.y -> y2.u, y2.y -> y3.u]
+variants: {jacobi: {}, gauss_seidel: {algorithm: gauss_seidel}}
+"""
+
+
+def draw_lateness(folder: Path) -> None:
+    """What three members in a row, each of which passes its input on, publish of a ramp, with two algorithms."""
+    outcome = run_scenario(parse_scenario(LATE), Form.interpreted, root=folder / "runs", build=ROOT / "build")
+    with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": "lateness"}):
+        figure = Figure((7.2, 2.9), layout="constrained")
+        for axis, variant in zip(figure.subplots(1, 2, sharey=True), ("jacobi", "gauss_seidel"), strict=True):
+            signals = outcome.tables[variant, 0]
+            for number, name in enumerate(("ramp", "y1", "y2", "y3")):
+                values = 1e3 * signals.values[f"{name}.y"]
+                style = {"color": plotting.COLORS[number], "label": name, "linewidth": 3.2 - 0.8 * number}
+                axis.step(1e3 * signals.time, values, where="post", **style)
+            axis.set(title=variant, xlabel="time [ms]", xlim=(0, 8))
+        axis.legend(loc="upper left")
+        figure.axes[0].set_ylabel("value [ms]")
+        save(figure, "lateness.svg")
+
+
 def main() -> None:
     """Draw and write everything."""
     FIGURES.mkdir(exist_ok=True)
@@ -263,6 +292,7 @@ def main() -> None:
         draw_plots(outcomes["rotation"], {"Tip over frame": "rotation.svg"})
         draw_plots(outcomes["coordinate_feedforward"], {"Coordinates wanted and reached": "coordinates.svg"})
         draw_publication(folder)
+        draw_lateness(folder)
     for file in sorted(FIGURES.iterdir()):
         sys.stdout.write(f"{file.relative_to(ROOT)}: {file.stat().st_size / 1000:.0f} kB\n")
 
