@@ -68,7 +68,7 @@ def main() -> None:
     program = c_loop()
     for version in ("2.0", "3.0"):
         path = exporter.build(Relay, version, BUILD)
-        for members in (2, 8, 32):
+        for members in (2, 8, 32, 128):
             steps = CALLS // members
             pairs = []
             for _ in range(REPEATS):

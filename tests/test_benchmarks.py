@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
-from benchmarks import force, injection, isolate, peers, rig, ring, startup
-from benchmarks.parts import Relay
+from benchmarks import force, injection, isolate, iterate, peers, rig, ring, startup
+from benchmarks.parts import Drift, Relay
 from twin.fmi import exporter
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the C loop loads Linux libraries")
@@ -26,6 +26,13 @@ def test_both_loops_of_the_ring_give_the_same(build, version):
     assert last == c_last == 2.0 - 0.5**20
     assert ours > 0
     assert theirs > 0
+
+
+def test_what_iterating_costs(build):
+    took, sweeps = iterate.time_ours(exporter.build(Drift, "3.0", build), 3, 50)
+    assert took > 0
+    assert 1 < sweeps < 20
+    assert iterate.time_force("step_doubling", "12.5 s") > 0
 
 
 def test_isolated_members_are_measured(build, capsys):

@@ -31,6 +31,7 @@ class Mock(Member):
         self.longest, self.shortest, self.talks = longest, shortest, talks
         self.steps, self.came, self.reason = [], 0.0, ""
         self.can_restore = self.can_roll_back = not forgets
+        self.is_hasty = bool(early)
         self._step = machine.STEP(self.step)
         self.step_function = ctypes.cast(self._step, ctypes.c_void_p).value
 

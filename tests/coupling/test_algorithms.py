@@ -402,3 +402,25 @@ def test_what_is_no_bond_is_told(names, message, build):
     wires = PLACES if PLACES[2] in names else FORCE
     with pytest.raises(CouplingError, match=message):
         bonded(build, names, Algorithm("energy"), wires=wires)
+
+
+@pytest.mark.parametrize("name", ["step_doubling", "predictive"])
+def test_steps_may_be_solved_too(name, build):
+    """A coupling that iterates, and halves the steps in which it does not come to an end."""
+    exact_end = exact(STOP)
+    for order, worst in ((0, 0.1), (1, 5e-3)):
+        algorithm = Algorithm(name, order=order, tolerance=1e-3, iterations=12, acceleration="newton")
+        run, end = ran(build, FORCE, algorithm, 32 * MS)
+        assert np.abs(end - exact_end).max() / 0.01 < worst
+        assert not run.notes
+    parts = {"a": Gain(k=1.0), "b": Lag(time_constant=0.002)}
+    wires = ["a.y -> b.u", "b.y -> a.u"]
+    loop = couple(
+        build, parts, wires, Algorithm(name, iterations=3, acceleration="relaxed", tolerance=0.5), step=16 * MS
+    )
+    loop.initialize(0, 16 * MS)
+    parts["a"].k = -3.0
+    loop.advance(16 * MS)
+    loop.terminate()
+    assert loop.state["rejected"] > 0
+    assert loop.state["unsolved"] == 0

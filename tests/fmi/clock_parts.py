@@ -6,11 +6,12 @@ from pathlib import Path
 from tests.fmi.third_party import archive, native_library
 
 SOURCE = Path(__file__).with_name("clocks.c")
-MODELS = {"Kinds": 0, "Follower": 1, "Partitions": 2}
+MODELS = {"Kinds": 0, "Follower": 1, "Partitions": 2, "Node": 3}
 INTERFACES = {
     "Kinds": '<CoSimulation modelIdentifier="Kinds" hasEventMode="true" canHandleVariableCommunicationStepSize="true"/>',
     "Follower": '<CoSimulation modelIdentifier="Follower" hasEventMode="true"'
     ' canHandleVariableCommunicationStepSize="true"/>',
+    "Node": '<CoSimulation modelIdentifier="Node" hasEventMode="true" canHandleVariableCommunicationStepSize="true"/>',
     "Partitions": '<ScheduledExecution modelIdentifier="Partitions"/>',
 }
 
@@ -58,6 +59,18 @@ VARIABLES = {
         number("Float64", "sum", 12, more='variability="discrete" clocks="1"'),
         number("Int32", "n", 13, more='clocks="1"'),
         number("Float64", "held", 14, more='variability="discrete"'),
+    ],
+    "Node": [
+        clock("send", 1, "changing", more='supportsFraction="true"'),
+        clock("sent", 2, causality="output"),
+        clock("take", 3),
+        number("Binary", "message", 11, more='clocks="2"'),
+        number("Binary", "taken", 12, "input", 'clocks="3"'),
+        number("Int32", "heard", 13, more='clocks="3"'),
+        number("Int32", "word", 14, more='clocks="3"'),
+        number("Int32", "address", 20, "parameter", 'variability="fixed" start="1"'),
+        number("Float64", "last", 21, "parameter", 'variability="fixed" start="0"'),
+        number("Int32", "announced", 22),
     ],
     "Partitions": [
         clock("first", 1, "constant", more='intervalDecimal="1.0" priority="1"'),

@@ -1,13 +1,14 @@
 /* Small FMUs of FMI 3.0 with clocks, strict about what the standard forbids. A model is what -DMODEL=... names:
    Kinds: one clock of every kind, Co-Simulation; Follower: a triggered clock that sums what it is given, Co-Simulation;
-   Partitions: three model partitions and an output clock, Scheduled Execution. */
+   Partitions: three model partitions and an output clock, Scheduled Execution;
+   Node: sends a message with a clock when it is time, and takes others, as in FMI-LS-BUS. */
 
 #include <stdbool.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { KINDS, FOLLOWER, PARTITIONS };
+enum { KINDS, FOLLOWER, PARTITIONS, NODE };
 enum { INSTANTIATED, INITIALIZING, EVENT, STEP, ACTIVATING };
 enum { CLOCKS = 16, NUMBERS = 64 };
 enum { OK = 0, ERROR = 3 };
@@ -16,6 +17,7 @@ enum { OK = 0, ERROR = 3 };
 enum { CONSTANT = 1, FIXED, TUNABLE, PACED, CHANGING, COUNTDOWN, TRIGGERED, EVERY_SECOND, ALARM };
 enum { TICK = 1, HALF = 2 };
 enum { FIRST = 1, SECOND, THIRD, FIFTH };
+enum { SEND = 1, SENT, TAKE, MESSAGE = 11, TAKEN, HEARD, WORD, ADDRESS = 20, LAST, ANNOUNCED };
 enum { COUNT = 10, LATEST = 20, PERIOD = 30, PACE, SIGNAL_AT, WAIT, X = 40, U, D, SEEN, LAG };
 enum { IN = 11, SUM, N, PLAIN };
 enum { TICKS = 10, TOTAL = 14, RESULT, INPUT, OUTPUT };
@@ -25,6 +27,8 @@ typedef void (*Logger)(void *, int, const char *, const char *);
 typedef struct {
     int mode;
     double t, number[NUMBERS], interval[CLOCKS];
+    uint8_t message[8], taken[8];
+    size_t length;
     int64_t whole[NUMBERS];
     bool active[CLOCKS], known[CLOCKS], fresh[CLOCKS], signalled, was_signalled;
     void *environment;
@@ -48,6 +52,8 @@ static bool is_clocked(uint32_t vr, uint32_t *clock)
     if (MODEL == PARTITIONS && vr > TICKS && vr <= TICKS + THIRD) *clock = vr - TICKS;
     if (MODEL == PARTITIONS && (vr == RESULT || vr == INPUT)) *clock = SECOND;
     if (MODEL == PARTITIONS && vr == OUTPUT) *clock = THIRD;
+    if (MODEL == NODE && vr == MESSAGE) *clock = SENT;
+    if (MODEL == NODE && (vr == TAKEN || vr == HEARD || vr == WORD)) *clock = TAKE;
     return *clock != 0;
 }
 
@@ -114,6 +120,7 @@ int fmi3EnterInitializationMode(Model *m, bool has_tolerance, double tolerance, 
 
 int fmi3ExitInitializationMode(Model *m)
 {
+    if (MODEL == NODE) m->number[ANNOUNCED] = 0.35;
     m->mode = MODEL == PARTITIONS ? ACTIVATING : EVENT;
     return OK;
 }
@@ -149,6 +156,12 @@ int fmi3SetClock(Model *m, const uint32_t vr[], size_t n, const bool v[])
             m->whole[COUNT + EVERY_SECOND]++;
         }
         if (MODEL == KINDS && vr[i] == COUNTDOWN) { m->number[LATEST] = m->t; m->known[COUNTDOWN] = false; }
+        if (MODEL == NODE && vr[i] == SEND) {
+            m->message[0] = (uint8_t)m->whole[ADDRESS];
+            m->message[1]++;
+            m->active[SENT] = true;
+        }
+        if (MODEL == NODE && vr[i] == TAKE) m->whole[HEARD]++;
         if (MODEL == FOLLOWER && vr[i] == TICK) {
             m->whole[N]++;
             m->active[HALF] = m->whole[N] % 2 == 0;
@@ -165,6 +178,32 @@ int fmi3GetClock(Model *m, const uint32_t vr[], size_t n, bool v[])
         v[i] = m->active[vr[i]];
         if (m->mode == ACTIVATING) m->active[vr[i]] = false;
     }
+    return OK;
+}
+
+/* The messages of a node are one third of a second apart: its address, then how many there were. */
+int fmi3GetIntervalFraction(Model *m, const uint32_t vr[], size_t n, uint64_t counter[], uint64_t resolution[], int qualifier[])
+{
+    if (MODEL != NODE || vr[0] != SEND || m->mode == STEP) return refuse(m, "fmi3GetIntervalFraction");
+    counter[0] = 1;
+    resolution[0] = 3;
+    qualifier[0] = 2;
+    return OK;
+}
+
+int fmi3GetBinary(Model *m, const uint32_t vr[], size_t n, size_t sizes[], const uint8_t *v[], size_t nv)
+{
+    if (!may(m, vr[0]) || (m->whole[ADDRESS] < 0 && m->t > 0)) return refuse(m, "a message is read that is not sent");
+    sizes[0] = 2;
+    v[0] = m->message;
+    return OK;
+}
+
+int fmi3SetBinary(Model *m, const uint32_t vr[], size_t n, const size_t sizes[], const uint8_t *const v[], size_t nv)
+{
+    if (!may(m, vr[0])) return refuse(m, "a message is given while its clock does not tick");
+    m->length = sizes[0];
+    if (sizes[0] <= sizeof m->taken) memcpy(m->taken, v[0], sizes[0]);
     return OK;
 }
 
@@ -208,6 +247,12 @@ int fmi3UpdateDiscreteStates(Model *m, bool *needed, bool *terminate, bool *nomi
         if (m->whole[SEEN] != m->whole[D]) { m->whole[SEEN] = m->whole[D]; *needed = true; }
     }
     if (MODEL == FOLLOWER && m->active[TICK]) { m->number[SUM] += m->number[IN]; m->number[PLAIN] = m->number[SUM]; }
+    if (MODEL == NODE) {
+        *defined = m->t < m->number[ANNOUNCED] - 1e-12;
+        *next = m->number[ANNOUNCED];
+        if (!*defined && m->mode == EVENT) m->whole[ANNOUNCED]++;
+        *terminate = m->t >= m->number[LAST] && m->number[LAST] > 0;
+    }
     memset(m->active, 0, sizeof m->active);
     return OK;
 }
@@ -228,6 +273,7 @@ int fmi3DoStep(Model *m, double t, double h, bool no_return, bool *event, bool *
         for (size_t i = 0; i < n; i++) {                                                                                \
             if (!may(m, vr[i])) return refuse(m, "a clocked variable is read while no clock of it ticks");              \
             v[i] = (type)m->array[vr[i]];                                                                               \
+            if (MODEL == NODE && vr[i] == WORD) v[i] = (type)(256 * m->taken[0] + m->taken[1]);                         \
             if (MODEL == FOLLOWER && vr[i] == SUM && m->mode == EVENT) v[i] += (type)m->number[IN];                     \
         }                                                                                                               \
         return OK;                                                                                                      \

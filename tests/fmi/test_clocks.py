@@ -8,9 +8,34 @@ import pytest
 
 from tests.fmi.clock_parts import KINDS, clocks_fmu, described
 from tests.fmi.third_party import archive
-from twin.coupling import Connection, CoSimulation, System
+from twin.component import Component, input, output
+from twin.coupling import Connection, CoSimulation, RecordMember, System
 from twin.errors import CouplingError, FMUError, SimulationError
 from twin.fmi import member, plan, simulate, tables
+
+
+class Held(Component):
+    """Samples every 100 ms."""
+
+    period = 0.1
+    u = input("", "input")
+    y = output("", "output")
+
+    def step(self, t, h):
+        self.y = self.u
+
+
+class Follow(Component):
+    """An output that is its input at the begin of the step, and one that is how far it went."""
+
+    u = input("", "input")
+    y = output("", "output")
+    way = output("s", "sum of the steps")
+
+    def step(self, t, h):
+        self.y = self.u
+        self.way = self.way + h
+
 
 MS = 1_000_000
 S = 1000 * MS
@@ -36,10 +61,13 @@ def folder(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def coupled(folder, build):
-    """Run members coupled; what was recorded."""
+    """Run members coupled; what was recorded, and how it ended."""
+
+    def made(name, part, values):
+        return member(name, clocks_fmu(folder, part), values) if isinstance(part, str) else RecordMember(name, part())
 
     def run(parts, connections, stop, step=50 * MS, algorithm="jacobi", starts=None, events=None, **options):
-        members = {name: member(name, clocks_fmu(folder, one), (starts or {}).get(name)) for name, one in parts.items()}
+        members = {name: made(name, one, (starts or {}).get(name)) for name, one in parts.items()}
         links = System({name: one.variables for name, one in members.items()}, connections_of(connections)).links()
         system = CoSimulation(members, links, step, algorithm, build=build, **options)
         try:
@@ -94,6 +122,30 @@ def test_every_kind_ticks_when_it_must(kinds, kind):
     assert np.array_equal(kinds.signals[f"k.{kind}_count"], expected)
 
 
+@pytest.mark.parametrize("step", [40 * MS, 250 * MS, S, S // 3])
+def test_ticks_between_communication_points_cut_the_step(coupled, step):
+    keys = [
+        *(("k", f"{kind}_count") for kind in KINDS),
+        ("k", "x"),
+        ("k", "fixed"),
+        ("f", "sum"),
+        ("o", "way"),
+        ("o", "y"),
+    ]
+    parts = {"k": "Kinds", "f": "Follower", "o": Follow}
+    links = ["k.every_second -> f.tick", "k.x -> f.u", "f.sum -> o.u"]
+    found, _ = coupled(parts, links, 2 * S // step * step, step=step, record=keys)
+    for kind, ticks in TICKS.items():
+        expected = np.searchsorted(np.array(ticks), found.time + 1e-9)
+        assert np.array_equal(found.signals[f"k.{kind}_count"], expected), kind
+    assert found.signals["f.sum"][-1] == pytest.approx(sum(TICKS["every_second"]))
+    assert found.signals["o.y"][-1] == found.signals["f.sum"][-1]  # all members step to the tick, and on
+    assert found.signals["k.x"] == pytest.approx(found.time, abs=1e-12)
+    assert found.signals["o.way"] == pytest.approx(found.time, abs=1e-12)
+    counts = found.signals["k.fixed_count"]
+    assert found.signals["k.fixed"].tolist() == [bool(counts[0]), *(counts[1:] > counts[:-1]).tolist()]
+
+
 def test_a_clocked_variable_keeps_its_value_between_ticks(kinds):
     assert np.unique(kinds.signals["k.latest"].round(6)).tolist() == [0.0, 0.8, 1.4, 2.0]
 
@@ -111,11 +163,12 @@ def test_intervals_of_the_importer(coupled):
 
 def test_an_event_of_the_fmu_own_and_one_from_outside(coupled):
     act = {100 * MS: lambda one: one.set(("k", "d"), 3), 200 * MS: lambda one: one.set(("k", "triggered"), value=True)}
-    keys = [("k", one) for one in ("alarm", "seen", "triggered_count")]
+    keys = [("k", one) for one in ("alarm", "seen", "triggered", "triggered_count")]
     found, _ = coupled({"k": "Kinds"}, [], 500 * MS, starts={"k": {"signal_at": 0.22}}, events=act, record=keys)
     assert found.time[found.signals["k.alarm"] != 0].tolist() == [0.25]  # the end of the step in which it happened
     assert (changes(found, "k.seen"), found.signals["k.seen"][-1]) == ([0.15], 3)
     assert changes(found, "k.triggered_count") == [0.25]  # as any `set`: from the next step on
+    assert found.time[found.signals["k.triggered"]].tolist() == [0.25]
 
 
 # -------------------------------------------------------------------------------------------------------- connections
@@ -138,6 +191,33 @@ def test_a_clock_that_ticks_by_time_lets_others_tick(coupled):
     found, _ = coupled({"k": "Kinds", "f": "Follower"}, ["k.changing -> f.tick", "k.latest -> f.u"], 2 * S)
     assert changes(found, "f.n") == TICKS["changing"]
     assert found.signals["f.held"][-1] == pytest.approx(3 * 0.0 + 0.8 + 1.4)
+
+
+def test_messages_with_their_clocks(coupled):
+    """Two nodes of a bus: each sends every third of a second, in an exact ratio, what the other hears at that time."""
+    links = [f"{one}.{a} -> {other}.{b}" for one, other in ("ab", "ba") for a, b in (("sent", "take"), ("message", "taken"))]
+    keys = [(one, name) for one in "ab" for name in ("heard", "word", "announced")]
+    starts = {"a": {"address": 7}, "b": {"address": 9}}
+    found, _ = coupled({"a": "Node", "b": "Node"}, links, 2 * S, step=250 * MS, starts=starts, record=keys)
+    expected = np.floor(found.time * 3 + 1e-9).astype(int)
+    assert found.signals["a.heard"].tolist() == found.signals["b.heard"].tolist() == expected.tolist()
+    assert found.signals["a.word"][-1] == 256 * 9 + 6
+    assert found.signals["b.word"][-1] == 256 * 7 + 6
+    assert found.signals["a.announced"][found.time < 0.3].tolist() == [0, 0]
+
+
+def test_an_fmu_that_ends_the_simulation_at_an_event(coupled):
+    for last, end, row in ((0.9, "1 s", 1.0), (0.6, "2/3 s", 0.6)):
+        found, failure = coupled({"a": "Node"}, [], 2 * S, step=100 * MS, starts={"a": {"last": last}})
+        assert failure == f"a ended the simulation at {end}: it wished so at an event"  # the first one behind `last`
+        assert found.time[-1] == row
+
+
+def test_a_failure_at_an_event_says_when(coupled):
+    links = ["n.sent -> k.triggered", "n.message -> o.taken"]  # o is given a message while its clock does not tick
+    with pytest.raises(SimulationError, match=r"n: fmi3GetBinary .*ERROR.* t = 1/3 s") as caught:
+        coupled({"n": "Node", "k": "Kinds", "o": "Node"}, links, S, starts={"n": {"address": -1}})
+    assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -218,17 +298,21 @@ def test_alone_with_rows(folder):
 @pytest.mark.parametrize(
     ("error", "words", "options"),
     [
-        (SimulationError, "clock ticks at t = 50 ms, .*points of 60 ms. Use a communication step of 10 ms", {"step": 60 * MS}),
         (CouplingError, "iterative needs", {"algorithm": "iterative"}),
         (CouplingError, "steps with every communication step of 50 ms, not every 100 ms", {"periods": {"k": 100 * MS}}),
         (FMUError, "constant is a constant clock", {"starts": {"k": {"constant": 0.1}}}),
         (FMUError, "interval -1 s of tunable is not positive", {"starts": {"k": {"tunable": -1}}}),
-        (SimulationError, "at t = 510 ms, between", {"starts": {"k": {"wait": 0.01}}}),
     ],
 )  # fmt: skip
 def test_errors(coupled, error, words, options):
     with pytest.raises(error, match=words):
         coupled({"k": "Kinds"}, [], S, **options)
+
+
+def test_a_member_that_cannot_make_shorter_steps(coupled):
+    words = "k: a clock ticks at t = 50 ms, between .* of 100 ms, and h cannot .* Use a communication step of 50 ms."
+    with pytest.raises(SimulationError, match=words):
+        coupled({"k": "Kinds", "h": Held}, [], S, step=100 * MS)
 
 
 def test_an_event_without_end(coupled):

@@ -14,6 +14,7 @@ from twin import clock, compiler
 from twin.coupling import continuous, events, initialization, loop
 from twin.coupling.algorithms import Algorithm
 from twin.coupling.ending import Endings, log_text
+from twin.coupling.event_steps import EventSteps
 from twin.coupling.isolated import IsolatedMember
 from twin.coupling.objects import Objects, refuse_objects
 from twin.coupling.overrides import Overrides
@@ -101,6 +102,7 @@ class CoSimulation(Endings):
         self._loop = compiled_loop(build, self.algorithm.is_plain)
         self._walk: Walk | None = None
         self._logs: Logs | None = None
+        self._parts: EventSteps | None = None
         self._isolated = [member for member in members.values() if isinstance(member, IsolatedMember)]
         self._ready = False  # whether the tables are filled
         self.failure: str = ""
@@ -182,7 +184,7 @@ class CoSimulation(Endings):
         plan = self.plan = Plan(*parts) if self.algorithm.is_plain else Stages(*parts, algorithm=self.algorithm)
         plan.objects = Objects(self.members, self.links)
         if any(member.clocked for member in self.members.values()):
-            plan.events = events.Events(self.members, self.links, self._wires, lambda: self.time + self.step)
+            plan.events = events.Events(self.members, self.links, self._wires)
         plan.build(self.order(), plan.objects.numbers, self.recorded, self.watch.published())
         self._tables = Tables(plan, self.members)
         self._tables.publish()
@@ -214,7 +216,9 @@ class CoSimulation(Endings):
     def _begin_events(self, found: events.Events) -> None:
         """The event that every member with clocks is in after initialization, at its end."""
         found.connect(self.plan, self._tables.arrays)
-        found.check = events.grid(self._begin, self.step, found)
+        record = self.recorder.record[0]
+        self._parts = EventSteps(found, self.members, self.periods, record, self._begin, self.step)
+        found.time = self._parts.time
         found.react(self._begin)
         self._tables.publish()
 
@@ -260,11 +264,13 @@ class CoSimulation(Endings):
                 IsolatedMember.together(self._isolated if self.state["tick"] >= FIRST_STEPS else []),
                 self._logs.stepping() if self._logs is not None else nullcontext(),
             ):
-                result = self._loop(self._record.ctypes.data)
+                run = partial(self._loop, self._record.ctypes.data)
+                result = run() if self._parts is None else self._parts.go(run)
             took = wall.perf_counter() - begin
             if self.plan.events is not None and (name := self.plan.events.ended):
                 self.finished = True
-                self.failure = f"{name} ended the simulation at {self._reached()}"
+                when = clock.text(self.plan.events.now)
+                self.failure = f"{name} ended the simulation at {when}: it wished so at an event"
             if result == loop.FULL:
                 self.recorder.make_room()
             elif result == loop.FINISHED:
@@ -297,7 +303,7 @@ class CoSimulation(Endings):
         self._forget()
         self.members[key[0]].set(key[1], value)
         if self.plan.events is not None and self.members[key[0]].clocked:
-            self.plan.events.react(self.time)
+            self.plan.events.interfere(self.time)
         if key in self.plan.buffers:
             view(self.plan.buffers[key], self.members[key[0]].variables[key[1]])[:] = np.ravel(value)
 

@@ -5,8 +5,11 @@ The loop makes whole steps, so it is told of each part as if it were one: anothe
 
 from __future__ import annotations
 
+import ctypes
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from twin import clock
 from twin.coupling import loop
@@ -16,35 +19,49 @@ from twin.errors import SimulationError
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    import numpy as np
-
     from twin.coupling.events import Events
     from twin.coupling.member import Member
 
-LENGTH = loop.OPERATION.index("h")
 NEVER = 1 << 62  # communication points between two rows
 TIMES = ("begin_ns", "step_ns", "per_second", "every")
 
 
 class EventSteps:
-    """Runs the loop to where it is told to go, or to the next tick. `operations`: the loop's, changed in place.
+    """Runs the loop to where it is told to go, or to the next tick. `state`: the loop's record.
 
     `begin`, `step`: of the communication points [ns].
     """
 
     def __init__(
-        self, events: Events, members: Mapping[str, Member], begin: clock.Time, step: clock.Time, periods: Any
+        self,
+        events: Events,
+        members: Mapping[str, Member],
+        periods: Mapping[str, clock.Time],
+        state: Any,
+        begin: clock.Time,
+        step: clock.Time,
     ) -> None:
-        self.events, self.begin, self.step = events, begin, step
-        self.now: clock.Time | None = None  # where a step was cut that is at work
-        self.target: clock.Time | None = None
+        self.events, self.state, self.begin, self.step = events, state, begin, step
+        self.now: clock.Time | None = None  # where the step was cut that is at work
+        self.target: clock.Time | None = None  # where the part of it ends that is at work
         self.rigid = [name for name, one in members.items() if one.period_ns or periods[name] != step]
         events.check = self.check
 
+    def time(self) -> clock.Time:
+        """Where the members are at the end of the step that is at work [ns]."""
+        return self.begin + (int(self.state["tick"]) + 1) * self.step if self.target is None else self.target
+
     def check(self, now: clock.Time) -> None:
-        """SimulationError if the next tick cannot be met, with the communication step that would do."""
+        """Let the loop stop before the next tick if that is no communication point; SimulationError if it cannot be met."""
         due = self.events.due
-        if not self.rigid or due is None or due <= now or (due - self.begin) % self.step == 0:
+        if self.events.ended:
+            self.state["stop"] = int(self.state["tick"]) + 1
+            return
+        if due is None or due <= now or (due - self.begin) % self.step == 0:
+            return
+        if not self.rigid:
+            before = int((due - self.begin) // self.step)
+            self.state["stop"] = min(int(self.state["stop"]), max(before, int(self.state["tick"]) + 1))
             return
         names = ", ".join(one.name for one in self.events.order if one.due == due)
         raise SimulationError(
@@ -53,39 +70,43 @@ class EventSteps:
             f"Use a communication step of {clock.text(clock.common_step([self.step, due - self.begin]))}."
         )
 
-    def time(self, tick: int) -> clock.Time:
-        """Where the loop is at the end of the step that begins at a tick [ns]."""
-        return self.begin + (tick + 1) * self.step if self.target is None else self.target
-
-    def go(self, run: Callable[[], int], state: Any, operations: np.ndarray[Any, Any]) -> int:
-        """Until `stop`, or to the next tick that is no communication point; what the loop returned."""
-        tick = int(state["tick"])
-        start, end = self.begin + tick * self.step, self.begin + (tick + 1) * self.step
+    def go(self, run: Callable[[], int]) -> int:
+        """On to `stop`, or less far: what the loop returned."""
+        start = self.begin + int(self.state["tick"]) * self.step
         due = self.events.due
-        if self.now is None:
-            whole = state["stop"] if due is None else -(-(due - self.begin) // self.step) - 1
-            is_cut = due is not None and start < due < end
-            if not is_cut:
-                off = due is not None and (due - self.begin) % self.step != 0
-                state["stop"] = min(int(state["stop"]), int(whole)) if off and due > start else state["stop"]
-                return run()
-        now = start if self.now is None else self.now
+        if self.now is None and (due is None or not start < due < start + self.step):
+            self.check(start)
+            return run()
+        return self._part(run, start if self.now is None else self.now, start + self.step)
+
+    def _part(self, run: Callable[[], int], now: clock.Time, end: clock.Time) -> int:
+        """From where the members are to the next tick, or to the end of the communication step."""
+        due, state = self.events.due, self.state
         self.target = due if due is not None and now < due < end else end
-        kept = {name: int(state[name]) for name in TIMES}
-        lengths = operations[:, LENGTH].copy()
-        exact = Fraction(now) / clock.NANOSECONDS
-        state["begin_ns"], state["step_ns"], state["per_second"] = exact.numerator, 0, exact.denominator
-        state["every"] = kept["every"] if self.target == end else NEVER
-        state["stop"] = tick + 1
-        operations[lengths != 0, LENGTH] = bits(clock.seconds(self.target - now))
+        is_last = self.target == end
+        self.events.is_part = not is_last
+        tick, kept = int(state["tick"]), {name: int(state[name]) for name in TIMES}
+        lengths = self._lengths()
+        whole, at = lengths.copy(), Fraction(now) / clock.NANOSECONDS
+        state["begin_ns"], state["step_ns"], state["per_second"] = at.numerator, 0, at.denominator
+        state["every"], state["stop"] = kept["every"] if is_last else NEVER, tick + 1
+        lengths[lengths != 0] = bits(clock.seconds(self.target - now))
         try:
             result = run()
         finally:
-            operations[:, LENGTH] = lengths
+            lengths[:] = whole
             for name, value in kept.items():
                 state[name] = value
-            reached, self.target = self.target, None
         if result in (loop.DONE, loop.NOTICED):
-            self.now = reached if reached < end else None
-            state["tick"] = tick if reached < end else tick + 1
+            self.now = None if is_last else self.target
+            state["tick"] = tick + is_last
+        self.target, self.events.is_part = None, False
         return result
+
+    def _lengths(self) -> np.ndarray[Any, Any]:
+        """Lengths of the steps in the loop's operations, Float64 bits, in place."""
+        columns = len(loop.OPERATION)
+        words = (ctypes.c_int64 * (int(self.state["operation_count"]) * columns)).from_address(
+            int(self.state["operations"])
+        )
+        return np.ctypeslib.as_array(words).reshape(-1, columns)[:, loop.OPERATION.index("h")]

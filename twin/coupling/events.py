@@ -68,6 +68,9 @@ class Clocked(Protocol):
     def leave_events(self) -> None:
         """Back to where steps are made."""
 
+    def rest(self) -> None:
+        """A new communication step: none of the clocks has ticked in it."""
+
 
 def split(links: list[Link]) -> tuple[list[Link], list[Link]]:
     """The connections of values, and those of clocks."""
@@ -96,12 +99,11 @@ def refuse(
 class Events:
     """The members with clocks of a co-simulation, their connections, and what happens at an event.
 
-    `links`: of values, `wires`: of clocks. `time`: tells where the loop is, at the end of its step [ns].
+    `links`: of values, `wires`: of clocks. `time`: tells where the loop is at the end of its step [ns]; `check`: looks,
+    after an event, whether the next tick can be met.
     """
 
-    def __init__(
-        self, members: Mapping[str, Member], links: list[Link], wires: list[Link], time: Callable[[], clock.Time]
-    ) -> None:
+    def __init__(self, members: Mapping[str, Member], links: list[Link], wires: list[Link]) -> None:
         self.members: dict[str, Clocked] = {name: one for name, one in members.items() if one.clocked}  # type: ignore[misc]
         self.index = list(members).index(next(iter(self.members))) if self.members else 0
         self.links = [link for link in links if link.target.member in self.members]
@@ -113,11 +115,13 @@ class Events:
             self.wires.setdefault(link.source.key, []).append(link.target.key)
         self._rows: dict[str, list[tuple[str, int]]] = {}
         self._objects = [link for link in inside if not link.source.variable.connectable]
-        self._time = time
+        self.time: Callable[[], clock.Time] = lambda: 0
         self._callback = machine.ACCESS(self._called)
         self.address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
         self.failure: BaseException | None = None
-        self.check: Callable[[clock.Time], None] = lambda _now: None  # whether the next tick can be met
+        self.now: clock.Time = 0  # of the last event [ns]
+        self.goes_on = self.is_part = False  # whether the step at work was cut before, is cut behind this part
+        self.check: Callable[[clock.Time], None] = lambda _now: None
 
     def connect(self, plan: Plan, arrays: Mapping[str, Any]) -> None:
         """Know the rows by which the loop moves values to the members, overrides and all."""
@@ -140,22 +144,43 @@ class Events:
 
     def _called(self, *_: int) -> int:
         try:
-            self.look(self._time())
+            self.look(self.time())
         except BaseException as error:  # also Ctrl-C: nothing may pass through native frames
             self.failure = error
             return ERROR
         return OK
 
     def look(self, now: clock.Time) -> None:
-        """At a communication point that all members have reached: is there an event?"""
+        """Where all members have come to: is there an event?"""
         for one in self.order:
+            if not self.goes_on:
+                one.rest()
             self._move(one)
+        self.goes_on = self.is_part
         due = self.due
         if (due is not None and due <= now) or any(one.has_news(now) for one in self.order):
             self.react(now)
 
+    def interfere(self, now: clock.Time) -> None:
+        """An event from outside, behind a communication point: its ticks belong to the next step."""
+        if not self.goes_on:
+            for one in self.order:
+                one.rest()
+        self.goes_on = True
+        self.react(now)
+
     def react(self, now: clock.Time) -> None:
         """All members with clocks through an event."""
+        self.now = now
+        try:
+            self._iterate(now)
+        except SimulationError as error:
+            if f"t = {clock.text(now)}" in str(error):
+                raise
+            raise SimulationError(f"{error} That was in the event at t = {clock.text(now)}.") from error
+        self.check(now)
+
+    def _iterate(self, now: clock.Time) -> None:
         for one in self.order:
             one.enter_events(now)
         needed = True  # fmi3UpdateDiscreteStates comes once at least
@@ -174,7 +199,6 @@ class Events:
             )
         for one in self.order:
             one.leave_events()
-        self.check(now)
 
     def _tick(self, now: clock.Time) -> bool:
         """Let the clocks tick that are due, with those that are connected to them."""
@@ -223,20 +247,3 @@ class Events:
 def convert(row: int, count: int) -> None:
     """Conversions, as the loop makes them."""
     loop.convert(row, count, 0)
-
-
-def grid(begin: clock.Time, step: clock.Time, events: Events) -> Callable[[clock.Time], None]:
-    """A check that the next tick is at a communication point; SimulationError with the step that would do."""
-
-    def check(now: clock.Time) -> None:
-        due = events.due
-        if due is None or due <= now or (due - begin) % step == 0:
-            return
-        late = [one for one in events.order if one.due == due]
-        names = ", ".join(one.name for one in late)
-        raise SimulationError(
-            f"{names}: a clock ticks at t = {clock.text(due)}, between communication points of {clock.text(step)}. "
-            f"Use a communication step of {clock.text(clock.common_step([step, due - begin]))}."
-        )
-
-    return check

@@ -191,11 +191,23 @@ def beyond(row: int, count: int, scalar: int) -> int:
     return 0
 
 
+def came_back(self: Any, t: float) -> int:
+    """Whether one of those that may came back from its step from t before its end."""
+    row = self.hasty
+    for _ in range(self.hasty_count):
+        flags, h = read64(row), read_float(row + 8)
+        if read8(flags + 16) != 0 and read_float(flags + 24) < t + h - ROUNDING * h:
+            self.member, self.status, self.until = read64(row + 16), walk.EARLY, read_float(flags + 24)
+            return 1
+        row += 24
+    return 0
+
+
 def run(self: Any) -> int:
     """Go on until `stop`, a full recording buffer, a member that fails or finishes the simulation, or a limit."""
     operations, operation_count, every = self.operations, self.operation_count, self.every
     begin_ns, step_ns, per_second, limit_count = self.begin_ns, self.step_ns, self.per_second, self.limit_count
-    tick = self.tick
+    hasty_count, tick = self.hasty_count, self.tick
     while tick < self.stop:
         if self.place >= self.limit:
             return FULL
@@ -230,14 +242,12 @@ def run(self: Any) -> int:
                     if status > 1:
                         self.member, self.status = read64(row + 24), status
                         return FAILED
-                    if read64(flags + 8) + read64(flags + 16) != 0:
-                        if read8(flags + 8) != 0:
-                            self.member, self.finished = read64(row + 24), 1
-                        elif read_float(flags + 24) < t + h - ROUNDING * h:
-                            self.member, self.status, self.until = read64(row + 24), walk.EARLY, read_float(flags + 24)
-                            return FAILED
+                    if read8(flags + 8) != 0:
+                        self.member, self.finished = read64(row + 24), 1
                     row += 32
             operation += 88
+        if hasty_count > 0 and came_back(self, t) != 0:
+            return FAILED
         tick += 1
         self.tick = tick
         if every == 1 or tick % every == 0:

@@ -176,7 +176,8 @@ class Member(ABC):
     logs: bool = False  # whether it is to log more than what went wrong; told before `instantiate`
     identity: dict[str, str]  # what ran: kind, version, content hash
     can_restore: bool = False  # whether `save` and `restore` are there, and may be called as one likes
-    early: bool = False  # whether its steps may end before their end
+    early: bool = False  # whether it is told that its steps may end before their end
+    is_hasty: bool = False  # whether it might do so without being told: somebody else's FMU of FMI 3.0
     can_roll_back: bool = False  # whether `way` is there: what somebody else's FMU says of itself
     driven: frozenset[str] = frozenset()  # local variables that are inputs of a part, in a group
     death: str = ""  # how the process ended that the member had of its own, in one line

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling.plan import merged, view
+from twin import clock
+from twin.coupling.plan import bits, merged, view
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -51,6 +52,14 @@ class Tables:
         state["record_converts"] = converts.ctypes.data + begin * converts.strides[0]
         state["record_convert_count"] = end - begin
         self.merge_records(state)
+        order, flags = list(self.members), {row[3]: row[2] for row in self.plan.steps}
+        rows = [
+            [flags[i], bits(clock.seconds(self.plan.periods[name])), i]
+            for i, name in enumerate(order)
+            if self.members[name].is_hasty
+        ]
+        self._hasty = np.array(rows, np.int64)
+        state["hasty"], state["hasty_count"] = self._hasty.ctypes.data, len(rows)
 
     def merge_records(self, state: Any) -> None:
         """Hand the loop the rows that record, in as few runs as may be."""

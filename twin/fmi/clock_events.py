@@ -32,9 +32,8 @@ class EventMember(ClockedMember):
         self.in_events = True  # that is what Initialization Mode leads to
 
     def _step(self, instance: int, t: float, h: float, no_return: int, *flags: int) -> int:
-        self.rest()
-        for slot in self.slots.values():
-            if slot.is_continuous and slot.has_changed:
+        for slot in self.continuous:
+            if slot.has_changed:
                 self.move(slot)
         event, *_ = flags
         machine.write8(event, 0)

@@ -35,7 +35,6 @@ class ScheduledMember(ClockedMember):
         self.step_function = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
 
     def _step(self, *_: Any) -> int:
-        self.rest()
         return binary.OK
 
     def _update_clocks(self) -> None:

@@ -61,7 +61,7 @@ class Alone:
         self.member, self.plan = member, plan
         self.feed: Fed | None = feed
         self.now = plan.start
-        self.events = Events({member.name: member}, [], [], lambda: self.now)
+        self.events = Events({member.name: member}, [], [])
         if self.feed:
             self.feed.let_tick(self.now)
         self.events.react(self.now)
@@ -83,7 +83,7 @@ class Alone:
             while self.now < end and not self.reason:
                 beat()
                 sampler.last[1] = clock.seconds(self.now)
-                self.step(end)
+                self.step(end, is_row=(k + 1) % plan.every == 0 or end == plan.stop)
             is_row = self.reason or (k + 1) % plan.every == 0 or end == plan.stop
             if is_row and self.now > sampler.times[-1]:
                 sampler(self.now)
@@ -93,7 +93,7 @@ class Alone:
             if progress and k % 64 == 0:
                 progress(k / plan.steps)
 
-    def step(self, end: clock.Time) -> None:
+    def step(self, end: clock.Time, is_row: bool) -> None:
         """One step, not beyond `end` or the next tick [ns], and the event that ends it."""
         member = self.member
         ticks = [due for due in (self.events.due, member.event_time, self.feed and self.feed.due) if due]
@@ -113,6 +113,7 @@ class Alone:
         if self.feed:
             self.feed(clock.seconds(self.now))
             self.feed.let_tick(self.now)
+        self.events.is_part = self.now < end or not is_row
         self.events.look(self.now)
         self._note_end()
 

@@ -2,7 +2,7 @@
 
 A clocked variable may be read and set only while one of its clocks ticks, and discrete inputs only at events. So what others
 read and write lies in this process (`address`), and keeps its values from tick to tick; `coupling.events` says when to
-look. A clock's value is true at the communication points where it ticked.
+look. A clock's value is whether it has ticked since the last communication point.
 """
 
 from __future__ import annotations
@@ -48,16 +48,9 @@ class Slot:
     @property
     def has_changed(self) -> bool:
         """Whether an input's values are not those that the FMU was told."""
-        if not self.is_input:
-            return False
         if self.variable.connectable:
             return self.values.tobytes() != self.applied.tobytes()
         return bool(self.values.tolist() != self.applied.tolist())
-
-    @property
-    def is_continuous(self) -> bool:
-        """Whether it may be set between events."""
-        return self.variable.variability == "continuous" and not self.clocks
 
     def is_open(self, active: set[int]) -> bool:
         """Whether it may be read and set while these clocks tick."""
@@ -71,6 +64,11 @@ class ClockedMember(FMUMember):
 
     def _describe(self, start_values: dict[str, Any]) -> None:
         self.slots: dict[str, Slot] = {}
+        self.continuous: list[Slot] = []  # inputs that may be set between events
+        self.discrete: list[Slot] = []  # inputs whose change is an event
+        self.clocked_inputs: list[Slot] = []
+        self.outputs: list[Slot] = []  # and whatever else is read
+        self.lit: list[Slot] = []  # of the clocks that have ticked in this communication step
         self._intervals: dict[str, float] = {}
         super()._describe(start_values)
         told = self._unpacked.description.clocks
@@ -169,15 +167,22 @@ class ClockedMember(FMUMember):
         self._new.append(own)
         if name in self.timers:
             self.timers[name].ticked(now)
-        self.slot(name).values[:] = True
+        self.light(name)
         return True
+
+    def light(self, name: str) -> None:
+        """Let others see that a clock has ticked."""
+        slot = self.slot(name)
+        slot.values[:] = True
+        self.lit.append(slot)
 
     def has_news(self, now: clock.Time) -> bool:
         """Whether there is an event now, whatever the clocks say."""
         if self.event_time is not None and self.event_time <= now:
             return True
-        changed = (one.has_changed and not one.clocks and not one.is_continuous for one in self.slots.values())
-        return self.has_signalled or bool(self._waiting or self._to_tick) or any(changed)
+        return (
+            self.has_signalled or bool(self._waiting or self._to_tick) or any(one.has_changed for one in self.discrete)
+        )
 
     def found(self) -> list[str]:
         """Clocks of the FMU that were found to tick since this was asked last."""
@@ -248,6 +253,8 @@ class ClockedMember(FMUMember):
         references = frozenset(self._clocks_of.get(variable.references[0], ()))
         is_input = variable.causality == "input" and variable.type != "Clock"
         slot = self.slots[name] = Slot(variable, is_input, references, held, held.copy())
+        if variable.type != "Clock":
+            self._group(slot).append(slot)
         if variable.type != "Clock" and variable.connectable:
             access = super().access([name], write=slot.is_input)
             places = access.references.ctypes.data, access.count, held.ctypes.data, access.size
@@ -256,6 +263,13 @@ class ClockedMember(FMUMember):
         if self.is_running and not slot.is_input and not slot.clocks and variable.type != "Clock":
             self.move(slot)
         return slot
+
+    def _group(self, slot: Slot) -> list[Slot]:
+        if not slot.is_input:
+            return self.outputs
+        if slot.clocks:
+            return self.clocked_inputs
+        return self.continuous if slot.variable.variability == "continuous" else self.discrete
 
     def move(self, slot: Slot) -> None:
         """Tell the FMU an input's values, or take another variable's from it."""
@@ -350,17 +364,18 @@ class ClockedMember(FMUMember):
             if own.reference not in self.active and self.is_ticking(own):
                 self.active.add(own.reference)
                 self._found.append(own.name)
-                self.slot(own.name).values[:] = True
+                self.light(own.name)
 
     def take(self) -> None:
         """Take all values that can be read while these clocks tick."""
-        for slot in self.slots.values():
-            if not slot.is_input and slot.variable.type != "Clock" and slot.is_open(self.active):
+        for slot in self.outputs:
+            if slot.is_open(self.active):
                 self.move(slot)
 
     def tell(self) -> bool:
         """Tell the FMU the inputs that have changed and can be set while these clocks tick; whether there were any."""
-        changed = [one for one in self.slots.values() if one.has_changed and one.is_open(self.active)]
+        inputs = (*self.continuous, *self.discrete, *self.clocked_inputs)
+        changed = [one for one in inputs if one.has_changed and one.is_open(self.active)]
         for slot in changed:
             self.move(slot)
         return bool(changed)
@@ -379,7 +394,7 @@ class ClockedMember(FMUMember):
         return Fed(self, inputs)
 
     def rest(self) -> None:
-        """Go on from the communication point: no clock ticks."""
-        for name in self.clocks:
-            if name in self.slots:
-                self.slots[name].values[:] = False
+        """A new communication step: none of the clocks has ticked in it."""
+        for slot in self.lit:
+            slot.values[:] = False
+        self.lit.clear()

@@ -81,6 +81,7 @@ class FMUMember(Member):
         # those of others often say so and cannot, or it takes them long
         self.can_restore = self.can_get_and_set_state and description.generator.startswith("twin ")
         self.can_roll_back = self.can_get_and_set_state
+        self.is_hasty = self.capabilities["mightReturnEarlyFromDoStep"] and not self.can_restore
         self._saved, self._places = ctypes.c_void_p(), list[ctypes.c_void_p]()
         self.default_experiment = declarations.experiment(description.experiment, where)
         self.fixed_step = declarations.step_size(description.fixed_step, where)

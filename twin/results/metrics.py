@@ -5,7 +5,6 @@ Everything here is in coherent SI units; the unit a metric is shown in is applie
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -15,6 +14,7 @@ import numpy as np
 from twin import clock
 from twin.dataclass import dataclass
 from twin.results import dimension
+from twin.results.ordering import ordered
 from twin.results.reduction import reduced
 from twin.results.signals import WHOLE, Signals, Window, shown
 
@@ -69,6 +69,13 @@ class Expectation:
     where: str = field(default="", compare=False)
     ends: str = ""  # stopped or completed: how the hardware ends a run, everything at rest
     is_difference: bool = False  # what is judged: the unit's offset does not matter
+    margin: float = 0.0  # of an order: by how much at least each must differ from the one before; SI
+    margin_part: float = 0.0  # the same as part of the one before
+
+    def gap(self, before: float, after: float) -> float:
+        """By how much more than the margin the second is on its side of the first."""
+        way = before - after if self.descending else after - before
+        return way - self.margin - self.margin_part * abs(before)
 
     def shown(self, value: float | None, scale: float = 0.0) -> str:
         """A value of what is judged in the unit of the limits."""
@@ -240,7 +247,7 @@ def outcome(one: Expectation, figures: Iterable[Figure], tables: Mapping[tuple[s
     """What became of an expectation. A case that has its signal but no sample to judge fails it."""
     own = {figure.variant: figure for figure in figures if figure.metric.name == one.metric}
     if one.ordered:
-        return order(one, own)
+        return Outcome(*ordered(one, own))
     found: list[tuple[str, float, float, str]] = []  # case, lowest and highest value, when the worse one was
     scale = max((figure.scale for figure in own.values()), default=0.0)
     for (variant, seed), signals in tables.items():
@@ -306,7 +313,9 @@ def limits(one: Expectation, found: list[tuple[str, float, float, str]], scale: 
             broken.append((case, one.shown(least if below else most, scale), when))
     if broken:
         case, value, when = broken[0]
-        cases = f" Broken in {len(broken)} of {len(found)} runs" + f": {grouped(broken)}." if len(found) > 1 else ""
+        cases = (
+            f" Broken in {len(broken)} of {len(found)} runs" + f": {grouped(broken, found)}." if len(found) > 1 else ""
+        )
         return Outcome(name, "fail", f"{what} is {value}{when} in {case}; expected {expected}.{cases}")
     span = " to ".join(
         dict.fromkeys((one.shown(min(row[1] for row in found), scale), one.shown(max(row[2] for row in found), scale)))
@@ -314,9 +323,22 @@ def limits(one: Expectation, found: list[tuple[str, float, float, str]], scale: 
     return Outcome(name, "pass", f"{what} was {span}; expected {expected}.")
 
 
-def grouped(broken: list[tuple[str, str, str]]) -> str:
-    """The variants of the broken cases, each once."""
-    return ", ".join(dict.fromkeys(case.rpartition(", seed ")[0] for case, _, _ in broken))
+def grouped(broken: list[tuple[str, str, str]], found: list[tuple[str, float, float, str]]) -> str:
+    """The variants of the broken cases, each once, with the seeds that fail and those that pass if it has several."""
+    seeds: dict[str, dict[str, bool]] = {}  # variant -> seed -> whether it fails
+    fails = {case for case, _, _ in broken}
+    for case, *_ in found:
+        variant, _, seed = case.rpartition(", seed ")
+        seeds.setdefault(variant, {})[seed] = case in fails
+    parts = []
+    for variant, own in seeds.items():
+        wrong = [seed for seed, failed in own.items() if failed]
+        right = [seed for seed, failed in own.items() if not failed]
+        if not wrong:
+            continue
+        passing = f"; passes at {', '.join(right)}" if right else ""
+        parts.append(f"{variant} (fails at seed {', '.join(wrong)}{passing})" if len(own) > 1 else variant)
+    return ", ".join(parts)
 
 
 def ended(
@@ -345,20 +367,3 @@ def ended(
     how = f"stopped at {span}" if times else "completed"
     runs = f"{len(found)} run{'s' if len(found) > 1 else ''}"
     return Outcome(name, "pass", f"{runs} {how}, everything at rest; expected {expected}.")
-
-
-def order(one: Expectation, own: Mapping[str, Figure]) -> Outcome:
-    """Whether the variants' means are in the expected order."""
-    name = one.name or f"{one.metric} {'falls' if one.descending else 'rises'}: {', '.join(one.ordered)}"
-    means = [(variant, own[variant].mean) for variant in one.ordered if variant in own]
-    scale = max((figure.scale for figure in own.values()), default=0.0)
-    if len(means) < 2:
-        return Outcome(name, "skipped", f"{one.metric} is known for fewer than two of the variants.")
-    parts = [f"{means[0][0]} {one.shown(means[0][1], scale)}"]
-    holds = means[0][1] is not None
-    for (_, before), (variant, after) in itertools.pairwise(means):
-        right = before is not None and after is not None and (after < before if one.descending else after > before)
-        sign = (">" if one.descending else "<") if right else "but not " + ("above" if one.descending else "below")
-        parts.append(f"{sign} {variant} {one.shown(after, scale)}")
-        holds = holds and right
-    return Outcome(name, "pass" if holds else "fail", f"{one.metric}: {' '.join(parts)}.")

@@ -8,7 +8,7 @@ from twin import clock
 from twin.errors import CouplingError
 from twin.results import Analysis, Curve, Expectation, Metric, Plot, Window, dimension
 from twin.scenario import value
-from twin.scenario.model import RunKeys
+from twin.scenario.model import RunKeys, fraction
 from twin.scenario.names import nearest
 from twin.scenario.scenes import scene
 
@@ -144,6 +144,8 @@ class Builder:
                         (*path, key),
                         f"{what}: `{metric.name}` is not taken in `{name}`, only in {taken}. Add it there.",
                     )
+        if keys.margin is not None and keys.ordered is None:
+            self.problem((*path, "margin"), f"{what}: a margin is that of an order. Add `ordered`, or leave it out.")
         low, high = keys.within or (keys.at_least, keys.at_most)
         unit = self.unit((*path, "unit"), keys.unit, what) or (metric.unit if metric else "") or spelled((low, high))
         is_difference = (
@@ -157,8 +159,22 @@ class Builder:
             keys.name, keys.metric, keys.signal, self.known((*path, "variants"), keys.variants, what), at_least, at_most,
             self.known((*path, "ordered"), keys.ordered or (), what), keys.descending,
             self.window(path, keys, what), unit, keys.mean, str(self.tree.find(path).place), keys.ends or "",
-            is_difference,
+            is_difference, *self.margin(path, keys, unit, what),
         )  # fmt: skip
+
+    def margin(self, path: tuple[str | int, ...], keys: ExpectKeys, unit: str, what: str) -> tuple[float, float]:
+        """By how much an order must hold: in the metric's unit, and as part of what stands before, as in `10 %`."""
+        raw = keys.margin
+        is_part = isinstance(raw, str) and raw.rstrip().endswith("%")
+        try:
+            part = fraction(raw) if is_part else 0.0
+        except ValueError as error:
+            self.problem((*path, "margin"), f"{what}: margin: {error}")
+            part = 0.0
+        size = (None if is_part else self.si((*path, "margin"), raw, unit, f"{what}: margin", True)) or 0.0
+        if size < 0.0:
+            self.problem((*path, "margin"), f"{what}: the margin is below zero. Turn the order around instead.")
+        return size, part
 
     def plot(self, index: int, keys: PlotKeys) -> Plot:
         """A plot."""

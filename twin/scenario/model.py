@@ -230,6 +230,7 @@ class ExpectKeys(WindowKeys):
     within: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
     ordered: Annotated[list[Text], Field(min_length=2)] | None = None
     descending: bool = True
+    margin: Value | None = None
     mean: bool = False
     ends: Literal["stopped", "completed"] | None = None
     unit: Text = ""

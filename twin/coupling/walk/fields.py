@@ -5,16 +5,18 @@ from __future__ import annotations
 # addresses and counts; rows are int64 words unless said otherwise
 INTEGERS = (
     "begins", "begin_count", "ends", "end_count",  # operations of members with a period: at its begin, at its end
-    "stages", "stage_count",
+    "stages", "stage_count", "leading_back",  # the last: operation of the connections that a sweep cannot know before
     # numbers of elements: those that a sweep cannot know before, that change in it, whose error is looked at
     "torn", "torn_count", "moving", "moving_count", "judged", "judged_count",
     "bonds", "bond_count",  # elements of power bonds
     "keeps", "keep_count", "states", "state_count",  # what is kept in order to go back
     "elements", "vectors", "course", "past", "weights", "solver",  # memory, see below
     "order", "recalls", "most", "scheme", "control", "trial", "strict",  # options; `recalls`: earlier points; `trial`: steps are taken back
+    "looked",  # connections were asked at the end of the last step, and nothing has changed since
     "inside", "position", "divisions", "stride", "least", "passed",  # place in the tick, next step, smallest: in divisions
     "refused",
     "back", "limited", "off", "ending", "over",  # `limited`: to `until`; `off`: begins at `now`, between two divisions
+    "hasty", "hasty_count",  # of the fixed-step loop: flags, step [s], member of those that may come back early
     "pending", "teller", "jacobian", "derives", "learned",
     "sweeps", "accepted", "rejected", "missed", "missed_tick", "unsolved", "unsolved_tick",  # counts, first ticks
 )  # fmt: skip

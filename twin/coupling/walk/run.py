@@ -18,6 +18,7 @@ ERROR = 3  # FMI's status
 
 def run(self: Any) -> int:
     """Go on until `stop`, a full recording buffer, a member that fails or finishes the simulation, or a limit."""
+    self.looked = 0
     if self.back != 0:
         self.back = 0
         if bring_back(self, 0) > 1:
@@ -36,11 +37,13 @@ def run(self: Any) -> int:
             return FINISHED
         if periodic(self, self.ends, self.end_count, 1) > 1:
             return FAILED
+        if self.end_count > 0:
+            self.looked = 0
         if self.over != 0:
             self.member, self.finished = self.over - 1, 1
         self.inside = 0
         self.tick += 1
-        if self.tick % self.every == 0:
+        if self.every == 1 or self.tick % self.every == 0:
             record(self)
         if self.finished != 0:
             return FINISHED
@@ -54,6 +57,8 @@ def run(self: Any) -> int:
 def point(self: Any, position: int) -> float:
     """The time of a division of this tick [s]: one division of whole numbers, unless these are too large."""
     ticks = self.begin_ns + self.tick * self.step_ns
+    if position == 0:
+        return float(ticks / self.per_second)
     if abs(ticks) > LARGEST // self.divisions:
         return float(ticks / self.per_second + self.whole * (position / self.divisions))
     return float((ticks * self.divisions + position * self.step_ns) / (self.per_second * self.divisions))
@@ -63,9 +68,11 @@ def cross(self: Any) -> int:
     """Go to the next tick in one step or several; the status of what failed."""
     while self.position < self.divisions and self.finished == 0:
         stride = self.stride
-        while self.position % stride != 0:
+        while self.position > 0 and self.position % stride != 0:
             stride = stride // 2
-        t, h = point(self, self.position), self.whole * (stride / self.divisions)
+        t, h = point(self, self.position), self.whole
+        if stride < self.divisions:
+            h *= stride / self.divisions
         if self.off != 0:
             t = self.now
             h = point(self, self.position + stride) - t

@@ -13,9 +13,9 @@ from typing import Any
 
 from twin.compiler import read64, read_float, write_float
 from twin.coupling.walk.course import predict, prepare
-from twin.coupling.walk.fields import AITKEN, ANDERSON, ASKING, DEPTH, NEWTON, PREDICTED, UNSOLVED
+from twin.coupling.walk.fields import AITKEN, ANDERSON, ASKING, DEPTH, FIXED, NEWTON, PREDICTED, UNSOLVED
 from twin.coupling.walk.linear import factorize, substitute
-from twin.coupling.walk.sweep import begin, bring_back, end, keep, look, sweep, transfer
+from twin.coupling.walk.sweep import begin, bring_back, end, keep, look, move, sweep, transfer
 
 CHANGE = 1e-6  # of an unknown in differences, relative to its size
 STALE = 0.3  # ratio of two differences in a row at which a Jacobian is found anew
@@ -25,7 +25,9 @@ def attempt(self: Any, t: float, h: float, slot: int) -> int:
     """A step from t by h, from where `slot` was kept if it iterates; afterwards connections give what they do at t + h."""
     if self.most > 0 and slot > 0 and keep(self, slot) > 1:
         return int(self.status)
-    look(self)
+    if self.looked == 0:
+        look(self)
+    self.looked = 0
     begin(self)
     if self.recalls != 0:
         prepare(self, h)
@@ -36,13 +38,14 @@ def attempt(self: Any, t: float, h: float, slot: int) -> int:
         status = sweep(self, t, h)
         if status > 1:
             return status
-        look(self)
+        move(self.leading_back)
     else:
         status = solve(self, t, h, slot)
         if status > 1 and status != UNSOLVED:
             return status
     if self.recalls != 0:
         end(self, h)
+    self.looked = 1
     return status
 
 
@@ -78,7 +81,7 @@ def solve(self: Any, t: float, h: float, slot: int) -> int:
         status = sweep(self, t, h)
         if status > 1:
             return status
-        look(self)
+        move(self.leading_back)
         found = difference(self, self.solver)
         if found <= 1.0:
             self.relaxation = relaxation
@@ -86,10 +89,11 @@ def solve(self: Any, t: float, h: float, slot: int) -> int:
         if k + 1 == self.most:
             return UNSOLVED
         if self.scheme == NEWTON:
-            if self.derives != 0 and (self.jacobian == 0 or h != self.linear_at):
+            other = h != self.linear_at and self.control == FIXED  # steps that change often make do with a neighbor's
+            if self.derives != 0 and (self.jacobian == 0 or other):
                 self.status = ASKING
                 return ASKING
-            if self.jacobian == 0 or h != self.linear_at or (k > 0 and found > STALE * last):
+            if self.jacobian == 0 or other or (k > 0 and found > STALE * last):
                 status = linearize(self, t, h, slot)
                 if status > 1:
                     return status
@@ -204,7 +208,7 @@ def linearize(self: Any, t: float, h: float, slot: int) -> int:
         status = sweep(self, t, h)
         if status > 1:
             return status
-        look(self)
+        move(self.leading_back)
         write_float(guess, before)
         for a in range(m):
             given = read_float(self.vectors + 8 * read64(self.torn + 8 * a))

@@ -105,6 +105,9 @@ class Stages(Plan):
         self.weights = self.own.take(2 * course.CATEGORY + 9 * FLOAT)
         self.memory.take(FLOAT)  # a first block, before others may be put in front of it
         super().build(order, links, recorded, watched)
+        self.leading_back = self._moves(
+            [link for link in links if any(one.is_torn for one in self.fed.get(id(link), ()))]
+        )
 
     def _element(self, number: int, link: Link, place: dict[str, int]) -> Element:
         """How one scalar of a connection reaches its member."""

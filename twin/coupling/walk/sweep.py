@@ -138,6 +138,7 @@ def keep(self: Any, slot: int) -> int:
 
 def bring_back(self: Any, slot: int) -> int:
     """Make everything as it was when it was kept: also after a failure."""
+    self.looked = 0
     row = self.keeps
     for _ in range(self.keep_count):
         transfer(read64(row + 16 + 8 * slot), read64(row), read64(row + 8))

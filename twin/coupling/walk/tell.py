@@ -76,10 +76,11 @@ class Walk:
         plan, plain = self.plan, {"divider": 1, "h": 0}
         inner = [one for stage in plan.stages for one in ops(stage)]
         parts = [operation for stage in plan.stages for _, operation, _, _ in stage["parts"]]
-        plan.operations = [*plan.begins, *plan.ends, *({**plain, **one} for one in (*inner, *parts))]
+        plan.operations = [*plan.begins, *plan.ends, *({**plain, **one} for one in (*inner, *parts, plan.leading_back))]
         self.operations = plan.operation_rows(tables.arrays)
         base, size = int(self.operations.ctypes.data), WORD * len(loop.OPERATION)
         first = len(plan.begins) + len(plan.ends)
+        self.state["leading_back"] = base + size * (len(plan.operations) - 1)
         self.state["begins"], self.state["begin_count"] = base, len(plan.begins)
         self.state["ends"], self.state["end_count"] = base + size * len(plan.begins), len(plan.ends)
         stages, at = [], first + len(inner)

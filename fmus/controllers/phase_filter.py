@@ -1,0 +1,191 @@
+"""Phase, rate and shape of a motion that repeats: an extended Kalman filter with colored error, and a profile over the phase.
+
+    y = o + c + R(phi),   R = r sin(phi) + sum for i = 2..4 of a_i sin(i phi) + b_i cos(i phi) + profile(phi)
+    d phi / dt = w,   c fades with its time constant, w is drawn to its usual value, all else stands still, but for noise
+
+Parker and Anderson, Frequency tracking of nonsinusoidal periodic signals in noise, Signal Processing 20(2), 1990, have
+rate and harmonics in one filter. The profile, bins over a beat, is what four harmonics cannot: the gripper's leap
+across the play. It is learned beside the filter, as in repetitive control, but over the phase and not over time.
+"""
+
+from __future__ import annotations
+
+from math import atan2, cos, exp, floor, hypot, pi, sin
+from typing import Any
+
+from twin.component import Component, local, parameter
+
+HARMONICS = 4
+PHASE, RATE, OFFSET, COLOR, FIRST = 0, 1, 2, 3, 4
+N = FIRST + 1 + 2 * (HARMONICS - 1)
+BINS = 200  # of the profile: 5 ms at one beat a second
+REACH = 15  # bins to either side that one sample teaches
+BIN = 2.0 * pi / BINS  # [rad]
+
+
+class PhaseFilter(Component):
+    """Mean and covariance of the filter, and the profile."""
+
+    rate_walk = parameter(0.03, "Hz", "deviation that the heart rate gains in a second", minimum=0.0,
+                          source="5 % of 1.3 Hz within ten seconds: 0.05 1.3 (2 / 10)^0.5")  # fmt: skip
+    phase_walk = parameter(0.05, "rad", "deviation that the phase gains in a second", minimum=0.0,
+                           source="beats that differ by 0.8 % of their length")  # fmt: skip
+    offset_walk = parameter(1e-3, "m", "deviation that the offset gains in a second", display_unit="mm", minimum=0.0,
+                            source="chosen: respiration moves the heart by millimeters in a second")  # fmt: skip
+    amplitude_walk = parameter(0.1e-3, "m", "deviation that an amplitude gains in a second", display_unit="mm", minimum=0.0,
+                               source="as in heart_motion: amplitudes change by a tenth in ten seconds")  # fmt: skip
+    color = parameter(0.4e-3, "m", "standard deviation of the colored error", display_unit="mm", minimum=1e-6,
+                      source="estimate: a third of what friction and play hide, 1 mm each")  # fmt: skip
+    color_time = parameter(0.1, "s", "time in which it fades", minimum=1e-3,
+                           source="estimate: the gripper crosses the play in about a tenth of a beat")  # fmt: skip
+    learning = parameter(0.3, "", "part of an error that the profile takes over in one beat", minimum=0.0, maximum=1.0,
+                         source="chosen: nine tenths in seven beats, noise down to two fifths")  # fmt: skip
+    kernel = parameter(3.0, "", "bins over which a sample is spread", minimum=0.5, maximum=6.0,
+                       source="chosen: 15 ms at one beat a second, as long as the loop's delay")  # fmt: skip
+
+    mean = local(0.0, "", "phase, rate, offset, colored error, amplitudes", shape=(N,))
+    covariance = local(0.0, "", "of the same", shape=(N, N))
+    slope = local(0.0, "", "of the measurement over each", shape=(N,))
+    gain = local(0.0, "", "of the filter", shape=(N,))
+    lessons = local(0.0, "", "beats that the profile has learned from")
+    profile = local(0.0, "m", "what the harmonics leave, over the phase", shape=(BINS,), display_unit="mm")
+
+
+def clear_profile(self: PhaseFilter) -> None:
+    """Nothing is known yet."""
+    self.lessons = 0.0
+    for k in range(BINS):
+        self.profile[k] = 0.0
+
+
+def profile_at(self: PhaseFilter, phase: float) -> float:
+    """The profile between its bins [m]."""
+    place = phase / BIN
+    below = floor(place)
+    part = place - below
+    k = int(below) % BINS
+    return (1.0 - part) * self.profile[k] + part * self.profile[(k + 1) % BINS]
+
+
+def required(self: PhaseFilter, phase: float) -> float:
+    """R at a phase [m]: where the gripper has to be, but for the offset."""
+    y = self.mean[FIRST] * sin(phase) + profile_at(self, phase)
+    for i in range(1, HARMONICS):
+        angle = (i + 1) * phase
+        y += self.mean[FIRST + 2 * i - 1] * sin(angle) + self.mean[FIRST + 2 * i] * cos(angle)
+    return y
+
+
+def begin_filter(self: PhaseFilter, fitted: Any, trend: int, rate: float) -> None:
+    """Begin with a fit: `trend` powers of time from -1 to 1 (now), then sine and cosine parts with phase zero now."""
+    phase = atan2(fitted[trend + 1], fitted[trend])
+    self.mean[PHASE] = phase
+    self.mean[RATE] = 2.0 * pi * rate
+    self.mean[OFFSET] = 0.0
+    for i in range(trend):
+        self.mean[OFFSET] += fitted[i]
+    self.mean[COLOR] = 0.0
+    self.mean[FIRST] = hypot(fitted[trend], fitted[trend + 1])
+    for i in range(1, HARMONICS):
+        a = fitted[trend + 2 * i]
+        b = fitted[trend + 2 * i + 1]
+        angle = (i + 1) * phase
+        self.mean[FIRST + 2 * i - 1] = a * cos(angle) + b * sin(angle)
+        self.mean[FIRST + 2 * i] = b * cos(angle) - a * sin(angle)
+    for i in range(N):
+        for j in range(N):
+            self.covariance[i, j] = 0.0
+        deviation = 0.5e-3
+        if i == PHASE:
+            deviation = 0.2
+        elif i == RATE:
+            deviation = 2.0 * pi * 0.05
+        elif i == OFFSET:
+            deviation = 2e-3
+        elif i == COLOR:
+            deviation = self.color
+        self.covariance[i, i] = deviation * deviation
+
+
+def predict(self: PhaseFilter, h: float) -> None:
+    """Move mean and covariance on by h [s]."""
+    keep = exp(-h / self.color_time)
+    self.mean[PHASE] += h * self.mean[RATE]
+    if self.mean[PHASE] > 2.0 * pi:
+        self.mean[PHASE] -= 2.0 * pi
+    self.mean[COLOR] *= keep
+    for j in range(N):
+        self.covariance[PHASE, j] += h * self.covariance[RATE, j]
+        self.covariance[COLOR, j] *= keep
+    for i in range(N):
+        self.covariance[i, PHASE] += h * self.covariance[i, RATE]
+        self.covariance[i, COLOR] *= keep
+        walk = self.amplitude_walk
+        if i == PHASE:
+            walk = self.phase_walk
+        elif i == RATE:
+            walk = 2.0 * pi * self.rate_walk
+        elif i == OFFSET:
+            walk = self.offset_walk
+        elif i == COLOR:
+            walk = self.color * ((1.0 - keep * keep) / h) ** 0.5
+        self.covariance[i, i] += walk * walk * h
+
+
+def look(self: PhaseFilter) -> tuple[float, float]:
+    """What is expected of a sample [m], and the variance of that [m2]; leaves slopes and covariance with the sample."""
+    phase = self.mean[PHASE]
+    s = sin(phase)
+    c = cos(phase)
+    y = self.mean[OFFSET] + self.mean[COLOR] + self.mean[FIRST] * s + profile_at(self, phase)
+    self.slope[OFFSET] = 1.0
+    self.slope[COLOR] = 1.0
+    self.slope[RATE] = 0.0
+    self.slope[FIRST] = s
+    turn = self.mean[FIRST] * c + (profile_at(self, phase + 2.0 * BIN) - profile_at(self, phase - 2.0 * BIN)) / (4.0 * BIN)
+    s_i = s
+    c_i = c
+    for i in range(1, HARMONICS):
+        s_next = s_i * c + c_i * s
+        c_i = c_i * c - s_i * s
+        s_i = s_next
+        a = self.mean[FIRST + 2 * i - 1]
+        b = self.mean[FIRST + 2 * i]
+        y += a * s_i + b * c_i
+        turn += (i + 1) * (a * c_i - b * s_i)
+        self.slope[FIRST + 2 * i - 1] = s_i
+        self.slope[FIRST + 2 * i] = c_i
+    self.slope[PHASE] = turn
+    variance = 0.0
+    for i in range(N):
+        total = 0.0
+        for j in range(N):
+            total += self.covariance[i, j] * self.slope[j]
+        self.gain[i] = total
+        variance += self.slope[i] * total
+    return y, variance
+
+
+def correct(self: PhaseFilter, innovation: float, variance: float) -> None:
+    """Take in the sample that was looked at; `variance` is that of the innovation [m2]."""
+    for i in range(N):
+        self.mean[i] += self.gain[i] / variance * innovation
+        for j in range(i + 1):
+            self.covariance[i, j] -= self.gain[i] * self.gain[j] / variance
+            self.covariance[j, i] = self.covariance[i, j]
+
+
+def learn(self: PhaseFilter, rest: float, h: float) -> None:
+    """Spread what harmonics and profile leave of a sample [m] over the bins about its phase."""
+    place = self.mean[PHASE] / BIN
+    below = floor(place)
+
+    # a bin is met by as many samples as fit into the kernel: each gives its part of what is learned in a beat
+    width = self.kernel * (2.0 * pi) ** 0.5
+    rate = max(self.learning, 1.0 / (1.0 + self.lessons))
+    self.lessons += self.mean[RATE] * h / (2.0 * pi)
+    share = min(rate * abs(self.mean[RATE]) * h / BIN / width, 1.0)
+    for k in range(-REACH, REACH + 1):
+        away = (below + k - place) / self.kernel
+        bin = (int(below) + k + BINS) % BINS
+        self.profile[bin] += share * exp(-0.5 * away * away) * rest
