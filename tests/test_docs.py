@@ -34,6 +34,9 @@ SAVED = re.compile(r"Save this as\s+`([^`]+)`:\s*$")
 LINK = re.compile(r"\]\(([^)#\s]*)[^)]*\)|src=\"([^\"]+)\"")
 EXIT = re.compile(r"# exit code (\d+)")
 
+# Pages whose commands every run of the tests executes; those of the others, which take minutes, are slow tests.
+AT_ONCE = ("README.md", "CONTRIBUTING.md", "docs/tutorial/first_component.md", "docs/reference")
+
 NOTEBOOK = "<!-- the python blocks of this page are the cells of one notebook -->"
 
 MAIN = "twin run scenarios/heart_wall_force.yaml"
@@ -43,6 +46,12 @@ RUN = TEST.replace("--no-compile -e '.[test]'", "-e .").replace(".venv/bin/pytho
 
 def named(path):
     return str(path.relative_to(ROOT))
+
+
+def executed(page):
+    """A page as a case of a test that runs what stands on it."""
+    is_quick = named(page).startswith(AT_ONCE) or not re.search(r"^```(bash|python)$", page.read_text(), re.MULTILINE)
+    return pytest.param(page, id=named(page), marks=() if is_quick else pytest.mark.slow)
 
 
 def execute(words, folder, command_line):
@@ -105,7 +114,7 @@ def furnish(folder, built, *, short):
     (folder / "build").symlink_to(built)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=named)
+@pytest.mark.parametrize("page", list(map(executed, PAGES)))
 def test_blocks_run(page, tmp_path, built, command_line):
     text, folder = page.read_text(), tmp_path
     if BLOCK.search(text):

@@ -105,11 +105,11 @@ def test_the_compensators_constants_are_those_that_the_scenario_identifies(name,
 @pytest.mark.parametrize(
     "overrides",
     [
-        ["heart.rate=0.8 Hz"],
         ["heart.rate=1.6 Hz"],
-        ["heart.scale=0.7"],
-        ["heart.scale=1.2"],
-        ["controller.setpoint=0.3 N"],
+        pytest.param(["heart.rate=0.8 Hz"], marks=pytest.mark.slow),
+        pytest.param(["heart.scale=0.7"], marks=pytest.mark.slow),
+        pytest.param(["heart.scale=1.2"], marks=pytest.mark.slow),
+        pytest.param(["controller.setpoint=0.3 N"], marks=pytest.mark.slow),
     ],
     ids=str,
 )

@@ -83,6 +83,24 @@ def test_bonds_are_read(build):
     run.terminate()
 
 
+def test_a_connection_may_be_held(build):
+    """All held is what `jacobi` of order 0 gives."""
+    ends = []
+    for algorithm, hold in (
+        ("jacobi", "false"),
+        ("{name: jacobi, order: 1}", "true"),
+        ("{name: jacobi, order: 1}", "false"),
+    ):
+        text = TEXT.replace("bond: spring", f"hold: {hold}").format(algorithm=algorithm)
+        checked = parse_scenario(text, "s.yaml")
+        run = simulation(checked.variants[0], prepare(checked)["plain"], Form.compiled, build)
+        run.initialize(0, 100 * MS)
+        run.advance(100 * MS)
+        ends.append(run.recording().signals["a.x"].tobytes())
+        run.terminate()
+    assert ends[0] == ends[1] != ends[2]
+
+
 def test_scales_have_units(build):
     options = "{name: predictive, tolerance: 1e-3, scales: {b.force: 4000 mN, a.v: 0.2 m/s}}"
     checked = scenario(options)
@@ -129,7 +147,7 @@ def test_check_names_members_that_cannot_go_back(tmp_path, build):
         "connections: [lag.y -> bomb.u, lag.y -> inside.u]\n"
     )
     problems, _ = examine(str(tmp_path / "s.yaml"))
-    needs = "cannot go back to the begin of a step, which iterative needs. Use jacobi, gauss_seidel, energy, or give it a period."
+    needs = "cannot go back to the begin of a step, which iterative needs. Use jacobi, gauss_seidel, energy, or give it a longer `communication_step`."
     assert problems == [f"{tmp_path}/s.yaml:5: bomb: {needs}", f"{tmp_path}/s.yaml:6: inside: {needs}"]
     assert examine(str(tmp_path / "s.yaml"), ("algorithm=jacobi",))[0] == []
     assert (

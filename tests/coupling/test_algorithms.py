@@ -424,3 +424,15 @@ def test_steps_may_be_solved_too(name, build):
     loop.terminate()
     assert loop.state["rejected"] > 0
     assert loop.state["unsolved"] == 0
+
+
+def test_steps_that_stay_unsolved_are_made_in_whole(build):
+    parts = {"a": Gain(k=1.0), "b": Gain(k=-4.0), "clock": Clock()}
+    algorithm = Algorithm("step_doubling", iterations=2, acceleration="relaxed", smallest=500_000)
+    loop = couple(build, parts, ["a.y -> b.u", "b.y -> a.u"], algorithm)
+    loop.initialize(0, 3 * MS)
+    parts["a"].c = 3.0
+    loop.advance(3 * MS)
+    loop.terminate()
+    assert loop.recording().signals["clock.y"].tolist() == pytest.approx([0.0, 0.001, 0.002, 0.003])
+    assert "step_doubling: 3 steps did not agree after the last iteration" in " ".join(loop.notes)

@@ -8,7 +8,8 @@ from tests.fmi.third_party import archive, native_library
 SOURCE = Path(__file__).with_name("clocks.c")
 MODELS = {"Kinds": 0, "Follower": 1, "Partitions": 2, "Node": 3}
 INTERFACES = {
-    "Kinds": '<CoSimulation modelIdentifier="Kinds" hasEventMode="true" canHandleVariableCommunicationStepSize="true"/>',
+    "Kinds": '<ModelExchange modelIdentifier="Kinds"/><CoSimulation modelIdentifier="Kinds" hasEventMode="true" canHandleVariableCommunicationStepSize="true"'
+    ' mightReturnEarlyFromDoStep="true"/>',
     "Follower": '<CoSimulation modelIdentifier="Follower" hasEventMode="true"'
     ' canHandleVariableCommunicationStepSize="true"/>',
     "Node": '<CoSimulation modelIdentifier="Node" hasEventMode="true" canHandleVariableCommunicationStepSize="true"/>',
@@ -30,6 +31,20 @@ def count(name, reference):
 
 
 KINDS = ("constant", "fixed", "tunable", "paced", "changing", "countdown", "triggered", "every_second", "alarm")
+
+# ticks until 2 s; a constant clock every 0.2 s from 0.1 s on, and so on as clock_parts.py declares them
+TICKS = {
+    "constant": [0.1, 0.3, 0.5, 0.7, 0.9, 1.1, 1.3, 1.5, 1.7, 1.9],
+    "fixed": [0.05, 0.3, 0.55, 0.8, 1.05, 1.3, 1.55, 1.8],  # told with its shift in Initialization Mode
+    "tunable": [0.0, 0.5, 1.0, 1.5, 2.0],
+    "paced": [0.0, 0.4, 0.8, 1.2, 1.6, 2.0],  # by a tunable parameter
+    "changing": [0.1, 0.3, 0.6, 1.0, 1.5],  # each interval is 0.1 s longer
+    "countdown": [0.8, 1.4, 2.0],  # 0.3 s after every third tick of the constant clock
+    "triggered": [],
+    "every_second": [0.3, 0.7, 1.1, 1.5, 1.9],  # of the constant clock, as an output
+    "alarm": [],
+}
+
 VARIABLES = {
     "Kinds": [
         clock("constant", 1, "constant", more='intervalDecimal="0.2" shiftDecimal="0.1"'),
@@ -48,6 +63,7 @@ VARIABLES = {
         number("Float64", "signal_at", 32, "parameter", 'variability="fixed" start="1e9"'),
         number("Float64", "wait", 33, "parameter", 'variability="tunable" start="0.3"'),
         number("Float64", "x", 40),
+        number("Float64", "signalled", 45),
         number("Float64", "u", 41, "input", 'start="0"'),
         number("Int32", "d", 42, "input", 'start="0"'),
         number("Int32", "seen", 43),
@@ -59,18 +75,19 @@ VARIABLES = {
         number("Float64", "sum", 12, more='variability="discrete" clocks="1"'),
         number("Int32", "n", 13, more='clocks="1"'),
         number("Float64", "held", 14, more='variability="discrete"'),
+        number("Float64", "bias", 15, "parameter", 'variability="fixed" start="0"'),
     ],
     "Node": [
         clock("send", 1, "changing", more='supportsFraction="true"'),
         clock("sent", 2, causality="output"),
         clock("take", 3),
         number("Binary", "message", 11, more='clocks="2"'),
-        number("Binary", "taken", 12, "input", 'clocks="3"'),
+        '<Binary name="taken" valueReference="12" causality="input" clocks="3"><Start value="00"/></Binary>',
         number("Int32", "heard", 13, more='clocks="3"'),
         number("Int32", "word", 14, more='clocks="3"'),
         number("Int32", "address", 20, "parameter", 'variability="fixed" start="1"'),
         number("Float64", "last", 21, "parameter", 'variability="fixed" start="0"'),
-        number("Int32", "announced", 22),
+        number("Float64", "announced", 45),
     ],
     "Partitions": [
         clock("first", 1, "constant", more='intervalDecimal="1.0" priority="1"'),
@@ -88,8 +105,9 @@ VARIABLES = {
 
 
 @cache
-def library(model):
-    return native_library(f"#define MODEL {MODELS[model]}\n{SOURCE.read_text()}")
+def library():
+    """One for all models."""
+    return native_library(SOURCE.read_text())
 
 
 def described(model):
@@ -99,7 +117,7 @@ def described(model):
     structure = "".join(f'<Output valueReference="{one}"/>' for one in outputs)
     return (
         '<?xml version="1.0" encoding="UTF-8"?>\n'
-        f'<fmiModelDescription fmiVersion="3.0" modelName="{model}" instantiationToken="clocks">{INTERFACES[model]}'
+        f'<fmiModelDescription fmiVersion="3.0" modelName="{model}" instantiationToken="clocks{MODELS[model]}">{INTERFACES[model]}'
         '<DefaultExperiment startTime="0" stopTime="2" stepSize="0.05"/>\n<ModelVariables>'
         '<Float64 name="time" valueReference="99" causality="independent" variability="continuous"/>'
         f"{variables}</ModelVariables><ModelStructure>{structure}</ModelStructure></fmiModelDescription>"
@@ -110,5 +128,5 @@ def clocks_fmu(folder, model):
     """An FMU with clocks."""
     return archive(
         folder / f"{model}.fmu",
-        {"modelDescription.xml": described(model).encode(), f"binaries/x86_64-linux/{model}.so": library(model)},
+        {"modelDescription.xml": described(model).encode(), f"binaries/x86_64-linux/{model}.so": library()},
     )

@@ -1,4 +1,4 @@
-/* Small FMUs of FMI 3.0 with clocks, strict about what the standard forbids. A model is what -DMODEL=... names:
+/* Small FMUs of FMI 3.0 with clocks, strict about what the standard forbids. The last digit of the token says which it is:
    Kinds: one clock of every kind, Co-Simulation; Follower: a triggered clock that sums what it is given, Co-Simulation;
    Partitions: three model partitions and an output clock, Scheduled Execution;
    Node: sends a message with a clock when it is time, and takes others, as in FMI-LS-BUS. */
@@ -18,19 +18,19 @@ enum { CONSTANT = 1, FIXED, TUNABLE, PACED, CHANGING, COUNTDOWN, TRIGGERED, EVER
 enum { TICK = 1, HALF = 2 };
 enum { FIRST = 1, SECOND, THIRD, FIFTH };
 enum { SEND = 1, SENT, TAKE, MESSAGE = 11, TAKEN, HEARD, WORD, ADDRESS = 20, LAST, ANNOUNCED };
-enum { COUNT = 10, LATEST = 20, PERIOD = 30, PACE, SIGNAL_AT, WAIT, X = 40, U, D, SEEN, LAG };
-enum { IN = 11, SUM, N, PLAIN };
+enum { COUNT = 10, LATEST = 20, PERIOD = 30, PACE, SIGNAL_AT, WAIT, X = 40, U, D, SEEN, LAG, SIGNALLED };
+enum { IN = 11, SUM, N, PLAIN, BIAS };
 enum { TICKS = 10, TOTAL = 14, RESULT, INPUT, OUTPUT };
 
 typedef void (*Logger)(void *, int, const char *, const char *);
 
 typedef struct {
-    int mode;
+    int model, mode;
     double t, number[NUMBERS], interval[CLOCKS];
     uint8_t message[8], taken[8];
     size_t length;
     int64_t whole[NUMBERS];
-    bool active[CLOCKS], known[CLOCKS], fresh[CLOCKS], signalled, was_signalled;
+    bool active[CLOCKS], known[CLOCKS], fresh[CLOCKS], signalled, was_signalled, may_return;
     void *environment;
     Logger log;
     void (*update)(void *);
@@ -43,7 +43,9 @@ static int refuse(Model *m, const char *what)
     return ERROR;
 }
 
-static bool is_clocked(uint32_t vr, uint32_t *clock)
+#define MODEL m->model
+
+static bool is_clocked(const Model *m, uint32_t vr, uint32_t *clock)
 {
     *clock = 0;
     if (MODEL == KINDS && vr > COUNT && vr <= COUNT + ALARM) *clock = vr - COUNT;
@@ -61,7 +63,7 @@ static bool is_clocked(uint32_t vr, uint32_t *clock)
 static bool may(const Model *m, uint32_t vr)
 {
     uint32_t clock;
-    return !is_clocked(vr, &clock) || m->mode < EVENT || (m->active[clock] && (m->mode == EVENT || m->mode == ACTIVATING));
+    return !is_clocked(m, vr, &clock) || m->mode < EVENT || (m->active[clock] && (m->mode == EVENT || m->mode == ACTIVATING));
 }
 
 static void tell(Model *m, int clock, double interval)
@@ -72,8 +74,9 @@ static void tell(Model *m, int clock, double interval)
 
 void *make(const char *token, void *environment, Logger log)
 {
-    if (strcmp(token, "clocks")) return NULL;
+    if (strncmp(token, "clocks", 6)) return NULL;
     Model *m = calloc(1, sizeof(Model));
+    m->model = token[6] - '0';
     m->environment = environment;
     m->log = log;
     m->number[PERIOD] = 0.25;
@@ -88,18 +91,36 @@ void *fmi3InstantiateCoSimulation(const char *name, const char *token, const cha
                                   bool events, bool early, const uint32_t *required, size_t n, void *environment,
                                   Logger log, void *update)
 {
-    if (!events || MODEL == PARTITIONS) {
-        log(environment, ERROR, "logStatusError", "clocks need Event Mode");
-        return NULL;
-    }
+    Model *m = events ? make(token, environment, log) : NULL;
+    if (m) m->may_return = early;
+    if (events) return m;
+    log(environment, ERROR, "logStatusError", "clocks need Event Mode");
+    return NULL;
+}
+
+void *fmi3InstantiateModelExchange(const char *name, const char *token, const char *resources, bool visible, bool logging,
+                                   void *environment, Logger log)
+{
     return make(token, environment, log);
+}
+
+/* Model Exchange, without states: Continuous-Time Mode is here as Step Mode. */
+int fmi3SetTime(Model *m, double t) { m->t = t; m->number[X] = t + m->number[U]; return OK; }
+int fmi3GetNumberOfContinuousStates(Model *m, size_t *n) { *n = 0; return OK; }
+int fmi3GetNumberOfEventIndicators(Model *m, size_t *n) { *n = 0; return OK; }
+int fmi3CompletedIntegratorStep(Model *m, bool no_return, bool *event, bool *terminate) { *event = *terminate = false; return OK; }
+int fmi3EnterContinuousTimeMode(Model *m)
+{
+    if (m->mode != EVENT) return refuse(m, "fmi3EnterContinuousTimeMode outside of Event Mode");
+    m->mode = STEP;
+    return OK;
 }
 
 void *fmi3InstantiateScheduledExecution(const char *name, const char *token, const char *resources, bool visible,
                                         bool logging, void *environment, Logger log, void (*update)(void *),
                                         void (*lock)(void), void (*unlock)(void))
 {
-    Model *m = MODEL == PARTITIONS ? make(token, environment, log) : NULL;
+    Model *m = make(token, environment, log);
     if (m) { m->update = update; m->lock = lock; m->unlock = unlock; }
     return m;
 }
@@ -130,7 +151,7 @@ int fmi3EnterEventMode(Model *m)
     if (m->mode != STEP) return refuse(m, "fmi3EnterEventMode outside of Step Mode");
     m->mode = EVENT;
     m->active[ALARM] = MODEL == KINDS && m->signalled;
-    if (m->active[ALARM]) m->whole[COUNT + ALARM]++;
+    if (m->active[ALARM]) { m->whole[COUNT + ALARM]++; m->number[SIGNALLED] = m->t; }
     m->signalled = false;
     return OK;
 }
@@ -250,7 +271,7 @@ int fmi3UpdateDiscreteStates(Model *m, bool *needed, bool *terminate, bool *nomi
     if (MODEL == NODE) {
         *defined = m->t < m->number[ANNOUNCED] - 1e-12;
         *next = m->number[ANNOUNCED];
-        if (!*defined && m->mode == EVENT) m->whole[ANNOUNCED]++;
+        if (!*defined && !m->was_signalled) { m->was_signalled = true; m->number[SIGNALLED] = m->t; }
         *terminate = m->t >= m->number[LAST] && m->number[LAST] > 0;
     }
     memset(m->active, 0, sizeof m->active);
@@ -261,7 +282,8 @@ int fmi3DoStep(Model *m, double t, double h, bool no_return, bool *event, bool *
 {
     if (m->mode != STEP) return refuse(m, "fmi3DoStep outside of Step Mode");
     *event = *terminate = *early = false;
-    *last = m->t = t + h;
+    *early = MODEL == KINDS && m->may_return && !m->was_signalled && m->number[SIGNAL_AT] < t + h;
+    *last = m->t = *early ? m->number[SIGNAL_AT] : t + h;
     m->number[X] = m->t + m->number[U];
     if (MODEL == KINDS && m->t >= m->number[SIGNAL_AT] && !m->was_signalled) m->was_signalled = m->signalled = *event = true;
     return OK;
@@ -274,7 +296,7 @@ int fmi3DoStep(Model *m, double t, double h, bool no_return, bool *event, bool *
             if (!may(m, vr[i])) return refuse(m, "a clocked variable is read while no clock of it ticks");              \
             v[i] = (type)m->array[vr[i]];                                                                               \
             if (MODEL == NODE && vr[i] == WORD) v[i] = (type)(256 * m->taken[0] + m->taken[1]);                         \
-            if (MODEL == FOLLOWER && vr[i] == SUM && m->mode == EVENT) v[i] += (type)m->number[IN];                     \
+            if (MODEL == FOLLOWER && vr[i] == SUM && m->mode == EVENT) v[i] += (type)(m->number[IN] + m->number[BIAS]);                     \
         }                                                                                                               \
         return OK;                                                                                                      \
     }
@@ -315,3 +337,21 @@ int fmi3ActivateModelPartition(Model *m, uint32_t clock, double t)
     if (m->active[FIFTH] || m->fresh[THIRD]) m->update(m->environment);
     return OK;
 }
+
+/* What the standard wants exported and these FMUs do not have. */
+#define ABSENT(name) int name(void) { return ERROR; }
+ABSENT(fmi3SetDebugLogging) ABSENT(fmi3Reset)
+ABSENT(fmi3GetFloat32) ABSENT(fmi3GetInt8) ABSENT(fmi3GetUInt8) ABSENT(fmi3GetInt16) ABSENT(fmi3GetUInt16)
+ABSENT(fmi3GetUInt32) ABSENT(fmi3GetInt64) ABSENT(fmi3GetUInt64) ABSENT(fmi3GetBoolean) ABSENT(fmi3GetString)
+ABSENT(fmi3SetFloat32) ABSENT(fmi3SetInt8) ABSENT(fmi3SetUInt8) ABSENT(fmi3SetInt16) ABSENT(fmi3SetUInt16)
+ABSENT(fmi3SetUInt32) ABSENT(fmi3SetInt64) ABSENT(fmi3SetUInt64) ABSENT(fmi3SetBoolean) ABSENT(fmi3SetString)
+ABSENT(fmi3GetNumberOfVariableDependencies) ABSENT(fmi3GetVariableDependencies)
+ABSENT(fmi3GetFMUState) ABSENT(fmi3SetFMUState) ABSENT(fmi3FreeFMUState)
+ABSENT(fmi3SerializedFMUStateSize) ABSENT(fmi3SerializeFMUState) ABSENT(fmi3DeserializeFMUState)
+ABSENT(fmi3GetDirectionalDerivative) ABSENT(fmi3GetAdjointDerivative)
+ABSENT(fmi3EnterConfigurationMode) ABSENT(fmi3ExitConfigurationMode)
+ABSENT(fmi3GetShiftFraction) ABSENT(fmi3SetIntervalFraction) ABSENT(fmi3SetShiftDecimal) ABSENT(fmi3SetShiftFraction)
+ABSENT(fmi3EvaluateDiscreteStates) ABSENT(fmi3GetOutputDerivatives)
+ABSENT(fmi3SetContinuousStates) ABSENT(fmi3GetContinuousStateDerivatives) ABSENT(fmi3GetEventIndicators)
+ABSENT(fmi3GetContinuousStates) ABSENT(fmi3GetNominalsOfContinuousStates)
+const char *fmi3GetVersion(void) { return "3.0"; }

@@ -1,4 +1,4 @@
-"""Clocks on import: every kind of clock, alone and in a co-simulation, and Scheduled Execution.
+"""Clocks on import in a co-simulation: every kind of clock, connections, events, Scheduled Execution as a member.
 
 What is expected is worked out from FMI 3.0.2, section 2.2.8; the FMUs refuse what the standard forbids (tests/fmi/clocks.c).
 """
@@ -6,12 +6,12 @@ What is expected is worked out from FMI 3.0.2, section 2.2.8; the FMUs refuse wh
 import numpy as np
 import pytest
 
-from tests.fmi.clock_parts import KINDS, clocks_fmu, described
-from tests.fmi.third_party import archive
+import twin
+from tests.fmi.clock_parts import KINDS, TICKS, clocks_fmu
 from twin.component import Component, input, output
 from twin.coupling import Connection, CoSimulation, RecordMember, System
 from twin.errors import CouplingError, FMUError, SimulationError
-from twin.fmi import member, plan, simulate, tables
+from twin.fmi import member
 
 
 class Held(Component):
@@ -40,19 +40,6 @@ class Follow(Component):
 MS = 1_000_000
 S = 1000 * MS
 
-# ticks until 2 s; a constant clock every 0.2 s from 0.1 s on, and so on as clock_parts.py declares them
-TICKS = {
-    "constant": [0.1, 0.3, 0.5, 0.7, 0.9, 1.1, 1.3, 1.5, 1.7, 1.9],
-    "fixed": [0.05, 0.3, 0.55, 0.8, 1.05, 1.3, 1.55, 1.8],  # told with its shift in Initialization Mode
-    "tunable": [0.0, 0.5, 1.0, 1.5, 2.0],
-    "paced": [0.0, 0.4, 0.8, 1.2, 1.6, 2.0],  # by a tunable parameter
-    "changing": [0.1, 0.3, 0.6, 1.0, 1.5],  # each interval is 0.1 s longer
-    "countdown": [0.8, 1.4, 2.0],  # 0.3 s after every third tick of the constant clock
-    "triggered": [],
-    "every_second": [0.3, 0.7, 1.1, 1.5, 1.9],  # of the constant clock, as an output
-    "alarm": [],
-}
-
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
@@ -64,7 +51,9 @@ def coupled(folder, build):
     """Run members coupled; what was recorded, and how it ended."""
 
     def made(name, part, values):
-        return member(name, clocks_fmu(folder, part), values) if isinstance(part, str) else RecordMember(name, part())
+        if isinstance(part, str):
+            return member(name, clocks_fmu(folder, part), values)
+        return RecordMember(name, part()) if isinstance(part, type) else part(name)
 
     def run(parts, connections, stop, step=50 * MS, algorithm="jacobi", starts=None, events=None, **options):
         members = {name: made(name, one, (starts or {}).get(name)) for name, one in parts.items()}
@@ -91,18 +80,6 @@ def changes(recording, name):
     """Times at which a recorded variable is another one than before."""
     values = recording.signals[name]
     return [round(float(t), 6) for t in recording.time[1:][values[1:] != values[:-1]]]
-
-
-def alone(folder, model, stop, step, starts=None, rows=None, record=()):
-    """Results of an FMU alone, and how it ended."""
-    one = member("one", clocks_fmu(folder, model), starts or {})
-    table = None
-    if rows:
-        (folder / "rows.csv").write_text("\n".join(rows))
-        table = tables.read_inputs(folder / "rows.csv", one)
-    outcome = simulate(one, plan(one, stop=stop, step=step, record=record), table)
-    assert not outcome.failure, outcome.failure
-    return {name: column.tolist() for name, _, column in outcome.results.columns()}
 
 
 # ------------------------------------------------------------------------------------------------------ kinds of clocks
@@ -193,9 +170,18 @@ def test_a_clock_that_ticks_by_time_lets_others_tick(coupled):
     assert found.signals["f.held"][-1] == pytest.approx(3 * 0.0 + 0.8 + 1.4)
 
 
+def test_an_override_is_what_a_clock_samples(coupled):
+    act = {500 * MS: lambda one: one.override(("k", "x"), 100.0), S: lambda one: one.release(("k", "x"))}
+    links = ["k.every_second -> f.tick", "k.x -> f.u"]
+    found, _ = coupled({"k": "Kinds", "f": "Follower"}, links, 2 * S, events=act)
+    assert found.signals["f.sum"][-1] == pytest.approx(0.3 + 100.0 + 1.1 + 1.5 + 1.9)
+
+
 def test_messages_with_their_clocks(coupled):
     """Two nodes of a bus: each sends every third of a second, in an exact ratio, what the other hears at that time."""
-    links = [f"{one}.{a} -> {other}.{b}" for one, other in ("ab", "ba") for a, b in (("sent", "take"), ("message", "taken"))]
+    links = [
+        f"{one}.{a} -> {other}.{b}" for one, other in ("ab", "ba") for a, b in (("sent", "take"), ("message", "taken"))
+    ]
     keys = [(one, name) for one in "ab" for name in ("heard", "word", "announced")]
     starts = {"a": {"address": 7}, "b": {"address": 9}}
     found, _ = coupled({"a": "Node", "b": "Node"}, links, 2 * S, step=250 * MS, starts=starts, record=keys)
@@ -203,7 +189,7 @@ def test_messages_with_their_clocks(coupled):
     assert found.signals["a.heard"].tolist() == found.signals["b.heard"].tolist() == expected.tolist()
     assert found.signals["a.word"][-1] == 256 * 9 + 6
     assert found.signals["b.word"][-1] == 256 * 7 + 6
-    assert found.signals["a.announced"][found.time < 0.3].tolist() == [0, 0]
+    assert found.signals["a.announced"].tolist() == [0.0, 0.0, *[0.35] * 7]  # the step is cut there, too
 
 
 def test_an_fmu_that_ends_the_simulation_at_an_event(coupled):
@@ -234,28 +220,23 @@ def test_clocks_that_do_not_fit(coupled, connections, words):
         coupled({"k": "Kinds", "f": "Follower"}, connections, S)
 
 
+def test_a_scenario_with_clocks(folder, build):
+    system = twin.System()
+    for name, model in (("k", "Kinds"), ("f", "Follower"), ("p", "Partitions")):
+        system.add(name, clocks_fmu(folder, model), parameters={"tunable": "200 ms"} if name == "k" else {})
+    system.connect("k.every_second", "f.tick")
+    system.connect("k.x", "f.u")
+    with system.simulate("50 ms", build=build, record=["p.second"]) as running:
+        running.advance("300 ms")
+        assert (running["k.every_second"], running["f.sum"]) == (True, pytest.approx(0.3))
+        running["p.second"] = True
+        assert running["p.second_ticks"] == 1
+        running.advance("50 ms")
+        assert (running["p.second"], running["k.tunable_count"]) == (True, 2)
+        assert running.results["p.second"].tolist() == [False] * 7 + [True]
+
+
 # ------------------------------------------------------------------------------------------------ Scheduled Execution
-
-# as the public Clocks FMU: the first every second, the second by hand, the third by the first at 4 s
-PARTITIONS = {
-    "first_ticks": [1, 2, 3, 4, 5, 6, 7, 8, 9, 10],
-    "second_ticks": [1, 2, 2, 2, 2, 2, 2, 2, 3, 4],
-    "third_ticks": [0, 0, 0, 0, 1, 1, 1, 1, 1, 1],
-    "total": [2, 4, 5, 6, 8, 9, 10, 11, 13, 15],
-    "result": [0, 0, 0, 0, 0, 0, 0, 0, 7, 1007],
-    "made": [0, 0, 0, 0, 1000, 1000, 1000, 1000, 1000, 1000],
-    "fifth": [False, False, True, False, False, False, True, False, False, True],
-}
-
-
-def test_the_schedule(folder):
-    rows = ["time,second,given", "0,1,0", "1,1,0", "2,0,5", "8,1,7", "9,1,1000"]
-    found = alone(folder, "Partitions", 9, 1.0, rows=rows)
-    assert {name: found[name] for name in PARTITIONS} == PARTITIONS
-
-    # the second partition has the smaller number, so it goes first; the third comes when both are done
-    assert found["order"][:2] == [201.0, 2010201.0]
-    assert found["order"][4] == 201020101010103.0
 
 
 def test_partitions_as_a_member(coupled):
@@ -269,27 +250,18 @@ def test_partitions_as_a_member(coupled):
     assert found.signals["f.n"][-1] == found.signals["p.total"][-1] // 5
 
 
-# -------------------------------------------------------------------------------------------------------------- alone
+# ----------------------------------------------------------------------------------------------------- Model Exchange
 
 
-def test_alone_a_step_ends_where_a_clock_ticks(folder):
-    found = alone(folder, "Kinds", 2, 0.4, record=(*(f"{kind}_count" for kind in KINDS), "latest"))
-    times = 0.4 * np.arange(6)
-    for kind, ticks in TICKS.items():
-        assert found[f"{kind}_count"] == np.searchsorted(np.array(ticks), times + 1e-9).tolist(), kind
-    assert found["latest"][-1] == pytest.approx(2.0)
-
-
-def test_alone_with_rows(folder):
-    rows = ["time,triggered,d,u", "0,0,0,0", "0.333,1,4,1", "0.5,0,4,1"]
-    starts = {"tunable": 0.2, "wait": 0.111}
-    found = alone(
-        folder, "Kinds", 1, 0.25, starts, rows, ("tunable_count", "triggered_count", "seen", "countdown_count")
-    )
-    assert found["tunable_count"] == [1, 2, 3, 4, 6]
-    assert found["triggered_count"] == [0, 0, 1, 1, 1]
-    assert found["seen"] == [0, 0, 4, 4, 4]
-    assert found["countdown_count"] == [0, 0, 0, 1, 1]
+def test_clocks_of_model_exchange_in_a_co_simulation(coupled, folder):
+    exchanged = lambda name: member(name, clocks_fmu(folder, "Kinds"), interface="model_exchange")  # noqa: E731
+    act = {S: lambda one: one.set(("k", "triggered"), value=True)}
+    links = ["k.every_second_count -> o.u"]
+    found, _ = coupled({"k": exchanged, "o": Follow}, links, 2 * S, step=250 * MS, events=act)
+    assert found.signals["k.changing_count"].tolist() == np.searchsorted(TICKS["changing"], found.time + 1e-9).tolist()
+    assert changes(found, "k.triggered_count") == [1.25]
+    with pytest.raises(CouplingError, match="clocks are connected in Co-Simulation"):
+        coupled({"k": exchanged, "f": "Follower"}, ["k.every_second -> f.tick"], S)
 
 
 # -------------------------------------------------------------------------------------------------------------- errors
@@ -298,7 +270,7 @@ def test_alone_with_rows(folder):
 @pytest.mark.parametrize(
     ("error", "words", "options"),
     [
-        (CouplingError, "iterative needs", {"algorithm": "iterative"}),
+        (CouplingError, "cannot go back, as algorithm iterative", {"algorithm": "iterative"}),
         (CouplingError, "steps with every communication step of 50 ms, not every 100 ms", {"periods": {"k": 100 * MS}}),
         (FMUError, "constant is a constant clock", {"starts": {"k": {"constant": 0.1}}}),
         (FMUError, "interval -1 s of tunable is not positive", {"starts": {"k": {"tunable": -1}}}),
@@ -320,12 +292,7 @@ def test_an_event_without_end(coupled):
         coupled({"k": "Kinds"}, [], S, starts={"k": {"wait": 0}})
 
 
-def test_clocks_without_event_mode_never_tick(folder):
-    xml = described("Kinds").replace('hasEventMode="true"', "")
-    one = member(
-        "one",
-        archive(folder / "without.fmu", {"modelDescription.xml": xml.encode(), "binaries/x86_64-linux/Kinds.so": b""}),
-    )
-    one.close()
-    assert not one.clocked
-    assert not one.variables["alarm"].connectable
+def test_values_that_change_each_other_without_end(coupled):
+    links = ["k.constant -> f.tick", "k.constant -> g.tick", "f.sum -> g.u", "g.sum -> f.u"]
+    with pytest.raises(SimulationError, match=r"f, g: values .* t = 100 ms change each other without end"):
+        coupled({"k": "Kinds", "f": "Follower", "g": "Follower"}, links, S, starts={"f": {"bias": 1.0}})

@@ -68,8 +68,11 @@ def run(*command, folder):
 # ------------------------------------------------------------------------------------------------------------ the text
 
 
+ONCE = ["3.0", pytest.param("2.0", marks=pytest.mark.slow)]  # what compiles all that again
+
+
 @pytest.mark.parametrize("tool", COMPILERS)
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", ONCE)
 def test_no_compiler_complains(version, tool, build, tmp_path):
     command = COMPILERS[tool]
     if not shutil.which(command[0]):
@@ -167,7 +170,7 @@ def simulated(folder):
 
 
 @CMAKE
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", ONCE)
 def test_fmpy_builds_the_sources_and_values_are_equal_to_the_bit(version, build, tmp_path):
     _, folder = exported(Follower, version, build, tmp_path)
     before = simulated(folder)
@@ -179,7 +182,7 @@ def test_fmpy_builds_the_sources_and_values_are_equal_to_the_bit(version, build,
 
 
 @GCC
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", ONCE)
 def test_a_plain_gcc_builds_the_sources_and_values_are_equal_to_the_bit(version, build, tmp_path):
     _, folder = exported(Follower, version, build, tmp_path)
     before = simulated(folder)

@@ -185,6 +185,7 @@ def test_the_step_that_is_offered_does():
     list(driven(Chain(substep=0.2e-3, settling=0.02), 50))
 
 
+@pytest.mark.slow
 def test_many_segments_are_said_to_be_slow_and_run():
     with pytest.raises(
         SimulationError, match=r"Use substep 0.001 ms, which takes about \d+ s for each second"

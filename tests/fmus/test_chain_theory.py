@@ -11,7 +11,7 @@ from fmus.bodies.rod import euler_load
 from twin.scene import read
 
 H = 1e-3
-SWEEP = pytest.mark.slow  # of convergence with the number of segments
+SWEEP = pytest.mark.slow  # of the number of segments, of friction and stiffness
 
 
 @pytest.mark.parametrize(("segments", "error"), [(10, 0.025), (20, 0.01), pytest.param(40, 0.005, marks=SWEEP)])
@@ -50,6 +50,7 @@ def test_friction_grows_with_the_wrap_as_on_a_capstan(angle, friction):
     assert experiments.capstan(angle * np.pi, friction) == pytest.approx(1.0, abs=0.01)
 
 
+@SWEEP
 def test_play_comes_from_friction_and_axial_compliance():
     """Neither alone makes it: without friction there is none, and a ten times stiffer shaft has a fifth."""
     environment = read("two_bends")

@@ -155,6 +155,7 @@ def test_printed_model_is_not_monotone_after_a_reversal():
     assert least_slope(ROUND, path) > 0.0
 
 
+@pytest.mark.slow
 def test_fits_to_noisy_samples_hold_for_the_true_tip_and_for_a_heart_that_they_have_not_seen(recorded, fits):
     lagging, sum_of_plays = fits
     assert lagging.lag == pytest.approx(6e-3, abs=1.5e-3)  # the sheath's drag over its stiffness is 5.5 ms
@@ -167,6 +168,7 @@ def test_fits_to_noisy_samples_hold_for_the_true_tip_and_for_a_heart_that_they_h
         assert 2.0 * with_lag < without < 0.25e-3
 
 
+@pytest.mark.slow
 def test_kept_constants_fit_a_recording_with_other_noise(recorded, measured, fits):
     """Weights and constants of the components are those that the scenario finds, within what noise does."""
     x_in, _ = recorded["chirp"]

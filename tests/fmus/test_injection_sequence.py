@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from fmus.injection_sequence import model
 from fmus.injection_sequence.model import ACTIONS, InjectionSequence
-from fmus.injection_site.dose import profile
+from fmus.injection_site.dose import entries, profile
 from fmus.injection_site.model import InjectionSite
+from fmus.state_trigger.model import StateTrigger
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -166,6 +167,49 @@ def test_a_target_that_is_not_reached_is_left_out():
         bench.step(measured_x=bench.sequence.target_x + 5e-3)
     assert bench.sequence.state == model.DONE
     assert (bench.sequence.missed, bench.sequence.injected) == (3, 0)
+
+
+@pytest.mark.parametrize(
+    ("phase", "goes"), [(2.3, True), (2.7, True), (1.9, True), (2.9, False), (1.7, False), (-4.0, True)]
+)
+def test_the_needle_goes_out_at_the_phase_of_the_gate_alone(phase, goes):
+    bench = Bench(gate_center=2.3, gate_width=0.9, gate_time=1.0, target_count=1)
+    for _ in range(6000):
+        bench.step(gate_phase=phase)
+    assert bench.sequence.injected == goes
+    assert bench.sequence.missed == (not goes)
+    check(bench.record)
+
+
+def test_a_phase_that_is_not_valid_opens_no_gate():
+    bench = Bench(gate_center=2.3, gate_width=0.9, gate_time=1.0)
+    for _ in range(6000):
+        bench.step(gate_phase=2.3, gate_valid=False)
+    assert (bench.sequence.injected, bench.sequence.missed, bench.sequence.state) == (0, 3, model.DONE)
+    assert max(row["target_needle_length"] for row in bench.record) < 0.0
+
+
+def test_a_trouble_begins_in_its_state_and_stays():
+    trigger = StateTrigger(at_state=4, at_number=2, delay=0.025)
+    trigger.start()
+    begun = []
+    for k, (state, number) in enumerate(
+        [(4, 1)] * 9 + [(3, 2)] * 3 + [(4, 2)] * 2 + [(3, 2)] + [(4, 2)] * 5 + [(9, 2)] * 3
+    ):
+        trigger.state, trigger.number = state, number
+        trigger.advance(0.01 * k, 0.01)
+        begun.append(bool(trigger.begun))
+        assert (trigger.well, trigger.level) == (not begun[-1], float(begun[-1]))
+    assert begun == [False] * 17 + [True] * 6
+
+
+def test_entries_are_told_by_their_part_of_a_beat():
+    time = np.linspace(0.0, 10.0, 1001)
+    depth = np.where((time > 2.3) & (time < 3.0) | (time > 6.4) & (time < 7.0), 1e-3, -1e-3)
+    found = entries(depth, 1.0 * time)
+    assert found["count"] == 2
+    assert (found["earliest"], found["latest"]) == pytest.approx((0.30, 0.41))
+    assert np.isnan(entries(0.0 * depth, time)["latest"])
 
 
 EVENTS = st.lists(

@@ -142,17 +142,52 @@ def test_hold_keeps_handle_and_wires_and_lets_the_needle_go():
     assert controller.needle_steps > 0
 
 
-def test_a_phase_is_known_within_its_jitter():
-    phase = HeartPhase(lead=0.0)
+def phase_errors(beats, **values):
+    """Error of the phase [beats] where it is called valid, that part of the time, and the phase itself."""
+    phase = HeartPhase(lead=0.0, **values)
+    phase.beats = float(beats(0.0))
     phase.start()
-    errors = []
+    errors, valid = [], []
     for k in range(6000):
-        phase.advance(0.005 * k, 0.005)
-        if k > 1000:
-            error = phase.phase / (2 * pi) - (0.005 * (k + 1)) % 1.0
-            errors.append((error + 0.5) % 1.0 - 0.5)
-    assert np.std(errors) < 6e-3
-    assert abs(np.mean(errors)) < 3e-3
+        t = 0.005 * k
+        phase.beats = float(beats(t))
+        phase.advance(t, 0.005)
+        if t > 8.0:
+            valid.append(bool(phase.valid))
+            if phase.valid:
+                error = phase.phase / (2 * pi) - float(beats(t + 0.005)) % 1.0
+                errors.append((error + 0.5) % 1.0 - 0.5)
+    return np.array(errors), np.mean(valid), phase
+
+
+@pytest.mark.parametrize(("rate", "miss"), [(1.0, 0.0), (0.7, 0.0), (1.9, 0.0), (1.2, 0.1)])
+def test_a_phase_is_known_within_its_jitter(rate, miss):
+    errors, valid, phase = phase_errors(lambda t: rate * t, miss=miss)
+    assert np.std(errors) < 6e-3 * rate
+    assert abs(np.mean(errors)) < 3e-3 * rate
+    assert valid > 0.99 if miss == 0.0 else valid > 0.9
+    assert phase.waves >= (1.0 - 2.0 * miss) * rate * 28.0
+
+
+def test_a_phase_follows_a_rate_that_doubles():
+    errors, valid, _ = phase_errors(lambda t: 0.8 * t + 0.5 * (1.2 / 30.0) * t * t)
+    assert valid > 0.95
+    assert np.abs(errors).max() < 0.15
+
+
+def test_a_beat_out_of_time_makes_the_phase_not_valid_until_three_are_in_time():
+    early = 20.65  # the wave of beat 21 comes at 0.65 of it; the next at its own time
+    errors, valid, _ = phase_errors(
+        lambda t: np.interp(t, [0.0, 20.0, early, 22.0, 40.0], [0.0, 20.0, 21.0, 22.0, 40.0])
+    )
+    assert valid == pytest.approx(1.0 - 4.35 / 22.0, abs=0.03)  # from the early wave to the third of those in time
+    assert np.percentile(np.abs(errors), 95) < 0.03
+
+
+def test_without_waves_the_phase_is_not_valid():
+    _, valid, phase = phase_errors(lambda t: min(t, 10.5))
+    assert not phase.valid
+    assert 0.15 < valid < 0.3
 
 
 @pytest.mark.parametrize("latency", [0.02, 0.3])

@@ -18,14 +18,14 @@ seeds: [1, 2]
 """
 
 
-def places(tmp_path, build, step):
-    scenario = parse_scenario(MASSES + METRICS, tmp_path / "s.yaml", [f"step={step}"])
-    done = run_scenario(scenario, Form.interpreted, root=tmp_path, build=build, half_step=True)
+def places(tmp_path, build, step, report=False):
+    scenario = parse_scenario(MASSES + METRICS, tmp_path / "s.yaml", [f"step={step}", "stop_time=0.2 s"])
+    done = run_scenario(scenario, Form.compiled, root=tmp_path, build=build, half_step=True, report=report)
     return done, {one.variant: one for one in done.halved if one.figure.metric.name == "place"}
 
 
 def test_the_difference_falls_with_the_step(tmp_path, build):
-    coarse, one = places(tmp_path, build, "2 ms")
+    coarse, one = places(tmp_path, build, "2 ms", report=True)
     _, other = places(tmp_path, build, "1 ms")
     assert set(one) == {"fast", "slow"}
     assert one["slow"].half == other["slow"].value  # it is that run, to the bit

@@ -162,6 +162,13 @@ def test_scalars_of_yaml_1_2(text: str, expected: Any) -> None:
     assert tree.scalar(text) == expected
 
 
+@pytest.mark.parametrize(("text", "size", "part"), [("2 mN", 2e-3, 0.0), ("0.002", 2e-3, 0.0), ("10 %", 0.0, 0.1)])
+def test_the_margin_of_an_order_is_a_quantity_or_a_part(text: str, size: float, part: float) -> None:
+    scenario = parse_scenario(changed("ordered: [PI, PI+FF]", f"ordered: [PI, PI+FF], margin: {text}"))
+    (one,) = (one for one in scenario.expectations if one.ordered)
+    assert (one.margin, one.margin_part) == pytest.approx((size, part))
+
+
 # --- --set
 
 

@@ -51,7 +51,7 @@ def test_a_value_is_found_in_its_interval(folder, build):
     assert result.found.sigmas[0] == pytest.approx(0.1e-3, rel=0.15)
 
 
-@pytest.mark.parametrize("method", ["profile", "bootstrap"])
+@pytest.mark.parametrize("method", ["profile", pytest.param("bootstrap", marks=pytest.mark.slow)])
 def test_the_ways_to_an_interval_agree(folder, build, method, monkeypatch):
     monkeypatch.setattr("twin.study.intervals.RESAMPLED", 40)
     plain, other = found(folder, build), found(folder, build, intervals=method)

@@ -231,7 +231,8 @@ def functions(cls: type[Component]) -> tuple[solver.Function, solver.Function]:
 
 def evaluation(cls: type[Component]) -> solver.Function | None:
     """`evaluate(self, t)` of a continuous component, for a solver outside; nothing for other kinds."""
-    if (own := getattr(cls, "_evaluation", None)) is not None:  # of a group
+    own: solver.Function | None = getattr(cls, "_evaluation", None)  # of a group
+    if own is not None:
         return own
     derivatives = getattr(cls, "derivatives", None)
     return None if derivatives is None or issubclass(cls, PythonComponent) else solver.evaluation(derivatives)

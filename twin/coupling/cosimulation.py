@@ -87,9 +87,9 @@ class CoSimulation(Endings):
         self.every = every or step
         self._check_periods()
         self._slow = [name for name, period in self.periods.items() if period != step or members[name].period_ns]
+        events.refuse(members, self._wires, self.algorithm, self.periods, step)
         refuse(self.algorithm, members, self._slow)
         self._corrected = self.algorithm.corrected(links)
-        events.refuse(members, self.algorithm, self.periods, step)
         continuous.join(members, links, self.periods)
         refuse_objects(links, self.algorithm)
         outputs = [
@@ -152,7 +152,8 @@ class CoSimulation(Endings):
         """Take all members through InitializationMode at `start` [ns] and record the first row."""
         self._begin = start
         if self.algorithm.rolls_back:
-            self._logs = Logs(self.members)
+            # those in a process of their own log when they like, not when their steps are at work
+            self._logs = Logs(one for one in self.members.values() if one not in self._isolated)
             for name, member in self.members.items():
                 member.early = member.early or name not in self._slow
         for name, member in self.members.items():
@@ -193,7 +194,9 @@ class CoSimulation(Endings):
         self._overrides = Overrides(self._tables, self.members)
         self._record = self.recorder.record
         self.state = self._record[0]
-        self.state["begin_ns"], self.state["step_ns"], self.state["per_second"] = counted = clock.counted(self._begin, self.step, stop)
+        self.state["begin_ns"], self.state["step_ns"], self.state["per_second"] = counted = clock.counted(
+            self._begin, self.step, stop
+        )
         self.state["every"] = self.every // self.step
         self._tables.tell(self.state)
         if isinstance(plan, Stages):

@@ -47,13 +47,18 @@ class EventSteps:
         self.rigid = [name for name, one in members.items() if one.period_ns or periods[name] != step]
         events.check = self.check
 
+    @property
+    def _due(self) -> clock.Time | None:
+        """When the next event is that a step is cut for [ns]; what is announced may come somewhat late, says the standard."""
+        return self.events.due if self.rigid else self.events.upcoming
+
     def time(self) -> clock.Time:
         """Where the members are at the end of the step that is at work [ns]."""
         return self.begin + (int(self.state["tick"]) + 1) * self.step if self.target is None else self.target
 
     def check(self, now: clock.Time) -> None:
         """Let the loop stop before the next tick if that is no communication point; SimulationError if it cannot be met."""
-        due = self.events.due
+        due = self._due
         if self.events.ended:
             self.state["stop"] = int(self.state["tick"]) + 1
             return
@@ -73,7 +78,7 @@ class EventSteps:
     def go(self, run: Callable[[], int]) -> int:
         """On to `stop`, or less far: what the loop returned."""
         start = self.begin + int(self.state["tick"]) * self.step
-        due = self.events.due
+        due = self._due
         if self.now is None and (due is None or not start < due < start + self.step):
             self.check(start)
             return run()
@@ -81,7 +86,7 @@ class EventSteps:
 
     def _part(self, run: Callable[[], int], now: clock.Time, end: clock.Time) -> int:
         """From where the members are to the next tick, or to the end of the communication step."""
-        due, state = self.events.due, self.state
+        due, state = self._due, self.state
         self.target = due if due is not None and now < due < end else end
         is_last = self.target == end
         self.events.is_part = not is_last

@@ -38,7 +38,10 @@ class Clocked(Protocol):
     name: str
     variables: Mapping[str, MemberVariable]
     ended: bool
-    slots: Any
+    event_time: clock.Time | None  # of an event that the member announced [ns]
+
+    def slot(self, name: str) -> Any:
+        """Where a variable's values lie for others."""
 
     @property
     def due(self) -> clock.Time | None:
@@ -79,9 +82,20 @@ def split(links: list[Link]) -> tuple[list[Link], list[Link]]:
 
 
 def refuse(
-    members: Mapping[str, Member], algorithm: Algorithm, periods: Mapping[str, clock.Time], step: clock.Time
+    members: Mapping[str, Member],
+    wires: list[Link],
+    algorithm: Algorithm,
+    periods: Mapping[str, clock.Time],
+    step: clock.Time,
 ) -> None:
     """CouplingError where clocks cannot be served."""
+    for wire in wires:
+        if not all(members[end.member].clocked for end in (wire.source, wire.target)):
+            source, target = (f"{end.member}.{end.variable.name}" for end in (wire.source, wire.target))
+            raise CouplingError(
+                f"{source} -> {target}: clocks are connected in Co-Simulation and in Scheduled Execution only, not in Model "
+                "Exchange or without Event Mode. Use `interface: co_simulation`, if the FMU has it."
+            )
     clocked = [name for name, member in members.items() if member.clocked]
     if clocked and not algorithm.is_plain:
         raise CouplingError(
@@ -136,6 +150,12 @@ class Events:
     def due(self) -> clock.Time | None:
         """When the next clock ticks [ns]."""
         return min((due for one in self.order if (due := one.due) is not None), default=None)
+
+    @property
+    def upcoming(self) -> clock.Time | None:
+        """When the next event is due, be it a tick or what a member has announced [ns]."""
+        announced = (one.event_time for one in self.order)
+        return min((time for time in (self.due, *announced) if time is not None), default=None)
 
     @property
     def ended(self) -> str:
@@ -239,8 +259,8 @@ class Events:
         for link in self._objects:
             if link.target.member == one.name:
                 source, target = link.source, link.target
-                held = self.members[source.member].slots[source.variable.name].values
-                into = one.slots[target.variable.name].values
+                held = self.members[source.member].slot(source.variable.name).values
+                into = one.slot(target.variable.name).values
                 into[target.first : target.first + target.size] = held[source.first : source.first + source.size]
 
 

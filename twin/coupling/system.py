@@ -29,7 +29,8 @@ class Connection:
 
     Or `member.terminal` to `member.terminal`. `terminals`: the connection of terminals that it is a part of.
     target = factor * source + offset, after units are converted, unless `convert` is false. `bond`: of the connections
-    with the same name, of which one brings an effort and the other one takes the flow back.
+    with the same name, of which one brings an effort and the other one takes the flow back. `hold`: the input stays what it
+    was at the begin of a step, whatever the algorithm's order.
     """
 
     source: str
@@ -40,6 +41,7 @@ class Connection:
     offset: float = 0.0
     convert: bool = True
     bond: str = ""
+    hold: bool = False
 
     @property
     def place(self) -> str:
@@ -80,6 +82,7 @@ class Link:
     offset: float = 0.0
     bond: str = ""
     terminals: str = ""
+    hold: bool = False
 
 
 def find(path: str, catalog: Catalog) -> Reference:
@@ -203,7 +206,7 @@ class System:
             if not is_real(target.variable):
                 raise CouplingError(f"{text}: factor and offset are for real numbers. Leave them out.")
             factor, offset = factor * connection.factor, offset * connection.factor + connection.offset
-        return Link(source, target, factor, offset, connection.bond, connection.terminals)
+        return Link(source, target, factor, offset, connection.bond, connection.terminals, connection.hold)
 
     def _ends(self, connection: Connection) -> tuple[Reference, Reference]:
         """What a connection connects; what is wrong with each end is told at once."""

@@ -32,7 +32,7 @@ class EventMember(ClockedMember):
         self.in_events = True  # that is what Initialization Mode leads to
 
     def _step(self, instance: int, t: float, h: float, no_return: int, *flags: int) -> int:
-        for slot in self.continuous:
+        for slot in self.free_inputs:
             if slot.has_changed:
                 self.move(slot)
         event, *_ = flags
@@ -58,8 +58,7 @@ class EventMember(ClockedMember):
         """Tell the FMU its ticks and inputs, then look at its outputs; whether it was told anything."""
         told, self._new = self._new, []
         if told:
-            references = (ctypes.c_uint * len(told))(*(one.reference for one in told))
-            self._call("fmi3SetClock", references, len(told), (ctypes.c_bool * len(told))(*(True for _ in told)))
+            self.set_clocks(told)
         has_changed = self.tell()
         self.sense()
         self.take()

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from twin.fmi.clocked import ClockedMember
-    from twin.fmi.simulate import Outcome, Plan, Sampler
+    from twin.fmi.sampling import Sampler
+    from twin.fmi.simulate import Outcome, Plan
     from twin.fmi.tables import Inputs
 
 FLAGS = 5  # words that fmi3DoStep writes: event, terminate, early return, last successful time, spare

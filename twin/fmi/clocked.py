@@ -8,8 +8,7 @@ look. A clock's value is whether it has ticked since the last communication poin
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable, Collection
-from fractions import Fraction
+from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -21,8 +20,8 @@ from twin.coupling import Access, MemberVariable
 from twin.dataclass import dataclass
 from twin.errors import FMUError, TwinError, described
 from twin.fmi import binary, values
-from twin.fmi.clocks import PERIODIC, UNCHANGED, Clock, Timer, computed
-from twin.fmi.importer import FMUMember
+from twin.fmi.clock_calls import ClockedFMU
+from twin.fmi.clocks import Clock
 
 if TYPE_CHECKING:
     from twin.fmi.tables import Inputs
@@ -57,25 +56,19 @@ class Slot:
         return not self.clocks or not self.clocks.isdisjoint(active)
 
 
-class ClockedMember(FMUMember):
-    """An FMU with clocks. Intervals that are for the importer to choose are start values of the clocks [s]."""
+class ClockedMember(ClockedFMU):
+    """An FMU with clocks for Co-Simulation or Scheduled Execution."""
 
     clocked = True
 
     def _describe(self, start_values: dict[str, Any]) -> None:
         self.slots: dict[str, Slot] = {}
-        self.continuous: list[Slot] = []  # inputs that may be set between events
-        self.discrete: list[Slot] = []  # inputs whose change is an event
+        self.free_inputs: list[Slot] = []  # inputs that may be set between events
+        self.discrete_inputs: list[Slot] = []  # inputs whose change is an event
         self.clocked_inputs: list[Slot] = []
         self.outputs: list[Slot] = []  # and whatever else is read
         self.lit: list[Slot] = []  # of the clocks that have ticked in this communication step
-        self._intervals: dict[str, float] = {}
         super()._describe(start_values)
-        told = self._unpacked.description.clocks
-        self.clocks = {one.name: one for one in told.every}
-        self.timers = {name: Timer(one) for name, one in self.clocks.items() if one.is_time_based}
-        self._clocks_of = told.of
-        self._sensed = [one for one in told.every if one.causality != "input"]
         self.can_restore = self.can_roll_back = False  # much of what it is lies in this process
         self.active: set[int] = set()  # clocks that tick in the present instant, by value reference
         self._new: list[Clock] = []  # of those, which the FMU was not told yet
@@ -87,37 +80,11 @@ class ClockedMember(FMUMember):
         self.failure: BaseException | None = None
         self._kept: list[Any] = []
 
-    # description
-
-    def _start_values(self, given: dict[str, Any]) -> dict[str, np.ndarray[Any, Any]]:
-        """Intervals of clocks, then values as of any FMU."""
-        clocks = {one.name: one for one in self._unpacked.description.clocks.every}
-        for name in [name for name in given if name in clocks]:
-            self._intervals[name] = self._interval(clocks[name], given.pop(name))
-        return super()._start_values(given)
-
-    def _interval(self, own: Clock, value: Any) -> float:
-        if not own.is_settable:
-            raise FMUError(
-                f"{self.name}: {own.name} is a {own.variability} clock of the FMU's own interval. "
-                "Give an interval only to fixed and tunable clocks that declare one."
-            )
-        seconds = values.real(value, f"{self.name}: {own.name}", np.dtype(np.float64))
-        if not 0.0 < seconds < np.inf:
-            raise FMUError(f"{self.name}: the interval {seconds:g} s of {own.name} is not positive. Give seconds.")
-        return seconds
-
     # call sequence
-
-    def enter_initialization(self, t: float, stop: float | None) -> None:
-        """Remember when the clocks begin."""
-        super().enter_initialization(t, stop)
-        self._begin = self._now = clock.nanoseconds(t)
 
     def exit_initialization(self) -> None:
         """Ask, before it ends, for first ticks and for what else may be asked only then."""
-        for name, timer in self.timers.items():
-            self._begin_timer(name, timer)
+        self.begin_timers()
         told = self._unpacked.description.clocks
         for name, variable in self.variables.items():
             clocked = variable.references[0] in self._clocks_of and variable.causality != "input"
@@ -129,29 +96,7 @@ class ClockedMember(FMUMember):
         self.is_running = True
         self.take()
 
-    def _begin_timer(self, name: str, timer: Timer) -> None:
-        """The first tick, in Initialization Mode."""
-        own = timer.own
-        if name in self._intervals:
-            timer.interval = self._set_interval(own, self._intervals[name])
-            timer.due = self._begin + own.shift
-        elif own.interval is not None and own.variability in PERIODIC:
-            timer.begin(self._begin, None)
-        else:
-            interval, qualifier = self.asked_interval(own)
-            shift = self._asked_shift(own) if own.variability in PERIODIC else 0
-            timer.begin(self._begin, interval if qualifier >= UNCHANGED else None)
-            if timer.due is not None and own.variability in PERIODIC:
-                timer.due = self._begin + shift
-        if own.variability in PERIODIC and not (timer.interval and timer.interval > 0):
-            raise FMUError(f"{self._unpacked.path}: its periodic clock {name} has no interval above 0. Export it anew.")
-
     # what `coupling.events` asks
-
-    @property
-    def due(self) -> clock.Time | None:
-        """When the next time-based clock ticks [ns]; None: no one knows of any."""
-        return min((one.due for one in self.timers.values() if one.due is not None), default=None)
 
     def due_clocks(self, now: clock.Time) -> list[str]:
         """Clocks that tick now: by time, and those that somebody let tick by hand."""
@@ -181,7 +126,9 @@ class ClockedMember(FMUMember):
         if self.event_time is not None and self.event_time <= now:
             return True
         return (
-            self.has_signalled or bool(self._waiting or self._to_tick) or any(one.has_changed for one in self.discrete)
+            self.has_signalled
+            or bool(self._waiting or self._to_tick)
+            or any(one.has_changed for one in self.discrete_inputs)
         )
 
     def found(self) -> list[str]:
@@ -269,7 +216,7 @@ class ClockedMember(FMUMember):
             return self.outputs
         if slot.clocks:
             return self.clocked_inputs
-        return self.continuous if slot.variable.variability == "continuous" else self.discrete
+        return self.free_inputs if slot.variable.variability == "continuous" else self.discrete_inputs
 
     def move(self, slot: Slot) -> None:
         """Tell the FMU an input's values, or take another variable's from it."""
@@ -326,38 +273,6 @@ class ClockedMember(FMUMember):
             raise failure
         super().check(status, what)
 
-    # clocks of the FMU
-
-    def asked_interval(self, own: Clock) -> tuple[clock.Time | None, int]:
-        """The interval [ns] until the next tick as the FMU tells it, and its qualifier."""
-        qualifier = (ctypes.c_int * 1)()
-        told = self._asked_time("Interval", own, qualifier)
-        return told, qualifier[0]
-
-    def _asked_shift(self, own: Clock) -> clock.Time:
-        return self._asked_time("Shift", own) or 0
-
-    def _asked_time(self, what: str, own: Clock, *qualifier: Any) -> clock.Time | None:
-        reference = (ctypes.c_uint * 1)(own.reference)
-        if own.tells_fractions:
-            counter, resolution = (ctypes.c_uint64 * 1)(), (ctypes.c_uint64 * 1)(1)
-            self._call(f"fmi3Get{what}Fraction", reference, 1, counter, resolution, *qualifier)
-            return clock.whole(Fraction(counter[0], resolution[0] or 1) * clock.NANOSECONDS)
-        told = (ctypes.c_double * 1)()
-        self._call(f"fmi3Get{what}Decimal", reference, 1, told, *qualifier)
-        known = not qualifier or qualifier[0][0] != 0
-        return computed(told[0], f"{self.name}: {own.name}", self._now) if known else None
-
-    def _set_interval(self, own: Clock, seconds: float) -> clock.Time:
-        self._call("fmi3SetIntervalDecimal", (ctypes.c_uint * 1)(own.reference), 1, (ctypes.c_double * 1)(seconds))
-        return clock.nanoseconds(seconds, f"{self.name}: {own.name}")
-
-    def is_ticking(self, own: Clock) -> bool:
-        """Whether a clock of the FMU ticks."""
-        answer = ctypes.c_bool()
-        self._call("fmi3GetClock", (ctypes.c_uint * 1)(own.reference), 1, ctypes.byref(answer))
-        return answer.value
-
     def sense(self) -> None:
         """Find the FMU's own clocks that tick."""
         for own in self._sensed:
@@ -374,18 +289,11 @@ class ClockedMember(FMUMember):
 
     def tell(self) -> bool:
         """Tell the FMU the inputs that have changed and can be set while these clocks tick; whether there were any."""
-        inputs = (*self.continuous, *self.discrete, *self.clocked_inputs)
+        inputs = (*self.free_inputs, *self.discrete_inputs, *self.clocked_inputs)
         changed = [one for one in inputs if one.has_changed and one.is_open(self.active)]
         for slot in changed:
             self.move(slot)
         return bool(changed)
-
-    def reschedule(self, now: clock.Time, ticked: Collection[int]) -> None:
-        """Ask, at the end of an event, when those clocks tick that the FMU lets tick."""
-        for timer in self.timers.values():
-            own = timer.own
-            if timer.is_asked and (own.variability != "changing" or own.reference in ticked):
-                timer.told(now, *self.asked_interval(own))
 
     def follow(self, inputs: Inputs) -> Callable[[float], None]:
         """Take inputs and ticks from a table, as `clock_simulate` does."""

@@ -89,6 +89,8 @@ class FMUMember(Member):
             suggested = self.default_experiment.step_size if unpacked.fmi == "2.0" else None
             self.period_ns = declarations.period(self.fixed_step, suggested, where)
         self.notes += unpacked.notes
+        if description.clocks.every and not self.capabilities["hasEventMode"]:
+            self.notes.append("has clocks that never tick, since it has no Event Mode")
         self.identity = {
             "kind": "fmu",
             "fmi": unpacked.fmi,

@@ -34,12 +34,19 @@ def member(
     `solver` and `tolerance`: of Model Exchange.
     """
     if interface not in INTERFACES:
-        raise FMUError(f"interface {interface!r} is not known. {nearest(interface, [one for one in INTERFACES if one])}")
+        raise FMUError(
+            f"interface {interface!r} is not known. {nearest(interface, [one for one in INTERFACES if one])}"
+        )
     with share(path, INTERFACES[interface]) as unpacked:
         if unpacked.interface == "ModelExchange":
             from twin.fmi.exchange import ExchangeMember
 
-            return ExchangeMember(name, path, start_values, solver=solver, tolerance=tolerance, **options)
+            made = ExchangeMember
+            if unpacked.description.clocks.every:
+                from twin.fmi.clock_exchange import ClockedExchangeMember
+
+                made = ClockedExchangeMember
+            return made(name, path, start_values, solver=solver, tolerance=tolerance, **options)
         if solver or tolerance:
             word = "solver" if solver else "tolerance"
             advice = "Use interface model_exchange" if unpacked.description.has_exchange else "Leave it out"

@@ -184,6 +184,7 @@ def read(fmi: str, root: Any, tag: str = "CoSimulation") -> Model:
     if tag == "ScheduledExecution":  # it makes no steps, and is in Event Mode when partitions run, so to speak
         model.capabilities |= dict.fromkeys(("canHandleVariableCommunicationStepSize", "hasEventMode"), True)
     elif tag == "ModelExchange":
+        model.capabilities["hasEventMode"] = fmi == "3.0"
         model.continuous = continuous(fmi, root, elements, bare)
         model.capabilities["canHandleVariableCommunicationStepSize"] = True  # a solver chooses its steps
     elif model.capabilities["providesDirectionalDerivatives"]:

@@ -8,7 +8,7 @@ from twin import clock
 from twin.component import PythonComponent, catalog
 from twin.coupling import cannot_go_back, trial, unfaithful
 from twin.errors import TwinError
-from twin.fmi import FMUMember
+from twin.fmi import member as made_of
 from twin.scenario import members
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def refused(name: str, path: str, case: Case, found: Catalog) -> str:
     """Why somebody's FMU does not go back; empty if it does, or need not."""
     member = None
     try:
-        member = FMUMember(name, path, case.values(name, found[name]))
+        member = made_of(name, path, case.values(name, found[name]))
         if member.period_ns:
             return ""
         if not member.can_roll_back:

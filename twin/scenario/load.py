@@ -189,6 +189,7 @@ def case_of(name: str, keys: ScenarioKeys, tree: Node, base: ScenarioKeys, made:
             one.offset,
             one.convert,
             one.bond,
+            one.hold,
         )
         for i, one in enumerate(keys.connections)
         if one.source

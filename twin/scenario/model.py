@@ -159,7 +159,7 @@ class ConnectionKeys(Keys):
     """`servo.position -> sheath.gripper_position`; from `null` disconnects what a patch inherits.
 
     `factor`, `offset`: target = factor * source + offset, after units are converted, unless `convert` is false. `bond`:
-    the name of the power bond that this connection and one back are.
+    the name of the power bond that this connection and one back are. `hold`: the input is held over each step.
     """
 
     source: Reference | None = Field(alias="from")
@@ -168,6 +168,7 @@ class ConnectionKeys(Keys):
     offset: Annotated[float, Field(allow_inf_nan=False)] = 0.0
     convert: bool = True
     bond: Text = ""
+    hold: bool = False
 
 
 class EventKeys(Keys):

@@ -110,6 +110,7 @@ class ConnectionSpec:
     offset: float = 0.0
     convert: bool = True
     bond: str = ""
+    hold: bool = False
 
 
 @dataclass(frozen=True)
@@ -225,7 +226,7 @@ class Case:
         return System(
             catalog,
             [
-                Connection(one.source, one.target, one.where, "", one.factor, one.offset, one.convert, one.bond)
+                Connection(one.source, one.target, one.where, "", one.factor, one.offset, one.convert, one.bond, one.hold)
                 for one in self.connections
             ],
         )

@@ -52,7 +52,7 @@ def driven(case: Case, catalog: Catalog, signals: Sequence[str]) -> Case:
     TwinError if one of them is read by nothing.
     """
     connections = [
-        ConnectionSpec(one.source, one.target, one.where, one.factor, one.offset, one.convert, one.bond)
+        ConnectionSpec(one.source, one.target, one.where, one.factor, one.offset, one.convert, one.bond, one.hold)
         for one in case.system(catalog).single()[0]
     ]
     members = dict(case.members)

@@ -32,13 +32,14 @@ class HeartPhase(Component):
                            source="chosen: two misses in a row are bridged")
     tolerance = parameter(0.12, "", "part of a beat by which a regular wave may be early or late", minimum=0.0,
                           source="chosen: 5 % of variability and the jitter; ectopic beats are earlier by 0.2 to 0.5")
-    regular_waves = parameter(2, "", "regular waves in a row before the phase is valid", type=Int64, minimum=1,
+    regular_waves = parameter(3, "", "regular waves in a row before the phase is valid", type=Int64, minimum=1,
                               source="chosen: an ectopic beat and its pause are over then")
     seed = parameter(18, "", "seed of the jitter; give every noisy member its own", type=Int64, fixed=True,
                      source="arbitrary")
 
     last_beats = local(0.0, "", "true beats at the last step")
     last_wave = local(0.0, "s", "when the last wave was, as far as was found")
+    last_interval = local(0.0, "s", "between the last two waves")
     beat = local(1.0, "s", "period of the beats before")
     pending = local(0.0, "s", "when the next wave will be reported; negative: none")
     pending_wave = local(0.0, "s", "its time")
@@ -50,6 +51,7 @@ class HeartPhase(Component):
         self.last_beats = self.beats
         self.last_wave = -(self.beats - floor(self.beats)) / self.rate
         self.beat = 1.0 / self.rate
+        self.last_interval = 0.0
         self.pending = -1.0
         self.pending_wave = 0.0
         self.waves = 0
@@ -80,18 +82,24 @@ def take_wave(self: HeartPhase) -> None:
 
     Waves that were missed are counted in.
     """
-    interval = self.pending_wave - self.last_wave
-    passed = max(floor(interval / self.beat + 0.5), 1.0)
+    passed = max(floor((self.pending_wave - self.last_wave) / self.beat + 0.5), 1.0)
+    interval = (self.pending_wave - self.last_wave) / passed
     news = 1.0 / (self.waves + 1.0)  # the first waves count for more: the mean of what there is
-    predicted = self.last_wave + passed * self.beat
-    if abs(self.pending_wave - predicted) <= self.tolerance * self.beat:
+    allowed = self.tolerance * self.beat
+    late = passed * (interval - self.beat)
+    if abs(late) <= allowed:
         self.regular += 1
-        self.beat += max(0.2, news) * (interval / passed - self.beat)
-        self.last_wave = predicted + max(0.5, news) * (self.pending_wave - predicted)
-    else:
-        # an ectopic beat says little of the rate; a new rate, beat by beat, does
-        self.regular = 0
-        self.beat += max(0.05, news) * (interval / passed - self.beat)
+        self.beat += max(0.2, news) * (interval - self.beat)
+        self.last_wave = self.pending_wave - (1.0 - max(0.5, news)) * late
+    elif abs(interval - self.last_interval) <= allowed:
+        # as long as the one before: the rate has changed
+        self.regular += 1
+        self.beat = interval
         self.last_wave = self.pending_wave
+    else:
+        self.regular = 0
+        self.beat += news * (interval - self.beat)
+        self.last_wave = self.pending_wave
+    self.last_interval = interval
     self.pending = -1.0
     self.waves += 1

@@ -2,11 +2,14 @@
 
 from math import cos, floor, pi, sin, sqrt
 
-from twin.component import Component, Int64, local, output, parameter, seed_stream, terminal, uniform
+from twin.component import Boolean, Component, Int64, local, output, parameter, seed_stream, terminal, uniform
 
 HARMONICS = 7
 WAVES = 8
 SLOWEST, FASTEST = 0.01, 0.08  # [Hz] of the rate's wander: below respiration
+PRIME = 2147483647
+QS2, QS2_SLOPE = 0.546, 0.126  # [s], [s^2]: electromechanical systole 546 ms - 2.1 ms per beat/min, Weissler 1968, recalled
+SYSTOLE = 0.71  # middle of systole in the beat of eq. (4)
 SWEEP = 0.1  # part of a beat in which an ectopic one ends the beat before
 
 
@@ -14,7 +17,7 @@ class Heart(Component):
     """Motion of the heart wall along the instrument: seven harmonics of the heart rate.
 
     Al-Ahmad et al. (RACS), eq. (4). As printed it moves 10.65 mm peak to peak, the text says about 12 mm.
-    A wandering rate, respiration and ectopic beats are off unless asked for; all is known in closed form.
+    Whatever makes it alive, a rate that wanders, respiration, beats out of time, is off unless asked for.
     """
 
     position = output("m", "wall position, positive away from the instrument", display_unit="mm")
@@ -53,6 +56,21 @@ class Heart(Component):
     ectopic_coupling = parameter(0.65, "", "part of a beat after which an ectopic one comes", minimum=0.3, maximum=0.8,
                                  fixed=True, source="estimate: 0.5 to 0.8; a full compensatory pause follows")
 
+    ectopic_share = parameter(0.0, "", "part of the beats that are ectopic, at random", minimum=0.0, maximum=0.3, fixed=True,
+                              source="0: the paper's; 0.001 in the healthy, to 0.1 with heart disease, estimate")
+    irregularity = parameter(0.0, "", "standard deviation of a beat's length as part of it, from beat to beat", minimum=0.0,
+                             maximum=0.25, fixed=True,
+                             source="0: the paper's; at rest about 0.03, in atrial fibrillation about 0.2, estimate")
+    ramp = parameter(0.0, "Hz", "change of the rate over `ramp_time`", fixed=True, source="0: the paper's")
+    ramp_begin = parameter(0.0, "s", "time at which it begins", fixed=True, source="chosen by the experiment")
+    ramp_time = parameter(10.0, "s", "time that it takes", minimum=0.1, fixed=True, source="chosen by the experiment")
+    drift = parameter(0.0, "m/s", "speed at which the patient moves on the table", display_unit="mm/min",
+                      source="0: the paper's; a few mm in a procedure, estimate")
+    systole_by_rate = parameter(False, "", "whether systole takes its own time: a larger part of a faster beat", type=Boolean,
+                                fixed=True, source="false: the paper's")
+
+    beat = local(0, "", "beat for which the stretch below is", type=Int64)
+    systole_stretch = local(0.0, "", "by how much systole is faster in this beat than in one of 1 Hz")
     wave_rate = local(0.0, "Hz", "rates of the waves that make the wander", shape=(WAVES,))
     wave_phase = local(0.0, "rad", "their phases", shape=(WAVES,))
     stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
@@ -68,13 +86,16 @@ class Heart(Component):
             self.wave_phase[k] = 2.0 * pi * uniform(self.stream)
         self.last_rate = self.rate
         self.lead = 0.0
+        self.beat = -1
 
     def derivatives(self, t: float) -> None:
-        self.lead -= 2.0 * pi * (self.rate - self.last_rate) * t
-        self.last_rate = self.rate
+        if self.rate != self.last_rate:
+            self.lead -= 2.0 * pi * (self.rate - self.last_rate) * wandered(self, t)
+            self.last_rate = self.rate
         get_ahead(self, t)
-
         self.beats = self.rate * t + self.ahead / (2.0 * pi)
+        if self.systole_by_rate:
+            shape(self)
 
         x = 0.0
         v = 0.0
@@ -98,8 +119,20 @@ class Heart(Component):
         turn = 2.0 * pi * self.respiration_rate
         breath = self.respiration * sin(turn * t)
         breath_speed = self.respiration * turn * cos(turn * t)
-        self.position = self.offset + self.scale * part * x + part * breath
-        self.velocity = self.scale * (part * v + change * x) + part * breath_speed + change * breath
+        self.position = self.offset + self.scale * part * x + part * breath + self.drift * t
+        self.velocity = self.scale * (part * v + change * x) + part * breath_speed + change * breath + self.drift
+
+
+def wandered(self: Heart, t: float) -> float:
+    """Time by which the beat would be where it is if it did not wander [s]: a change of the rate counts from it on."""
+    turn = 2.0 * pi * self.respiration_rate
+    total = t + self.sinus_arrhythmia / turn * sin(turn * t)
+    if self.wander > 0.0:
+        size = self.wander * sqrt(2.0 / WAVES)
+        for k in range(WAVES):
+            w = 2.0 * pi * self.wave_rate[k]
+            total += size / w * (sin(w * t + self.wave_phase[k]) - sin(self.wave_phase[k]))
+    return total
 
 
 def get_ahead(self: Heart, t: float) -> None:
@@ -116,11 +149,64 @@ def get_ahead(self: Heart, t: float) -> None:
     if self.sinus_arrhythmia > 0.0:
         self.pace += self.sinus_arrhythmia * cos(turn * t)
         self.ahead += 2.0 * pi * self.rate * self.sinus_arrhythmia / turn * sin(turn * t)
+    if self.ramp != 0.0:
+        s = min(max((t - self.ramp_begin) / self.ramp_time, 0.0), 1.0)
+        after = max(t - self.ramp_begin - self.ramp_time, 0.0)
+        self.pace += self.ramp * s / max(self.rate, 1e-6)
+        self.ahead += 2.0 * pi * self.ramp * (0.5 * self.ramp_time * s * s + after)
+    if self.ectopic_share > 0.0:
+        # of three beats the second may be early, and the third makes up for it
+        beats = self.rate * t + self.ahead / (2.0 * pi)
+        block = floor(beats / 3.0)
+        if chance(self.seed, block) < 3.0 * self.ectopic_share:
+            u = beats - 3.0 * block - 1.0
+            self.ahead += 2.0 * pi * early(u, self.ectopic_coupling)
+            self.pace *= stretch(u, self.ectopic_coupling)
+    if self.irregularity > 0.0:
+        jolt(self, self.rate * t + self.ahead / (2.0 * pi))
     if self.ectopic_every > 0:
         beats = self.rate * t + self.ahead / (2.0 * pi)
         u = beats - floor(beats / self.ectopic_every) * self.ectopic_every - self.ectopic_every + 2.0
         self.ahead += 2.0 * pi * early(u, self.ectopic_coupling)
         self.pace *= stretch(u, self.ectopic_coupling)
+
+
+def chance(seed: int, n: int) -> float:
+    """A number from 0 to 1 that belongs to the n-th beat: known without those before it."""
+    x = (seed % PRIME + (n % PRIME) * 69069) % PRIME
+    x = (x * x + n % PRIME) % PRIME
+    x = (x * 48271 + seed % PRIME) % PRIME
+    x = (x * x + 12345) % PRIME
+    return x / PRIME
+
+
+def jolt(self: Heart, beats: float) -> None:
+    """Move each R wave by chance, and stretch the beats between them; at the waves the pace is the mean one."""
+    size = sqrt(6.0) * self.irregularity  # uniform shifts of both ends
+    n = floor(beats)
+    if beats < n + size * (chance(self.seed, n) - 0.5):
+        n -= 1
+    elif beats >= n + 1 + size * (chance(self.seed, n + 1) - 0.5):
+        n += 1
+    begin = n + size * (chance(self.seed, n) - 0.5)
+    whole = n + 1 + size * (chance(self.seed, n + 1) - 0.5) - begin
+    s = (beats - begin) / whole
+    bent = s * (whole + s * ((3.0 - 3.0 * whole) + s * (2.0 * whole - 2.0)))
+    self.ahead += 2.0 * pi * (n + bent - beats)
+    self.pace *= 1.0 + s * ((6.0 - 6.0 * whole) + s * (6.0 * whole - 6.0)) / whole
+
+
+def shape(self: Heart) -> None:
+    """Give systole its own time: what is left of a faster beat is less diastole. Each beat keeps the stretch it began with."""
+    n = floor(self.beats)
+    if n != self.beat:
+        rate = max(self.rate * self.pace, 0.1)
+        part = min(max((QS2 - QS2_SLOPE * rate) * rate, 0.1), 0.8)
+        self.systole_stretch = pi * ((QS2 - QS2_SLOPE) - part) / sin(pi * part)
+        self.beat = n
+    place = 2.0 * pi * (self.beats - n - SYSTOLE)
+    self.ahead += self.systole_stretch * (sin(place) + sin(2.0 * pi * SYSTOLE))
+    self.pace *= 1.0 + self.systole_stretch * cos(place)
 
 
 def early(u: float, coupling: float) -> float:

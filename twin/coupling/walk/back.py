@@ -13,7 +13,7 @@ from twin.coupling.walk.sweep import DONE_WITH, KEPT, TAKEN_BACK
 from twin.errors import CouplingError, SimulationError
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping
+    from collections.abc import Collection, Iterable, Iterator, Mapping
 
     from twin.coupling.algorithms import Algorithm
     from twin.coupling.member import Member, MemberVariable
@@ -38,7 +38,7 @@ def refuse(algorithm: Algorithm, members: Mapping[str, Member], slow: Collection
 def cannot_go_back(name: str, algorithm: Algorithm) -> str:
     """That a member does not go back, and what can be done."""
     others = alternatives(algorithm)
-    return f"{name}: cannot go back to the begin of a step, which {algorithm} needs. Use {others}, or give it a period."
+    return f"{name}: cannot go back to the begin of a step, which {algorithm} needs. Use {others}, or give it a longer `communication_step`."
 
 
 def unfaithful(name: str, wrong: str, algorithm: Algorithm) -> str:
@@ -124,14 +124,15 @@ class Held(list[str]):
 class Logs:
     """The logs of members whose steps may be taken back."""
 
-    def __init__(self, members: Mapping[str, Member]) -> None:
+    def __init__(self, members: Iterable[Member]) -> None:
         self.pending = np.zeros(1, np.int64)  # whether anything is held: the walk looks at it
         self.is_stepping = False
         self._lines: list[tuple[Held, str]] = []
         self._marks: dict[int, int] = {}
         self._teller = machine.ACCESS(self._told)
-        for member in members.values():
-            member.log = Held(member.log, self)
+        for member in members:
+            outer = member.log.outer if isinstance(member.log, Held) else member.log  # of an earlier run
+            member.log = Held(outer, self)
 
     def tell(self, state: Any) -> None:
         """Tell the loop's record whom to call."""

@@ -15,15 +15,27 @@ from typing import Any
 from twin.compiler import read64, read_float, write_float, write_float32
 from twin.coupling.walk.fields import (
     ARRIVED,
+    BEFORE,
+    BEGIN,
+    CURVATURE,
+    END,
     EXTRAPOLATED,
+    FINAL,
+    FIRST,
     GUESSED,
     HELD,
+    LAST,
+    LEFT,
+    NODES,
     SHARE,
+    SLOPE,
     TO_GUESS,
+    USES,
+    VALUE,
 )
 
-CATEGORY = 6 * 4 * 8  # byte of the weights of extrapolated courses; those of interpolated ones follow
-USE = 4 * 8
+CATEGORY = USES * NODES * 8  # byte of the weights of extrapolated courses; those of interpolated ones follow
+USE = NODES * 8
 
 
 def basis(place: int, order: int, s0: float, s1: float, s2: float) -> None:
@@ -52,7 +64,7 @@ def polynomial(place: int, p: float, q: float, divisor: float) -> None:
 
 def weigh(place: int, polynomials: int, h: float, smoothing: float) -> None:
     """Weights of all uses from the polynomials of the nodes."""
-    for i in range(4):
+    for i in range(NODES):
         a, b, c = smoothing, -smoothing, 0.0
         if i < 3:
             a = read_float(polynomials + 24 * i)
@@ -62,14 +74,14 @@ def weigh(place: int, polynomials: int, h: float, smoothing: float) -> None:
         mean, final = a + b / 2.0 + c / 3.0, a + b + c
         at = place + 8 * i
         write_float(at, mean)
-        write_float(at + USE, (mean - SHARE * final) / (1.0 - SHARE))
-        write_float(at + 2 * USE, final)
-        write_float(at + 3 * USE, a)
-        write_float(at + 4 * USE, b / h)
-        write_float(at + 5 * USE, 2.0 * c / (h * h))
-    for use in range(6):  # the first one is what they add up to: what stays constant is met to the bit
+        write_float(at + FIRST * USE, (mean - SHARE * final) / (1.0 - SHARE))
+        write_float(at + FINAL * USE, final)
+        write_float(at + VALUE * USE, a)
+        write_float(at + SLOPE * USE, b / h)
+        write_float(at + CURVATURE * USE, 2.0 * c / (h * h))
+    for use in range(USES):  # the first one is what they add up to: what stays constant is met to the bit
         total = 1.0
-        if use > 3:
+        if use >= SLOPE:
             total = 0.0
         write_float(place + USE * use, total)
 
@@ -104,17 +116,17 @@ def fed(self: Any, now: int, course: int, source: int, weights: int) -> float:
     """What an input is given; `now`, `course`: addresses of its element."""
     span = 8 * self.elements
     if source == HELD:
-        return read_float(now + 2 * span)
+        return read_float(now + BEGIN * span)
     if source == GUESSED:
-        return read_float(now + span)
+        return read_float(now + END * span)
     if source == ARRIVED:
         return read_float(now)
     if source == EXTRAPOLATED:
-        return value(weights, now + 2 * span, course, course + span, course + 2 * span)
+        return value(weights, now + BEGIN * span, course, course + BEFORE * span, course + LAST * span)
     end = now
     if source == TO_GUESS:
-        end = now + span
-    return value(weights, end, now + 2 * span, course, course + 2 * span)
+        end = now + END * span
+    return value(weights, end, now + BEGIN * span, course, course + LAST * span)
 
 
 def feed(self: Any, row: int, count: int) -> None:
@@ -124,7 +136,7 @@ def feed(self: Any, row: int, count: int) -> None:
         course, source, target = read64(row + 8), read64(row + 16), read64(row + 32)
         found = fed(self, read64(row), course, source, read64(row + 24))
         if self.correction > 0.0:
-            found += read_float(course + 3 * span)
+            found += read_float(course + LEFT * span)
         if read64(row + 40) == 0:
             write_float(target, found)
         else:
@@ -135,7 +147,7 @@ def feed(self: Any, row: int, count: int) -> None:
 def predict(self: Any, target: int) -> None:
     """Write where each course, extrapolated, would end."""
     span = 8 * self.elements
-    now, course, final = self.vectors, self.course, self.weights + 2 * USE
+    now, course, final = self.vectors, self.course, self.weights + FINAL * USE
     for i in range(self.elements):
         at, past = now + 8 * i, course + 8 * i
-        write_float(target + 8 * i, value(final, at + 2 * span, past, past + span, past + 2 * span))
+        write_float(target + 8 * i, value(final, at + BEGIN * span, past, past + BEFORE * span, past + LAST * span))

@@ -11,13 +11,14 @@ INTEGERS = (
     "bonds", "bond_count",  # elements of power bonds
     "keeps", "keep_count", "states", "state_count",  # what is kept in order to go back
     "elements", "vectors", "course", "past", "weights", "solver",  # memory, see below
-    "order", "recalls", "most", "scheme", "control", "trial", "strict",  # options; `recalls`: earlier points; `trial`: steps are taken back
+    "order", "recalls", "most", "scheme", "control", "trial", "strict",  # `recalls`: earlier points; `trial`: goes back
     "looked",  # connections were asked at the end of the last step, and nothing has changed since
-    "inside", "position", "divisions", "stride", "least", "passed",  # place in the tick, next step, smallest: in divisions
-    "refused",
+    "inside", "position", "divisions", "stride",  # in a tick, where, of how many parts, and the next step, in such
+    "least", "passed", "refused",  # smallest step that is tried, that was made, and who made no smaller one
     "back", "limited", "off", "ending", "over",  # `limited`: to `until`; `off`: begins at `now`, between two divisions
     "hasty", "hasty_count",  # of the fixed-step loop: flags, step [s], member of those that may come back early
-    "pending", "teller", "jacobian", "derives", "learned",
+    "pending", "teller",  # whether a log line waits, and who is told what becomes of it
+    "jacobian", "derives", "learned",  # there is one; members are asked for it; sizes are known from a trial step
     "sweeps", "accepted", "rejected", "missed", "missed_tick", "unsolved", "unsolved_tick",  # counts, first ticks
 )  # fmt: skip
 FLOATS = (
@@ -25,12 +26,13 @@ FLOATS = (
     "tolerance", "agreement", "floor", "smoothing", "relaxation", "linear_at", "correction",
 )  # fmt: skip
 
-# `vectors`: five of `elements` Float64 each, never taken back
-NOW, END, BEGIN, SEEN, SCALE = range(
-    5
-)  # what connections give, guess for the end, begin of the step, compared, largest
-# `course`: three more, which are; behind them `past`: number of earlier points, and the two gaps to them [s]
-EARLIER, BEFORE, LAST, LEFT = range(4)  # begin of the last step, of that before, where its course ended, power owed
+# `vectors`: five of `elements` Float64 each, never taken back:
+# what connections give, guess for the end, begin of the step, what is compared, largest
+NOW, END, BEGIN, SEEN, SCALE = range(5)
+
+# `course`: four more, which are; behind them `past`: number of earlier points, and the two gaps to them [s]
+# begin of the last step, of that before, where its course ended, what a bond is owed
+EARLIER, BEFORE, LAST, LEFT = range(4)
 PAST = 3  # words
 
 # what an input is fed
@@ -46,7 +48,7 @@ SCHEMES = ("relaxed", "aitken", "anderson", "newton")
 RELAXED, AITKEN, ANDERSON, NEWTON = range(4)
 DEPTH = 4  # earlier iterations that Anderson's method looks at
 
-FIXED, DOUBLING, PREDICTED, ENERGY = range(4)
+FIXED, DOUBLING, PREDICTED = range(3)
 
 # columns
 STAGE = ("links", "direct", "gets", "parts", "part_count")  # the first three: addresses of operations

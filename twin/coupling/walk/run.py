@@ -6,7 +6,7 @@ from typing import Any
 
 from twin.compiler import read64, read_float, write_float
 from twin.coupling.loop import DONE, FAILED, FINISHED, FULL, NOTICED, beyond, record
-from twin.coupling.walk.fields import DOUBLING, EARLY, FIXED, UNSOLVED
+from twin.coupling.walk.fields import DOUBLING, EARLY, FIXED, SCALE, SEEN, UNSOLVED
 from twin.coupling.walk.solve import attempt, size_of
 from twin.coupling.walk.sweep import DONE_WITH, bring_back, keep, periodic, tell, transfer
 
@@ -85,7 +85,7 @@ def cross(self: Any) -> int:
             return int(self.status)
         status = 0
         if self.control == DOUBLING:
-            status = paired(self, t, h)
+            status = paired(self, t, h, stride <= self.least)
         else:
             status = attempt(self, t, h, 0)
         if status == UNSOLVED and (self.control == FIXED or stride <= self.least):
@@ -131,7 +131,7 @@ def measure(self: Any) -> None:
     """Keep the largest values that connections gave."""
     for j in range(self.moving_count):
         now = self.vectors + 8 * read64(self.moving + 8 * j)
-        scale, size = now + 32 * self.elements, abs(read_float(now))
+        scale, size = now + 8 * SCALE * self.elements, abs(read_float(now))
         if size > read_float(scale) and size < HUGE:
             write_float(scale, size)
 
@@ -164,18 +164,28 @@ def accept(self: Any, stride: int) -> None:
         self.off = 0
 
 
-def paired(self: Any, t: float, h: float) -> int:
-    """One step, then two halves, which stay; what connections give at the end of both can be compared."""
-    status = attempt(self, t, h, 1)
-    if status > 1:
-        return status
-    transfer(self.vectors, self.vectors + 24 * self.elements, self.elements)
-    if bring_back(self, 0) > 1:
-        return int(self.status)
-    status = attempt(self, t, h / 2.0, 1)
-    if status > 1:
-        return status
-    return attempt(self, t + h / 2.0, h / 2.0, 1)
+def paired(self: Any, t: float, h: float, is_least: bool) -> int:
+    """One step, then two halves, which stay; what connections give at the end of both can be compared.
+
+    Steps that stay unsolved are made all the same if they cannot be shorter.
+    """
+    unsolved = 0
+    for part in range(3):
+        begin, length = t, h
+        if part > 0:
+            length = h / 2.0
+        if part == 2:
+            begin = t + length
+        status = attempt(self, begin, length, 1)
+        if status == UNSOLVED and is_least:
+            unsolved = UNSOLVED
+        elif status > 1:
+            return status
+        if part == 0:
+            transfer(self.vectors, self.vectors + 8 * SEEN * self.elements, self.elements)
+            if bring_back(self, 0) > 1:
+                return int(self.status)
+    return unsolved
 
 
 def judge(self: Any, stride: int) -> int:
@@ -193,7 +203,7 @@ def judge(self: Any, stride: int) -> int:
     for j in range(self.judged_count):
         i = read64(self.judged + 8 * j)
         now = self.vectors + 8 * i
-        found = abs(read_float(now + 24 * self.elements) - read_float(now)) / divisor
+        found = abs(read_float(now + 8 * SEEN * self.elements) - read_float(now)) / divisor
         ratio = found / (self.tolerance * size_of(self, i))
         if not (ratio <= largest):
             largest = ratio

@@ -13,7 +13,19 @@ from typing import Any
 
 from twin.compiler import read64, read_float, write_float
 from twin.coupling.walk.course import predict, prepare
-from twin.coupling.walk.fields import AITKEN, ANDERSON, ASKING, DEPTH, FIXED, NEWTON, PREDICTED, UNSOLVED
+from twin.coupling.walk.fields import (
+    AITKEN,
+    ANDERSON,
+    ASKING,
+    DEPTH,
+    END,
+    FIXED,
+    NEWTON,
+    PREDICTED,
+    SCALE,
+    SEEN,
+    UNSOLVED,
+)
 from twin.coupling.walk.linear import factorize, substitute
 from twin.coupling.walk.sweep import begin, bring_back, end, keep, look, move, sweep, transfer
 
@@ -32,7 +44,7 @@ def attempt(self: Any, t: float, h: float, slot: int) -> int:
     if self.recalls != 0:
         prepare(self, h)
         if self.control == PREDICTED:
-            predict(self, self.vectors + 24 * self.elements)
+            predict(self, self.vectors + 8 * SEEN * self.elements)
     status = 0
     if self.most == 0:
         status = sweep(self, t, h)
@@ -52,7 +64,7 @@ def attempt(self: Any, t: float, h: float, slot: int) -> int:
 def size_of(self: Any, i: int) -> float:
     """What an element is compared with: its largest value until now, and no less than the floor."""
     now, span = self.vectors + 8 * i, 8 * self.elements
-    return float(max(read_float(now + 4 * span), abs(read_float(now)), self.floor))
+    return float(max(read_float(now + SCALE * span), abs(read_float(now)), self.floor))
 
 
 def difference(self: Any, place: int) -> float:
@@ -61,7 +73,7 @@ def difference(self: Any, place: int) -> float:
     for j in range(self.torn_count):
         i = read64(self.torn + 8 * j)
         now = self.vectors + 8 * i
-        found = read_float(now) - read_float(now + span)
+        found = read_float(now) - read_float(now + END * span)
         write_float(place + 8 * j, found)
         ratio = abs(found) / (self.agreement * size_of(self, i))
         if not (ratio <= largest):
@@ -71,7 +83,7 @@ def difference(self: Any, place: int) -> float:
 
 def solve(self: Any, t: float, h: float, slot: int) -> int:
     """Iterate; UNSOLVED if the connections do not agree after the last iteration, which stays then."""
-    predict(self, self.vectors + 8 * self.elements)
+    predict(self, self.vectors + 8 * END * self.elements)
     last, relaxation = 0.0, self.relaxation
     for k in range(self.most):
         if k > 0:
@@ -112,7 +124,7 @@ def step_by(self: Any, place: int, factor: float) -> None:
     """Change the guesses by a multiple of a vector over the torn connections."""
     span = 8 * self.elements
     for j in range(self.torn_count):
-        guess = self.vectors + 8 * read64(self.torn + 8 * j) + span
+        guess = self.vectors + 8 * read64(self.torn + 8 * j) + END * span
         write_float(guess, read_float(guess) + factor * read_float(place + 8 * j))
 
 
@@ -154,11 +166,11 @@ def anderson(self: Any, k: int) -> None:
     if k > 0:
         slot = 8 * m * ((k - 1) % DEPTH)
         for j in range(m):
-            guess = self.vectors + 8 * read64(self.torn + 8 * j) + span
+            guess = self.vectors + 8 * read64(self.torn + 8 * j) + END * span
             write_float(changes_f + slot + 8 * j, read_float(f + 8 * j) - read_float(f_last + 8 * j))
             write_float(changes_x + slot + 8 * j, read_float(guess) - read_float(x_last + 8 * j))
     for j in range(m):
-        guess = self.vectors + 8 * read64(self.torn + 8 * j) + span
+        guess = self.vectors + 8 * read64(self.torn + 8 * j) + END * span
         write_float(x_last + 8 * j, read_float(guess))
     transfer(f, f_last, m)
     n = min(k, DEPTH)
@@ -197,7 +209,7 @@ def linearize(self: Any, t: float, h: float, slot: int) -> int:
         write_float(base + 8 * j, read_float(self.vectors + 8 * read64(self.torn + 8 * j)))
     for j in range(m):
         i = read64(self.torn + 8 * j)
-        guess = self.vectors + 8 * i + span
+        guess = self.vectors + 8 * i + END * span
         before = read_float(guess)
         change = CHANGE * max(size_of(self, i), abs(before))
         write_float(guess, before + change)

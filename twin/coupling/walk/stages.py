@@ -52,8 +52,9 @@ class Element:
 
     @property
     def is_continuous(self) -> bool:
-        """Whether it has a course between two points: neither end is declared to jump."""
-        return all(end.variable.variability == "continuous" for end in (self.link.source, self.link.target))
+        """Whether it has a course between two points: no end is declared to jump, nor it to be held."""
+        ends = self.link.source, self.link.target
+        return not self.link.hold and all(end.variable.variability == "continuous" for end in ends)
 
     def is_judged(self, predicted: bool) -> bool:
         """Whether its error decides on the length of steps: what jumps tells nothing, nor what nobody had to predict."""

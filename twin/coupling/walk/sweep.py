@@ -15,8 +15,8 @@ from twin.compiler import (
     write_float,
 )
 from twin.coupling.loop import convert, copy
-from twin.coupling.walk.course import feed, value
-from twin.coupling.walk.fields import EARLY
+from twin.coupling.walk.course import USE, feed, value
+from twin.coupling.walk.fields import BEFORE, BEGIN, EARLY, FINAL, LAST, LEFT
 
 KEPT, TAKEN_BACK, DONE_WITH = range(3)  # what the logs are told
 ROUNDING = 1e-12  # part of a step by which a member may miss its end
@@ -164,24 +164,24 @@ def tell(self: Any, what: int, slot: int) -> None:
 def begin(self: Any) -> None:
     """The step begins at what connections give now."""
     vectors, span = self.vectors, 8 * self.elements
-    transfer(vectors, vectors + 2 * span, self.elements)
+    transfer(vectors, vectors + BEGIN * span, self.elements)
 
 
 def end(self: Any, h: float) -> None:
     """A step of h is made: its begin becomes an earlier point."""
     vectors, course, past, span = self.vectors, self.course, self.past, 8 * self.elements
-    mean, final = self.weights, self.weights + 64
+    mean, final = self.weights, self.weights + FINAL * USE
     if self.smoothing > 0.0:
         for i in range(self.elements):
-            at, own = vectors + 8 * i + 2 * span, course + 8 * i
-            write_float(own + 2 * span, value(final, at, own, own + span, own + 2 * span))
+            at, own = vectors + 8 * i + BEGIN * span, course + 8 * i
+            write_float(own + LAST * span, value(final, at, own, own + BEFORE * span, own + LAST * span))
     for j in range(self.bond_count):
         now, own = vectors + 8 * read64(self.bonds + 8 * j), course + 8 * read64(self.bonds + 8 * j)
-        at = now + 2 * span
-        owed = (read_float(at) + read_float(now)) / 2.0 - value(mean, at, own, own + span, own + 2 * span)
-        write_float(own + 3 * span, self.correction * owed)
-    transfer(course, course + span, self.elements)
-    transfer(vectors + 2 * span, course, self.elements)
+        at = now + BEGIN * span
+        owed = (read_float(at) + read_float(now)) / 2.0 - value(mean, at, own, own + BEFORE * span, own + LAST * span)
+        write_float(own + LEFT * span, self.correction * owed)
+    transfer(course, course + BEFORE * span, self.elements)
+    transfer(vectors + BEGIN * span, course, self.elements)
     write_float(past + 16, read_float(past + 8))
     write_float(past + 8, h)
     write64(past, min(2, read64(past) + 1))

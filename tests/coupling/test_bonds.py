@@ -1,0 +1,61 @@
+"""What is a power bond, and what is not."""
+
+import numpy as np
+import pytest
+
+from twin.coupling import Connection, MemberVariable, System, TerminalMember
+from twin.coupling.bonds import bonds
+from twin.errors import CouplingError
+
+
+def variable(name, causality, unit, terminal=""):
+    places = (TerminalMember(terminal, name),) if terminal else ()
+    return MemberVariable(name, causality, "continuous", "Float64", np.dtype(np.float64), unit=unit, terminals=places)
+
+
+def system(effort, flow, connections, terminal=""):
+    """Two members, one of which answers to a flow with an effort."""
+    catalog = {
+        "a": {"e": variable("e", "input", effort, terminal), "f": variable("f", "output", flow, terminal)},
+        "b": {"e": variable("e", "output", effort, terminal), "f": variable("f", "input", flow, terminal)},
+        "c": {"f": variable("f", "input", flow)},
+    }
+    return System(catalog, connections).links()
+
+
+BOTH = [Connection("a.f", "b.f", bond="one"), Connection("b.e", "a.e", bond="one")]
+
+
+@pytest.mark.parametrize(
+    ("effort", "flow"),
+    [("N", "mm/s"), ("N", "m"), ("mmHg", "mL/s"), ("Pa", "m^3"), ("N*m", "rad/s"), ("N*mm", "deg"), ("V", "A")],
+)
+def test_what_gives_a_power_or_an_energy_is_one(effort, flow):
+    found = bonds(system(effort, flow, BOTH))
+    assert [(link.source.key, link.target.key) for link in found["one"]] == [
+        (("a", "f"), ("b", "f")),
+        (("b", "e"), ("a", "e")),
+    ]
+
+
+def test_a_connection_of_terminals_is_one_by_itself():
+    found = bonds(system("N", "m/s", [Connection("a.flange", "b.flange")], terminal="flange"))
+    assert list(found) == ["a.flange -> b.flange"]
+    assert bonds(system("N", "K", [Connection("a.flange", "b.flange")], terminal="flange")) == {}, "signals, then"
+
+
+@pytest.mark.parametrize(
+    ("connections", "units", "message"),
+    [
+        (BOTH, ("N", "K"), r"bond one: a.f \[K\] and b.e \[N\] give no power. Declare it at a force and a velocity"),
+        (BOTH[:1], ("N", "m"), "bond one: goes one way only, from a. Declare it at a connection back, too"),
+        (
+            [*BOTH, Connection("a.f", "c.f", bond="one")],
+            ("N", "m"),
+            "bond one: is between more than two members: a, b, c. Give every pair a name of its own",
+        ),
+    ],
+)
+def test_what_is_declared_and_is_none_is_told(connections, units, message):
+    with pytest.raises(CouplingError, match=message):
+        bonds(system(*units, connections))
