@@ -336,7 +336,7 @@ def test_what_follows_from_time_alone_is_shown_at_the_end(build, tmp_path):
     def look(fmu, t):
         found.append((t, fmu.outputs()))
 
-    watched = Watched(unpacked(heart, build, tmp_path), heart, ["position", "velocity"], look)
+    watched = Watched(unpacked(heart, build, tmp_path), heart, ["position", "velocity", "beats"], look)
     reference = heart()
     reference.start()
     watched.fmu.step(0.0, 0.35)

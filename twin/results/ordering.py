@@ -40,7 +40,7 @@ def margin_text(one: Expectation) -> str:
 
 
 def by_seed(one: Expectation, figures: list[Figure]) -> str:
-    """The seeds at which the order holds, and those at which it does not; nothing if there is but one."""
+    """The seeds at which the order holds, and those at which it does not; nothing if it holds at all of them."""
     seeds = [seed for seed in figures[0].values if all(seed in figure.values for figure in figures)]
     if len(seeds) < 2:
         return ""
@@ -52,13 +52,14 @@ def by_seed(one: Expectation, figures: list[Figure]) -> str:
             for before, after in itertools.pairwise(values)
         )
 
-    return f" {told(seeds, [seed for seed in seeds if not holds(seed)])}"
+    broken = [seed for seed in seeds if not holds(seed)]
+    return f" {told(seeds, broken)}" if broken else ""
 
 
 def told(seeds: list[int], broken: list[int]) -> str:
     """`It holds at seeds 1, 2, not at 3.`"""
     right = [str(seed) for seed in seeds if seed not in broken]
     wrong = [str(seed) for seed in broken]
-    if not wrong or not right:
-        return f"It holds at {'every' if right else 'no'} seed: {', '.join(right or wrong)}."
+    if not right:
+        return f"It holds at no seed: {', '.join(wrong)}."
     return f"It holds at seed{'s' * (len(right) > 1)} {', '.join(right)}, not at {', '.join(wrong)}."
