@@ -30,7 +30,9 @@ if TYPE_CHECKING:
     "--no-import", is_flag=True, help="Import no Python: check what the file and its FMUs tell by themselves."
 )
 @click.option(
-    "--coupling", is_flag=True, help="Also say whether algorithm and step are stable; compiles components, runs to half."
+    "--coupling",
+    is_flag=True,
+    help="Also say whether algorithm and step are stable; compiles components, runs to half.",
 )
 def command(
     files: tuple[str, ...], overrides: tuple[str, ...], hardware_file: Path | None, no_import: bool, coupling: bool

@@ -75,7 +75,9 @@ class Bar:
 )
 @click.option("--start-time", metavar="S", help="[default: as the FMU suggests, or 0]")
 @click.option("--stop-time", metavar="S", help="[default: as the FMU suggests, or 1 s later]")
-@click.option("--step-size", metavar="S", help="Such as 0.001 or 1/30. [default: as the FMU suggests, or at least 500 steps]")
+@click.option(
+    "--step-size", metavar="S", help="Such as 0.001 or 1/30. [default: as the FMU suggests, or at least 500 steps]"
+)
 @click.option("--output-interval", metavar="S", help="Time between rows. [default: the step size]")
 @click.option(
     "--record",
@@ -151,7 +153,10 @@ def command(
     if shown:
         summarize(outcome.results)
     rows = outcome.results.times
-    say(f"{target}: {len(rows)} rows, {clock.seconds(rows[0]):g} s to {clock.seconds(rows[-1]):g} s" + " (replaced)" * replaced)
+    say(
+        f"{target}: {len(rows)} rows, {clock.seconds(rows[0]):g} s to {clock.seconds(rows[-1]):g} s"
+        + " (replaced)" * replaced
+    )
     if outcome.interrupted:
         raise KeyboardInterrupt
     if outcome.failure:

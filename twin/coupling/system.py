@@ -258,7 +258,9 @@ def check_items(source: MemberVariable, target: MemberVariable, text: str) -> No
     if wrong:
         name, number = wrong[0]
         other = f"is {known[name]}" if name in known else f"is not there: there are {', '.join(known)}"
-        raise CouplingError(f"{text}: `{name}` is {number} in the source, and {other} in the target. Convert it between.")
+        raise CouplingError(
+            f"{text}: `{name}` is {number} in the source, and {other} in the target. Convert it between."
+        )
 
 
 def is_real(variable: MemberVariable) -> bool:

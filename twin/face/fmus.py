@@ -97,7 +97,11 @@ def table_of(results: Results) -> pd.DataFrame:
         name: values.astype(np.bool_) if variable.type in ("Boolean", "Clock") else values
         for name, variable, values in results.columns()
     }
-    return frame(np.array([clock.seconds(time) for time in results.times]), values, {name: one.unit for name, one, _ in results.columns()})
+    return frame(
+        np.array([clock.seconds(time) for time in results.times]),
+        values,
+        {name: one.unit for name, one, _ in results.columns()},
+    )
 
 
 def table(given: Any, member: FMUMember) -> Any:

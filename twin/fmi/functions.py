@@ -36,8 +36,6 @@ class Callbacks(ctypes.Structure):
     )
 
 
-
-
 class EventInfo(ctypes.Structure):
     """fmi2EventInfo: what fmi2NewDiscreteStates tells."""
 

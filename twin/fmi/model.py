@@ -199,7 +199,11 @@ def continuous(fmi: str, root: Any, elements: list[Any], bare: list[Declared]) -
     if fmi == "2.0":
         known, key, path = dict(enumerate(bare, 1)), "index", "ModelStructure/Derivatives/Unknown"
     else:
-        known, key, path = {one.reference: one for one in bare}, "valueReference", "ModelStructure/ContinuousStateDerivative"
+        known, key, path = (
+            {one.reference: one for one in bare},
+            "valueReference",
+            "ModelStructure/ContinuousStateDerivative",
+        )
     of = {one.name: element for one, element in zip(bare, elements, strict=True)}
     states, derivatives = [], []
     for element in root.iterfind(path):
@@ -208,7 +212,11 @@ def continuous(fmi: str, root: Any, elements: list[Any], bare: list[Declared]) -
         holder = of[derivative.name] if fmi == "3.0" else next(iter(of[derivative.name].iterfind("Real")), element)
         states.append(named(holder.get("derivative"), known, f"{place}: {derivative.name!r}, derivative").reference)
         derivatives.append(derivative.reference)
-    told = None if interface is None else interface.get("needsCompletedIntegratorStep" if fmi == "3.0" else "completedIntegratorStepNotNeeded")
+    told = (
+        None
+        if interface is None
+        else interface.get("needsCompletedIntegratorStep" if fmi == "3.0" else "completedIntegratorStepNotNeeded")
+    )
     return Continuous(
         tuple(states), tuple(derivatives), whole(root.get("numberOfEventIndicators")) or 0,
         (told in TRUE) == (fmi == "3.0"),

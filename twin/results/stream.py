@@ -84,7 +84,13 @@ class Journal:
             for (member, name), first, one in layout.columns
         ]
         calls = {str(address): call for address, call in layout.calls.items()}
-        self.layout = {"begin": layout.begin, "step": layout.step, "per_second": layout.per_second, "words": layout.words, "columns": columns}
+        self.layout = {
+            "begin": layout.begin,
+            "step": layout.step,
+            "per_second": layout.per_second,
+            "words": layout.words,
+            "columns": columns,
+        }
         self.add(rows=number, **self.layout, calls=calls)
         return self.folder / f"{number}.rows", self.folder / f"{number}.position"
 

@@ -90,7 +90,11 @@ def algorithm(value: Any) -> Algorithm | None:
     given = {"name": value} if isinstance(value, str) else {"name": "jacobi", **value}
     if given["name"] not in (known := [one.name for one in Algorithm]):
         raise ValueError(f"`{short(given['name'])}` is not known.{nearest(str(given['name']), known)}")
-    readers: dict[str, Callable[[Any], Any]] = {**dict.fromkeys(RATIOS, fraction), "smallest": positive, "scales": sizes}
+    readers: dict[str, Callable[[Any], Any]] = {
+        **dict.fromkeys(RATIOS, fraction),
+        "smallest": positive,
+        "scales": sizes,
+    }
     try:
         return Algorithm({key: readers.get(key, raw)(one) for key, one in given.items()})  # type: ignore[no-any-return]
     except CouplingError as error:

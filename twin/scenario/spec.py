@@ -226,7 +226,9 @@ class Case:
         return System(
             catalog,
             [
-                Connection(one.source, one.target, one.where, "", one.factor, one.offset, one.convert, one.bond, one.hold)
+                Connection(
+                    one.source, one.target, one.where, "", one.factor, one.offset, one.convert, one.bond, one.hold
+                )
                 for one in self.connections
             ],
         )

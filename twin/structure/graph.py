@@ -101,7 +101,9 @@ class Structure:
         return picture.standalone(drawn) if alone else drawn
 
 
-def structure(simulated: CoSimulation, components: Mapping[str, str], connections: Iterable[tuple[str, str]]) -> Structure:
+def structure(
+    simulated: CoSimulation, components: Mapping[str, str], connections: Iterable[tuple[str, str]]
+) -> Structure:
     """What a co-simulation is like; `components`: what its members are made of, for people, by name.
 
     `connections`: as they are written, terminals whole; nothing is initialized or stepped.
