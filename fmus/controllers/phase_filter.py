@@ -1,6 +1,6 @@
 """Phase, rate and shape of a motion that repeats: an extended Kalman filter with colored error, and a profile over the phase.
 
-    y = o + c + R(phi),   R = r sin(phi) + sum for i = 2..4 of a_i sin(i phi) + b_i cos(i phi) + profile(phi)
+    y = o + p + c + R(phi),   R = r sin(phi) + sum for i = 2..4 of a_i sin(i phi) + b_i cos(i phi) + profile(phi)
     d phi / dt = w,   c fades with its time constant, w is drawn to its usual value, all else stands still, but for noise
 
 Parker and Anderson, Frequency tracking of nonsinusoidal periodic signals in noise, Signal Processing 20(2), 1990, have
@@ -16,32 +16,37 @@ from typing import Any
 from twin.component import Component, local, parameter
 
 HARMONICS = 4
-PHASE, RATE, OFFSET, COLOR, FIRST = 0, 1, 2, 3, 4
+PHASE, RATE, OFFSET, BREATH, QUADRATURE, COLOR, FIRST = 0, 1, 2, 3, 4, 5, 6
 N = FIRST + 1 + 2 * (HARMONICS - 1)
 BINS = 200  # of the profile: 5 ms at one beat a second
 REACH = 15  # bins to either side that one sample teaches
+FARTHEST = 1e3  # no rate [rad/s] is larger, no place [m], no variance
 BIN = 2.0 * pi / BINS  # [rad]
 
 
 class PhaseFilter(Component):
     """Mean and covariance of the filter, and the profile."""
 
-    rate_walk = parameter(0.03, "Hz", "deviation that the heart rate gains in a second", minimum=0.0,
-                          source="5 % of 1.3 Hz within ten seconds: 0.05 1.3 (2 / 10)^0.5")  # fmt: skip
+    rate_walk = parameter(0.05, "Hz", "deviation that the heart rate gains in a second", minimum=0.0,
+                          source="seeds 1 to 5, flat from 0.03 to 0.1; a wander of 5 % within ten seconds is 0.03")  # fmt: skip
     phase_walk = parameter(0.05, "rad", "deviation that the phase gains in a second", minimum=0.0,
                            source="beats that differ by 0.8 % of their length")  # fmt: skip
-    offset_walk = parameter(1e-3, "m", "deviation that the offset gains in a second", display_unit="mm", minimum=0.0,
-                            source="chosen: respiration moves the heart by millimeters in a second")  # fmt: skip
-    amplitude_walk = parameter(0.1e-3, "m", "deviation that an amplitude gains in a second", display_unit="mm", minimum=0.0,
-                               source="as in heart_motion: amplitudes change by a tenth in ten seconds")  # fmt: skip
-    color = parameter(0.4e-3, "m", "standard deviation of the colored error", display_unit="mm", minimum=1e-6,
-                      source="estimate: a third of what friction and play hide, 1 mm each")  # fmt: skip
-    color_time = parameter(0.1, "s", "time in which it fades", minimum=1e-3,
-                           source="estimate: the gripper crosses the play in about a tenth of a beat")  # fmt: skip
-    learning = parameter(0.3, "", "part of an error that the profile takes over in one beat", minimum=0.0, maximum=1.0,
-                         source="chosen: nine tenths in seven beats, noise down to two fifths")  # fmt: skip
-    kernel = parameter(3.0, "", "bins over which a sample is spread", minimum=0.5, maximum=6.0,
-                       source="chosen: 15 ms at one beat a second, as long as the loop's delay")  # fmt: skip
+    offset_walk = parameter(0.15e-3, "m", "deviation that the offset gains in a second", display_unit="mm", minimum=0.0,
+                            source="seeds 1 to 5: a patient who shifts by a millimeter in a minute")  # fmt: skip
+    breath_walk = parameter(0.2e-3, "m", "deviation that respiration gains in a second", display_unit="mm", minimum=0.0,
+                            source="seeds 1 to 5, flat to 0.3: breaths differ by a fraction of a millimeter")  # fmt: skip
+    breath_rate = parameter(0.25, "Hz", "usual rate of respiration", minimum=0.05, maximum=0.5,
+                            source="a ventilator's 12 to 18 breaths a minute")  # fmt: skip
+    amplitude_walk = parameter(0.02e-3, "m", "deviation that an amplitude gains in a second", display_unit="mm", minimum=0.0,
+                               source="seeds 1 to 5: what changes is the profile's to learn")  # fmt: skip
+    color = parameter(0.3e-3, "m", "standard deviation of the colored error", display_unit="mm", minimum=1e-6,
+                      source="estimate: as much as the sensor's noise over the stiffness")  # fmt: skip
+    color_time = parameter(0.03, "s", "time in which it fades", minimum=1e-3,
+                           source="estimate: the gripper crosses friction and play in 30 ms")  # fmt: skip
+    learning = parameter(0.8, "", "part of an error that the profile takes over in one beat", minimum=0.0, maximum=1.0,
+                         source="seeds 1 to 5, flat from 0.5 to 1: nine tenths in two beats")  # fmt: skip
+    kernel = parameter(4.0, "", "bins over which a sample is spread", minimum=0.5, maximum=6.0,
+                       source="seeds 1 to 5, flat from 3 to 6: 20 ms at one beat a second, the loop's delay")  # fmt: skip
 
     mean = local(0.0, "", "phase, rate, offset, colored error, amplitudes", shape=(N,))
     covariance = local(0.0, "", "of the same", shape=(N, N))
@@ -69,10 +74,16 @@ def profile_at(self: PhaseFilter, phase: float) -> float:
 
 def required(self: PhaseFilter, phase: float) -> float:
     """R at a phase [m]: where the gripper has to be, but for the offset."""
-    y = self.mean[FIRST] * sin(phase) + profile_at(self, phase)
+    s = sin(phase)
+    c = cos(phase)
+    y = self.mean[FIRST] * s + profile_at(self, phase)
+    s_i = s
+    c_i = c
     for i in range(1, HARMONICS):
-        angle = (i + 1) * phase
-        y += self.mean[FIRST + 2 * i - 1] * sin(angle) + self.mean[FIRST + 2 * i] * cos(angle)
+        s_next = s_i * c + c_i * s
+        c_i = c_i * c - s_i * s
+        s_i = s_next
+        y += self.mean[FIRST + 2 * i - 1] * s_i + self.mean[FIRST + 2 * i] * c_i
     return y
 
 
@@ -84,6 +95,8 @@ def begin_filter(self: PhaseFilter, fitted: Any, trend: int, rate: float) -> Non
     self.mean[OFFSET] = 0.0
     for i in range(trend):
         self.mean[OFFSET] += fitted[i]
+    self.mean[BREATH] = 0.0
+    self.mean[QUADRATURE] = 0.0
     self.mean[COLOR] = 0.0
     self.mean[FIRST] = hypot(fitted[trend], fitted[trend + 1])
     for i in range(1, HARMONICS):
@@ -95,12 +108,14 @@ def begin_filter(self: PhaseFilter, fitted: Any, trend: int, rate: float) -> Non
     for i in range(N):
         for j in range(N):
             self.covariance[i, j] = 0.0
-        deviation = 0.5e-3
+
+        # little doubt of the amplitudes: while the gripper begins to move, the play would else be taken for another beat
+        deviation = 0.25e-3
         if i == PHASE:
             deviation = 0.2
         elif i == RATE:
             deviation = 2.0 * pi * 0.05
-        elif i == OFFSET:
+        elif i in (OFFSET, BREATH, QUADRATURE):
             deviation = 2e-3
         elif i == COLOR:
             deviation = self.color
@@ -114,10 +129,22 @@ def predict(self: PhaseFilter, h: float) -> None:
     if self.mean[PHASE] > 2.0 * pi:
         self.mean[PHASE] -= 2.0 * pi
     self.mean[COLOR] *= keep
+    turn = 2.0 * pi * self.breath_rate * h
+    c = cos(turn)
+    s = sin(turn)
+    p = self.mean[BREATH]
+    self.mean[BREATH] = c * p + s * self.mean[QUADRATURE]
+    self.mean[QUADRATURE] = c * self.mean[QUADRATURE] - s * p
     for j in range(N):
+        p = self.covariance[BREATH, j]
+        self.covariance[BREATH, j] = c * p + s * self.covariance[QUADRATURE, j]
+        self.covariance[QUADRATURE, j] = c * self.covariance[QUADRATURE, j] - s * p
         self.covariance[PHASE, j] += h * self.covariance[RATE, j]
         self.covariance[COLOR, j] *= keep
     for i in range(N):
+        p = self.covariance[i, BREATH]
+        self.covariance[i, BREATH] = c * p + s * self.covariance[i, QUADRATURE]
+        self.covariance[i, QUADRATURE] = c * self.covariance[i, QUADRATURE] - s * p
         self.covariance[i, PHASE] += h * self.covariance[i, RATE]
         self.covariance[i, COLOR] *= keep
         walk = self.amplitude_walk
@@ -127,6 +154,8 @@ def predict(self: PhaseFilter, h: float) -> None:
             walk = 2.0 * pi * self.rate_walk
         elif i == OFFSET:
             walk = self.offset_walk
+        elif i in (BREATH, QUADRATURE):
+            walk = self.breath_walk
         elif i == COLOR:
             walk = self.color * ((1.0 - keep * keep) / h) ** 0.5
         self.covariance[i, i] += walk * walk * h
@@ -137,12 +166,16 @@ def look(self: PhaseFilter) -> tuple[float, float]:
     phase = self.mean[PHASE]
     s = sin(phase)
     c = cos(phase)
-    y = self.mean[OFFSET] + self.mean[COLOR] + self.mean[FIRST] * s + profile_at(self, phase)
+    y = self.mean[OFFSET] + self.mean[BREATH] + self.mean[COLOR] + self.mean[FIRST] * s + profile_at(self, phase)
     self.slope[OFFSET] = 1.0
+    self.slope[BREATH] = 1.0
+    self.slope[QUADRATURE] = 0.0
     self.slope[COLOR] = 1.0
     self.slope[RATE] = 0.0
     self.slope[FIRST] = s
-    turn = self.mean[FIRST] * c + (profile_at(self, phase + 2.0 * BIN) - profile_at(self, phase - 2.0 * BIN)) / (4.0 * BIN)
+    turn = self.mean[FIRST] * c + (profile_at(self, phase + 2.0 * BIN) - profile_at(self, phase - 2.0 * BIN)) / (
+        4.0 * BIN
+    )
     s_i = s
     c_i = c
     for i in range(1, HARMONICS):
@@ -187,5 +220,21 @@ def learn(self: PhaseFilter, rest: float, h: float) -> None:
     share = min(rate * abs(self.mean[RATE]) * h / BIN / width, 1.0)
     for k in range(-REACH, REACH + 1):
         away = (below + k - place) / self.kernel
-        bin = (int(below) + k + BINS) % BINS
-        self.profile[bin] += share * exp(-0.5 * away * away) * rest
+        met = (int(below) + k + BINS) % BINS
+        self.profile[met] += share * exp(-0.5 * away * away) * rest
+
+
+def healthy(self: PhaseFilter) -> bool:
+    """Whether mean and covariance are numbers that mean something; comparisons with what is none are false."""
+    good = True
+    for i in range(N):
+        good = good and abs(self.mean[i]) < FARTHEST and 0.0 <= self.covariance[i, i] < FARTHEST
+    return good
+
+
+def renew(self: PhaseFilter, i: int, deviation: float) -> None:
+    """What was known of one part of the state holds no more."""
+    for j in range(N):
+        self.covariance[i, j] = 0.0
+        self.covariance[j, i] = 0.0
+    self.covariance[i, i] = deviation * deviation
