@@ -36,14 +36,18 @@ def paper(*, err: bool = False) -> Console:
     """Where tables and colors are printed: a terminal wraps, a file or a pipe gets whole lines, to be searched."""
     from rich.console import Console
     from rich.segment import Segment
+    from rich.text import Text
 
     class Paper(Console):
         """Prints texts as they are; of what controls a terminal, only its own."""
 
         def render(self, renderable, options=None):  # type: ignore[no-untyped-def] # noqa: ANN001, ANN202
-            """What is printed, piece by piece."""
+            """What is printed, piece by piece; a text's own line breaks are seen, those of wrapping it break lines."""
+            if isinstance(renderable, Text) and not renderable.plain.isprintable():
+                renderable = Text(printable(renderable.plain), renderable.style, end=renderable.end)
             for one in super().render(renderable, options):
-                yield one if one.control or one.text == "\n" else Segment(printable(one.text), one.style)
+                lines = one.text.split("\n")
+                yield one if one.control else Segment("\n".join(map(printable, lines)), one.style)
 
     stream = sys.stderr if err else sys.stdout
     return Paper(file=stream, markup=False, emoji=False, highlight=False, width=None if stream.isatty() else UNLIMITED)

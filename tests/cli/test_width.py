@@ -1,0 +1,39 @@
+"""Tables and texts in a narrow terminal: nothing is lost where lines are broken, and nothing from outside breaks them."""
+
+from __future__ import annotations
+
+import io
+
+from rich.table import Table
+from rich.text import Text
+
+from twin.cli.terminal import paper
+
+WORDS = "one two three four five six seven eight nine ten eleven twelve"
+
+
+def printed(what: object, width: int = 24) -> list[str]:
+    console = paper()
+    console.file, console.width = io.StringIO(), width
+    console.print(what)
+    return [line.rstrip() for line in console.file.getvalue().splitlines()]
+
+
+def test_cells_are_wrapped_and_whole() -> None:
+    table = Table()
+    table.add_column("a title that is longer than its column", overflow="fold")
+    table.add_column("b")
+    table.add_row(Text(WORDS), Text("y"))
+    text = " ".join(printed(table)).replace("│", " ").replace("┃", " ")
+    assert " ".join(text.split()).count("nine ten eleven twelve".partition(" ")[0]) == 1
+    for word in (*WORDS.split(), "longer", "column"):
+        assert word in text.split()
+
+
+def test_a_text_is_wrapped_at_words() -> None:
+    assert printed(WORDS)[:2] == ["one two three four five", "six seven eight nine ten"]
+
+
+def test_breaks_from_outside_are_seen() -> None:
+    assert printed(Text("a\nb\x1b[31m"), 80) == [r"a\nb\x1b[31m"]
+    assert printed("name\nerror: forged", 80) == [r"name\nerror: forged"]
