@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from tests.fmi.third_party import NATIVE, NATIVE_XML, native_fmu
+from tests.fmi.third_party import NATIVE_XML, native_fmu
+from tests.run.endings import MODES, SOURCE
 from twin.errors import ScenarioError
 from twin.run import run_scenario
 from twin.scenario import parse_scenario
 
 TALKING = (
-    NATIVE.replace(
+    SOURCE.replace(
         "void (*log)(void *, int, const char *, const char *); } Instance;",
         "void (*log)(void *, int, const char *, const char *); bool talks; } Instance;",
         1,
@@ -46,3 +47,17 @@ def test_nobody_is_asked_to_talk(scenario, tmp_path, build):
 def test_who_is_not_there(scenario, tmp_path):
     with pytest.raises(ScenarioError, match=r"--log tnk: there is no member `tnk`. Did you mean 'tank'"):
         run_scenario(scenario, root=tmp_path, logged=["tnk"])
+
+
+def test_cases_after_one_that_ended_its_process_are_heard_too(tmp_path, command_line, build):
+    native_fmu(tmp_path, NATIVE_XML, TALKING)
+    (tmp_path / "s.yaml").write_text(
+        "stop_time: 400 ms\nstep: 100 ms\nmembers: {pump: {component: Native.fmu}}\n"
+        f"variants: {{dies: {{members: {{pump: {{parameters: {{mode: {MODES['exit']}}}}}}}}}, lives: {{}}}}\n"
+    )
+    words = ["run", "s.yaml", "--build", str(build), "--no-report", "--log", "pump", "--half-step"]
+    done = command_line.run(words, tmp_path)
+    assert done.returncode == 1
+    told = [line for line in done.stderr.splitlines() if line.endswith(": a step")]
+    assert [line.partition(",")[0] for line in told] == ["dies"] * 4 + ["lives"] * 4
+    assert "note: --half-step was left out, since the process that ran the scenario had died" in done.stderr

@@ -80,27 +80,16 @@ def command(
     """
     from twin import compiler
 
+    part, is_c = bool(members or named), target == "c"
+    refuse_together(as_ssp, part, is_c, sources, needs_python, bool(platforms), line_directives)
     if as_ssp:
-        if members or named or target == "c" or sources or line_directives:
-            raise TwinError("--ssp is for all of a scenario: drop --members, --group, --target and --sources.")
         platforms = tuple(PLATFORMS) if "all" in platforms else platforms
         write_ssp(what, variant or "", fmi or "2.0", platforms, needs_python, output, force, build)
         return
     fmi = fmi or "3.0"
-    if target == "c" and sources:
-        raise TwinError("--sources is for FMUs: --target c writes the C anyway. Drop one of them.")
-    if needs_python and (target == "c" or sources or platforms):
-        raise TwinError("--needs-python makes an FMU of Python: drop --target c, --sources and --platform.")
-    if target != "c" and line_directives:
-        raise TwinError("--line-directives is for C. Add --target c.")
     cls = component(what, members, named, variant)
-    if target == "c":
-        from twin.compiler import library
-
-        name, targets = compiler.model_name(cls), tuple(library.TRIPLES)
-        paths = library.export(cls, name, output or Path(name), build, targets, force, line_directives=line_directives)
-        for path in paths:
-            say(f"{path}: {path.stat().st_size / 1000:.0f} kB")
+    if is_c:
+        write_c(cls, output, build, force, line_directives)
         return
     path = output or Path(f"{compiler.model_name(cls)}.fmu")
     if path.exists() and not force:
@@ -114,6 +103,33 @@ def command(
         return
     exporter.export(cls, fmi, path, build, tuple(PLATFORMS) if "all" in platforms else platforms, sources=sources)
     say(f"{path}: FMI {fmi}, {path.stat().st_size / 1000:.0f} kB, {time.perf_counter() - begin:.1f} s")
+
+
+def refuse_together(
+    as_ssp: bool, part: bool, is_c: bool, sources: bool, needs_python: bool, platforms: bool, line_directives: bool
+) -> None:
+    """Options that mean nothing together."""
+    if as_ssp:
+        if part or is_c or sources or line_directives:
+            raise TwinError("--ssp is for all of a scenario: drop --members, --group, --target and --sources.")
+        return
+    if is_c and sources:
+        raise TwinError("--sources is for FMUs: --target c writes the C anyway. Drop one of them.")
+    if needs_python and (is_c or sources or platforms):
+        raise TwinError("--needs-python makes an FMU of Python: drop --target c, --sources and --platform.")
+    if not is_c and line_directives:
+        raise TwinError("--line-directives is for C. Add --target c.")
+
+
+def write_c(cls: type[Component], output: Path | None, build: Path, force: bool, line_directives: bool) -> None:
+    """The C of a component with its libraries."""
+    from twin import compiler
+    from twin.compiler import library
+
+    name, targets = compiler.model_name(cls), tuple(library.TRIPLES)
+    paths = library.export(cls, name, output or Path(name), build, targets, force, line_directives=line_directives)
+    for path in paths:
+        say(f"{path}: {path.stat().st_size / 1000:.0f} kB")
 
 
 def write_ssp(

@@ -17,6 +17,8 @@ from twin.process import supervise
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from rich.progress import Progress
+
     from twin.run import Hardware, Outcome
 
 ENGINE = Path(__file__).parents[1]
@@ -109,23 +111,23 @@ def command(
     twin run scenarios/heart_wall_force.yaml --variant PI --seed 1 --set heart.rate="1.4 Hz"
     twin run scenarios/heart_wall_force.yaml --hardware hw_bridge/benches/simulated_force.yaml
     """
-    if (trace is not None or replay is not None) and hardware_file is None:
-        raise click.UsageError("--trace and --replay are of a bus: name it with --hardware.")
-    if trace is not None and replay is not None:
-        raise click.UsageError("Use --trace or --replay: what was recorded is not recorded again.")
-    if half_step and hardware_file is not None:
-        raise click.UsageError("--half-step repeats a run, which drives on a bus do not. Drop one of them.")
+    refuse_together(hardware_file is not None, trace is not None, replay is not None, half_step)
     link = supervise(timeout)  # from here on in a process of its own, before anything heavy is imported
     with late.beside(partial(revision.ask, ENGINE)):
         from twin.run import resume, run_scenario
         from twin.scenario import Form, checked
 
-    options: dict[str, Any] = {"build": build, "report": not no_report, "link": link}
+    display = progress_display(file.stem, not as_json)
+    options: dict[str, Any] = {
+        "build": build, "report": not no_report, "link": link, "logged": logged, "hear": display.hear,
+    }  # fmt: skip
     if link.attempt:
-        with progress_display(file.stem, not as_json) as progress:
+        with display as progress:
             outcome = resume(
                 Path(link.kept["resume"]), Form(form), progress=progress, others=hardware_file is None, **options
             )
+        if half_step:
+            say("note: --half-step was left out, since the process that ran the scenario had died", err=True)
     else:
         finish_others(runs)
         if hardware_file is None:
@@ -138,7 +140,7 @@ def command(
 
             scenario = load_scenario(file, overrides)
             hardware = load_hardware(hardware_file, arm, build, trace, replay)
-        display = progress_display(scenario.title, not as_json)
+        display.title = scenario.title
         with display as progress:
             outcome = run_scenario(
                 scenario,
@@ -150,14 +152,27 @@ def command(
                 hardware=hardware,
                 needed=() if as_json else SHOWN_WITH,
                 half_step=half_step,
-                logged=logged,
-                hear=display.hear,
                 **options,
             )
+    told(outcome, as_json, not no_report)
+
+
+def refuse_together(on_drives: bool, trace: bool, replay: bool, half_step: bool) -> None:
+    """Options that mean nothing together."""
+    if (trace or replay) and not on_drives:
+        raise click.UsageError("--trace and --replay are of a bus: name it with --hardware.")
+    if trace and replay:
+        raise click.UsageError("Use --trace or --replay: what was recorded is not recorded again.")
+    if half_step and on_drives:
+        raise click.UsageError("--half-step repeats a run, which drives on a bus do not. Drop one of them.")
+
+
+def told(outcome: Outcome, as_json: bool, report: bool) -> None:
+    """Print what came out, and leave with the exit code that says it."""
     if as_json:
         click.echo((outcome.folder / "summary.json").read_text(), nl=False)
     else:
-        show(outcome, not no_report)
+        show(outcome, report)
     if outcome.run.status == "interrupted":
         sys.exit(130)
     if not outcome.passed:
@@ -193,9 +208,9 @@ class progress_display:  # noqa: N801 - used like a function
     def __init__(self, title: str, shown: bool) -> None:
         self.title, self.shown = title, shown
         self.case = ""
+        self.bar: Progress | None = None
 
     def __enter__(self) -> Callable[[str, float], None]:
-        self.bar = None
         if self.shown and sys.stderr.isatty():
             self.bar = bar(err=True)
             self.bar.start()

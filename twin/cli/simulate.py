@@ -148,20 +148,25 @@ def command(
                 say(f"log: {line}", err=True)
     replaced = output is None and target.exists()
     tables.write(outcome.results, target)
-    for note in outcome.notes:
-        say(f"note: {fmu.stem}: {note}", err=True)
-    if shown:
-        summarize(outcome.results)
-    rows = outcome.results.times
-    say(
-        f"{target}: {len(rows)} rows, {clock.seconds(rows[0]):g} s to {clock.seconds(rows[-1]):g} s"
-        + " (replaced)" * replaced
-    )
+    told(fmu.stem, outcome.notes, outcome.results, target, replaced, in_full=shown is not None)
     if outcome.interrupted:
         raise KeyboardInterrupt
     if outcome.failure:
         hint = "" if show_log or member.log or link.attempt else " Use --log to see what it logs."
         raise SimulationError(f"{outcome.failure}{hint} What was recorded until then is in {target}.")
+
+
+def told(name: str, notes: list[str], results: Results, target: Path, replaced: bool, in_full: bool) -> None:
+    """Print what was simulated and where it lies."""
+    for note in notes:
+        say(f"note: {name}: {note}", err=True)
+    if in_full:
+        summarize(results)
+    rows = results.times
+    say(
+        f"{target}: {len(rows)} rows, {clock.seconds(rows[0]):g} s to {clock.seconds(rows[-1]):g} s"
+        + " (replaced)" * replaced
+    )
 
 
 def parsed(start_values: tuple[str, ...]) -> dict[str, str]:

@@ -15,10 +15,12 @@ from twin.results import Ending, Journal, Stream, column_of
 from twin.results import recording as results
 from twin.results import stream as streams
 from twin.run.cases import Outcome, Progress, analyzed, note, prepare, silent
-from twin.run.work import ABOUT, Work
+from twin.run.work import ABOUT, Work, unheard
 from twin.scenario import Form
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
     from twin.scenario import Case
 
 
@@ -31,12 +33,18 @@ def resume(
     progress: Progress = silent,
     report: bool = True,
     others: bool = False,
+    logged: Sequence[str] = (),
+    hear: Callable[[str], object] = unheard,
 ) -> Outcome:
-    """Finish a run whose process died, from its recording. `others`: first run the cases that had not begun."""
+    """Finish a run whose process died, from its recording. `others`: first run the cases that had not begun.
+
+    `logged` and `hear` as of `run_scenario`.
+    """
     journal = Journal(folder)
     journal.own(link.owners)
     recorded = streams.read(folder)
     work = restored(recorded, folder, link, form, build, progress, report, journal)
+    work.logged, work.hear = logged, hear
     with Stop(last=work.link.watched) as work.stop:
         work.link.keep(resume=str(folder), hint=f"Then: twin recover {folder}")
         left = bury(work, recorded)

@@ -40,7 +40,7 @@ from twin.run.finish import finish
 from twin.scenario import Form, members
 
 if TYPE_CHECKING:
-    from twin.coupling import CoSimulation
+    from twin.coupling import Catalog, CoSimulation
     from twin.scenario import Case, Checked, Scenario
 
 WRITERS = ("pyarrow._parquet",)  # what the end needs, imported while the loop runs
@@ -90,19 +90,7 @@ def run_scenario(
         scenario = displayed(scenario, catalogs)
     cases = scenario.cases(variants, seeds)
     refuse_names(logged, cases)
-    about = results.Run(
-        scenario.name,
-        scenario.title,
-        scenario.source,
-        scenario.description,
-        str(scenario.path),
-        overrides=scenario.overrides,
-        step_ns=scenario.step_ns,
-        algorithm=scenario.algorithm.described,
-    )
-    outcome = Outcome(scenario, catalogs, about, folder=results.folder(root, scenario.name))
-    outcome.columns = columns(scenario, catalogs)
-    results.write_text(outcome.folder / "scenario.yaml", scenario.frozen())
+    outcome = begun(scenario, catalogs, root)
     link, journal = link or Link(), Journal(outcome.folder)
     journal.begin(header(outcome, cases, report), link.owners)
     work = Work(
@@ -120,6 +108,24 @@ def run_scenario(
             work.end()
     finally:
         link.close()
+    return outcome
+
+
+def begun(scenario: Scenario, catalogs: dict[str, Catalog], root: Path) -> Outcome:
+    """The outcome of a run before its first case, with its folder and the scenario in it."""
+    about = results.Run(
+        scenario.name,
+        scenario.title,
+        scenario.source,
+        scenario.description,
+        str(scenario.path),
+        overrides=scenario.overrides,
+        step_ns=scenario.step_ns,
+        algorithm=scenario.algorithm.described,
+    )
+    outcome = Outcome(scenario, catalogs, about, folder=results.folder(root, scenario.name))
+    outcome.columns = columns(scenario, catalogs)
+    results.write_text(outcome.folder / "scenario.yaml", scenario.frozen())
     return outcome
 
 
