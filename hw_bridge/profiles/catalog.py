@@ -19,6 +19,11 @@ DEVICES = {"cia401": "a generic I/O module with digital inputs and outputs (CiA 
 UNFIT = {(0xFB, 0x68500000): "maxon EPOS4 Micro 24/5"}
 
 
+def listed() -> dict[str, str]:
+    """What there is, for `twin list`."""
+    return {**MODULES, **DEVICES}
+
+
 def device(name: str) -> Device:
     """The device of this name that is no drive."""
     found: Device = importlib.import_module(f"hw_bridge.profiles.{name}").DEVICE

@@ -26,6 +26,8 @@ __all__ = ["group", "invoke", "main", "say"]
 COLLECT_EVERY = 200_000  # new objects, more than a short run makes: to look through 50,000 takes 20 ms. By default 700
 
 COMMANDS = {
+    "list":      "components, scenarios, drive profiles and runs, one line each",
+    "describe":  "variables, units, bounds and sources of a component, scenario or FMU",
     "run":       "run a scenario: all variants and seeds, metrics, report",
     "recover":   "finish a run that was killed, from what it recorded",
     "check":     "find every mistake in scenario files without running them",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import inspect
 import os
@@ -55,6 +56,16 @@ def names() -> list[str]:
         raise DeclarationError(f"There is no folder `fmus` in {Path.cwd()}. Run this from the project's folder.")
     found = dict.fromkeys([*roots, *_kinds(roots), *getattr(sys.modules.get("fmus"), "__path__", ())])
     return sorted({place.parent.name for folder in found for place in Path(folder).glob("*/model.py")})
+
+
+def summary(name: str) -> str:
+    """What the first line of a component's file says of it, or nothing. Nothing is imported."""
+    place = _place(name)
+    try:
+        said = ast.get_docstring(ast.parse((place / "model.py").read_text(encoding="utf-8"))) if place else None
+    except (OSError, SyntaxError, ValueError):
+        return ""
+    return (said or "").partition("\n")[0]
 
 
 def _place(name: str) -> Path | None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from twin import late
 
 if TYPE_CHECKING:
-    from twin.scenario import kept, members, package
+    from twin.scenario import kept, members, package, shipped
     from twin.scenario.check import check_against, event_problems
     from twin.scenario.dimensions import displayed
     from twin.scenario.grouping import group, part
@@ -78,6 +78,7 @@ __all__ = [
     "read",
     "reference",
     "resolve",
+    "shipped",
     "short",
     "validate",
 ]
@@ -131,6 +132,7 @@ __getattr__ = late.names(
         "read": "tree",
         "reference": "model",
         "resolve": "value",
+        "shipped": "",
         "short": "value",
         "validate": "message",
     },

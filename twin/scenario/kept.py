@@ -30,6 +30,7 @@ from twin.errors import ScenarioError, TwinError
 from twin.results import Curve, Expectation, Expression, Metric, Plot, Window, expression
 from twin.scenario.members import Built, Form, as_built, communication, component_of
 from twin.scenario.node import Node, Place
+from twin.scenario.shipped import located
 from twin.scenario.spec import Case, ConnectionSpec, EventSpec, Exchange, MemberSpec, RecordSpec, Scenario
 
 if TYPE_CHECKING:
@@ -90,6 +91,7 @@ def checked(path: Path, overrides: Sequence[str], build: Path, form: Form = Form
 
     What is kept has FMUs for members; a run in another `form` needs the components themselves.
     """
+    path = located(path)
     place = build / "scenarios" / f"{digest(str(Path.cwd()), str(build), str(path), *overrides)[:32]}.json"
     if form is Form.fmu and (found := find(place)) is not None:
         return found

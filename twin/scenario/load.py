@@ -13,6 +13,7 @@ from twin.scenario.lookup import look_up
 from twin.scenario.message import validate
 from twin.scenario.node import Node, Place
 from twin.scenario.override import overridden
+from twin.scenario.shipped import located
 from twin.scenario.spec import Case, ConnectionSpec, EventSpec, Exchange, FaultSpec, MemberSpec, RecordSpec, Scenario
 from twin.scenario.tree import parse
 
@@ -36,8 +37,9 @@ PHYSICS = (
 
 def load_scenario(path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
     """Read a file and what it extends, apply `path=value` overrides, check; ScenarioError lists all problems."""
+    path = located(path)
     problems: list[str] = []
-    return build(merge.load(Path(path), str(path), problems), Path(path), overrides, problems)
+    return build(merge.load(path, str(path), problems), path, overrides, problems)
 
 
 def parse_scenario(text: str, path: str | Path = "scenario.yaml", overrides: Sequence[str] = ()) -> Scenario:
@@ -53,9 +55,9 @@ def examine(path: str | Path, overrides: Sequence[str] = (), *, imports: bool = 
     Without `imports` no Python of components and analyses is imported, and what only they could tell is not checked.
     ScenarioError if the file cannot be read at all.
     """
+    path = located(path)
     problems: list[str] = []
-    written = merge.load(Path(path), str(path), problems)
-    scenario, found = assembled(written, Path(path), overrides, imports)
+    scenario, found = assembled(merge.load(path, str(path), problems), path, overrides, imports)
     found = [*problems, *found, *look_up(scenario, imports=imports)[1]]
     return scenario, sorted(dict.fromkeys(found), key=by_line)
 

@@ -1,0 +1,115 @@
+"""`twin list` and `twin describe`, and scenarios by name."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+import twin
+from tests.fmi.third_party import NATIVE, NATIVE_XML, native_fmu
+from twin.cli import group
+from twin.component import catalog
+from twin.errors import ScenarioError
+from twin.scenario import shipped
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch):
+    """A command in an empty folder: its exit code, or its error, and the lines that it printed."""
+    monkeypatch.chdir(tmp_path)
+
+    def invoke(*words):
+        done = CliRunner().invoke(group, words)
+        return done.exit_code if done.exception is None else str(done.exception), done.output.splitlines()
+
+    return invoke
+
+
+def test_every_component_says_what_it_is():
+    assert [name for name in catalog.names() if not catalog.summary(name).endswith(".")] == []
+    assert catalog.summary("servomotor") == "Linear servomotor with its drive."
+    assert catalog.summary("no_such_component") == ""
+
+
+def test_every_scenario_says_what_it_is():
+    assert [name for name, path in shipped.scenarios().items() if not shipped.title(path)] == []
+
+
+def test_all_that_there_is(run):
+    code, lines = run("list")
+    assert code == 0
+    headings = [line.partition(":")[0] for line in lines if line and not line.startswith(" ")]
+    assert headings == ["components", "scenarios", "profiles", "runs"]
+    for name in ("servomotor", "heart_wall_force", "epos4", "cia401"):
+        assert any(line.startswith(f" {name} ") for line in lines)
+
+
+def test_a_kind_and_a_text(run):
+    code, lines = run("list", "components", "--matching", "servo")
+    assert (code, lines[0]) == (0, "components: 1")
+    assert run("list", "component")[0] == "There is no list of 'component'. Did you mean 'components'?"
+
+
+def test_runs_the_latest_first(run, tmp_path):
+    for stamp, verdicts in (("2026-01-01_10-00-00", ["pass", "fail", "skipped"]), ("2026-01-02_10-00-00", ["pass"])):
+        folder = tmp_path / "runs" / "some" / stamp
+        folder.mkdir(parents=True)
+        summary = {"status": "completed", "cases": [{}], "expectations": [{"verdict": one} for one in verdicts]}
+        (folder / "summary.json").write_text(json.dumps(summary))
+    (tmp_path / "runs" / "some" / "2026-01-03_10-00-00").mkdir()
+    (tmp_path / "runs" / "some" / "2026-01-03_10-00-00" / "summary.json").write_text("{")
+    _, lines = run("list", "runs")
+    assert [line.split(maxsplit=1)[1].strip() for line in lines[1:]] == [
+        "its summary.json cannot be read",
+        "completed, 1 case, 1 of 1 verdicts passed",
+        "completed, 1 case, 1 of 2 verdicts passed",
+    ]
+
+
+def test_a_component(run):
+    code, lines = run("describe", "servomotor")
+    assert (code, lines[0]) == (0, "servomotor: component of the loop's step")
+    row = next(line for line in lines if line.startswith(" stroke "))
+    assert row.split(maxsplit=1)[1].split("  ")[0] == "80 mm"
+    assert "at least 0 mm" in row
+    assert "(from: type code -080-)" in row
+    assert any(line.startswith(" carriage ") and "position, velocity, force" in line for line in lines)
+    assert not any(line.startswith(" local ") for line in lines)
+    assert any(line.startswith(" local ") for line in run("describe", "servomotor", "--all")[1])
+
+
+def test_an_fmu(run, tmp_path):
+    native_fmu(tmp_path, NATIVE_XML, NATIVE)
+    code, lines = run("describe", "Native.fmu")
+    assert (code, lines[0]) == (0, "Native.fmu: FMU")
+    assert any(line.startswith(" mode ") for line in lines)
+
+
+def test_a_scenario(run):
+    code, lines = run("describe", "heart_wall_force")
+    assert code == 0
+    assert lines[0].endswith("heart_wall_force.yaml: Contact force against a beating wall")
+    assert any(line.split()[:3] == ["clinical", "range", "0.1"] for line in lines)
+    assert any("PI > PI+FF > PI+FF+BW" in line for line in lines)
+
+
+def test_what_there_is_not(run):
+    message = "There is no component, scenario or FMU 'servomoter'. Did you mean 'servomotor'? See `twin list`."
+    assert run("describe", "servomoter")[0] == message
+
+
+def test_a_scenario_by_its_name_anywhere(run, tmp_path):
+    assert run("check", "heart_wall_force")[0] == 0
+    assert twin.load("heart_wall_force").title == "Contact force against a beating wall"
+    with pytest.raises(ScenarioError, match="There is no scenario 'heart_wal_force', and no file of this name"):
+        shipped.located("heart_wal_force")
+
+
+def test_own_files_count_first(run, tmp_path):
+    (tmp_path / "scenarios").mkdir()
+    own = tmp_path / "scenarios" / "racs.yaml"
+    own.write_text("title: mine\nmembers: {}\n")
+    assert shipped.located("racs").resolve() == own
+    (tmp_path / "racs").write_text("")
+    assert str(shipped.located("racs")) == "racs"
+    assert str(shipped.located("racs.yaml")) == "racs.yaml"

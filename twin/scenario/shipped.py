@@ -1,0 +1,51 @@
+"""Scenarios found by their names: those of the folder `scenarios` where one works, then those that came with the project."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from twin.errors import ScenarioError, nearest
+
+FOLDER = "scenarios"
+SHARE = "share/catheter-twin"  # where the wheel puts what is no code, below the prefix
+
+
+def folders() -> list[Path]:
+    """Folders of scenarios: of the current directory, of the checkout this code is in, of the installed wheel."""
+    import sysconfig
+
+    roots = (Path(), Path(__file__).parents[2], Path(sysconfig.get_path("data"), SHARE))
+    return [place for root in roots if (place := root / FOLDER).is_dir()]
+
+
+def scenarios() -> dict[str, Path]:
+    """Path of each scenario by its name, sorted; the first folder counts."""
+    found: dict[str, Path] = {}
+    for folder in folders():
+        for path in sorted(folder.glob("*.yaml")):
+            found.setdefault(path.stem, path)
+    return dict(sorted(found.items()))
+
+
+def title(path: Path) -> str:
+    """What a scenario calls itself, or that it cannot be read; what it extends is not looked at."""
+    from twin.scenario import tree
+
+    try:
+        entries = tree.read(path, path.name).entries
+    except ScenarioError as error:
+        return error.problems[0]
+    return str(next((entries[key].value for key in ("title", "description") if key in entries), ""))
+
+
+def located(what: str | Path) -> Path:
+    """A path as it is; a bare name that is no file here stands for the scenario of this name. ScenarioError if there is none."""
+    path = Path(what)
+    if path.suffix or len(path.parts) != 1 or path.exists():
+        return path
+    known = scenarios()
+    if path.name not in known:
+        raise ScenarioError(
+            f"There is no scenario {path.name!r}, and no file of this name. {nearest(path.name, known)}"
+        )
+    return known[path.name]
