@@ -97,3 +97,11 @@ def test_own_components_stand_beside_the_shipped_ones(twin, tmp_path):
     assert " own_part " in listed
     assert " servomotor " in listed
     assert "own_part: ok" in twin("test", "own_part")
+
+
+def test_a_project_of_ones_own(twin, tmp_path):
+    twin("new", "my_rig", "--project")
+    (tmp_path / "fmus").symlink_to(tmp_path / "my_rig" / "fmus")
+    (tmp_path / "scenarios").symlink_to(tmp_path / "my_rig" / "scenarios")
+    assert " my_rig_plant " in twin("list", "components")
+    assert "pass " in twin("run", "my_rig")

@@ -39,6 +39,23 @@ def test_a_new_component_passes_its_tests_and_builds(twin, tmp_path, build):
     assert (tmp_path / "here/3.0/my_part.fmu").exists()
 
 
+def test_a_new_project_runs_and_its_tests_pass(twin, tmp_path, command_line):
+    assert twin("new", "my_rig", "--project").returncode == 0
+    place = tmp_path / "my_rig"
+    ran = command_line.run(["run", "my_rig"], place)
+    assert ran.returncode == 0, ran.stderr
+    assert ran.stdout.count("pass ") == 2
+    tested = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider"],
+        cwd=place,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert "2 passed" in tested.stdout, tested.stdout
+    assert "exists already" in twin("new", "my_rig", "--project").stderr
+
+
 @pytest.mark.parametrize("name", ["MyPart", "2nd", "a-b", "class", "../up"])
 def test_a_bad_name_is_refused(twin, tmp_path, name):
     made = twin("new", name)

@@ -1,4 +1,4 @@
-"""`twin new NAME`: a component folder that builds and passes its tests as it stands."""
+"""`twin new NAME`: a component folder, or a project, that builds and passes its tests as it stands."""
 
 from __future__ import annotations
 
@@ -16,33 +16,68 @@ from twin.errors import TwinError
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
+PROJECT = {  # files of a project, and their templates
+    "README.md": "README.md",
+    ".gitignore": "gitignore",
+    ".github/workflows/test.yml": "test.yml",
+    "scenarios/{name}.yaml": "scenario.yaml",
+    "scenarios/command.csv": "command.csv",
+    "tests/test_scenario.py": "test_scenario.py.txt",
+}
+
+
 @click.command(name="new")
 @click.argument("name")
 @click.option("--in", "folder", type=click.Path(file_okay=False, path_type=Path), default=Path("fmus"),
               show_default=True, help="Folder of components.")  # fmt: skip
-def command(name: str, folder: Path) -> None:
+@click.option("--project", is_flag=True, help="A folder NAME with a component, a scenario, its test and a CI file.")
+def command(name: str, folder: Path, project: bool) -> None:
     """Write fmus/NAME/ with model.py, README.md and expected.csv: a first-order lag to start from.
 
     \b
     twin new my_part          then edit fmus/my_part/model.py
     twin test my_part         interpreted, compiled and FMU agree to the bit, and with expected.csv
     twin build my_part        build/3.0/my_part.fmu and build/2.0/my_part.fmu
+    twin new my_rig --project my_rig/ with fmus/my_rig_plant, scenarios, tests
     """
     if not NAME.fullmatch(name) or keyword.iskeyword(name):
         raise TwinError(f"{name!r} cannot be a component's name. Use lower case with underscores, such as my_part.")
-    place = folder / name
-    if place.exists():
-        raise TwinError(f"{place} exists already. Choose another name, or remove it first.")
+    if project:
+        made = new_project(name)
+        say(f"{made}: written. Then: cd {made}; twin run {name}; python -m pytest")
+        return
     among = "fmus" in (folder.name, folder.parent.name)  # beside the others, or in a kind of its own
     if among and not folder.is_absolute() and name in known():
         raise TwinError(f"{name!r} is a component already. Choose another name, or it would hide that one here.")
-    title = name.replace("_", " ").capitalize()
-    class_name = "".join(part.capitalize() for part in name.split("_"))
-    templates = resources.files("twin.cli") / "templates"
+    place, class_name = new_component(folder / name)
+    shown = name if among or place.is_absolute() else f"{'.'.join(place.parts)}.model:{class_name}"
+    say(f"{place}: written. Edit {place / 'model.py'}, then: twin test {shown}")
+
+
+def refuse_existing(place: Path) -> None:
+    """TwinError if something is there already: nothing is written over."""
+    if place.exists():
+        raise TwinError(f"{place} exists already. Choose another name, or remove it first.")
+
+
+def template(file: str, /, **words: str) -> str:
+    """A template with its words filled in."""
+    return (resources.files("twin.cli") / "templates" / file).read_text().format(**words)
+
+
+def titled(name: str) -> str:
+    """A name as a title."""
+    return name.replace("_", " ").capitalize()
+
+
+def new_component(place: Path) -> tuple[Path, str]:
+    """Write the folder of a component; its class's name too."""
+    refuse_existing(place)
+    title, class_name = titled(place.name), "".join(part.capitalize() for part in place.name.split("_"))
     files = {
         "__init__.py": "",
-        "model.py": (templates / "model.py.txt").read_text().format(title=title, class_name=class_name),
-        "README.md": (templates / "component.md").read_text().format(title=title),
+        "model.py": template("model.py.txt", title=title, class_name=class_name),
+        "README.md": template("component.md", title=title),
     }
     place.mkdir(parents=True)
     for file, text in files.items():
@@ -51,8 +86,19 @@ def command(name: str, folder: Path) -> None:
     from twin.conformance import reference
 
     reference.regenerate(written(place, class_name), place / "expected.csv")
-    shown = name if among or place.is_absolute() else f"{'.'.join(place.parts)}.model:{class_name}"
-    say(f"{place}: written. Edit {place / 'model.py'}, then: twin test {shown}")
+    return place, class_name
+
+
+def new_project(name: str) -> Path:
+    """Write the folder of a project."""
+    place, part = Path(name), f"{name}_plant"
+    refuse_existing(place)
+    new_component(place / "fmus" / part)
+    for file, source in PROJECT.items():
+        path = place / file.format(name=name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(template(f"project/{source}", name=name, part=part, title=titled(name)))
+    return place
 
 
 def known() -> list[str]:
