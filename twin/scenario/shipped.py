@@ -41,9 +41,11 @@ def title(path: Path) -> str:
 def located(what: str | Path) -> Path:
     """A path as it is; a bare name that is no file here stands for the scenario of this name. ScenarioError if there is none."""
     path = Path(what)
-    if path.suffix or len(path.parts) != 1 or path.exists():
+    if path.suffix or len(path.parts) != 1 or path.is_file():
         return path
     known = scenarios()
+    if path.name not in known and path.exists():  # a folder, or what is no file: whoever reads it says so
+        return path
     if path.name not in known:
         raise ScenarioError(
             f"There is no scenario {path.name!r}, and no file of this name. {nearest(path.name, known)}"
