@@ -113,3 +113,18 @@ def test_own_files_count_first(run, tmp_path):
     (tmp_path / "racs").write_text("")
     assert str(shipped.located("racs")) == "racs"
     assert str(shipped.located("racs.yaml")) == "racs.yaml"
+
+
+@pytest.mark.parametrize(
+    ("words", "offered"),
+    [
+        ("twin descr", ["plain,describe"]),
+        ("twin run heart_wall_f", ["plain,heart_wall_force", "file,heart_wall_f"]),
+        ("twin describe servom", ["plain,servomotor", "file,servom"]),
+        ("twin run any --half", ["plain,--half-step"]),
+    ],
+)
+def test_a_shell_completes(words, offered):
+    asked = {"_TWIN_COMPLETE": "bash_complete", "COMP_WORDS": words, "COMP_CWORD": str(len(words.split()) - 1)}
+    done = CliRunner().invoke(group, [], prog_name="twin", env=asked)
+    assert done.output.splitlines() == offered

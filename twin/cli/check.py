@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from twin.cli import completion
 from twin.cli.terminal import say, working
 from twin.errors import CouplingError, ScenarioError
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @click.command("check", short_help="Find every mistake in scenario files without running them.")
-@click.argument("files", nargs=-1, required=True, metavar="FILE...")
+@click.argument("files", nargs=-1, required=True, metavar="FILE...", shell_complete=completion.scenarios)
 @click.option(
     "--set", "overrides", multiple=True, metavar="PATH=VALUE", help='As of `twin run`: `heart.rate="1.4 Hz"`.'
 )

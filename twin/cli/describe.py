@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from twin.cli import completion
 from twin.cli.terminal import paper, say, working
 from twin.errors import TwinError, nearest
 
@@ -25,7 +26,7 @@ TITLES = ("start", "bounds", "what it is")
 
 
 @click.command("describe", short_help="Variables, units, bounds and sources of a component, scenario or FMU.")
-@click.argument("what", metavar="NAME")
+@click.argument("what", metavar="NAME", shell_complete=completion.anything)
 @click.option("--all", "everything", is_flag=True, help="States and local variables too.")
 @click.option("--matching", default="", metavar="TEXT", help="Only variables that have this in their names.")
 def command(what: str, everything: bool, matching: str) -> None:

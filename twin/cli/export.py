@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from twin.cli import completion
 from twin.cli.terminal import say
 from twin.errors import TwinError
 
@@ -18,7 +19,7 @@ PLATFORMS = ("x86_64-linux", "aarch64-linux", "x86_64-windows", "x86_64-darwin",
 
 
 @click.command(name="export")
-@click.argument("what", metavar="NAME|SCENARIO")
+@click.argument("what", metavar="NAME|SCENARIO", shell_complete=completion.anything)
 @click.option("--members", help="Members of the scenario to put into one FMU, separated by commas.")
 @click.option("--group", "named", help="Or a group that the scenario names under `groups`.")
 @click.option("--variant", help="Variant of the scenario; the first one if not given.")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from twin.cli import completion
 from twin.cli.terminal import paper, say, working
 from twin.errors import ScenarioError, nearest
 
@@ -19,7 +20,7 @@ BUILD = Path("build")
 
 
 @click.command("graph", short_help="The system that a scenario couples: order, periods, delays, loops.")
-@click.argument("scenario", metavar="SCENARIO")
+@click.argument("scenario", metavar="SCENARIO", shell_complete=completion.scenarios)
 @click.option("--variant", metavar="NAME", help="[default: the first]")
 @click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE", help="As of `twin run`.")
 @click.option(

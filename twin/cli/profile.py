@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from twin.cli import completion
 from twin.cli.graph import chosen
 from twin.cli.terminal import bar, paper, say, working
 
@@ -17,7 +18,7 @@ BUILD = Path("build")
 
 
 @click.command("profile", short_help="Which member of a scenario costs what.")
-@click.argument("scenario", metavar="SCENARIO")
+@click.argument("scenario", metavar="SCENARIO", shell_complete=completion.scenarios)
 @click.option("--variant", metavar="NAME", help="[default: the first]")
 @click.option("--seed", type=int, help="[default: the first]")
 @click.option("--set", "overrides", multiple=True, metavar="PATH=VALUE", help="As of `twin run`.")

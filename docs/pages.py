@@ -1,0 +1,229 @@
+"""Build the site of all documents: `python docs/pages.py`, then open build/site/index.html. Needs the extra `docs`.
+
+Pages of docs/ as they are; one for each component, from its declaration, its README and its reference trajectory; one for
+each scenario, from its file and, with --run, from a run made now. A link that leads nowhere ends it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import logging
+import re
+import shutil
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from twin.cli import describe
+from twin.component import catalog
+from twin.results import coherent, plotting
+from twin.run import run_scenario
+from twin.scenario import load_scenario, shipped
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from twin.component import Component
+
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "build" / "pages"
+FOLDERS = ("tutorial", "how-to", "reference", "explanation", "decisions", "readers", "figures")
+ELSEWHERE = (  # where links lead in the checkout, and in the site
+    (re.compile(r"(?:\.\./)+fmus/\w+/(\w+)/README\.md"), r"../components/\1.md"),
+    (re.compile(r"\.\./(\w+)/README\.md"), r"\1.md"),
+    (re.compile(r"(?:\.\./)+docs/"), "../"),
+    (re.compile(r"(?:\.\./)+README\.md"), "../index.md"),
+    (re.compile(r"(?:\.\./)+benchmarks/results/"), "../results/"),
+    (re.compile(r"(?<=\()docs/decisions(?=\))"), "decisions/index.md"),
+    (re.compile(r"(?<=\()CONTRIBUTING\.md"), "contributing.md"),
+    (re.compile(r"(?<=\()LICENSE(?=\))"), "license.md"),
+    (re.compile(r"(?<=\()CITATION\.cff(?=\))"), "citation.md"),
+    (re.compile(r"(?<=[(\"])docs/"), ""),
+)
+API = ("twin", "twin.component", "twin.fmi", "twin.coupling", "twin.results", "twin.scenario", "twin.run")
+DRAWN = 6  # curves of a panel at most
+
+
+def main() -> None:
+    """Put the pages together and build the site."""
+    reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    reader.add_argument(
+        "--run", nargs="+", default=[], metavar="SCENARIO", help="run these, and show plots and verdicts"
+    )
+    runs = reader.parse_args().run
+    shutil.rmtree(SOURCE, ignore_errors=True)
+    documents()
+    for name in catalog.names():
+        write(f"components/{name}.md", component_page(name))
+    write("components/index.md", index("Components", {n: catalog.summary(n) for n in catalog.names()}))
+    own = {name: path for name, path in shipped.scenarios().items() if path.resolve().is_relative_to(ROOT)}
+    for name, path in own.items():
+        write(f"scenarios/{name}.md", scenario_page(path, name in runs))
+    write("scenarios/index.md", index("Scenarios", {n: shipped.title(path) for n, path in own.items()}))
+    write("reference/api.md", "# API\n\nFrom the docstrings.\n\n" + "\n".join(f"::: {name}\n" for name in API))
+    build()
+
+
+def build() -> None:
+    """Build the site; a warning is an error."""
+    from mkdocs.commands.build import build as built
+    from mkdocs.config import load_config
+
+    logging.basicConfig(level=logging.WARNING, format="%(message)s")
+    config = load_config(str(ROOT / "docs" / "pages.yml"))
+    config.nav = [expanded(one) for one in config.nav]
+    built(config)
+    print(f"{Path(config.site_dir).relative_to(ROOT)}/index.html")
+
+
+def expanded(entry: dict[str, object]) -> dict[str, object]:
+    """An entry of the navigation; a folder stands for its pages, its index first."""
+    ((title, place),) = entry.items()
+    if not isinstance(place, str) or place.endswith(".md"):
+        return entry
+    pages = sorted((SOURCE / place).glob("*.md"), key=lambda page: (page.stem != "index", page.stem))
+    return {title: [page.relative_to(SOURCE).as_posix() for page in pages]}
+
+
+def write(place: str, text: str) -> None:
+    """Write a page."""
+    path = SOURCE / place
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text)
+
+
+def documents() -> None:
+    """Pages that people wrote, with their links as they are in the site."""
+    for folder in FOLDERS:
+        for path in sorted((ROOT / "docs" / folder).iterdir()):
+            if path.suffix == ".md":
+                write(f"{folder}/{path.name}", moved(path.read_text()))
+            elif path.suffix == ".svg":
+                write(f"{folder}/{path.name}", path.read_text())
+    titles = {
+        path.stem: path.read_text().partition("\n")[0].lstrip("# ") for path in (SOURCE / "decisions").glob("*.md")
+    }
+    write("decisions/index.md", index("Decisions", titles))
+    shutil.copytree(ROOT / "benchmarks" / "results", SOURCE / "results")
+    write("index.md", moved((ROOT / "README.md").read_text()))
+    write("contributing.md", moved((ROOT / "CONTRIBUTING.md").read_text()))
+    write("changelog.md", (ROOT / "CHANGELOG.md").read_text())
+    for name, path in (("license", "LICENSE"), ("citation", "CITATION.cff")):
+        write(f"{name}.md", f"# {path}\n\n```text\n{(ROOT / path).read_text()}```\n")
+
+
+def moved(text: str) -> str:
+    """A page whose links lead where things are in the site."""
+    for pattern, place in ELSEWHERE:
+        text = pattern.sub(place, text)
+    return text
+
+
+def index(title: str, lines: dict[str, str]) -> str:
+    """A page that lists others of its folder."""
+    rows = "\n".join(f"| [{name}]({name}.md) | {line} |" for name, line in sorted(lines.items()))
+    return f"# {title}\n\n| | |\n|---|---|\n{rows}\n"
+
+
+def component_page(name: str) -> str:
+    """What a component is, with its variables, and what it does in its reference trajectory."""
+    cls = catalog.component(name)
+    place = Path(str(catalog.place(name)))
+    readme = moved((place / "README.md").read_text()) if (place / "README.md").exists() else f"# {name}\n"
+    heading, _, rest = readme.partition("\n")
+    parts = [heading, f"`{name}`: {describe.kind(cls)}.\n", rest, "## Variables\n", variables(cls)]
+    if (place / "expected.csv").exists():
+        write(f"components/{name}.svg", trajectory(place / "expected.csv", cls))
+        parts.append(f"## What it does\n\nIts reference trajectory.\n\n![trajectory of {name}]({name}.svg)\n")
+    return "\n".join(parts)
+
+
+def variables(cls: type[Component]) -> str:
+    """Variables of a component that one sets or connects, as a table."""
+    rows = [
+        (
+            f"`{describe.called(one)}`",
+            str(one.role),
+            describe.start(one),
+            describe.bounds(one),
+            one.description,
+            one.source,
+        )
+        for one in cls.variables
+        if one.role not in describe.HIDDEN
+    ]
+    return table(("name", "role", "start", "bounds", "what it is", "source"), rows)
+
+
+def table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    lines = [titles, ["---"] * len(titles), *rows]
+    return "\n".join(f"| {' | '.join(cell.replace('|', '&#124;') for cell in line)} |" for line in lines) + "\n"
+
+
+def trajectory(path: Path, cls: type[Component]) -> str:
+    """The curves of a reference trajectory, one panel for each unit of inputs and of outputs; those at rest only if all are."""
+    with path.open(newline="") as file:
+        names, *rows = csv.reader(file)
+    values = np.array(rows, float)
+    declared = {one.name: one for one in cls.variables}
+    panels: dict[tuple[str, str], list[int]] = {}
+    for column, name in enumerate(names[1:], 1):
+        one = declared[name.partition("[")[0]]
+        panels.setdefault((str(one.role), describe.unit(one)), []).append(column)
+    figure = Figure(figsize=(8.0, 0.8 + 1.3 * len(panels)), layout="constrained")
+    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0]
+    for ax, ((role, unit), columns) in zip(axes, panels.items(), strict=True):
+        factor, offset = coherent(unit)
+        moving = [column for column in columns if np.ptp(values[:, column]) > 0]
+        for column in (moving or columns)[:DRAWN]:
+            ax.plot(values[:, 0], (values[:, column] - offset) / factor, label=names[column])
+        ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=8)
+        ax.set_ylabel(f"{role} [{unit or '-'}]", fontsize=8)
+    axes[-1].set_xlabel("time [s]")
+    return plotting.as_svg(figure)
+
+
+def scenario_page(path: Path, is_run: bool) -> str:
+    """What a scenario couples and asks; its verdicts and plots if it is run."""
+    scenario = load_scenario(path)
+    parts = [f"# {scenario.title}\n", f"`twin run {path.stem}`\n", scenario.description]
+    if scenario.source:
+        parts.append(f"From: {scenario.source}.\n")
+    made = {name: of for name, of in describe.made_of(scenario).items() if of}
+    linked = [(f"`{name}`", ", ".join(map(component_link, of.split(" or ")))) for name, of in made.items()]
+    parts += ["## Members\n", table(("member", "made of"), linked)]
+    parts += [
+        "## Variants\n",
+        table(("variant", "what it is"), [(case.variant, case.title) for case in scenario.variants]),
+    ]
+    asked = [(one.name, describe.limits(one)) for one in scenario.expectations]
+    parts += ["## What is expected\n", table(("expectation", "limits"), asked)] if asked else []
+    if is_run:
+        parts += results(path)
+    return "\n".join([*parts, "## The file\n", f"```yaml\n{path.read_text()}```\n"])
+
+
+def component_link(name: str) -> str:
+    """A component with a link to its page, if it has one."""
+    return f"[{name}](../components/{name}.md)" if name in catalog.names() else f"`{name}`"
+
+
+def results(path: Path) -> list[str]:
+    """Verdicts and plots of a run with the scenario's own seeds."""
+    with tempfile.TemporaryDirectory() as folder:
+        outcome = run_scenario(load_scenario(path), root=Path(folder), build=ROOT / "build", report=False)
+        verdicts = [(one["verdict"], one["name"], one["detail"]) for one in outcome.summary["expectations"]]
+        parts = ["## What came out\n", table(("", "expectation", ""), verdicts)]
+        for number, plot in enumerate(outcome.scenario.plots):
+            write(f"scenarios/{path.stem}-{number}.svg", plotting.draw(plot, outcome.tables))
+            parts.append(f"![{plot.title}]({path.stem}-{number}.svg)\n")
+    return parts
+
+
+if __name__ == "__main__":
+    main()

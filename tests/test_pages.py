@@ -1,0 +1,54 @@
+"""The site of all documents is built without a warning: a link that leads nowhere would be one."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from twin.component import catalog
+from twin.scenario import shipped
+
+pytestmark = pytest.mark.slow
+
+ROOT = Path(__file__).parent.parent
+
+
+@pytest.fixture(scope="module")
+def site():
+    for package in ("mkdocs", "material", "mkdocstrings"):
+        pytest.importorskip(package, reason="the extra `docs` is not installed")
+    done = subprocess.run([sys.executable, ROOT / "docs" / "pages.py", "--run", "linear_grip"], cwd=ROOT, check=False,
+                          capture_output=True, text=True)  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "build/site/index.html\n"
+    return ROOT / "build" / "site"
+
+
+def test_everything_has_a_page(site):
+    wanted = [f"components/{name}.html" for name in catalog.names()]
+    wanted += [f"scenarios/{name}.html" for name in shipped.scenarios()]
+    assert [page for page in wanted if not (site / page).exists()] == []
+
+
+def test_a_component_shows_its_variables_and_what_it_does(site):
+    page = (site / "components" / "servomotor.html").read_text()
+    assert "velocity_integral" in page
+    assert "at least 0 mm" in page
+    assert "<svg" in (site / "components" / "servomotor.svg").read_text()
+
+
+def test_a_scenario_that_was_run_shows_what_came_out(site):
+    page = (site / "scenarios" / "linear_grip.html").read_text()
+    assert "What came out" in page
+    assert page.count("<td>pass</td>") > 0
+
+
+def test_the_api_is_that_of_the_docstrings(site):
+    page = (site / "reference" / "api.html").read_text()
+    for name in ("open_run", "CoSimulation", "FMUMember"):
+        assert name in page
+
+
+def test_it_is_searched_without_a_server(site):
+    assert "servomotor" in (site / "search" / "search_index.js").read_text()
