@@ -117,6 +117,6 @@ def show(result: Result) -> None:
     rate = found.simulations / found.seconds if found.seconds else 0.0
     console.print(
         f"{found.agreeing} of {len(found.starts)} starts came to this; {found.simulations} simulations, "
-        f"{rate:.0f} a second; RMS residual by noise {result.knowledge.residual:.3g}",
+        f"{rate:.0f} a second, {found.derivatives.partition(',')[0]}; RMS residual by noise {result.knowledge.residual:.3g}",
         soft_wrap=True,
     )

@@ -7,6 +7,7 @@ from twin import late
 if TYPE_CHECKING:
     from twin.fmi import archive, built, driven, exporter, markup, pythonic, tables
     from twin.fmi.archive import unpack
+    from twin.fmi.exchange_sensitivity import watched
     from twin.fmi.importer import FMUMember
     from twin.fmi.interface import member
     from twin.fmi.simulate import left, plan, simulate
@@ -27,6 +28,7 @@ __all__ = [
     "simulate",
     "tables",
     "unpack",
+    "watched",
 ]
 
 __getattr__ = late.names(
@@ -46,5 +48,6 @@ __getattr__ = late.names(
         "simulate": "simulate",
         "tables": "",
         "unpack": "archive",
+        "watched": "exchange_sensitivity",
     },
 )

@@ -13,7 +13,7 @@ import numpy as np
 from twin.fmi.exchange_links import is_continuous
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from twin.coupling import Link
     from twin.fmi.exchange import ExchangeMember
@@ -29,10 +29,11 @@ def offered(members: Sequence[ExchangeMember]) -> bool:
 class Part:
     """One member: which of its values are known, which are not, and where they stand in the whole."""
 
-    def __init__(self, member: ExchangeMember, links: Sequence[Link]) -> None:
+    def __init__(self, member: ExchangeMember, links: Sequence[Link], wanted: Sequence[str] = ()) -> None:
         self.member = member
         inputs = [link.target.variable for link in links if link.target.member == member.name]
         outputs = [link.source.variable for link in links if link.source.member == member.name]
+        outputs += [member.variables[name] for name in wanted]
         self.inputs = {one.name: one for one in inputs}
         self.outputs = {one.name: one for one in outputs}
         sizes = {one.references[0]: one.size for one in member.variables.values()}
@@ -53,35 +54,58 @@ class Part:
 
 
 class Jacobian:
-    """Of all states' derivatives by all states; `move_to` brings the members to a point."""
+    """Of all states' derivatives by all states; `move_to` brings the members to a point.
+
+    `wanted`: outputs of each member that are told beside those that others read.
+    """
 
     def __init__(
-        self, members: Sequence[ExchangeMember], links: Sequence[Link], move_to: Callable[[float, Vector], None]
+        self,
+        members: Sequence[ExchangeMember],
+        links: Sequence[Link],
+        move_to: Callable[[float, Vector], None],
+        wanted: Mapping[str, Sequence[str]] | None = None,
     ) -> None:
         flowing = [link for link in links if is_continuous(link)]
-        self.parts, self.move_to = [Part(one, flowing) for one in members], move_to
+        self.parts = [Part(one, flowing, (wanted or {}).get(one.name, ())) for one in members]
+        self.move_to = move_to
         inputs = places((one.member.name, variable) for one in self.parts for variable in one.inputs.values())
-        outputs = places((one.member.name, variable) for one in self.parts for variable in one.outputs.values())
-        self.coupling = np.zeros((inputs[1], outputs[1]))
+        self.outputs, count = places(
+            (one.member.name, variable) for one in self.parts for variable in one.outputs.values()
+        )
+        self.coupling = np.zeros((inputs[1], count))
         for link in flowing:
             row = inputs[0][link.target.key] + link.target.first
-            column = outputs[0][link.source.key] + link.source.first
+            column = self.outputs[link.source.key] + link.source.first
             for i in range(link.target.size):
                 self.coupling[row + i, column + i] = link.factor
 
     def __call__(self, t: float, y: Vector) -> Vector:
         """The Jacobian at a point."""
         self.move_to(t, y)
-        by_state = [part.along(part.state_references) for part in self.parts]
-        by_input = [part.along(part.input_references) for part in self.parts]
+        return self.linearized()[0]
+
+    def linearized(self, by: Sequence[Vector] | None = None) -> tuple[Vector, Vector, Vector, Vector]:
+        """The whole in small changes where the members are: states' derivatives, then outputs, by states and by `by`.
+
+        `by`: derivatives of each member's unknowns by whatever else is known, such as parameters; in columns.
+        """
         counts = [len(part.member.states) for part in self.parts]
+        by_state = [part.along(part.state_references) for part in self.parts]
         a, c = (blocks(by_state, counts, below) for below in (False, True))
+        other = [np.zeros((part.rows, 0)) for part in self.parts] if by is None else by
+        f, g = (
+            np.concatenate([one[count:] if below else one[:count] for one, count in zip(other, counts, strict=True)])
+            for below in (False, True)
+        )
         if not self.coupling.size:
-            return a
+            return a, f, c, g
+        by_input = [part.along(part.input_references) for part in self.parts]
         b, d = (blocks(by_input, counts, below) for below in (False, True))
-        reach = np.linalg.solve(np.eye(len(c)) - d @ self.coupling, c)
-        whole: Vector = a + b @ self.coupling @ reach
-        return whole
+        ring = np.eye(len(c)) - d @ self.coupling
+        reach, straight = np.linalg.solve(ring, c), np.linalg.solve(ring, g)
+        through = b @ self.coupling
+        return a + through @ reach, f + through @ straight, reach, straight
 
 
 def places(variables: Any) -> tuple[dict[tuple[str, str], int], int]:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from twin.coupling import Link
     from twin.fmi.exchange import ExchangeMember
+    from twin.fmi.exchange_sensitivity import Sensitivity
 
 Vector = np.ndarray[Any, Any]
 
@@ -43,8 +44,10 @@ class ContinuousSystem:
         self.t = self.due = np.inf
         self.y = np.zeros(0)
         self.ended = self.is_fresh = self.is_restored = self.is_overridden = False
+        self.last_before = -np.inf  # the time just before the last state event [s]
         self.last = 0.0  # length of the solver's last step [s]
         self.events: deque[float] = deque(maxlen=EVENTS)  # times of the last ones
+        self.sensitivity: Sensitivity | None = None
 
     def _common(self, given: list[str]) -> str:
         if len(set(given)) > 1:
@@ -68,6 +71,9 @@ class ContinuousSystem:
             self.differentiate, self.jacobian(), tolerance, tolerance * np.where(nominals > 0, nominals, 1.0)
         )
         self.solver = exchange_solvers.make(self.solver_name, equations)
+        self.sensitivity = next((one.sensitivity for one in self.members if one.sensitivity), None)
+        if self.sensitivity and not self.ended:
+            self.sensitivity.start(self)
         self.publish()
 
     def jacobian(self) -> Jacobian | None:
@@ -91,10 +97,15 @@ class ContinuousSystem:
         if self.is_restored:
             self.begin()
         if self.is_overridden or any(one.has_changed() for one in self.members):
+            before = self.y
             self.event()
+            if self.sensitivity and not self.ended:
+                self.sensitivity.crossed(t, (before,), (self.y,))
         self.t = self.begun = t
         while self.t < end and not self.ended:
             self.advance(end)
+        if self.sensitivity:
+            self.sensitivity.publish(self)
         self.publish()
 
     def advance(self, end: float) -> None:
@@ -103,6 +114,8 @@ class ContinuousSystem:
             self.solver.begin(self.t, self.y, min(FIRST_STEP * self.last, end - self.t))
             self.is_fresh = True
         before, due = self.t, self.due
+        if self.sensitivity:
+            self.sensitivity.before(self, self.t, self.y)
         close = ROUNDING * max(abs(end), end - before)
         bound = due if due < end - close else end
         try:
@@ -115,12 +128,32 @@ class ContinuousSystem:
                 f"{self.names}: {self.solver_name} cannot go on at t = {before:.9g} s ({error or 'no step is accepted'}). "
                 f"Use another solver, or another tolerance."
             ) from error
+        if self.sensitivity:
+            self.sensitivity.after(self, t - before, t, y)
         self.t, self.y = t, y
         completed = [one.complete_step() for one in self.members]
         self.ended = any(ends for _, ends in completed)
         if is_event or t >= due - close or any(event for event, _ in completed):
             self.count(end)
+            self.crossed()
+
+    def crossed(self) -> None:
+        """An event that the system came to by itself."""
+        if self.sensitivity is None:
             self.event()
+            return
+        before = self.y, self.slope_before()
+        self.event()
+        if not self.ended:
+            self.sensitivity.crossed(self.t, before, (self.y, self.differentiate(self.t, self.y)))
+
+    def slope_before(self) -> Vector:
+        """Derivatives of the states just before the event at the present time."""
+        is_inside = self.begun <= self.last_before < self.t
+        at = (self.last_before, self.solver.at(self.last_before)) if is_inside else (self.t, self.y)
+        found = self.differentiate(*at)
+        self.move_to(self.t, self.y)
+        return found
 
     def count(self, end: float) -> None:
         """Take note of an event before the communication point at `end` [s]; SimulationError where they have no end."""
@@ -152,6 +185,7 @@ class ContinuousSystem:
             else:
                 high, late = middle, values
                 weight, side = (0.5 * weight, 1) if side == 1 else (1.0, 1)
+        self.last_before = low
         return high, (y if high == t else np.array(self.solver.at(high))), True
 
     # events

@@ -13,6 +13,7 @@ import numpy as np
 
 from twin.coupling import CoSimulation, Memory, RecordMember, find
 from twin.errors import SimulationError
+from twin.fmi import watched
 from twin.run import run_case, silent, simulation
 from twin.scenario import Form, members
 
@@ -33,6 +34,8 @@ class Model:
 
     def __init__(self, problem: Problem, build: Path) -> None:
         self.problem = problem
+        self.refused = ""  # why directional derivatives are not used, where members have them
+        self.compared = self.used = False  # directional derivatives, with differences and at all
         self._recorded: list[Simulated] = []
         try:
             for one in problem.recordings:
@@ -46,6 +49,13 @@ class Model:
         """Simulations so far."""
         return sum(one.count for one in self._recorded)
 
+    @property
+    def derivatives(self) -> str:
+        """What the Jacobian of a search is made of, in words."""
+        if self.used and not self.refused:
+            return "directional derivatives"
+        return f"differences, since {self.refused}" if self.refused else "differences"
+
     def predicted(self, places: Array) -> list[Array]:
         """What each output would have measured; SimulationError if a simulation fails or is not finite."""
         values = self.problem.values(places)
@@ -55,6 +65,24 @@ class Model:
             found += [sampled(output, time, signals, values) for output in one.recording.outputs]
         if not all(np.isfinite(one).all() for one in found):
             raise SimulationError("what is compared is not finite")
+        return found
+
+    def slopes(self, places: Array) -> dict[int, list[Array]] | None:
+        """What each output would change with each parameter that is looked for, by its number; by directional derivatives.
+
+        None where the members do not tell them along a simulation; `refused` says why, if they might have.
+        """
+        values = self.problem.values(places)
+        found: dict[int, list[Array]] = {}
+        for one in self._recorded:
+            told = None if self.refused else one.slopes(values)
+            self.refused = self.refused or one.refused
+            if told is None:
+                return None
+            for number, unknown in enumerate(self.problem.unknowns):
+                if unknown.member:
+                    nothing = [np.zeros(len(output.time)) for output in one.recording.outputs]
+                    found.setdefault(number, []).extend(told.get(unknown.name, nothing))
         return found
 
     def close(self) -> None:
@@ -75,6 +103,7 @@ class Simulated:
     def __init__(self, recording: Recording, unknowns: Sequence[Unknown], build: Path) -> None:
         self.recording, self._unknowns, self._build = recording, unknowns, build
         self.count = 0  # of simulations
+        self.refused = ""  # why directional derivatives are of no use along a simulation
         self._kept: dict[tuple[float, ...], tuple[Array, dict[str, Array]]] = {}
         self._places = {one.name: (one.member, find(one.path, recording.catalog)) for one in unknowns}
         used = [members.component_of(one) for one in recording.case.members.values()]
@@ -129,6 +158,36 @@ class Simulated:
             del self._kept[next(iter(self._kept))]
         return found
 
+    def slopes(self, values: Mapping[str, float]) -> dict[str, list[Array]] | None:
+        """Derivatives of each output by each unknown's value, at the times of measurement; None if they cannot be had."""
+        if self._saved:
+            return None  # compiled members tell no derivatives, and are quick
+        simulated = self._made(values)
+        try:
+            elements = [(name, member, one) for name, (member, one) in self._places.items()]
+            parameters = [(m, one.variable.name, one.first + i) for _, m, one in elements for i in range(one.size)]
+            sources = [find(output.signal, self.recording.catalog) for output in self.recording.outputs]
+            outputs = [
+                (output.signal.partition(".")[0], one.variable.name, one.first + output.element)
+                for output, one in zip(self.recording.outputs, sources, strict=True)
+            ]
+            told = watched(simulated.members, simulated.links, parameters, outputs)
+            if told is None or self.recording.case.events:
+                return None
+            self.count += 1
+            run_case(self.recording.case, simulated, silent)
+            self.refused = simulated.failure or told.failure
+        finally:
+            simulated.terminate()
+        if self.refused:
+            return None
+        slopes, found, column = np.array(told.slopes), {}, 0
+        for name, _, one in elements:
+            of_all = slopes[:, :, column : column + one.size].sum(2)
+            found[name] = [moved(o, told.times, of_all[:, i], values) for i, o in enumerate(self.recording.outputs)]
+            column += one.size
+        return found
+
     def _simulated(self, values: Mapping[str, float]) -> tuple[Array, dict[str, Array]]:
         self.count += 1
         simulated = self._begun(values)
@@ -151,7 +210,12 @@ def sampled(output: Output, time: Array, signals: Mapping[str, Array], values: M
     """A signal at the times at which it was measured, on straight lines between communication points."""
     name = output.signal if output.signal in signals else output.signal.rpartition("[")[0]
     signal = signals[name].reshape(len(time), -1)[:, output.element]
-    delay = values[output.delay] if isinstance(output.delay, str) else output.delay
     offset = values[output.offset] if isinstance(output.offset, str) else output.offset
-    found: Array = np.interp(output.time - delay, time, signal) + offset
+    return moved(output, time, signal, values) + offset
+
+
+def moved(output: Output, time: Array | Sequence[float], signal: Array, values: Mapping[str, float]) -> Array:
+    """Values over time at the times of an output's measurements, less its delay."""
+    delay = values[output.delay] if isinstance(output.delay, str) else output.delay
+    found: Array = np.interp(output.time - delay, time, signal)
     return found

@@ -100,6 +100,8 @@ class Result:
             texts.append(
                 f"only one of {len(found.starts)} starts came to this. Try more: --starts {4 * len(found.starts)}."
             )
+        if "since" in found.derivatives:
+            texts.append(f"the Jacobian is made of {found.derivatives}.")
         if found.failures:
             texts.append(f"the model failed in {found.failures} of {found.simulations} simulations. Narrow the bounds.")
         if rough := [

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 COARSE, FINE = 1e-2, 1e-3  # of a difference, as part of the range: first over what is rough, then to the point
 TOLERANCE = 1e-8  # relative change of cost and of places at which a search ends
+ALIKE = 0.02  # relative difference up to which directional derivatives are believed
 ITERATIONS = 60  # of a search at most
 SCREENED = 4  # places that are looked at for each start: the best of them are started from
 FAILED = 1e3  # residual of a simulation that fails, in standard deviations of the measurement
@@ -53,6 +54,7 @@ class Found:
     seconds: float = 0.0
     interrupted: bool = False
     failures: int = 0
+    derivatives: str = "differences"  # what the Jacobian is made of
 
     @property
     def agreeing(self) -> int:
@@ -113,10 +115,15 @@ class Residuals:
         self, places: Array, steps: Array | float = FINE, central: bool = False, of: Sequence[int] | None = None
     ) -> Array:
         """Derivatives of the residuals by the places, by differences that stay between the bounds."""
-        base = self.predicted(places)
+        wanted = range(len(places)) if of is None else of
+        told = {} if central else self.told(places)
+        base = None if told.keys() >= set(wanted) else self.predicted(places)
         columns = []
         wide = np.broadcast_to(steps, places.shape)
-        for i in range(len(places)) if of is None else of:
+        for i in wanted:
+            if i in told:
+                columns.append(told[i])
+                continue
             step = wide[i]
             both = [min(places[i] + step, 1.0), max(places[i] - step, 0.0)]
             if not central:
@@ -133,6 +140,35 @@ class Residuals:
             columns.append(difference / width if width else np.zeros_like(difference))
             self.heard()
         return np.stack(columns, 1)
+
+    def told(self, places: Array) -> dict[int, Array]:
+        """Columns of the Jacobian by the members' directional derivatives, as far as they tell them.
+
+        The first time they are compared with differences: a member may tell what is not so, and its start may depend on
+        what is looked for. Then the model's `refused` says so, and differences are used.
+        """
+        if (slopes := self.model.slopes(places)) is None:
+            return {}
+        problem = self.model.problem
+        found = {}
+        for number, parts in slopes.items():
+            scaled = [
+                one.weight * part / sigma for one, part, sigma in zip(problem.outputs, parts, self.sigmas, strict=True)
+            ]
+            found[number] = np.concatenate(scaled) * problem.unknowns[number].slope(float(places[number]))
+        if not self.model.compared:
+            self.model.compared = True
+            numbers = sorted(found)
+            differences = self.jacobian(places, FINE, central=True, of=numbers)
+            for number, column in zip(numbers, differences.T, strict=True):
+                off = float(np.linalg.norm(found[number] - column))
+                if off > ALIKE * float(np.linalg.norm(column)):
+                    self.model.refused = (
+                        f"directional derivatives by {problem.unknowns[number].name} are not what differences say"
+                    )
+                    return {}
+        self.model.used = True
+        return found
 
     def searched(
         self, begin: Array, free: Sequence[int] | None = None, iterations: int = ITERATIONS, step: float = FINE
@@ -207,7 +243,7 @@ def search(model: Model, count: int, seed: int, progress: Progress) -> Found:
         found.places = residuals.best[1]
         found.sigmas = estimated(residuals, found.places)
     found.failures = len(residuals.failures)
-    found.simulations = model.count
+    found.simulations, found.derivatives = model.count, model.derivatives
     return found
 
 
