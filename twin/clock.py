@@ -13,6 +13,7 @@ from twin.errors import CouplingError
 NANOSECONDS = 1_000_000_000
 FINEST = 17  # digits of the denominator of a time that is read from decimals: any float is the nearest to such a ratio
 READABLE = 1_000_000  # largest denominator [1/s] that a message shows
+PARTS = (1, 2, 4, 5, 8, 10, 20)  # into which a message advises to divide a time: they can be written exactly
 MOST = 2**62  # units of time that the loop counts
 
 Time = int | Fraction  # [ns]; a whole number is an int
@@ -66,6 +67,12 @@ def common_step(periods: list[Time]) -> Time:
     fractions = [Fraction(period) for period in periods]
     below = math.lcm(*(one.denominator for one in fractions))
     return whole(Fraction(math.gcd(*(int(one * below) for one in fractions)), below))
+
+
+def parts_near(time: Time, part: Time) -> str:
+    """Parts of a time [ns] that are next to one that does not divide it, for messages: `0.5 ms or 0.25 ms`."""
+    counts = [one for one in PARTS if one * part < time][-1:] + [one for one in PARTS if one * part > time][:1]
+    return " or ".join(text(whole(Fraction(time) / one)) for one in counts)
 
 
 def counted(begin: Time, step: Time, stop: Time | None = None) -> tuple[int, int, int]:

@@ -1,6 +1,7 @@
 """Around the feedforward controller: its C library, statistics, programs, and what every component of it must have."""
 
 import subprocess
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ NAMES = (
     "coordinate_program",
     "pull_wire_catheter",
     "stepper_axis",
+    "tendon_catheter",
 )
 
 MAIN = """
@@ -166,3 +168,21 @@ def test_a_runs_readings_are_those_that_the_calibration_reads(tmp_path, build):
     assert np.mean(np.abs(way)) == pytest.approx(7.7, abs=0.05)
     with pytest.raises(TwinError, match="holds no run"):
         record.readings(tmp_path)
+
+
+def test_the_wire_is_let_go_before_another_pull_and_only_then(native):
+    part = native(CoordinateFeedforward, release=True)
+    part.start(0.0)
+    ticks = count()
+
+    def told(y, z, needle, moving=False):
+        part.target_y, part.target_z, part.target_needle_length, part.wire_moving = y, z, needle, moving
+        assert part.advance(10e-3 * next(ticks), 10e-3) == 0
+        return int(part.wire_steps)
+
+    first = [told(8e-3, 5e-3, 0.0) for _ in range(6)]
+    assert first[0] == 0 < first[-1]
+    assert {told(8e-3, 5e-3, 3e-3) for _ in range(6)} == {first[-1]}  # the needle alone
+    assert {told(6e-3, 5e-3, 3e-3, moving=True) for _ in range(20)} == {0}  # as long as the slide moves
+    after = [told(6e-3, 5e-3, 3e-3) for _ in range(3)]
+    assert 0 < after[-1] < first[-1]

@@ -130,3 +130,24 @@ def test_the_tick_of_a_finished_fmu_cannot_be_changed(build, tmp_path):
 def test_values_are_those_of_the_period(build):
     fast, slow = (np.frombuffer(velocity(name, Form.compiled, build)) for name in ("fast", "PI+FF"))
     assert np.count_nonzero(np.diff(fast)) > 1.5 * np.count_nonzero(np.diff(slow)) > 0
+
+
+@pytest.mark.parametrize(
+    ("wrong", "advice"),
+    [
+        (
+            "parameters: {drive_period: 0.3 ms}",
+            "drive_period 300 us does not divide its step of 1 ms. Use 500 us or 250 us.",
+        ),
+        ("parameters: {drive_period: 2 ms}", "drive_period 2 ms does not divide its step of 1 ms. Use 1 ms."),
+        ("communication_step: 0.6 ms", "drive_period 500 us does not divide its step of 600 us. Use 600 us or 300 us."),
+    ],
+)
+def test_what_samples_inside_of_a_step_must_divide_it(wrong, advice):
+    step = "0.2 ms" if "communication" in wrong else "1 ms"
+    text = f"stop_time: 0.3 s\nstep: {step}\nmembers:\n  drive: {{component: servomotor, {wrong}}}\n"
+    with pytest.raises(ScenarioError) as caught:
+        prepare(parse_scenario(text))
+    (line,) = caught.value.problems
+    assert line.endswith(f": member `drive`: {advice}")
+    assert prepare(parse_scenario(text.replace(wrong, "parameters: {drive_period: 0.1 ms}")))

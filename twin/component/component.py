@@ -13,7 +13,8 @@ Kinds, by the functions a class has:
 - continuous: `derivatives(self, t)` sets `der_x` of every state `x`, and the outputs; `method` integrates it;
   `switches` names quantities at whose zeros it bends or jumps, for a solver outside that looks for them
 - sampled: `step(self, t, h)` and a `period` [s]: inputs of `t`, published at `t + period`
-- stepped: `step(self, t, h)` without a period: called at every communication point
+- stepped: `step(self, t, h)` without a period: called at every communication point; `samples_at` names the parameter
+  with what it samples at by itself, of which a step must be a multiple
 - Python-side (`PythonComponent`): `step` may use all of Python (pymunk, a bus); it cannot become an FMU
 
 Of any kind: `terminal` fields group what is connected together.
@@ -36,7 +37,7 @@ from twin.errors import DeclarationError, nearest
 
 RESERVED = {"start", "advance", "views", "record", "layout", "variables", "method", "period", "period_ns", "icon"}
 RESERVED |= {"initialize", "step", "derivatives", "close", "start_values", "switches", "terminals"}
-RESERVED |= {"sampled_as"}
+RESERVED |= {"sampled_as", "samples_at"}
 RESERVED |= {"time"}  # the independent variable of every FMU
 
 OWN = {"record", "views"}  # attributes of an instance
@@ -85,6 +86,7 @@ class Component:
     period: ClassVar[float | None] = None
     method: ClassVar[solver.Method] = solver.rk4(1e-4)
     switches: ClassVar[tuple[str, ...]] = ()
+    samples_at: ClassVar[str] = ""  # parameter [s]
 
     variables: ClassVar[tuple[Variable, ...]] = ()
     terminals: ClassVar[dict[str, Terminal]] = {}

@@ -97,8 +97,10 @@ def look_up(scenario: Scenario, *, imports: bool = True) -> tuple[dict[str, Cata
             problems |= dict.fromkeys(error.problems)
     part = checkable(scenario, catalogs, analyses)
     for case in part.variants:
+        found = catalogs[case.variant]
         problems |= dict.fromkeys(one for name in case.members for one in rhythm(name, case))
-        problems |= dict.fromkeys(case.system(catalogs[case.variant]).check())
+        problems |= dict.fromkeys(one for name in case.members for one in sampling(name, case, found[name]))
+        problems |= dict.fromkeys(case.system(found).check())
     problems |= dict.fromkeys(check_against(part, catalogs))
     return catalogs, list(problems)
 
@@ -126,6 +128,29 @@ def rhythm(name: str, case: Case) -> list[str]:
     if own % every and every % (own or every) and not spec.component.endswith(".fmu"):
         return [f"{where}: {uneven('period', own, every, 'communication_step')}"]
     return []
+
+
+def sampling(name: str, case: Case, variables: Variables) -> list[str]:
+    """That what a member samples at by itself, a parameter of it, does not divide its communication step."""
+    from twin.scenario import members
+
+    spec = case.members[name]
+    if spec.component.endswith(".fmu"):
+        return []
+    made = members.component_of(spec)
+    key = (catalog.component(made) if isinstance(made, str) else made).samples_at
+    if not key:
+        return []
+    values, problems = spec.values(name, variables)
+    if problems:  # they are told with the others
+        return []
+    every, step = clock.nanoseconds(float(values.get(key, variables[key].start))), members.communication(spec)
+    step = step or case.step_ns
+    if every > 0 and not step % every:
+        return []
+    where = f"{spec.places.get(key, spec.where)}: member `{name}`"
+    advice = f"Use {clock.parts_near(step, every)}"
+    return [f"{where}: {key} {clock.text(every)} does not divide its step of {clock.text(step)}. {advice}."]
 
 
 def uneven(key: str, time: clock.Time, step: clock.Time, word: str) -> str:

@@ -20,6 +20,8 @@ class RotaryDrive(Component):
     A step that is not a multiple of `drive_period` ends with ERROR.
     """
 
+    samples_at = "drive_period"
+
     target_position = input("rad", "607Ah, followed in csp", display_unit="deg", nominal=0.5)
     target_velocity = input("rad/s", "60FFh, followed in csv", display_unit="deg/s", nominal=1.0)
     target_torque = input("N*m", "6071h as a torque of the motor, before the gear, followed in cst", nominal=0.2)

@@ -19,6 +19,8 @@ class Servomotor(Component):
     The drive samples at `drive_period`; a step that is not a multiple of it ends with ERROR.
     """
 
+    samples_at = "drive_period"
+
     target_position = input("m", "607Ah, followed in csp", display_unit="mm", nominal=5e-3)
     target_velocity = input("m/s", "60FFh, followed in csv", display_unit="mm/s", nominal=0.05)
     target_force = input("N", "6071h as a force on the rod, followed in cst", nominal=5.0)

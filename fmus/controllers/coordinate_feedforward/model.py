@@ -60,6 +60,8 @@ class CoordinateFeedforward(Component):
 
     mode = parameter(CALIBRATED, "", "0: unmodified, eqs. (1), (4), (5) alone; 1: calibrated", type=Int32, fixed=True,
                      source="paper, results")
+    release = parameter(False, "", "the wire is let go before every pull, so that friction holds it from one side",
+                        type=Boolean, fixed=True, source="chosen: the paper does not say")
     y_maximum = parameter(15e-3, "m", "workspace across", display_unit="mm", source="paper, calibration method")
     z_maximum = parameter(20e-3, "m", "workspace along", display_unit="mm", source="paper, calibration method")
     needle_maximum = parameter(6e-3, "m", "longest needle", display_unit="mm",
@@ -91,6 +93,7 @@ class CoordinateFeedforward(Component):
     needle_slide = local(0.0, "", "needle's slide [mm]")
     tip_advance = local(0.0, "", "advance of the tip [mm] without deflection")
     tension_share = local(0.0, "", "last direction: 0 pushed, 1 pulled")
+    releasing = local(0, "", "periods before the wire may pull; 0: it may", type=Int64)
     waiting = local(0, "", "periods before the needle may move; 0: it has", type=Int64)
     needle_set = local(0.0, "", "length [mm] that the needle's slide has set")
 
@@ -106,6 +109,7 @@ class CoordinateFeedforward(Component):
         self.needle_set = 0.0
         self.needle_slide = -self.needle[1] / self.needle[0]
         self.waiting = 0
+        self.releasing = 0
         self.refusal = ACCEPTED
         publish(self)
 
@@ -120,6 +124,11 @@ class CoordinateFeedforward(Component):
                 self.refusal = move(self)
             if self.refusal == ACCEPTED:
                 self.waiting = REACTION
+        elif self.releasing > 1:
+            self.releasing -= 1
+        elif self.releasing == 1:
+            if not self.wire_moving:
+                self.releasing = 0
         elif self.waiting > 1:
             self.waiting -= 1
         elif self.waiting == 1 and not (self.handle_moving or self.wire_moving):
@@ -149,6 +158,7 @@ def move(self: CoordinateFeedforward) -> int:
         pull = pull_for(self, y, z, -1.0)
         if pull < 0.0:
             return NOT_REACHABLE
+        let_go(self, pull)
         self.pull = pull
         self.tip_advance = z + bend(self.bend_z, self.dead_band, pull)
         self.handle = self.tip_advance
@@ -164,6 +174,7 @@ def move(self: CoordinateFeedforward) -> int:
         advance = z + bend(self.bend_z, self.dead_band, max(pull, 0.0))
         if pull < 0.0 or (advance - self.tip_advance) * (1.0 - 2.0 * share) < 0.0:
             return NOT_REACHABLE
+    let_go(self, pull)
     self.needle_set = needle_after(
         self.needle, self.needle_back, self.needle_turn, self.needle_slide, self.pull, pull, self.needle_set
     )
@@ -175,6 +186,17 @@ def move(self: CoordinateFeedforward) -> int:
         self.tension_share = share
         self.handle = (advance - share * self.reversal_offset) / (1.0 + self.slope)
     return ACCEPTED
+
+
+def let_go(self: CoordinateFeedforward, pull: float) -> None:
+    """Slacken the wire before another pull [mm], if that is asked for."""
+    if not self.release or pull == self.pull:
+        return
+    self.releasing = REACTION
+    self.needle_set = needle_after(
+        self.needle, self.needle_back, self.needle_turn, self.needle_slide, self.pull, 0.0, self.needle_set
+    )
+    self.pull = 0.0
 
 
 def across(self: CoordinateFeedforward, pull: float, z: float, share: float) -> float:
@@ -222,8 +244,9 @@ def publish(self: CoordinateFeedforward) -> None:
     """Outputs from the memory."""
     steps = self.steps_per_revolution / (self.lead / MILLIMETER)
     self.handle_position = MILLIMETER * self.handle
-    self.wire_position = MILLIMETER * self.pull
+    pull = 0.0 if self.releasing > 0 else self.pull
+    self.wire_position = MILLIMETER * pull
     self.needle_position = MILLIMETER * self.needle_slide
     self.handle_steps = floor(self.handle * steps + 0.5)
-    self.wire_steps = floor(self.pull * steps + 0.5)
+    self.wire_steps = floor(pull * steps + 0.5)
     self.needle_steps = floor(self.needle_slide * steps + 0.5)
