@@ -10,8 +10,16 @@ from hw_bridge.hardware import load as load_keys
 
 
 def load(
-    path: Path, arm: bool = False, build: Path = Path("build"), trace: Path | None = None, replay: str | None = None
-) -> Hardware:
-    """Read a hardware file. `arm`: real drives may move. `trace`: where to record. `replay`: a trace instead of drives."""
+    path: Path, arm: bool = False, build: Path = Path("build"), trace: Path | None = None, replay: str | None = None,
+    dry: bool = False,
+) -> Hardware:  # fmt: skip
+    """Read a hardware file. `arm`: real drives may move. `trace`: where to record. `replay`: a trace instead of drives.
+
+    `dry`: the bus is brought up without power, and simulated drives do what the real ones would have been told.
+    """
     keys = load_keys(path)
+    if dry:
+        from hw_bridge.bridge.dry import DryHardware
+
+        return DryHardware(path, keys, build, trace)
     return Hardware(path, keys, arm, build, trace) if replay is None else recorded(path, keys, replay)

@@ -37,6 +37,8 @@ COMPANY = Company(Watch, shadows)
 class Hardware:
     """A checked hardware file, and what its drives did in the cases of a run."""
 
+    company = COMPANY  # who looks on
+
     def __init__(
         self, path: Path, keys: HardwareKeys, arm: bool = False, build: Path = Path("build"), trace: Path | None = None
     ) -> None:
@@ -115,7 +117,7 @@ class Hardware:
         if now is None or now.begun or now.closed or part.member in now.members:
             faults = [*self.keys.faults, *self.faults.get(part.variant, [])]
             now = self.present = Session(
-                self.keys, self.fitting.contacts, self.build, COMPANY, self._trace(), faults, part.variant
+                self.keys, self.fitting.contacts, self.build, self.company, self._trace(), faults, part.variant
             )
             self.sessions.append(now)
         if isinstance(part, DriveAxis):

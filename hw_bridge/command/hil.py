@@ -1,31 +1,83 @@
-"""`twin hil`: what a person does with a bench before a run."""
+"""`twin hil`: what a person does with a bench before a run: from a drive in its box to first motion."""
 
 from __future__ import annotations
 
+import importlib
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
+from hw_bridge.commission import TWICE, Line, axis, known, scan
 from hw_bridge.hardware import load
 from hw_bridge.plant import bench_network
-from hw_bridge.profiles import MODULES, UNFIT, identity, profile
 from twin.cli import say
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from hw_bridge.hardware import HardwareKeys
     from hw_bridge.master import Master, ModuleNode, Node
 
-TWICE = "answers to one question: several nodes have this ID"
-KINDS = {401: "I/O module (CiA 401)", 402: "drive of an unknown vendor"}  # lower half of 1000h
-QUESTION = 30_000_000  # how long a node has to answer during a scan [ns]
+__all__ = ["bench_network", "command", "differences", "known"]
+
+COMMANDS = {  # file of hw_bridge.command.bench and what it does, in the order in which one meets them
+    "scan":      ("look", "who is on the bus: vendor, product, profile, state, errors"),
+    "status":    ("look", "all that a drive says of itself, in words and units"),
+    "monitor":   ("look", "state, position, current as they change"),
+    "get":       ("parameters", "read objects by index or name, with units"),
+    "set":       ("parameters", "write one object, checked before and read back"),
+    "dump":      ("parameters", "all parameters of a drive into a DCF file"),
+    "compare":   ("parameters", "what a drive holds other than a DCF file"),
+    "restore":   ("parameters", "write a DCF file into a drive"),
+    "store":     ("parameters", "keep parameters when it is switched off"),
+    "defaults":  ("parameters", "the parameters that it was delivered with"),
+    "enable":    ("power", "power on, its place held, while this runs"),
+    "disable":   ("power", "stop a drive that another program left on"),
+    "home":      ("power", "find the reference, told in words first"),
+    "jog":       ("motion", "move while a key is held"),
+    "move":      ("motion", "go a way or to a place with a ramp"),
+    "lss":       ("lss", "node-ID and bit rate by identity"),
+    "direction": ("direction", "does the encoder count the way the motor goes"),
+    "step":      ("step", "how the loops answer, drawn beside the twin's"),
+}  # fmt: skip
 
 
-@click.group("hil", short_help="check a bench: scan, identify, compare with its hardware file")
+class Commands(click.Group):
+    """A group whose other commands lie in files of their own, imported when they are called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """All, in the order in which one meets them."""
+        return [*COMMANDS, *super().list_commands(ctx)]
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import the command's file."""
+        if cmd_name not in COMMANDS:
+            return super().get_command(ctx, cmd_name)
+        module = importlib.import_module(f"hw_bridge.command.bench.{COMMANDS[cmd_name][0]}")
+        found: click.Command = getattr(module, f"{cmd_name}_command")
+        return found
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002 - click's
+        """List the commands, importing none of them."""
+        here = [(name, one.get_short_help_str(60)) for name, one in self.commands.items()]
+        with formatter.section("Commands"):
+            formatter.write_dl([*((name, text) for name, (_, text) in COMMANDS.items()), *here])
+
+
+@click.group("hil", cls=Commands, short_help="drives of a bench: scan, parameters, jog, home, check")
 def command() -> None:
-    """Hardware in the loop: what is on the bus, and is it what the hardware file says."""
+    """From a drive in its box to first motion: who is on the bus, what it holds, a hand that moves it.
+
+    Nothing moves without --arm, and everything that moves needs a hardware file with limits.
+
+    \b
+    twin hil scan -i socketcan -c can0                       who is there
+    twin hil check my_bench.yaml                             is it as the file says
+    twin hil move servomotor --by "1 mm" -f my_bench.yaml --arm
+    """
 
 
 @command.command("check", short_help="scan a bus and say what differs from the hardware file")
@@ -38,7 +90,7 @@ def check(file: Path, build: Path) -> None:
     Exit code 1 if anything differs.
     """
     keys = load(file)
-    problems = differences(keys, build)
+    problems = differences(keys, build, {name: axis(file, keys, name).rotary for name in keys.nodes})
     for problem in problems:
         say(f"differs: {problem}")
     if problems:
@@ -46,14 +98,18 @@ def check(file: Path, build: Path) -> None:
     say("The bus is as the hardware file says.")
 
 
-def differences(keys: HardwareKeys, build: Path) -> list[str]:
-    """Everything on the bus that is not as the hardware file says."""
+def differences(keys: HardwareKeys, build: Path, rotary: Mapping[str, bool] | None = None) -> list[str]:
+    """Everything on the bus that is not as the hardware file says. `rotary`: which members turn."""
     from hw_bridge.master import Master
 
-    master = Master(keys, bench_network(keys, build))
+    network = bench_network(keys, build)
+    line = Line(network)
+    master = Master(keys, network)
+    for name, drive in master.nodes.items():
+        drive.rotary = (rotary or {}).get(name, False)
     try:
         master.wait(500_000_000)
-        found = scan(master)
+        found = {one.node: one.told for one in scan(line, [keys.master])}
         for number, text in found.items():
             say(f"node {number}: {text}")
         expected = {station.number: station for station in master.stations.values()}
@@ -76,7 +132,8 @@ def differences(keys: HardwareKeys, build: Path) -> list[str]:
 
 
 def unready(station: Node | ModuleNode) -> list[str]:
-    """Why the right drive could not be run now; tells sizes that are not those of the profile."""
+    """Why the right drive could not be run now; tells sizes that are not those of the profile, and wide limits."""
+    from hw_bridge.commission import limits
     from hw_bridge.master import Node, setup
 
     if not isinstance(station, Node):
@@ -85,15 +142,20 @@ def unready(station: Node | ModuleNode) -> list[str]:
     for line in sizes:
         say(f"note: {line}")
     fault = setup.faults(station)
-    return [*refused, *([fault] if fault else [])]
+    found = list(limits.wider(station, limits.compare(station)))
+    for text, absurd in found:
+        if not absurd:
+            say(f"note: {text}")
+    return [*refused, *(text for text, absurd in found if absurd), *([fault] if fault else [])]
 
 
 @command.command("reset", short_help="leave Fault, once the cause is known")
 @click.argument("file", type=click.Path(path_type=Path), metavar="FILE")
+@click.argument("node", required=False, metavar="[NODE]")
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
               help="Folder for compiled objects.")  # fmt: skip
-def reset(file: Path, build: Path) -> None:
-    """Tell what each drive in Fault says (603Fh, 1003h), then reset it. Power stages stay off, nothing moves.
+def reset(file: Path, node: str | None, build: Path) -> None:
+    """Tell what each drive in Fault, or NODE alone, says (603Fh, 1003h), then reset it. Power stages stay off, nothing moves.
 
     A run never does this by itself. Exit code 1 if a drive is another one, or stays in Fault.
     """
@@ -103,7 +165,8 @@ def reset(file: Path, build: Path) -> None:
     master = Master(keys, bench_network(keys, build))
     try:
         master.wait(500_000_000)
-        results = [reset_one(master, node) for node in master.nodes.values()]
+        chosen = master.nodes.values() if node is None else [master.nodes[axis(file, keys, node).name]]
+        results = [reset_one(master, one) for one in chosen]
     finally:
         master.network.close()
     if not all(results):
@@ -112,6 +175,7 @@ def reset(file: Path, build: Path) -> None:
 
 def reset_one(master: Master, node: Node) -> bool:
     """Reset one drive if it is the right one and in Fault; whether it is in none now."""
+    from hw_bridge.commission import unfinished
     from hw_bridge.dictionary import State
     from hw_bridge.master import setup
 
@@ -119,7 +183,7 @@ def reset_one(master: Master, node: Node) -> bool:
         if problems := master.compare(node):
             say(f"differs: {' '.join(problems)}")
             return False
-        if not (fault := setup.faults(node)):
+        if not (fault := setup.faults(node) or unfinished(node)):
             say(f"{node.name}: is in no Fault.")
             return True
         state = setup.reset(node)
@@ -128,46 +192,3 @@ def reset_one(master: Master, node: Node) -> bool:
         return False
     say(f"{fault} Reset: {state}.{' Its cause is still there.' if state is State.FAULT else ''}")
     return state is not State.FAULT
-
-
-def scan(master: Master) -> dict[int, str]:
-    """Every node that answers, with what it is."""
-    from hw_bridge.master import SdoClient, SilentError
-
-    found = {}
-    for number in range(1, 128):
-        if number == master.keys.master:
-            continue
-        client = SdoClient(number, master.network.send, master.wait)
-        with master.listening(client):
-            try:
-                client.attempts = 1
-                device = client.number(0x1000, timeout=QUESTION)
-                vendor, product, revision, serial = (client.number(0x1018, sub) for sub in (1, 2, 3, 4))
-                master.wait(QUESTION)
-            except SilentError:
-                continue
-            except SimulationError as error:
-                found[number] = f"answers, but not as a CANopen device should: {error}"
-                continue
-        if len(client.answers) > 1:
-            found[number] = f"{len(client.answers)} {TWICE}"
-            continue
-        name = known(vendor, product) or KINDS.get(device & 0xFFFF, f"device type {device:08X}h")
-        found[number] = f"{name}, vendor {vendor:X}h, product {product:X}h, revision {revision:X}h, serial {serial:X}h"
-    return found
-
-
-def known(vendor: int, product: int) -> str:
-    """The title of the profile with this identity; the vendor alone if the product is another one."""
-    if (vendor, product) in UNFIT:
-        return f"{UNFIT[vendor, product]}, which no profile fits"
-    titles = []
-    for name in MODULES:
-        chosen = profile(name)
-        own = identity(name)
-        if own[1] == vendor:
-            titles.append(chosen.title)
-            if own[2] == product:
-                return chosen.title
-    return f"perhaps {' or '.join(titles)}" if titles else ""

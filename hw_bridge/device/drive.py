@@ -326,7 +326,9 @@ class Drive(Slave):
             self.error(code)
 
     def master_lost(self) -> None:
-        """A heartbeat or node guarding is missing."""
+        """A heartbeat or node guarding is missing; again, where the last time is told still and it was enabled anew."""
+        if HEARTBEAT in self.active and self.state is State.ENABLED:
+            self._forget({HEARTBEAT})
         self.error(HEARTBEAT)
 
     def data_received(self, mapped: list[Entry]) -> None:

@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 from hw_bridge.device.emergency import Emergency
+from hw_bridge.device.lss import REQUEST, LssSlave
 from hw_bridge.device.nmt import Nmt
 from hw_bridge.device.pdo import ReceivePdo, TransmitPdo
 from hw_bridge.device.port import Port, check_identifier
@@ -39,6 +40,7 @@ class Slave(ABC):
         self.storage = Storage(self.dictionary)
         self.emergency = Emergency(self.port)
         self.sdo = SdoServer(self.dictionary)
+        self.lss = LssSlave(self.port)
         self.nmt = Nmt(self.port, boot_time, self._state_changed, self._reset, self.master_lost)
         numbers = range(4)
         self.rpdos = [ReceivePdo(self.port, rules, n, self.communication_error, self.data_received) for n in numbers]
@@ -134,6 +136,8 @@ class Slave(ABC):
             self.refresh()
         elif frame.id == dictionary.get(0x1005) & 0x7FF:
             self._sync()
+        elif frame.id == REQUEST:
+            self.lss.heard(frame.data)
         else:
             meant = [pdo for pdo in self.rpdos if pdo.hears(frame.id)]
             for pdo in meant:
@@ -182,6 +186,7 @@ class Slave(ABC):
         self.refresh()
 
     def _reset(self, application: bool) -> None:
+        self.node = self.port.node = self.dictionary.node = self.lss.pending
         self.storage.load(application)
         self._configure()
         if application:

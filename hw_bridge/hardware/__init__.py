@@ -12,6 +12,7 @@ from hw_bridge.hardware.keys import (
     ModuleKeys,
     NodeKeys,
     ShadowKeys,
+    without_unit,
 )
 
 __all__ = [
@@ -27,4 +28,5 @@ __all__ = [
     "overloaded",
     "planned",
     "plausible",
+    "without_unit",
 ]

@@ -6,6 +6,7 @@ import struct
 from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import Mode, cia402
+from hw_bridge.hardware import motor_data
 from hw_bridge.profiles import profile
 from twin.errors import CouplingError
 from twin.scenario import number
@@ -72,7 +73,7 @@ def _node(node: NodeKeys, simulated: bool) -> list[tuple[tuple[str, ...], str]]:
     ):
         text = f"{chosen.title} has no digital outputs 60FEh. Leave it out, or use those of another drive."
         found.append((("safe_outputs",), text))
-    found += _following(node, chosen)
+    found += _following(node, chosen) + motor_data.check(node)
     if node.motor == "member" and not simulated:
         found.append((("motor",), "a real drive has the motor that is wired to it. Leave it out."))
     for (index, sub), value in node.objects.items():

@@ -4,7 +4,8 @@ from hw_bridge.master import setup
 from hw_bridge.master.master import Master
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import Node, constant_of
-from hw_bridge.master.sdo import SdoClient, SilentError
+from hw_bridge.master.sdo import SdoClient, SdoError, SilentError
+from hw_bridge.master.station import Station
 from hw_bridge.master.vendor import SPEED, TRANSMIT, VENDORS, receive
 
 __all__ = [
@@ -15,7 +16,9 @@ __all__ = [
     "ModuleNode",
     "Node",
     "SdoClient",
+    "SdoError",
     "SilentError",
+    "Station",
     "constant_of",
     "receive",
     "setup",

@@ -29,7 +29,6 @@ if TYPE_CHECKING:
 
     from hw_bridge.bus import Condition, Network
     from hw_bridge.hardware import HardwareKeys
-    from hw_bridge.master.sdo import SdoClient
 
 ALIVE = 0x05  # the state that this program's heartbeat tells: Operational
 BOOT = 500 * MILLISECOND  # longest time that a drive takes to answer after power-on [ns]
@@ -66,7 +65,6 @@ class Master:
         self._beat_due = 0
         self._exchanged = 0  # when the last targets went out [ns]
         self.rival = Rival(keys.master, {one.number: name for name, one in self.stations.items()})
-        self._asked: SdoClient | None = None
         bits = sum(bit_count(frame) for one in self.stations.values() for frame in one.frames()) * 1_000_000_000
         # SYNC leaves after all targets are on the wire: its identifier would win against theirs
         self.window = bits // keys.bit_rate + 100_000
@@ -77,20 +75,8 @@ class Master:
     def _hear(self, frame: Frame) -> None:
         self.rival.hear(frame)
         node = self._by_number.get(frame.id & 0x7F)
-        if self._asked is not None and frame.id == cia301.SDO_RESPONSE + self._asked.node:
-            self._asked.heard(frame.data)
-            return
         if node is not None and frame.id > 0x7F and not frame.remote:
             node.heard(frame, self.network.now)
-
-    @contextmanager
-    def listening(self, client: SdoClient) -> Iterator[None]:
-        """Give the answers of a node that need not be known to this client."""
-        self._asked = client
-        try:
-            yield
-        finally:
-            self._asked = None
 
     def wait(self, duration: int, done: Condition = never) -> None:
         """Let time pass, hear frames and tell that this program lives."""
@@ -152,8 +138,8 @@ class Master:
     def _all_booted(self) -> bool:
         return all(station.boots for station in self.stations.values())
 
-    def begin(self, starts: Mapping[str, float]) -> None:
-        """From whatever state to Operation enabled at a standstill, where the scenario begins: `starts`, positions."""
+    def prepare(self) -> None:
+        """From whatever state to process data both ways; no power."""
         if problems := self.identify():
             raise SimulationError(" ".join(problems))
         if problems := self.faults():
@@ -175,6 +161,10 @@ class Master:
             station.heard_at = self.network.now
         for _ in range(3):
             self.run_cycle()
+
+    def begin(self, starts: Mapping[str, float]) -> None:
+        """From whatever state to Operation enabled at a standstill, where the scenario begins: `starts`, positions."""
+        self.prepare()
         for node in self.nodes.values():
             if node.keys.homing is not None:
                 self._home(node)

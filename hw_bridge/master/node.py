@@ -34,6 +34,11 @@ UP = {  # controlword on the way to Operation enabled
     State.SWITCHED_ON: 0x0F,
     State.ENABLED:     0x0F,
 }  # fmt: skip
+ON = {  # controlword on the way to Switched on, and there: no current
+    State.DISABLED:    0x06,
+    State.READY:       0x07,
+    State.SWITCHED_ON: 0x07,
+}  # fmt: skip
 DOWN = {  # on the way to a standstill
     State.ENABLED:    0x02,
     State.QUICK_STOP: 0x02,
@@ -211,6 +216,8 @@ class Node(Station):
         if self.goal is State.ENABLED:
             word = UP.get(state, 0)  # nothing in Fault: to reset it is for a person who knows the cause
             return word | cia402.NEW_SET_POINT if self.homing and state is State.ENABLED else word
+        if self.goal is State.SWITCHED_ON:
+            return ON.get(state, 0)
         if self.goal is State.QUICK_STOP:
             return DOWN.get(state, 0)
         return 0

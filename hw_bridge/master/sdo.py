@@ -61,10 +61,10 @@ class SdoClient:
         """An unsigned number of however many bytes the node gives it."""
         return int.from_bytes(self.read(index, sub, timeout), "little")
 
-    def write(self, index: int, sub: int, data: bytes) -> None:
+    def write(self, index: int, sub: int, data: bytes, timeout: int = TIMEOUT) -> None:
         """Write an entry of up to four bytes; numbers have no more."""
         head = 0x23 | (4 - len(data)) << 2
-        self._ask(struct.pack("<BHB", head, index, sub) + data.ljust(4, b"\0"), index, sub, 0x60, TIMEOUT)
+        self._ask(struct.pack("<BHB", head, index, sub) + data.ljust(4, b"\0"), index, sub, 0x60, timeout)
 
     def _ask(self, request: bytes, index: int, sub: int, expected: int, timeout: int, segment: bool = False) -> bytes:
         for _ in range(1 if segment else self.attempts):

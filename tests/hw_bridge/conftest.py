@@ -1,9 +1,20 @@
 """Benches of all profiles."""
 
+from collections.abc import Iterator
+
+import canopen
 import pytest
 
 from hw_bridge.profiles import MODULES
 from tests.hw_bridge.bench import Bench
+
+
+@pytest.fixture(scope="session", autouse=True)
+def networks_end_soon() -> Iterator[None]:
+    """Whoever disconnects waits for canopen's thread, which looks every second whether it is to end."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(canopen.Network, "NOTIFIER_CYCLE", 0.05)
+        yield
 
 
 @pytest.fixture(params=MODULES)
@@ -21,3 +32,15 @@ def make(build):
 def bench(make, name):
     """A bench of each profile."""
     return make(name)
+
+
+@pytest.fixture
+def faulhaber(make):
+    """A bench of the drive of the rig."""
+    return make("faulhaber_v3")
+
+
+@pytest.fixture
+def epos(make):
+    """A bench of the drive of another vendor."""
+    return make("epos4")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from twin import installed, late, revision
+from twin.cli import completion
 from twin.cli.terminal import bar, paper, say, working
 from twin.errors import DeclarationError, TwinError
 from twin.process import supervise
@@ -27,7 +28,16 @@ FORMS = ("fmu", "compiled", "interpreted")
 
 
 @click.command(name="run")
-@click.argument("file", type=click.Path(path_type=Path), metavar="SCENARIO")
+@click.argument(
+    "file", type=click.Path(path_type=Path), metavar="SCENARIO", required=False, shell_complete=completion.scenarios
+)
+@click.option(
+    "--case",
+    "of_study",
+    default="",
+    metavar="STUDY:NUMBER",
+    help="A case of a study again, such as thousand_patients:713.",
+)
 @click.option(
     "--set",
     "overrides",
@@ -76,6 +86,8 @@ FORMS = ("fmu", "compiled", "interpreted")
     "--replay", metavar="FILE", help="With --hardware: its drives as recorded there, from FILE@SECONDS on if named."
 )
 @click.option("--arm", is_flag=True, help="Real drives may move.")
+@click.option("--dry", is_flag=True, help="With --hardware: bring the bus up but never enable power; simulated drives show "
+              "what would have been sent.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print summary.json to stdout, and nothing else there.")
 @click.option("--no-report", is_flag=True, help="Write no report.html.")
 @click.option("--log", "logged", multiple=True, is_flag=False, flag_value="*", metavar="[MEMBER]",
@@ -84,7 +96,8 @@ FORMS = ("fmu", "compiled", "interpreted")
 @click.option("--timeout", type=click.FloatRange(0.0), default=0.0, metavar="S",
               help="End a case where one step of a member takes longer [s]. [default: never]")  # fmt: skip
 def command(
-    file: Path,
+    file: Path | None,
+    of_study: str,
     overrides: tuple[str, ...],
     variants: tuple[str, ...],
     seeds: tuple[int, ...],
@@ -95,6 +108,7 @@ def command(
     trace: Path | None,
     replay: str | None,
     arm: bool,
+    dry: bool,
     as_json: bool,
     no_report: bool,
     logged: tuple[str, ...],
@@ -111,13 +125,22 @@ def command(
     twin run scenarios/heart_wall_force.yaml --variant PI --seed 1 --set heart.rate="1.4 Hz"
     twin run scenarios/heart_wall_force.yaml --hardware hw_bridge/benches/simulated_force.yaml
     """
-    refuse_together(hardware_file is not None, trace is not None, replay is not None, half_step)
+    refuse_together(hardware_file is not None, trace is not None, replay is not None, half_step, dry)
+    if (file is None) is not bool(of_study):
+        raise click.UsageError("Name a SCENARIO, or a case of a study with --case.")
     link = supervise(timeout)  # from here on in a process of its own, before anything heavy is imported
+    again = None
+    if of_study:
+        from twin.study import place_of, single
+
+        again = single(*place_of(of_study, runs))
+        file, overrides, variants, seeds = again.file, (*again.options, *overrides), (again.variant,), (again.seed,)
+    assert file is not None
     with late.beside(partial(revision.ask, ENGINE)):
         from twin.run import resume, run_scenario
         from twin.scenario import Form, checked
 
-    display = progress_display(file.stem, not as_json)
+    display = progress_display(of_study or file.stem, not as_json)
     options: dict[str, Any] = {
         "build": build, "report": not no_report, "link": link, "logged": logged, "hear": display.hear,
     }  # fmt: skip
@@ -139,7 +162,7 @@ def command(
             from twin.scenario import load_scenario
 
             scenario = load_scenario(file, overrides)
-            hardware = load_hardware(hardware_file, arm, build, trace, replay)
+            hardware = load_hardware(hardware_file, arm, build, trace, replay, **({"dry": True} if dry else {}))
         display.title = scenario.title
         with display as progress:
             outcome = run_scenario(
@@ -154,11 +177,15 @@ def command(
                 half_step=half_step,
                 **options,
             )
+    if again is not None:
+        say(again.compared(outcome), err=True)
     told(outcome, as_json, not no_report)
 
 
-def refuse_together(on_drives: bool, trace: bool, replay: bool, half_step: bool) -> None:
+def refuse_together(on_drives: bool, trace: bool, replay: bool, half_step: bool, dry: bool = False) -> None:
     """Options that mean nothing together."""
+    if dry and (replay or not on_drives):
+        raise click.UsageError("--dry is of a bus: name it with --hardware, and no --replay.")
     if (trace or replay) and not on_drives:
         raise click.UsageError("--trace and --replay are of a bus: name it with --hardware.")
     if trace and replay:
@@ -193,12 +220,14 @@ def finish_others(runs: Path) -> None:
             say(f"note: {error}", err=True)
 
 
-def load_hardware(file: Path, arm: bool, build: Path, trace: Path | None = None, replay: str | None = None) -> Hardware:
+def load_hardware(
+    file: Path, arm: bool, build: Path, trace: Path | None = None, replay: str | None = None, **more: bool
+) -> Hardware:
     """Read a hardware file with the package that knows about drives: an entry point of the group `twin.hardware`."""
     points = list(installed.entry_points("twin.hardware").values())
     if not points:
         raise DeclarationError("--hardware: no installed package knows about drives. Run `pip install -e .` again.")
-    hardware: Hardware = installed.load(points[0])(file, arm, build, trace, replay)
+    hardware: Hardware = installed.load(points[0])(file, arm, build, trace, replay, **more)
     return hardware
 
 

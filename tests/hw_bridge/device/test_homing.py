@@ -5,14 +5,10 @@ from math import copysign
 import pytest
 
 from hw_bridge.dictionary import Mode, Until, cia402
+from tests.matrix import covering
 
 ENDED = cia402.BIT_12 | cia402.BIT_13  # attained, or an error
 SHOWN = ENDED | cia402.TARGET_REACHED
-
-
-@pytest.fixture
-def faulhaber(make):
-    return make("faulhaber_v3")
 
 
 def homed(bench, milliseconds):
@@ -50,20 +46,21 @@ def test_homing_methods(faulhaber, method, place):
     assert bench.drive.axis.origin + 100e-6 == pytest.approx(place, abs=1.2e-4)
 
 
-@pytest.mark.parametrize(
-    ("method", "home", "place"),
+HOME_SWITCH = (
     [(7, (4, 6), 0), (8, (-2, 6), 0), (9, (-2, 6), 0), (10, (-4, -2), 0),
      (11, (-4, -2), 0), (12, (-2, 6), 0), (13, (-2, 6), 0), (14, (4, 6), 0),
      (23, (4, 6), 4), (24, (4, 6), 4), (25, (4, 6), 6), (26, (4, 6), 6),
-     (27, (4, 6), 6), (28, (4, 6), 6), (29, (4, 6), 4), (30, (4, 6), 4)],
+     (27, (4, 6), 6), (28, (4, 6), 6), (29, (4, 6), 4), (30, (4, 6), 4)]
 )  # fmt: skip
-@pytest.mark.parametrize("start", [-8, 5, 9])
-def test_the_home_switch_is_found_from_either_side_and_from_on_it(faulhaber, method, home, place, start):
+
+
+@pytest.mark.parametrize(("case", "start"), covering(HOME_SWITCH, [-8, 5, 9]))
+def test_the_home_switch_is_found_from_either_side_and_from_on_it(faulhaber, case, start):
     """Methods 7 to 14 and 23 to 30 of CiA 402: the end of the switch and the index beside it, all in millimeters.
 
     A limit switch turns a search round that began on the wrong side.
     """
-    bench = faulhaber
+    (method, home, place), bench = case, faulhaber
     switches = bench.drive.axis.switches
     switches.negative, switches.positive, switches.home = -0.010, 0.012, (1e-3 * home[0], 1e-3 * home[1])
     bench.write(0x6098, method)

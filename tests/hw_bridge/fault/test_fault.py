@@ -12,6 +12,7 @@ from hw_bridge.profiles import MODULES, profile
 from hw_bridge.trace.watch import SHOWN
 from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.bridge.test_bridge import NODES
+from tests.matrix import covering
 from twin.errors import ScenarioError, SimulationError
 
 AT = 0.2  # time of the fault [s]
@@ -43,8 +44,7 @@ def faulty(build, name, *faults):
     return rig
 
 
-@pytest.mark.parametrize("name", MODULES)
-@pytest.mark.parametrize("which", FAULTS)
+@pytest.mark.parametrize(("which", "name"), covering(FAULTS, MODULES))
 def test_every_fault_ends_in_the_safe_state(build, name, which):
     keys, ends, seen = FAULTS[which]
     rig = faulty(build, name, keys)

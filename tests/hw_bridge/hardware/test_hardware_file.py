@@ -46,7 +46,8 @@ FOR = {
     "regripping": "regripping",
     "racs": "racs",
     "hysteresis": "hysteresis_identification",
-}  # last word of a bench: its scenario
+    **dict.fromkeys(("faulhaber", "mclm", "epos4"), "heart_wall_force"),  # of the first motion: any with a servomotor
+}  # second word of a bench: its scenario
 
 
 @pytest.mark.parametrize("path", BENCHES, ids=lambda path: path.stem)

@@ -7,6 +7,7 @@ import pytest
 from hw_bridge.shadow.symptoms import SYMPTOMS, Figures, explained
 from tests.hw_bridge.axis import Rig, node
 from tests.hw_bridge.bridge.test_bridge import NODES
+from tests.matrix import covering
 
 FAULTS = {
     "friction": ({"fault": "friction", "factor": 2.0}, "friction: guide rail"),
@@ -40,8 +41,7 @@ def test_no_residual_without_a_fault(build, name):
     assert rig.session.account.notes == []
 
 
-@pytest.mark.parametrize("which", FAULTS)
-@pytest.mark.parametrize("inverted", [False, True])
+@pytest.mark.parametrize(("which", "inverted"), covering(FAULTS, [False, True]))
 def test_a_fault_speaks_for_its_part(build, which, inverted):
     fault, part = FAULTS[which]
     keys = node(shadow={}, inverted=inverted, limits={"force": "30 N"})

@@ -1,0 +1,167 @@
+"""A dry run: the bus as for a run but without power, then the whole scenario on simulated drives of the same profiles.
+
+What these are sent is what the real ones would have been; `--trace` keeps it. They have no load but that of the scenario,
+and what a drive really follows only a run shows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from math import inf
+from typing import TYPE_CHECKING, Any
+
+from hw_bridge.bridge.hardware import Hardware
+from hw_bridge.commission import Line, axis, limits
+from hw_bridge.dictionary import Mode, State
+from hw_bridge.master import Master
+from hw_bridge.plant import bench_network
+from hw_bridge.session import Company
+from hw_bridge.trace import Watch
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
+
+    from hw_bridge.bus import Network, Observer
+    from hw_bridge.hardware import HardwareKeys
+    from hw_bridge.master import Node
+    from twin.component import Component
+    from twin.scenario import Scenario
+
+CYCLES = 200  # without power: a second at 5 ms
+TOLD = {Mode.CSP: "target_position", Mode.CSV: "target_velocity", Mode.CST: "target_force"}
+ON = 2_000_000_000  # longest time to Switched on [ns]
+
+
+def rehearse(keys: HardwareKeys, network: Network, rotary: Mapping[str, bool]) -> list[str]:
+    """Everything but power: identity, limits, parameters, process data both ways, Switched on; then down again.
+
+    What was seen. `rotary`: which members turn.
+    """
+    line = Line(network, keys.nodes)
+    master = Master(keys, network)
+    try:
+        if problems := master.identify():
+            raise SimulationError(problems)
+        wide = []
+        for name in keys.nodes:
+            drive = line.drive(name)
+            drive.rotary = rotary[name]
+            wide += list(limits.wider(drive, limits.compare(drive)))
+        if absurd := [text for text, is_absurd in wide if is_absurd]:
+            raise SimulationError(absurd)
+        master.prepare()
+        for node in master.nodes.values():
+            node.goal = State.SWITCHED_ON
+        end = network.now + ON
+        while network.now < end and any(one.state is not State.SWITCHED_ON for one in master.nodes.values()):
+            master.run_cycle()
+        states = {name: f"{one.state}, no power" for name, one in master.nodes.items()}
+        for station in master.stations.values():
+            station.forget()
+        for _ in range(CYCLES):
+            master.exchange()
+            master.timing.synced(network.now, network.now)
+            master.wait(keys.cycle)
+        if problems := [*master.faults(), *filter(None, [master.rival.text])]:
+            raise SimulationError(problems)
+        lost = {name: one.lost for name, one in master.stations.items()}
+    finally:
+        master.stop()
+    told = [
+        f"{name}: {states.get(name, 'outputs safe')}; {lost[name]} of {CYCLES} process data lost"
+        for name in master.stations
+    ]
+    return [*told, *(text for text, _ in wide), *master.notes]
+
+
+@dataclass
+class Extremes:
+    """The farthest that one drive is told to go and goes, beside its limits: nothing is changed."""
+
+    node: Node
+    told: dict[str, tuple[float, float]] = field(default_factory=dict)
+    modes: set[str] = field(default_factory=set)
+    warnings: list[str] = field(default_factory=list)
+
+    def feel(self) -> None:
+        """Nothing is felt."""
+
+    def look(self, _t: int) -> None:
+        """What this cycle told and what came of it."""
+        node = self.node
+        self.modes.add(node.own_mode.name.lower())
+        values = {"position": node.position, "velocity": node.velocity, "force": node.force,
+                  "following_error": node.following_error}  # fmt: skip
+        told = TOLD[node.mode]
+        values[told] = getattr(node, told)
+        for name, value in values.items():
+            low, high = self.told.get(name, (inf, -inf))
+            self.told[name] = min(low, value), max(high, value)
+        self.warnings[:] = [self.line()]
+
+    def line(self) -> str:
+        """Everything beside its limit: `velocity 50.00 of 300.00 mm/s (17 %)`."""
+        limits, way = self.node.keys.limits, self.node.way
+        low, high = self.told["position"]
+        newton = "N m" if self.node.rotary else "N"
+        parts = [
+            f"{name} {_amount(name, least, way, newton)} to {_amount(name, most, way, newton)}"
+            for name, (least, most) in self.told.items()
+            if name.startswith("target")
+        ]
+        parts.append(f"position {way(low)} to {way(high)} of {way(limits.position[0])} to {way(limits.position[1])}")
+        for name, limit, suffix in (
+            ("velocity", limits.velocity, "/s"),
+            ("following_error", limits.following_error, ""),
+        ):
+            most = max(map(abs, self.told[name]))
+            parts.append(f"{name} {way(most)}{suffix} of {way(limit)}{suffix} ({100 * most / limit:.0f} %)")
+        most = max(map(abs, self.told["force"]))
+        parts.append(f"force {most:.2f} of {limits.force:g} {newton} ({100 * most / limits.force:.0f} %)")
+        return f"{self.node.name} in {', '.join(sorted(self.modes))}: {', '.join(parts)}."
+
+    def report(self) -> dict[str, Any]:
+        """Smallest and largest values, in SI."""
+        return {name: list(ends) for name, ends in self.told.items()}
+
+
+def _amount(name: str, value: float, way: Callable[[float], str], newton: str) -> str:
+    """A target for people."""
+    return f"{value:.2f} {newton}" if name == "target_force" else way(value) + "/s" * (name == "target_velocity")
+
+
+def extremes(
+    _keys: HardwareKeys, _network: Network, _axes: Mapping[str, Component], nodes: Mapping[str, Node], _build: Path
+) -> Mapping[str, Observer]:
+    """An observer for each drive."""
+    return {name: Extremes(node) for name, node in nodes.items()}
+
+
+class DryHardware(Hardware):
+    """The drives of a hardware file without power, and simulated ones that are told what they would have been."""
+
+    company = Company(Watch, extremes)
+
+    def __init__(self, path: Path, keys: HardwareKeys, build: Path, trace: Path | None) -> None:
+        super().__init__(path, keys.model_copy(update={"simulated": True}), False, build, trace)
+        self.real = keys
+        self.seen: list[str] = []
+
+    def apply(self, scenario: Scenario) -> Scenario:
+        """The scenario on simulated drives, if the bus could be brought up without power."""
+        applied = super().apply(scenario)
+        self.seen = rehearse(
+            self.real,
+            bench_network(self.real, self.build),
+            {name: axis(self.path, self.real, name).rotary for name in self.real.nodes},
+        )
+        return applied
+
+    def notes(self) -> list[str]:
+        """What the bus said without power, then what would have been sent."""
+        bus = "simulated bus" if self.real.simulated else f"{self.real.interface} {self.real.channel}"
+        return [f"dry run on {bus}, power never on: {one.rstrip('.')}." for one in self.seen] + [
+            f"would have been sent: {one}" for one in super().notes()
+        ]

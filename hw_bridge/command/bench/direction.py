@@ -1,0 +1,96 @@
+"""`twin hil direction`: does the encoder count the way the motor goes, and is that the way of the hardware file."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import click
+
+from hw_bridge.command.bench.hands import ARM, hand, meant
+from hw_bridge.command.bench.options import NODE, on_a_bus, paragraph
+from twin.cli import say
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from hw_bridge.command.bench.options import BusChoice
+    from hw_bridge.commission import Axis
+
+WRONG = (
+    "The encoder counts against the motor: a closed loop would run away. Swap the encoder's A and B (or two motor phases "
+    "with the Hall sensors), or its polarity in the drive, with the vendor's software. Do not enable it before."
+)
+
+
+@click.command("direction")
+@NODE
+@click.option(
+    "--by-hand", is_flag=True, help="Power off: move it by hand to positive positions, and see what it counts."
+)
+@click.option("--within", type=click.FloatRange(1.0, 600.0), default=20.0, show_default=True, metavar="S",
+              help="With --by-hand: how long to wait [s].")  # fmt: skip
+@click.option(
+    "--share", type=click.FloatRange(0.01, 1.0), default=0.4, show_default=True, help="Of limits.force to push with."
+)
+@ARM
+@on_a_bus
+def direction_command(bus: BusChoice, node: str, by_hand: bool, within: float, share: float, arm: bool) -> None:
+    """Push NODE with a slowly growing force to positive, then to negative positions, until it moved a few increments.
+
+    No loop of position or speed is closed, so that a wrong sign cannot run away. Nothing holds the
+    axis meanwhile: not for a vertical one that would fall. With --by-hand nothing is powered: move
+    it to where positions of the member grow; that shows whether `inverted` in the hardware file is right.
+
+    \b
+    twin hil direction servomotor --by-hand -f my_bench.yaml
+    twin hil direction servomotor -f my_bench.yaml --arm
+    """
+    axis = meant(bus, node)
+    if by_hand:
+        look(bus, axis, within)
+        return
+    from hw_bridge.commission import direction
+    from hw_bridge.profiles import profile
+
+    keys = axis.keys
+    if not direction.can_push(profile(keys.profile)):
+        raise SimulationError(
+            f"{profile(keys.profile).title} has no cst to push with. Use --by-hand, then a short jog."
+        )
+    with hand(bus, axis, arm, forced=True) as held:
+        found = direction.pushes(held, share * keys.limits.force)
+        unit = "N m" if held.node.rotary else "N"
+        for one in found:
+            verdict = "as it should" if one.agrees else "the other way" if one.moved else "not moved"
+            say(f"{held.node.name}: push of {one.way * one.force:+.2f} {unit}: {axis.told(one.moved)}, {verdict}.")
+    if any(one.moved and not one.agrees for one in found):
+        paragraph(WRONG)
+        sys.exit(1)
+    if not all(one.moved for one in found):
+        paragraph("It did not move: is it blocked, or is the brake on? A larger --share pushes harder.")
+        sys.exit(1)
+    paragraph(
+        "The encoder counts the way the motor goes. Whether that is the way of the member only you can see: --by-hand, or a short jog."
+    )
+
+
+def look(bus: BusChoice, axis: Axis, within: float) -> None:
+    """What it counts while a person moves it."""
+    from hw_bridge.commission import direction, objects
+
+    with bus.line() as line:
+        asked = line.drive(axis.name)
+        objects.learn(asked)
+        enough = 20 * asked.profile.motor.resolution * asked.keys.scale
+        say(f"{asked.name}: power is off. Move it by hand to positive positions of the member, within {within:g} s.")
+        moved = direction.by_hand(line, asked, enough, round(within * 1e9))
+    told = axis.told(moved)
+    if not moved:
+        raise SimulationError(
+            f"{asked.name}: nothing was counted. Check the encoder's cable and type, or move it farther."
+        )
+    if moved < 0.0:
+        now, then = ("true", "false") if asked.keys.inverted else ("false", "true")
+        paragraph(f"It counted {told}: against the hardware file. Change `inverted: {now}` to `inverted: {then}`.")
+        sys.exit(1)
+    say(f"It counted {told}: the hardware file is right.")

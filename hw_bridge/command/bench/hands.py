@@ -1,0 +1,104 @@
+"""What commands that move a drive share: armed or not at all, compared limits, one stop, warnings at the end."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import click
+
+from hw_bridge.command.bench.options import paragraph
+from twin.cli import say
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from hw_bridge.command.bench.options import BusChoice
+    from hw_bridge.commission import Axis, Hand, Line
+    from hw_bridge.hardware import HardwareKeys
+
+ARM = click.option(
+    "--arm", is_flag=True, help="Real drives may move: nobody is in their way, the emergency stop is at hand."
+)
+HOMED = click.option("--homed", is_flag=True, help="It was homed since power-on (twin hil home): positions and limits "
+                     "count from its reference; else from where it stands.")  # fmt: skip
+
+
+def hardware(bus: BusChoice) -> HardwareKeys:
+    """The hardware file: what moves needs its limits."""
+    if bus.keys is None:
+        raise click.UsageError("Name --hardware FILE: what moves a drive needs the limits that are written there.")
+    return bus.keys
+
+
+def armed(bus: BusChoice, arm: bool) -> None:
+    """SimulationError unless nothing can move, or somebody said that it may."""
+    keys = hardware(bus)
+    if not keys.is_software() and not arm:
+        raise SimulationError(
+            f"{bus.hardware}: {keys.interface} {keys.channel} may move real drives. Add --arm if nobody is in their way and "
+            f"the emergency stop is at hand."
+        )
+
+
+def meant(bus: BusChoice, word: str) -> Axis:
+    """The drive of the hardware file that a person means."""
+    from hw_bridge.commission import axis
+
+    keys = hardware(bus)
+    assert bus.hardware is not None
+    return axis(bus.hardware, keys, word)
+
+
+@contextmanager
+def hand(
+    bus: BusChoice, axis: Axis, arm: bool, *, homed: bool = False, forced: bool = False, start: float = 0.0,
+    homes: bool = False, paced: bool = False,
+) -> Iterator[Hand]:  # fmt: skip
+    """One drive, enabled for as long as the block lasts. Afterwards warnings are told; exit code 1 if there are any."""
+    from hw_bridge.commission import Hand, Line, alone, homing
+
+    armed(bus, arm)
+    keys = hardware(bus)
+    name = axis.name
+    if homed and axis.keys.homing is None:
+        raise SimulationError(
+            f"{bus.hardware}: nodes.{name} has no `homing`: --homed means nothing. Add it, or leave it out."
+        )
+    with bus.network() as network:
+        looked_at(Line(network, keys.nodes), axis, bus.hardware)
+        held = Hand(alone(keys, name, homes), name, network, axis.rotary, forced)
+        held.paced = paced
+        if homes:
+            held.master.look = homing.watch(held)
+        try:
+            with held.enabled(start, axis.keys if homed else None):
+                yield held
+        finally:
+            for note in held.master.notes:
+                paragraph(f"warning: {note}")
+    if held.master.notes:
+        sys.exit(1)
+    say(f"{name}: stopped and disabled.")
+
+
+def looked_at(line: Line, axis: Axis, path: object) -> None:
+    """Before power: no error of before, which a second one may hide behind, and limits beside the drive's own."""
+    from hw_bridge.commission import BOOT, limits, refuse_moving, unfinished
+    from hw_bridge.dictionary import State, state_of
+
+    if not line.network.wall_clock:
+        line.wait(BOOT)
+    node = line.drive(axis.name)
+    node.rotary = axis.rotary
+    in_fault = state_of(node.sdo.number(0x6041) & 0xFFFF) in (State.FAULT, State.REACTION)  # the master tells that
+    refuse_moving(node)
+    if not in_fault and (text := unfinished(node)):
+        raise SimulationError(f"{text} Reset it first: twin hil reset {path}")
+    found = list(limits.wider(node, limits.compare(node)))
+    if absurd := [text for text, is_absurd in found if is_absurd]:
+        raise SimulationError(absurd)
+    for text, _ in found:
+        paragraph(f"note: {text}")

@@ -1,0 +1,132 @@
+"""`twin hil scan`, `status`, `monitor`: who is on the bus and what it says. Only read."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import click
+
+from hw_bridge.command.bench.options import NODE, PROFILE, on_a_bus, paragraph, table
+from twin.cli import say
+
+if TYPE_CHECKING:
+    from hw_bridge.command.bench.options import BusChoice
+    from hw_bridge.master import Station
+
+NOBODY = (
+    "Nobody answers. Is the power on? Do CAN_H, CAN_L and GND reach the drive, with 120 ohm at both ends? Has it this bit "
+    "rate (--bitrate)? A drive without a node-ID answers only LSS: twin hil lss."
+)
+
+
+@click.command("scan")
+@on_a_bus
+def scan_command(bus: BusChoice) -> None:
+    """Ask all node-IDs who they are: vendor, product, revision, profile, state, errors. Nothing is written.
+
+    \b
+    twin hil scan -i socketcan -c can0
+    twin hil scan -i slcan -c /dev/ttyACM0 --bitrate 500000
+    twin hil scan -f my_bench.yaml
+    """
+    from hw_bridge.commission import scan
+
+    with bus.line() as line:
+        found = scan(line)
+        names = {one.node: name for name, one in line.keys.items()}
+        for one in found:
+            name = f" ({names[one.node]})" if one.node in names else ""
+            say(f"node {one.node}{name}: {one.title or 'not understood'}")
+            vendor, product, revision, serial = one.identity
+            if one.problem:
+                paragraph(one.problem, 2)
+                continue
+            say(f"  vendor {vendor:X}h, product {product:X}h, revision {revision:X}h, serial {serial:X}h")
+            if one.state:
+                say(f"  {one.state}")
+            if one.fault:
+                paragraph(one.fault, 2)
+        if not found:
+            paragraph(NOBODY)
+            sys.exit(1)
+
+
+@click.command("status")
+@NODE
+@PROFILE
+@on_a_bus
+def status_command(bus: BusChoice, node: str, profile: str | None) -> None:
+    """Tell all that NODE says of itself: state, limits, temperatures, voltages, errors and what to do about them.
+
+    NODE is a node-ID, or a name of the hardware file. Nothing is written. Exit code 1 if it is in Fault.
+
+    \b
+    twin hil status 1 -i socketcan -c can0
+    twin hil status servomotor -f my_bench.yaml
+    """
+    from hw_bridge.commission import status
+    from hw_bridge.dictionary import State, state_of
+
+    with bus.line() as line:
+        asked = line.node(node, profile or "")
+        found = status(asked)
+        say(f"{asked.name}: {asked.profile.title}")
+        width = max((len(name) for rows in found.groups.values() for name, _ in rows), default=0)
+        for group, rows in found.groups.items():
+            if rows:
+                say(group)
+                table([(f"{name:{width}}", value) for name, value in rows], 2)
+        say("errors")
+        for text in found.errors or ["none"]:
+            paragraph(text, 2)
+        if 0x6041 in asked.mirror and state_of(asked.sdo.number(0x6041) & 0xFFFF) in (State.FAULT, State.REACTION):
+            sys.exit(1)
+
+
+@click.command("monitor")
+@click.argument("nodes", nargs=-1, metavar="[NODE]...")
+@click.option("--every", type=click.FloatRange(0.05, 60.0), default=0.2, show_default=True, metavar="S",
+              help="Ask so often [s].")  # fmt: skip
+@click.option("--for", "duration", type=click.FloatRange(0.0), metavar="S", help="End after this time [s]; else by q.")
+@on_a_bus
+def monitor_command(bus: BusChoice, nodes: tuple[str, ...], every: float, duration: float | None) -> None:
+    """Show state, position, velocity, current and errors of nodes as they change, until q or Ctrl-C.
+
+    Without NODE all of the hardware file. In a pipe every look is printed below the last. By SDO only: it disturbs
+    nobody, and may run beside `twin run`.
+    """
+    from hw_bridge.commission import Keyboard, objects
+
+    with bus.line() as line, Keyboard.if_there() as keyboard:
+        asked = [line.node(one) for one in nodes or line.keys]
+        if not asked:
+            raise click.UsageError("Name at least one NODE, or --hardware FILE with its nodes.")
+        for one in asked:
+            objects.learn(one)
+        begin, count = line.network.now, 0
+        while duration is None or line.network.now - begin <= duration * 1e9:
+            lines = looked(asked, (line.network.now - begin) / 1e9)
+            if count and sys.stdout.isatty():
+                sys.stdout.write(f"\x1b[{count}F\x1b[J")
+            for text in lines:
+                say(text)
+            count = len(lines)
+            line.wait(round(every * 1e9))
+            if keyboard is not None and {"q", "quit"} & set(keyboard.pressed()):
+                return
+
+
+def looked(asked: list[Station], now: float) -> list[str]:
+    """What nodes say now, in lines."""
+    from hw_bridge.commission import glance
+    from twin.errors import SimulationError
+
+    lines = [f"{now:8.1f} s   q ends it"]
+    for one in asked:
+        try:
+            told = glance(one)
+        except SimulationError as error:
+            told = [("no answer", str(error)[:60])]
+        lines += [one.name, *(f"  {name:34.34} {value[:42]}" for name, value in told)]
+    return lines

@@ -1,0 +1,78 @@
+"""`twin hil lss`: node-ID and bit rate of a device that has none, or the same as another."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import click
+
+from hw_bridge.command.bench.options import on_a_bus, paragraph
+from twin.cli import say
+
+if TYPE_CHECKING:
+    from hw_bridge.command.bench.options import BusChoice
+
+
+class Number(click.ParamType):  # type: ignore[type-arg]
+    """A number as data sheets print it: 11601, 0x2D51 or 2D51h."""
+
+    name = "number"
+
+    def convert(self, value: object, param: click.Parameter | None, ctx: click.Context | None) -> int:
+        """The number, or the usage error that says what is expected."""
+        text = str(value)
+        try:
+            return int(text[:-1], 16) if text.endswith("h") else int(text, 0)
+        except ValueError:
+            return self.fail(f"expected a number such as 11601, 0x2D51 or 2D51h, not {text!r}.", param, ctx)
+
+
+NUMBER = Number()
+
+
+@click.command("lss")
+@click.option("--vendor", type=NUMBER, metavar="N", help="1018h.1 of the device, as scan tells it.")
+@click.option("--product", type=NUMBER, metavar="N", help="1018h.2")
+@click.option("--revision", type=NUMBER, metavar="N", help="1018h.3")
+@click.option("--serial", type=NUMBER, metavar="N", help="1018h.4, also on its label.")
+@click.option("--node-id", type=click.IntRange(1, 127), metavar="ID", help="Give it this node-ID.")
+@click.option(
+    "--new-bitrate", type=int, metavar="B", help="Give it this bit rate; acts when it is switched off and on."
+)
+@on_a_bus
+def lss_command(
+    bus: BusChoice, vendor: int | None, product: int | None, revision: int | None, serial: int | None,
+    node_id: int | None, new_bitrate: int | None,
+) -> None:  # fmt: skip
+    """Give a device a node-ID or a bit rate by its identity (CiA 305), stored in it. Without either: who is it?
+
+    All four of --vendor, --product, --revision and --serial, or none of them if it is the only device on the bus. Two
+    drives out of their boxes have one node-ID: connect one, give it another, then the next.
+
+    \b
+    twin hil lss -i socketcan -c can0
+    twin hil lss --node-id 5 -i socketcan -c can0
+    """
+    from hw_bridge.commission import lss
+
+    parts = (vendor, product, revision, serial)
+    given = [one for one in parts if one is not None]
+    if given and len(given) < len(parts):
+        raise click.UsageError("Name all of --vendor, --product, --revision and --serial, or none if it is alone.")
+    if new_bitrate is not None and new_bitrate not in lss.RATES:
+        raise click.UsageError(f"--new-bitrate {new_bitrate}: LSS has {', '.join(map(str, lss.RATES))}.")
+    with bus.line() as line:
+        found, before = lss.configure(line, lss.Identity(*given) if given else None, node_id, new_bitrate)
+        paragraph(f"{found}: node {before}.")
+        if node_id is not None and node_id not in line.states:
+            paragraph(
+                f"It did not tell that it started as node {node_id}. Switch it off and on, then look with twin hil scan."
+            )
+            sys.exit(1)
+        if node_id is not None:
+            say(f"It is node {node_id} now, and stays so.")
+        if new_bitrate is not None:
+            paragraph(
+                f"It has {new_bitrate} bit/s once it is switched off and on. Change the others and --bitrate with it."
+            )

@@ -1,0 +1,142 @@
+"""What every command of `twin hil` is told: which bus, and where it is written down."""
+
+from __future__ import annotations
+
+import functools
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+from click.core import ParameterSource
+
+from hw_bridge.hardware import HardwareKeys, load
+from hw_bridge.profiles import MODULES
+from twin.cli import say
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from hw_bridge.bus import Network
+    from hw_bridge.commission import Line
+
+WIDTH = 80  # columns of a terminal
+
+
+@dataclass(frozen=True)
+class BusChoice:
+    """The bus that a command line names, by a hardware file or by an interface."""
+
+    hardware: Path | None
+    interface: str | None
+    channel: str | None
+    bit_rate: int
+    options: dict[str, Any]
+    trace: Path | None
+    build: Path
+
+    @functools.cached_property
+    def keys(self) -> HardwareKeys | None:
+        """The hardware file, if one is named."""
+        return load(self.hardware) if self.hardware is not None else None
+
+    @contextmanager
+    def network(self) -> Iterator[Network]:
+        """The bus, opened and at the end closed; with --trace all frames are kept."""
+        from hw_bridge.plant import bench_network
+        from hw_bridge.wire import TraceWriter, WireNetwork
+
+        if self.hardware is None and not (self.interface and self.channel):
+            raise click.UsageError("Which bus? Name --hardware FILE, or -i and -c, such as -i socketcan -c can0.")
+        if self.hardware is not None and (self.interface or self.channel):
+            raise click.UsageError("Name --hardware or -i and -c, not both: the file has its own bus.")
+        if self.keys is not None:
+            network = bench_network(self.keys, self.build)
+        else:
+            network = WireNetwork(self.interface or "", self.channel or "", self.bit_rate, self.options)
+        writer = TraceWriter(self.trace, self.channel or "can", network.wall_clock) if self.trace is not None else None
+        try:
+            if writer is not None:
+                network.observe(writer.write)
+            yield network
+        finally:
+            network.close()
+            if writer is not None:
+                writer.close()
+
+    @contextmanager
+    def line(self) -> Iterator[Line]:
+        """The bus for somebody who asks."""
+        from hw_bridge.commission import BOOT, Line
+
+        nodes = {name: one for _, name, one in self.keys.stations()} if self.keys is not None else {}
+        with self.network() as network:
+            line = Line(network, nodes)
+            if not network.wall_clock:  # its drives are switched on with the bus
+                line.wait(BOOT)
+            yield line
+
+
+def named(options: tuple[str, ...]) -> dict[str, Any]:
+    """Arguments of python-can's interface by name."""
+    from hw_bridge.command.drive import named as read
+
+    return read(options)
+
+
+BUS = (
+    click.option("--hardware", "-f", type=click.Path(path_type=Path), metavar="FILE", envvar="TWIN_HARDWARE",
+                 show_envvar=True, help="Hardware file that names the bus and its nodes."),
+    click.option("--interface", "-i", help="Or python-can's interface: socketcan, slcan, pcan, udp_multicast, ..."),
+    click.option("--channel", "-c", help="Its channel: can0, /dev/ttyACM0, PCAN_USBBUS1, 239.74.163.2, ..."),
+    click.option("--bitrate", type=int, default=1_000_000, show_default=True, help="For interfaces that have one."),
+    click.option("--option", "options", multiple=True, metavar="NAME=VALUE", help="More arguments of the interface."),
+    click.option("--trace", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE",
+                 help="Keep every frame that was really sent or heard (.blf, .asc, .log)."),
+    click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), hidden=True),
+)  # fmt: skip
+PROFILE = click.option(
+    "--profile", "-p", "profile", type=click.Choice(list(MODULES)), help="Which drive it is; else asked on the bus."
+)
+NODE = click.argument("node", metavar="NODE")
+
+
+def on_a_bus(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Options of the bus, handed over as one `bus`."""
+
+    @functools.wraps(function)
+    def wrapped(
+        hardware: Path | None, interface: str | None, channel: str | None, bitrate: int, options: tuple[str, ...],
+        trace: Path | None, build: Path, **others: Any,
+    ) -> Any:  # fmt: skip
+        from_environment = click.get_current_context().get_parameter_source("hardware") is ParameterSource.ENVIRONMENT
+        if from_environment and interface:  # what is typed counts
+            hardware = None
+        return function(BusChoice(hardware, interface, channel, bitrate, named(options), trace, build), **others)
+
+    for option in reversed(BUS):
+        wrapped = option(wrapped)
+    return wrapped
+
+
+def table(rows: Sequence[Sequence[str]], indent: int = 0, head: bool = False) -> None:
+    """Print rows in columns; the last column is broken into lines where the terminal ends."""
+    import textwrap
+
+    if not rows:
+        return
+    widths = [max(len(row[place]) for row in rows) for place in range(len(rows[0]) - 1)]
+    before = indent + sum(widths) + 2 * len(widths)
+    for number, row in enumerate(rows):
+        begin = " " * indent + "".join(f"{cell:<{width}}  " for cell, width in zip(row, widths, strict=False))
+        lines = textwrap.wrap(row[-1], max(WIDTH - before, 24)) or [""]
+        for place, text in enumerate(lines):
+            say(((begin if not place else " " * before) + text).rstrip())
+        if head and not number:
+            say(" " * indent + "-" * (WIDTH - indent))
+
+
+def paragraph(text: str, indent: int = 0) -> None:
+    """Print a text in lines of the terminal's width."""
+    table([(text,)], indent)

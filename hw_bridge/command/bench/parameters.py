@@ -1,0 +1,210 @@
+"""`twin hil get`, `set`, `dump`, `compare`, `restore`, `store`, `defaults`: what a drive holds."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hw_bridge.command.bench.options import NODE, PROFILE, on_a_bus, paragraph, table
+from twin.cli import say
+
+if TYPE_CHECKING:
+    from hw_bridge.command.bench.options import BusChoice
+
+FILE = click.argument("file", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE.dcf")
+RAM = "It is lost when the drive is switched off. Keep it: twin hil store"
+
+
+@click.command("get")
+@NODE
+@click.argument("names", nargs=-1, required=True, metavar="OBJECT...")
+@PROFILE
+@on_a_bus
+def get_command(bus: BusChoice, node: str, names: tuple[str, ...], profile: str | None) -> None:
+    """Read objects of NODE, by index (6064h, 607Dh.1) or by name, with units.
+
+    \b
+    twin hil get 1 position_actual_value 2344h.1 -i socketcan -c can0
+    twin hil get 1 software_position_limit -f my_bench.yaml
+    """
+    from hw_bridge.commission import objects
+    from hw_bridge.master import SdoError
+
+    with bus.line() as line:
+        asked = line.node(node, profile or "")
+        objects.learn(asked)
+        failed = False
+        for name in names:
+            for entry in objects.find(asked.mirror.entries(), name) or [objects.raw_entry(name)]:
+                try:
+                    value = objects.meant(asked, entry, objects.upload(asked, entry))
+                except SdoError as error:
+                    value, failed = str(error), True
+                title = f"{entry.title}: " if entry.title else ""
+                table([(f"{entry.index:04X}h.{entry.sub}", f"{title}{objects.UNIT.sub('', entry.name)}", value)])
+        if failed:
+            sys.exit(1)
+
+
+@click.command("set", context_settings={"ignore_unknown_options": True})
+@NODE
+@click.argument("name", metavar="OBJECT")
+@click.argument("value")
+@click.option("--store", is_flag=True, help="Keep it when the drive is switched off, with all other parameters.")
+@PROFILE
+@on_a_bus
+def set_command(bus: BusChoice, node: str, name: str, value: str, store: bool, profile: str | None) -> None:
+    """Write an object of NODE and read it back. VALUE has a unit where the object has one: "200 mm/s", 26h, "-5 mm".
+
+    Access and range are checked before anything is sent. What moves a drive (6040h, targets, modes) is refused, and so is
+    a drive that somebody drives. `150 raw` is in the drive's own units.
+
+    \b
+    twin hil set 1 quick_stop_deceleration "5 m/s^2" -f my_bench.yaml
+    twin hil set 3 3001h.2 "3 A" --store -i socketcan -c can0
+    """
+    from hw_bridge.commission import memory, objects, refuse_moving
+
+    with bus.line() as line:
+        asked = line.node(node, profile or "")
+        objects.learn(asked)
+        entries = objects.find(asked.mirror.entries(), name) or [objects.raw_entry(name)]
+        if len(entries) > 1:
+            known = ", ".join(objects.name(one) for one in entries)
+            raise click.UsageError(f"{name} is several objects: {known}.")
+        entry = entries[0]
+        number = objects.parsed(asked, entry, value)
+        refuse_moving(asked)
+        before = objects.upload(asked, entry)
+        objects.download(asked, entry, number)
+        where = f"{asked.name}: {entry.index:04X}h.{entry.sub} {objects.UNIT.sub('', entry.name)}"
+        paragraph(f"{where}: {objects.meant(asked, entry, number)}, was {objects.meant(asked, entry, before)}.")
+        if store:
+            memory.store(asked)
+            say("All parameters are stored.")
+        else:
+            paragraph(f"{RAM} {asked.number}")
+
+
+@click.command("dump")
+@NODE
+@FILE
+@PROFILE
+@on_a_bus
+def dump_command(bus: BusChoice, node: str, file: Path, profile: str | None) -> None:
+    """Write all parameters of NODE into a DCF file (CiA 306), which other tools read too. The drive is only read.
+
+    \b
+    twin hil dump 1 before.dcf -i socketcan -c can0
+    """
+    from hw_bridge.commission import dcf, objects
+
+    with bus.line() as line:
+        asked = line.node(node, profile or "")
+        objects.learn(asked)
+        text, refused = dcf.dump(asked, bus.keys.bit_rate if bus.keys is not None else bus.bit_rate)
+        file.write_text(text, encoding="latin-1")
+        count = text.count("ParameterValue=")
+        say(f"{file}: {count} values of {asked.name} ({asked.profile.title}).")
+        for one in refused:
+            paragraph(f"note: not there: {one}")
+
+
+@click.command("compare")
+@NODE
+@FILE
+@PROFILE
+@on_a_bus
+def compare_command(bus: BusChoice, node: str, file: Path, profile: str | None) -> None:
+    """Say what NODE holds other than a DCF file. Nothing is written. Exit code 1 if anything differs."""
+    from hw_bridge.commission import dcf, objects
+
+    with bus.line() as line:
+        asked = line.node(node, profile or "")
+        objects.learn(asked)
+        wanted = dcf.load(file, asked.number)
+        if problem := dcf.another(asked, wanted):
+            paragraph(f"differs: {problem}")
+            sys.exit(1)
+        found = dcf.differences(asked, wanted)
+        rows = [
+            (f"{e.index:04X}h.{e.sub}", objects.UNIT.sub("", e.name)[:28], objects.meant(asked, e, own),
+             objects.meant(asked, e, value))
+            for e, own, value in found
+        ]  # fmt: skip
+        if rows:
+            table([("object", "name", "drive", "file"), *rows], head=True)
+            sys.exit(1)
+        say(f"{asked.name} holds what {file} says.")
+
+
+@click.command("restore")
+@NODE
+@FILE
+@click.option("--store", is_flag=True, help="Keep it when the drive is switched off.")
+@PROFILE
+@on_a_bus
+def restore_command(bus: BusChoice, node: str, file: Path, store: bool, profile: str | None) -> None:
+    """Write what differs from a DCF file into NODE, and read it back. Look at it first with compare.
+
+    Node-ID, bit rate, outputs and what moves a drive stay as they are. Refused while somebody drives it. Exit code 1 if
+    the drive refuses anything.
+    """
+    from hw_bridge.commission import dcf, memory, objects
+
+    with bus.line() as line:
+        asked = line.node(node, profile or "")
+        objects.learn(asked)
+        changed, refused = dcf.restore(line, asked, dcf.load(file, asked.number))
+        for one in changed:
+            say(f"changed: {one}")
+        for one in refused:
+            paragraph(f"refused: {one}")
+        say(f"{asked.name}: {len(changed)} changed, {len(refused)} refused.")
+        if store and not refused:
+            memory.store(asked)
+            say("All parameters are stored.")
+        elif changed:
+            paragraph(f"{RAM} {asked.number}")
+        if refused:
+            sys.exit(1)
+
+
+@click.command("store")
+@NODE
+@on_a_bus
+def store_command(bus: BusChoice, node: str) -> None:
+    """Keep all parameters of NODE when it is switched off (1010h.1). Refused while somebody drives it."""
+    from hw_bridge.commission import memory
+
+    with bus.line() as line:
+        asked = line.node(node)
+        memory.store(asked)
+        say(f"{asked.name}: all parameters are stored.")
+
+
+@click.command("defaults")
+@NODE
+@click.option("--restart", is_flag=True, help="Start it anew at once, so that they act.")
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@on_a_bus
+def defaults_command(bus: BusChoice, node: str, restart: bool, yes: bool) -> None:
+    """Give NODE the parameters that it was delivered with (1011h.1), from its next start on.
+
+    Keep what it has first: twin hil dump. Node-ID and bit rate may be among what it forgets.
+    """
+    from hw_bridge.commission import memory
+
+    with bus.line() as line:
+        asked = line.node(node)
+        if not yes:
+            click.confirm(f"{asked.name} ({asked.profile.title}) forgets motor, loops and limits. Go on?", abort=True)
+        memory.defaults(asked)
+        if restart:
+            memory.restart(line, asked)
+            say(f"{asked.name}: has its defaults.")
+        else:
+            say(f"{asked.name}: has its defaults when it is started anew (--restart, or switch it off and on).")

@@ -1,0 +1,83 @@
+"""`twin hil enable`, `disable`, `home`: power, and a reference."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import click
+
+from hw_bridge.command.bench.hands import ARM, HOMED, armed, hand, meant
+from hw_bridge.command.bench.options import NODE, on_a_bus, table
+from twin.cli import say
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from hw_bridge.command.bench.options import BusChoice
+
+
+@click.command("enable")
+@NODE
+@click.option("--for", "duration", type=click.FloatRange(0.0), metavar="S", help="End after this time [s]; else by q.")
+@ARM
+@HOMED
+@on_a_bus
+def enable_command(bus: BusChoice, node: str, duration: float | None, arm: bool, homed: bool) -> None:
+    """Switch NODE's power stage on and hold its place, for as long as this command runs.
+
+    Nothing stays enabled behind: when this program ends, hangs or is killed, the drive stops by itself, since it misses
+    its heartbeat. A drive in Fault is refused with its reason; twin hil reset is for a person who knows the cause.
+    """
+    from hw_bridge.commission import Keyboard
+
+    axis = meant(bus, node)
+    with Keyboard.if_there() as keyboard, hand(bus, axis, arm, homed=homed, paced=True) as held:
+        say(f"{held.node.name}: {held.node.state} at {held.node.way(held.node.position)}. q or Ctrl-C ends it.")
+        begin = held.network.now
+        while duration is None or held.network.now - begin < duration * 1e9:
+            held.rest(held.cycle)
+            if keyboard is not None and {"q", "quit"} & set(keyboard.pressed()):
+                break
+
+
+@click.command("disable")
+@NODE
+@on_a_bus
+def disable_command(bus: BusChoice, node: str) -> None:
+    """Stop NODE with its quick stop ramp and switch its power stage off: for a drive that another program left on."""
+    from hw_bridge.commission import power
+
+    with bus.line() as line:
+        asked = line.drive(node)
+        say(f"{asked.name}: {power.disable(line, asked)}.")
+
+
+@click.command("home")
+@NODE
+@click.option("--explain", is_flag=True, help="Only say what the method does.")
+@ARM
+@on_a_bus
+def home_command(bus: BusChoice, node: str, explain: bool, arm: bool) -> None:
+    """Let NODE find its reference by the method of the hardware file, told in words before it moves.
+
+    Refused where it would pass a limit: a method that goes to one end while `at` is at the other, or a speed above the
+    limit. Stopped once it has gone farther than the limits are apart. The drive keeps its reference until it is switched
+    off: jog and move count from it with --homed.
+
+    \b
+    twin hil home servomotor --explain -f my_bench.yaml
+    twin hil home servomotor -f my_bench.yaml --arm
+    """
+    from hw_bridge.commission import homing
+
+    axis = meant(bus, node)
+    own = axis.keys
+    if problem := homing.refused(axis.name, own, axis.told):
+        raise SimulationError(f"{bus.hardware}: {problem}")
+    assert own.homing is not None
+    say(f"{axis.name}: method {own.homing.method}, then it is at {axis.told(own.homing.at)}:")
+    table([(f"{place}.", text) for place, text in enumerate(homing.explained(own), 1)], 2)
+    if explain:
+        return
+    armed(bus, arm)
+    with hand(bus, axis, arm, homes=True, start=own.homing.at) as held:
+        say(f"{axis.name}: homed at {held.node.way(held.node.position)}; 6064h is {held.node.raw_position}.")

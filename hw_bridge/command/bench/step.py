@@ -1,0 +1,84 @@
+"""`twin hil step`: how the loops answer, beside the twin's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hw_bridge.command.bench.hands import ARM, hand, hardware, meant
+from hw_bridge.command.bench.options import NODE, on_a_bus, paragraph, table
+from twin.cli import say
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from hw_bridge.command.bench.options import BusChoice
+    from hw_bridge.commission import Axis, step
+
+SHARE = 0.5  # of the limit of the following error that a step may have: all of it is one at once
+SHOWN = {"m": ("mm", 1e3), "rad": ("deg", 57.29577951308232)}
+
+
+@click.command("step")
+@NODE
+@click.option("--by", metavar="WAY", help="The step, such as '0.2 mm'; by default a tenth of limits.following_error.")
+@click.option("--plot", type=click.Path(dir_okay=False, path_type=Path), default=Path("step.svg"), show_default=True,
+              help="Draw both responses there.")  # fmt: skip
+@click.option("--explain", is_flag=True, help="Look for the gains of the twin that come nearest; takes half a minute.")
+@ARM
+@on_a_bus
+def step_command(bus: BusChoice, node: str, by: str | None, plot: Path, explain: bool, arm: bool) -> None:
+    """Let NODE jump by a small step and draw how it gets there, beside the simulated drive of its profile.
+
+    The twin's motor and gains are those of the profile: a difference tells another load, friction or tuning. --explain
+    says which gains of the twin would do the same; whether gains are the cause only the vendor's software tells. A step
+    that meets a limit ends it: take a smaller one.
+
+    \b
+    twin hil step servomotor --by "0.2 mm" -f my_bench.yaml --arm
+    """
+    from hw_bridge.commission import alone
+    from hw_bridge.commission import step as steps
+
+    axis = meant(bus, node)
+    limit = axis.keys.limits.following_error
+    way = 0.1 * limit if by is None else axis.si(by, "--by")
+    if not 0.0 < abs(way) <= SHARE * limit:
+        raise SimulationError(
+            f"--by {axis.told(way)} is not above 0 and at most {axis.told(SHARE * limit)}: half of limits.following_error."
+        )
+    with hand(bus, axis, arm) as held:
+        real = steps.response(held, way)
+    keys = alone(hardware(bus), axis.name)
+    curves = {axis.name: real}
+    if explain:
+        twin, gains, (before, after) = steps.explain(real, keys, axis.name, bus.build)
+        curves["twin"] = twin
+        if before < held.node.profile.motor.resolution * axis.keys.scale:
+            paragraph("The twin does the same, to within an increment of the sensor.")
+        elif gains and after < steps.EXPLAINED * before:
+            curves["twin with other gains"] = steps.simulated(keys, axis.name, way, bus.build, gains)
+            told = ", ".join(f"{name} x {factor:.2g}" for name, factor in gains.items())
+            paragraph(
+                f"Gains that would explain it: {told}. Difference {axis.told(before)} rms, with them {axis.told(after)}."
+            )
+        else:
+            paragraph(
+                f"No gains explain the difference of {axis.told(before)} rms: look at load, friction and scaling."
+            )
+    else:
+        curves["twin"] = steps.simulated(keys, axis.name, way, bus.build, {})
+    table(
+        [("", "rise", "overshoot", "settled", "left"), *(figures(axis, name, one) for name, one in curves.items())],
+        head=True,
+    )
+    steps.picture(plot, curves, *SHOWN[axis.unit])
+    say(f"{plot}: way and current over time.")
+
+
+def figures(axis: Axis, name: str, one: step.Response) -> tuple[str, ...]:
+    """A row of the table: rise, overshoot, time to settle, what is left."""
+    found = one.figures()
+    ms = {key: "-" if found[key] != found[key] else f"{1e3 * found[key]:.0f} ms" for key in ("rise", "settled")}
+    return name, ms["rise"], f"{100 * found['overshoot']:.0f} %", ms["settled"], axis.told(found["left"])

@@ -1,0 +1,85 @@
+"""From a drive in its box to first motion: who is there, what it holds, what it says, a hand that moves it."""
+
+from typing import TYPE_CHECKING
+
+from twin import late
+
+if TYPE_CHECKING:
+    from hw_bridge.commission import dcf, direction, homing, limits, lss, memory, objects, power, step, words
+    from hw_bridge.commission.axes import Axis, axis
+    from hw_bridge.commission.deadman import DeadMan, Keyboard
+    from hw_bridge.commission.hand import SHARE, SLOWEST_STOP, Hand, alone, bounded
+    from hw_bridge.commission.line import BOOT, Line, refuse_moving, unfinished
+    from hw_bridge.commission.survey import TWICE, Found, known, recognized, scan
+    from hw_bridge.commission.telling import Status, glance, status
+
+__getattr__ = late.names(
+    __name__,
+    {
+        "BOOT": "line",
+        "SHARE": "hand",
+        "SLOWEST_STOP": "hand",
+        "TWICE": "survey",
+        "Axis": "axes",
+        "DeadMan": "deadman",
+        "Found": "survey",
+        "Hand": "hand",
+        "Keyboard": "deadman",
+        "Line": "line",
+        "Status": "telling",
+        "alone": "hand",
+        "axis": "axes",
+        "bounded": "hand",
+        "dcf": "",
+        "direction": "",
+        "glance": "telling",
+        "homing": "",
+        "known": "survey",
+        "limits": "",
+        "lss": "",
+        "memory": "",
+        "objects": "",
+        "power": "",
+        "recognized": "survey",
+        "refuse_moving": "line",
+        "scan": "survey",
+        "status": "telling",
+        "step": "",
+        "unfinished": "line",
+        "words": "",
+    },
+)
+
+__all__ = [
+    "BOOT",
+    "SHARE",
+    "SLOWEST_STOP",
+    "TWICE",
+    "Axis",
+    "DeadMan",
+    "Found",
+    "Hand",
+    "Keyboard",
+    "Line",
+    "Status",
+    "alone",
+    "axis",
+    "bounded",
+    "dcf",
+    "direction",
+    "glance",
+    "homing",
+    "known",
+    "limits",
+    "lss",
+    "memory",
+    "objects",
+    "power",
+    "recognized",
+    "refuse_moving",
+    "scan",
+    "status",
+    "step",
+    "unfinished",
+    "words",
+]

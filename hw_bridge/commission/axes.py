@@ -1,0 +1,69 @@
+"""A drive of a hardware file as the person means it: its name, and whether its member turns or moves along a line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from hw_bridge.commission.objects import shown
+from hw_bridge.hardware import plausible, without_unit
+from hw_bridge.profiles import profile
+from twin.errors import CouplingError, SimulationError, nearest
+from twin.scenario import number, read
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from hw_bridge.hardware import HardwareKeys, NodeKeys
+
+EXAMPLES = {
+    "m": "1 mm",
+    "m/s": "5 mm/s",
+    "m/s^2": "0.5 m/s^2",
+    "rad": "5 deg",
+    "rad/s": "20 deg/s",
+    "rad/s^2": "100 deg/s^2",
+}
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One drive of a file. `rotary`: whether the member turns, by the units in which the file gives its limits."""
+
+    name: str
+    keys: NodeKeys
+    rotary: bool
+
+    @property
+    def unit(self) -> str:
+        """Of its positions."""
+        return "rad" if self.rotary else "m"
+
+    def told(self, value: float, suffix: str = "") -> str:
+        """A position, with `/s` a speed, for people."""
+        return shown(value, f"{self.unit}{suffix}")
+
+    def si(self, text: str, what: str, suffix: str = "") -> float:
+        """What a person types, in SI; SimulationError where it has no unit or that of the other kind of axis."""
+        unit = f"{self.unit}{suffix}"
+        if without_unit(text):
+            raise SimulationError(f"{what}: {text} has no unit. Write it with one, such as {EXAMPLES[unit]!r}.")
+        try:
+            return number(text, unit, what)
+        except CouplingError as error:
+            raise SimulationError(str(error)) from None
+
+
+def axis(path: Path, keys: HardwareKeys, word: str) -> Axis:
+    """The drive that a person means by its name or node-ID."""
+    name = next((name for name, one in keys.nodes.items() if word == str(one.node)), word)
+    if name not in keys.nodes:
+        raise SimulationError(f"{path}: no drive {word!r}. {nearest(word, list(keys.nodes))}")
+    root = read(path, str(path))
+    turns, moves = (not plausible.units(root, name, rotary) for rotary in (True, False))
+    own = keys.nodes[name]
+    if not turns and not moves:
+        raise SimulationError(
+            f"{path}: nodes.{name}: some of its quantities are of a line, others of a turn. Use one kind."
+        )
+    return Axis(name, own, turns and (not moves or profile(own.profile).motor.unit == "rad"))

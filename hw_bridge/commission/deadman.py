@@ -1,0 +1,109 @@
+"""A key that has to be held: a terminal tells no release, so that its key repeat is what counts."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+from contextlib import contextmanager
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+KEYS = {
+    b"\x1b[C": "right", b"\x1b[D": "left", b"\x1b[A": "up", b"\x1b[B": "down",
+    b"\x1bOC": "right", b"\x1bOD": "left", b"\x1bOA": "up", b"\x1bOB": "down",
+    b"q": "q", b"Q": "q", b"\x03": "quit", b"\x04": "quit", b" ": "space",
+}  # fmt: skip
+WAYS = {"right": 1, "up": 1, "left": -1, "down": -1}
+BEGIN = 150_000_000  # a second key within this time is a key repeat [ns]; nobody types one letter that fast by hand
+HOLD = 120_000_000  # so long after the last key the motion ends [ns]: the slowest common repeat is 90 ms (macOS)
+LONG_AGO = -(10**18)
+
+
+class Keyboard:
+    """The keys of a terminal, as they come; `gone` when the terminal is."""
+
+    def __init__(self, file: int) -> None:
+        self.file = file
+        self.gone = False
+
+    @classmethod
+    @contextmanager
+    def open(cls) -> Iterator[Keyboard]:
+        """The terminal without waiting for lines; as it was at the end. SimulationError without a terminal."""
+        if find_spec("termios") is None:
+            raise SimulationError("jog: this system has no POSIX terminal. Use twin hil move instead.")
+        import termios
+        import tty
+
+        if not sys.stdin.isatty():
+            raise SimulationError("jog: needs a terminal, whose key is held. Use twin hil move from scripts.")
+        file = sys.stdin.fileno()
+        before = termios.tcgetattr(file)
+        try:
+            tty.setcbreak(file)
+            yield cls(file)
+        finally:
+            try:
+                termios.tcflush(file, termios.TCIFLUSH)  # repeats that nobody read are not for the shell
+                termios.tcsetattr(file, termios.TCSANOW, before)  # without waiting for a reader that may be gone
+            except termios.error:  # the terminal is gone
+                pass
+
+    @classmethod
+    @contextmanager
+    def if_there(cls) -> Iterator[Keyboard | None]:
+        """The same, or nothing where there is no terminal, or none of POSIX."""
+        if not sys.stdin.isatty() or find_spec("termios") is None:
+            yield None
+            return
+        with cls.open() as keyboard:
+            yield keyboard
+
+    def pressed(self) -> list[str]:
+        """Keys since the last look, in their order; `quit` if the terminal is gone."""
+        data = b""
+        try:
+            while select.select([self.file], [], [], 0)[0]:
+                part = os.read(self.file, 1024)
+                if not part:
+                    self.gone = True
+                    break
+                data += part
+        except OSError:  # hung up
+            self.gone = True
+        return [*split(data), *(["quit"] if self.gone else [])]
+
+
+def split(data: bytes) -> list[str]:
+    """Names of the keys in what a terminal sent; others are letters nobody asked for."""
+    found = []
+    while data:
+        code = next((one for one in KEYS if data.startswith(one)), None)
+        found.append(KEYS[code] if code is not None else "other")
+        data = data[len(code) if code is not None else 1 :]
+    return found
+
+
+class DeadMan:
+    """Which way a key is held: +1, -1, or 0. One key alone moves nothing; its repeat does, and any other key stops."""
+
+    def __init__(self) -> None:
+        self.way = 0  # of the last key
+        self.last = LONG_AGO  # when it came [ns]
+        self.held = False
+
+    def look(self, keys: list[str], now: int) -> int:
+        """The direction, given the keys since the last look."""
+        for key in keys:
+            way = WAYS.get(key, 0)
+            self.held = way != 0 and way == self.way and now - self.last < BEGIN
+            self.way, self.last = way, now
+        if now - self.last > HOLD:
+            self.held = False
+        return self.way if self.held else 0

@@ -1,0 +1,158 @@
+"""A hand on one drive: enabled by the master, moved by set-points of a person, stopped by the master's one way.
+
+While it is enabled this program tells SYNC and heartbeat: a program that hangs or is killed stops the drive by silence.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, NamedTuple
+
+from hw_bridge.commission.ramp import Ramp
+from hw_bridge.dictionary import Mode
+from hw_bridge.master import Master, setup
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from hw_bridge.bus import Network
+    from hw_bridge.hardware import HardwareKeys, NodeKeys
+
+SHARE = 0.8  # of the limit of velocity that a person may ask for: the drive overshoots
+SETTLE = 200_000_000  # after a move, until the place is read [ns]
+SLOWEST_STOP = 0.06  # longest ramp from the speed of a jog to rest [s]; with the key's 0.12 s it stands within 0.2 s
+
+
+class Sample(NamedTuple):
+    """One cycle: time [s], where it was told to be and is [m or rad], its current [A]."""
+
+    time: float
+    target: float
+    position: float
+    current: float
+
+
+def alone(keys: HardwareKeys, name: str, homes: bool = False) -> HardwareKeys:
+    """The hardware file with this drive only; it homes if that is what is asked for, and only then."""
+    node = keys.nodes[name]
+    node = node if homes else node.model_copy(update={"homing": None})
+    return keys.model_copy(update={"nodes": {name: node}, "modules": {}, "faults": []})
+
+
+class Operator(Master):
+    """A master whose every cycle is looked at: also while it homes."""
+
+    look: Callable[[], None] | None = None
+
+    def run_cycle(self) -> None:
+        """One cycle while the drive is brought up or stopped."""
+        super().run_cycle()
+        if self.look is not None and self.running:
+            self.look()
+
+
+class Hand:
+    """One drive in Operation enabled. Positions count from where it stood, or from its reference if it is `homed`."""
+
+    def __init__(
+        self, keys: HardwareKeys, name: str, network: Network, rotary: bool = False, forced: bool = False
+    ) -> None:
+        self.master = Operator(keys, network, frozenset((name,) if forced else ()))
+        self.network, self.node = network, self.master.nodes[name]
+        self.node.rotary = rotary
+        self.cycle = keys.cycle
+        self.h = keys.cycle / 1e9
+        self.samples: list[Sample] = []
+        self.due = 0
+        self.paced = False  # whether a bus in simulated time keeps to the wall clock, for a person's keys
+        self.ramp = Ramp(0.0, 1.0, 1.0)
+
+    @property
+    def keys(self) -> NodeKeys:
+        """What the hardware file says of the drive."""
+        return self.node.keys
+
+    @contextmanager
+    def enabled(self, start: float = 0.0, homed: NodeKeys | None = None) -> Iterator[Hand]:
+        """Bring it up; whatever happens, the master stops it at the end."""
+        with hung_up_is_an_interrupt():
+            try:
+                self.master.begin({self.node.name: start})
+                if homed is not None:
+                    self._count_from_reference(homed)
+                limits = self.keys.limits
+                self.ramp = Ramp(self.node.position, limits.acceleration, limits.acceleration)
+                self.due = self.network.now
+                yield self
+            finally:
+                self.master.stop()
+
+    def _count_from_reference(self, keys: NodeKeys) -> None:
+        """The drive was homed since it was switched on: it counts from the place that it found."""
+        node = self.node
+        node.origin = -keys.homing.at if keys.homing is not None else 0.0
+        node.target_position = node.position
+        node.entered_from = node.position  # it may come back from outside of the limits
+        setup.limit_positions(node)
+
+    def go(self, position: float) -> None:
+        """One cycle with this target position."""
+        self.node.mode = Mode.CSP
+        self.node.aim(position, self.cycle)
+        self._pass()
+
+    def push(self, force: float) -> None:
+        """One cycle with this force."""
+        self.node.mode, self.node.target_force = Mode.CST, force
+        self.node.lose_aim()
+        self._pass()
+
+    def _pass(self) -> None:
+        """Watch, tell, and wait for the next cycle. A cycle that came too late is not hurried after."""
+        node = self.node
+        if problem := self.master.check():
+            raise SimulationError(f"{problem} It stops.")
+        self.master.exchange()
+        self.due = max(self.due + self.cycle, self.network.now)
+        if not self.network.wall_clock and self.paced:
+            time.sleep(self.h)
+        self.master.wait_until(self.due)
+        self.samples.append(Sample(self.network.now / 1e9, node.target_position, node.position, node.current))
+
+    def move(self, goal: float, speed: float, acceleration: float) -> float:
+        """Go there with a ramp and rest; where it is then."""
+        self.ramp = Ramp(self.node.target_position, acceleration, acceleration)
+        while self.ramp.position != goal:
+            self.go(self.ramp.approach(goal, speed, self.h))
+        self.rest(SETTLE)
+        return self.node.position
+
+    def rest(self, duration: int) -> None:
+        """Hold where it is told to be."""
+        end = self.network.now + duration
+        while self.network.now < end:
+            self.go(self.node.target_position)
+
+
+@contextmanager
+def hung_up_is_an_interrupt() -> Iterator[None]:
+    """A terminal that is closed ends the program like Ctrl-C, so that the drive is stopped and not only left alone."""
+    if not hasattr(signal, "SIGHUP") or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGHUP, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def bounded(value: float, limit: float, what: str, told: Callable[[float], str]) -> float:
+    """A speed or acceleration of a person within the hardware file's limit; SimulationError with both numbers."""
+    if not 0.0 < value <= limit:
+        raise SimulationError(f"{what} {told(value)} is not above 0 and at most {told(limit)}, by the hardware file.")
+    return value

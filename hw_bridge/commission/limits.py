@@ -1,0 +1,77 @@
+"""Limits of the hardware file beside the drive's own: what is wider never acts, or is widened by a run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from hw_bridge.commission.objects import learn, shown, upload
+from hw_bridge.master import SdoError, constant_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from hw_bridge.master import Node
+
+ABSURD = 10.0  # so many times the drive's own limit is a slip of the pen, not a choice
+NEAR = 1.01  # rounding to the drive's units
+OPEN = 0x7FFFFFFF  # from here on an object of four bytes means no limit
+CURRENTS = ((0x6072, 0), (0x60E0, 0), (0x60E1, 0), (0x6075, 0), (0x3001, 2), (0x2333, 2))
+
+
+class Row(NamedTuple):
+    """A limit of the file and the drive's own, in SI; `source`: the object that holds it."""
+
+    name: str
+    file: float
+    own: float
+    source: str
+    unit: str
+
+
+def compare(node: Node) -> list[Row]:
+    """Every limit that both have. Only reads."""
+    learn(node)
+    limits, scale, units = node.keys.limits, node.keys.scale, node.units
+    low, high = limits.position
+    length = "rad" if node.rotary else "m"
+    plain = (
+        ("velocity", limits.velocity, 0x6080, units.velocity, "/s"),
+        ("velocity", limits.velocity, 0x607F, units.velocity, "/s"),
+        ("following_error", limits.following_error, 0x6065, units.position, ""),
+        ("acceleration", limits.acceleration, 0x60C5, units.acceleration, "/s^2"),
+    )
+    rows = [
+        Row(name, file, value * scale * unit, f"{index:04X}h", f"{length}{suffix}")
+        for name, file, index, unit, suffix in plain
+        if (value := _own(node, index, 0)) is not None and value < OPEN
+    ]
+    ends = [_own(node, 0x607D, sub) for sub in (1, 2)]
+    if ends[0] is not None and ends[1] is not None and 0 < ends[1] - ends[0] < OPEN:
+        rows.append(Row("position", high - low, (ends[1] - ends[0]) * scale * units.position, "607Dh", length))
+    for index, sub in CURRENTS:
+        if (value := _own(node, index, sub)) is not None:
+            node.mirror.values[index, sub] = value
+    peak = node.profile.currents(node.mirror).peak * constant_of(node.keys)
+    return [*rows, Row("force", limits.force, peak, "its peak current", "N*m" if length == "rad" else "N")]
+
+
+def _own(node: Node, index: int, sub: int) -> int | None:
+    entry = node.mirror.objects.get(index, {}).get(sub)
+    if entry is None:
+        return None
+    try:
+        value = upload(node, entry)
+    except SdoError:
+        return None
+    return value if isinstance(value, int) else None
+
+
+def wider(node: Node, rows: list[Row]) -> Iterator[tuple[str, bool]]:
+    """A line for each limit that is wider than the drive's own, and whether it is absurd."""
+    for row in rows:
+        if row.own <= 0.0 or row.file <= NEAR * row.own:
+            continue
+        told, own = shown(row.file, row.unit), shown(row.own, row.unit)
+        text = f"{node.name}: limits.{row.name} {told} is above the drive's own {own} ({row.source})."
+        absurd = row.file > ABSURD * row.own
+        yield (f"{text} Correct the unit or the number." if absurd else text), absurd

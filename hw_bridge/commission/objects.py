@@ -1,0 +1,217 @@
+"""Objects of a node as a person names and reads them: by index or by name, in units."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from math import degrees
+from typing import TYPE_CHECKING
+
+from hw_bridge.commission import words
+from hw_bridge.dictionary import Entry, cia402, told
+from hw_bridge.hardware import without_unit
+from hw_bridge.master import Node, SdoError, SilentError, setup
+from twin.errors import CouplingError, SimulationError, nearest
+from twin.scenario import number
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from hw_bridge.dictionary import Value
+    from hw_bridge.master import Station
+
+INDEX = re.compile(r"(?:0x)?([0-9A-Fa-f]{4})h?(?:[.:/](\d{1,3}))?")
+UNIT = re.compile(r"\s*\[([^]]*)\]")
+FACTOR = re.compile(r"([0-9.]*)\s*(.*)")
+# what CiA 402 gives in the drive's own units, by kind
+KINDS = {
+    "position":     (0x6062, 0x6064, 0x6065, 0x6067, 0x607A, 0x607C, 0x607D, 0x60B0, 0x60F4),
+    "velocity":     (0x606B, 0x606C, 0x607F, 0x6080, 0x6081, 0x6099, 0x60B1, 0x60FF),
+    "acceleration": (0x6083, 0x6084, 0x6085, 0x609A, 0x60C5),
+    "torque":       (0x6071, 0x6072, 0x6077, 0x60B2, 0x60E0, 0x60E1),
+}  # fmt: skip
+KIND = {index: kind for kind, indices in KINDS.items() for index in indices}
+TIMES = {0x1017: "ms", 0x6066: "ms", 0x6068: "ms", 0x606E: "ms", 0x6070: "ms"}  # of CiA 301 and 402
+SUFFIX = {"position": "", "velocity": "/s", "acceleration": "/s^2"}
+# what moves a drive, or acts at once: not for `set` and `restore`. 2001h, 2400h: the bit rate, for `lss`
+ACTING = {0x1010, 0x1011, 0x2001, 0x2400, 0x257A, 0x31E4, 0x6040, 0x6060, 0x6071, 0x607A, 0x60FF, *cia402.OFFSETS}
+SOFTWARE_LIMIT = 0x607D
+NO_LIMIT = (0xFFFFFFFF, 0x7FFFFFFF, 0x80000000)
+
+
+@dataclass(frozen=True)
+class Measure:
+    """What one unit of a drive's number is: so many of a unit."""
+
+    factor: float
+    unit: str
+
+
+def measure(node: Station, entry: Entry) -> Measure | None:
+    """The unit of an entry: of its row in the profile, or as CiA 402 counts in this drive; none for plain numbers."""
+    if (written := UNIT.search(entry.name)) and (parts := FACTOR.fullmatch(written[1])) and "units" not in written[1]:
+        return Measure(float(parts[1] or 1), parts[2])
+    if entry.index in TIMES:
+        return Measure(1.0, TIMES[entry.index])
+    kind = KIND.get(entry.index)
+    if kind is None or not isinstance(node, Node) or (entry.sub == 0 and entry.title):
+        return None
+    factor = getattr(node.units, kind)
+    unit = "A" if kind == "torque" else f"{node.profile.motor.unit}{SUFFIX[kind]}"
+    return Measure(factor, unit) if factor else None
+
+
+def shown(value: float, unit: str) -> str:
+    """A quantity as people read it: mm for m, deg for rad."""
+    if unit.startswith("rad"):
+        return f"{degrees(value):.6g} deg{unit[3:]}"
+    if unit in ("m", "m/s") and abs(value) < 100.0:
+        return f"{1e3 * value:.6g} m{unit}"
+    if unit in ("mV", "mA") and abs(value) >= 1000.0:
+        return f"{1e-3 * value:.4g} {unit[1:]}"
+    return f"{value:.4g} {unit}"
+
+
+def meant(node: Station, entry: Entry, value: Value) -> str:
+    """A value for people: quantity, or words, then the drive's own number."""
+    if isinstance(value, str):
+        return value
+    if entry.index == 0x6041:
+        return f"{words.statusword(value, node.mirror.get(0x6061))} ({value:04X}h)"
+    if entry.index == 0x6040:
+        return f"{words.controlword(value)} ({value:04X}h)"
+    if entry.index in (0x6060, 0x6061):
+        return f"{words.mode(value)} ({value})"
+    if entry.index in (0x603F, 0x1003) and (entry.sub or not entry.title):
+        code = value & 0xFFFF
+        fault = node.profile.faults.get(code)
+        return f"{code:04X}h {fault.meaning if fault else ''}".strip() if code else "none"
+    if (unit := measure(node, entry)) is not None:
+        open_ended = abs(value) in NO_LIMIT and entry.type.size == 4
+        if entry.index == SOFTWARE_LIMIT and value == 0 and getattr(node.profile, "limits_off_when_zero", False):
+            return "none if both are 0 (0)"
+        return f"{'no limit' if open_ended else shown(value * unit.factor, unit.unit)} ({value})"
+    return f"{value:X}h" if entry.index < 0x2000 and value > 9 and entry.index != 0x1016 else str(value)
+
+
+def name(entry: Entry) -> str:
+    """The name of an entry as a person may type it: `software_position_limit.min_position_limit`."""
+    own = slug(entry.name)
+    return f"{slug(entry.title)}.{own}" if entry.title else own
+
+
+def slug(text: str) -> str:
+    """Lower case, without the unit, words joined."""
+    return re.sub(r"[^a-z0-9]+", "_", UNIT.sub("", text).lower()).strip("_")
+
+
+def find(objects: Iterable[Entry], word: str) -> list[Entry]:
+    """The entries that a person means by `6064h`, `607Dh.1` or a name; all of a record by its name or index."""
+    entries = list(objects)
+    if match := INDEX.fullmatch(word):
+        index = int(match[1], 16)
+        found = [one for one in entries if one.index == index and (match[2] is None or one.sub == int(match[2]))]
+        if not found and match[2] is None and not any(one.index == index for one in entries):
+            return []
+    else:
+        wanted = ".".join(map(slug, word.split(".")))
+        found = [one for one in entries if wanted == name(one)]
+        found = found or [one for one in entries if wanted in (slug(one.name), slug(one.title))]
+    several = [one for one in found if not (one.sub == 0 and one.title and len(found) > 1)]
+    if not found and not INDEX.fullmatch(word):
+        known = {name(one) for one in entries if one.sub or not one.title}
+        raise SimulationError(f"{word}: no such object. {nearest(wanted, known)}")
+    return several
+
+
+def raw_entry(word: str) -> Entry:
+    """An object that the profile has not, named by its index: a real drive has more."""
+    from hw_bridge.dictionary import U32
+
+    match = INDEX.fullmatch(word)
+    assert match is not None
+    return Entry(int(match[1], 16), int(match[2] or 0), "not in the profile", U32, "rw")
+
+
+def upload(node: Station, entry: Entry) -> Value:
+    """Read an entry. SdoError if the node refuses; its own size counts."""
+    if not entry.type.form:
+        return node.sdo.read(entry.index, entry.sub).decode("latin-1").rstrip("\0")
+    data = setup.ask(node, entry.index, entry.sub)
+    return int.from_bytes(data, "little", signed=entry.type.signed)
+
+
+def download(node: Station, entry: Entry, value: int) -> None:
+    """Write a number and read it back; why it was refused in one line."""
+    try:
+        setup.write(node, entry.index, entry.sub, value)
+    except SilentError as error:
+        raise SilentError(f"{node.name}: {error}") from None
+
+
+def parsed(node: Station, entry: Entry, text: str) -> int:
+    """The number that a text means for an entry, range and access checked before anything is sent."""
+    where = f"{entry.index:04X}h.{entry.sub} {UNIT.sub('', entry.name)}"
+    if entry.index in ACTING:
+        raise SimulationError(f"{where}: acts at once. Use twin hil enable, jog, move, store, defaults or lss.")
+    if not entry.writable:
+        raise SimulationError(f"{where}: can only be read.")
+    if not entry.type.form:
+        raise SimulationError(f"{where}: is text. Only numbers can be written.")
+    value = counted(text, measure(node, entry), where)
+    low, high = entry.type.span
+    low = low if entry.low is None else entry.low
+    high = high if entry.high is None else entry.high
+    if not low <= value <= high:
+        raise SimulationError(f"{where}: {text} is {value}, outside {low} to {high} of the drive's units.")
+    return value
+
+
+def counted(text: str, unit: Measure | None, where: str) -> int:
+    """The drive's number for `5 mm`, `26h`, `0x1A`, `150`, or `150 raw` where a unit is expected."""
+    plain = text.strip()
+    bare = plain.removesuffix("raw").strip()
+    try:
+        value = int(bare[:-1], 16) if bare.lower().endswith("h") else int(bare, 0)
+    except ValueError:
+        value = None  # type: ignore[assignment]
+    if value is not None and (unit is None or value == 0 or bare != plain):
+        return value
+    if unit is None:
+        raise SimulationError(f"{where}: expected a whole number such as 150 or 26h, not {text!r}.")
+    if value is not None or without_unit(plain):
+        raise SimulationError(
+            f"{where}: {plain} has no unit. Write it in {unit.unit}, or {plain} raw in the drive's own."
+        )
+    try:
+        return round(number(plain, unit.unit, where) / unit.factor)
+    except CouplingError as error:
+        raise SimulationError(str(error)) from None
+
+
+def read_all(node: Station, entries: Iterable[Entry]) -> tuple[dict[tuple[int, int], Value], list[str]]:
+    """The values of entries, and a line for each that the node refuses."""
+    values: dict[tuple[int, int], Value] = {}
+    refused = []
+    for entry in entries:
+        if not entry.readable:
+            continue
+        try:
+            values[entry.index, entry.sub] = upload(node, entry)
+        except SdoError as error:
+            refused.append(f"{entry.index:04X}h.{entry.sub} {entry.name}: {told(error.code)}")
+    return values, refused
+
+
+def learn(node: Station) -> None:
+    """Read from the drive what its units follow from, so that quantities are right."""
+    if not isinstance(node, Node):
+        return
+    for index in setup.SCALING:
+        for entry in node.mirror.objects.get(index, {}).values():
+            if entry.readable and (entry.sub or not entry.title):
+                try:
+                    setup.read(node, index, entry.sub)
+                except SdoError:
+                    continue
+    node.use_units()

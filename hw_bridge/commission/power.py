@@ -1,0 +1,41 @@
+"""Power off by SDO: for a drive that another program left on."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hw_bridge.bus import MILLISECOND
+from hw_bridge.dictionary import Command, State, cia402, state_of
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from hw_bridge.commission.line import Line
+    from hw_bridge.master import Node
+
+STANDSTILL = 2_000 * MILLISECOND  # longest time of a quick stop [ns]
+LOOK = 10 * MILLISECOND
+
+
+def disable(line: Line, node: Node) -> State:
+    """Quick stop with its ramp (6085h), then the power stage off. The state that the drive tells afterwards."""
+    state = state_of(node.sdo.number(0x6041) & 0xFFFF)
+    if state is State.ENABLED:
+        _write(node, cia402.TYPICAL[Command.QUICK_STOP])
+        end = line.network.now + STANDSTILL
+        while line.network.now < end and state in (State.ENABLED, State.QUICK_STOP):
+            state = state_of(node.sdo.number(0x6041) & 0xFFFF)
+            speed = int.from_bytes(node.sdo.read(0x606C), "little", signed=True)
+            if state is State.QUICK_STOP and not speed:
+                break
+            line.wait(LOOK)
+    _write(node, cia402.TYPICAL[Command.DISABLE_VOLTAGE])
+    state = state_of(node.sdo.number(0x6041) & 0xFFFF)
+    if state in (State.ENABLED, State.SWITCHED_ON, State.QUICK_STOP):
+        raise SimulationError(
+            f"{node.name}: is still in {state}: another program enables it again. End it, or press the emergency stop."
+        )
+    return state
+
+
+def _write(node: Node, word: int) -> None:
+    node.sdo.write(0x6040, 0, word.to_bytes(2, "little"))

@@ -1,0 +1,53 @@
+"""Set-points with bounded speed and acceleration, one for each cycle, that never pass a bound."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import copysign, floor, inf, sqrt
+
+NOTHING = 1e-9  # rounding of a place [m or rad]
+
+
+@dataclass
+class Ramp:
+    """A point that moves: `acceleration` to speed up, `deceleration` to slow down [m/s2]."""
+
+    position: float
+    acceleration: float
+    deceleration: float
+    low: float = -inf
+    high: float = inf
+    velocity: float = 0.0
+
+    def follow(self, speed: float, h: float) -> float:
+        """The position after h [s] on the way to this speed; it stops in front of the bounds."""
+        slower = abs(speed) < abs(self.velocity) or speed * self.velocity < 0.0
+        step = (self.deceleration if slower else self.acceleration) * h
+        velocity = min(max(speed, self.velocity - step), self.velocity + step)
+        if slower and speed * self.velocity < 0.0 and velocity * self.velocity < 0.0:
+            velocity = 0.0  # through zero with the other acceleration
+        room = self.high - self.position if velocity > 0.0 else self.position - self.low
+        self.velocity = copysign(min(abs(velocity), self.stoppable(room, h)), velocity)
+        self.position += self.velocity * h
+        return self.position
+
+    def approach(self, goal: float, speed: float, h: float) -> float:
+        """The position after h [s] on the way to a place, where it comes to rest."""
+        way = goal - self.position
+        faster = abs(self.velocity) + self.acceleration * h
+        self.velocity = copysign(min(speed, faster, self.stoppable(abs(way), h)), way)
+        self.position += self.velocity * h
+        if abs(goal - self.position) < NOTHING:
+            self.position = goal
+        return self.position
+
+    def stoppable(self, room: float, h: float) -> float:
+        """The largest speed from which whole cycles of deceleration end within `room`, to the last bit of it.
+
+        In n more cycles after this one it goes h (v + (v - s) + ... + (v - n s)) with s = deceleration * h.
+        """
+        if room == inf:
+            return inf
+        step = self.deceleration * h
+        cycles = floor(0.5 * (sqrt(1.0 + 8.0 * max(room, 0.0) / (step * h)) - 1.0))
+        return 0.5 * step * cycles + max(room, 0.0) / (h * (cycles + 1))

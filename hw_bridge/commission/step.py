@@ -1,0 +1,134 @@
+"""The response of a drive to a small step of its target, beside the simulated drive's, and the gains between them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp, log
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hw_bridge.bus import Bus, SimulatedNetwork
+from hw_bridge.commission.hand import Hand
+from hw_bridge.device import Drive, Motor
+from hw_bridge.profiles import profile
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from hw_bridge.hardware import HardwareKeys
+
+BEFORE, AFTER = 0.05, 0.4  # recorded around the step [s]
+GAINS = ("velocity_gain", "position_gain")  # of a motor's component
+WIDEST = 8.0  # times the component's gain that are looked for
+WITHIN = 0.05  # of the step, to count as settled
+EXPLAINED = 0.5  # of the difference that gains have to take away to be told
+
+
+@dataclass(frozen=True)
+class Response:
+    """Time since the step [s], way since then [m or rad], current [A]; one row for each cycle."""
+
+    time: Any
+    way: Any
+    current: Any
+    step: float
+
+    def figures(self) -> dict[str, float]:
+        """Rise time from 10 to 90 % [s], overshoot [share], time to settle [s], what is left at the end [m or rad]."""
+        part = self.way / self.step
+        inside = np.abs(part - 1.0) <= WITHIN
+        settled = self.time[len(inside) - int(np.argmin(inside[::-1]))] if not inside.all() and inside[-1] else np.nan
+        first = [self.time[np.argmax(part >= one)] if (part >= one).any() else np.nan for one in (0.1, 0.9)]
+        return {
+            "rise": float(first[1] - first[0]),
+            "overshoot": float(max(part.max() - 1.0, 0.0)),
+            "settled": float(settled),
+            "left": float(self.step - self.way[-1]),
+        }
+
+
+def response(hand: Hand, step: float) -> Response:
+    """Hold, then ask for a place that is `step` farther, all at once; at the end go back with a ramp."""
+    begin, here = hand.node.target_position, len(hand.samples)
+    hand.rest(round(BEFORE * 1e9))
+    start = hand.samples[-1]
+    until = hand.network.now + round(AFTER * 1e9)
+    while hand.network.now < until:
+        hand.go(begin + step)
+    samples = hand.samples[here:]
+    limits = hand.keys.limits
+    hand.move(begin, 0.1 * limits.velocity, 0.1 * limits.acceleration)
+    return Response(
+        np.array([one.time for one in samples]) - start.time,
+        np.array([one.position for one in samples]) - start.position,
+        np.array([one.current for one in samples]),
+        step,
+    )
+
+
+def simulated(keys: HardwareKeys, name: str, step: float, build: Path, gains: dict[str, float]) -> Response:
+    """The same of the profile's drive in simulated time; `gains`: times those of its motor's component."""
+    own = keys.nodes[name]
+    chosen = profile(own.profile)
+    motor = Motor(chosen.motor, build=build)
+    drive = Drive(chosen, own.node, motor)
+    for gain, factor in gains.items():
+        motor.scale(gain, factor)
+    bus = Bus(keys.bit_rate)
+    bus.attach(drive)
+    hand = Hand(keys.model_copy(update={"simulated": True}), name, SimulatedNetwork(bus))
+    with hand.enabled():
+        return response(hand, step)
+
+
+def difference(real: Response, twin: Response) -> float:
+    """RMS of the distance between two responses, at the times of the first [m or rad]."""
+    return float(np.sqrt(np.mean((real.way - np.interp(real.time, twin.time, twin.way)) ** 2)))
+
+
+def explain(
+    real: Response, keys: HardwareKeys, name: str, build: Path
+) -> tuple[Response, dict[str, float], list[float]]:
+    """The twin's response, the gains that bring it nearest, as factors, and the difference before and after [m or rad].
+
+    One gain after the other, each by a bounded search: with friction and saturation there is no formula.
+    """
+    from scipy.optimize import minimize_scalar
+
+    def apart(gains: dict[str, float]) -> float:
+        return difference(real, simulated(keys, name, real.step, build, gains))
+
+    plain = simulated(keys, name, real.step, build, {})
+    found: dict[str, float] = {}
+    before = least = difference(real, plain)
+    for gain in GAINS:
+        best = minimize_scalar(
+            lambda power, gain=gain: apart({**found, gain: exp(power)}),
+            bounds=(-log(WIDEST), log(WIDEST)), method="bounded", options={"maxiter": 12, "xatol": 0.02},
+        )  # fmt: skip
+        if best.fun < least:
+            found[gain], least = exp(float(best.x)), float(best.fun)
+    return plain, found, [before, least]
+
+
+def picture(path: Path, curves: dict[str, Response], unit: str, factor: float) -> None:
+    """Way and current over time, one line for each response, as SVG."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    from twin.results import plotting
+
+    with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": "step"}):
+        figure = Figure(figsize=(plotting.WIDTH, 4.6), layout="constrained")
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+        for (label, one), color, style in zip(curves.items(), plotting.COLORS, plotting.STYLES, strict=False):
+            above.plot(1e3 * one.time, factor * one.way, color=color, linestyle=style, label=label)
+            below.plot(1e3 * one.time, one.current, color=color, linestyle=style)
+        step = next(iter(curves.values())).step
+        above.axhline(factor * step, color="#7b8794", linestyle=":", label="target")
+        above.set_ylabel(f"way [{unit}]")
+        below.set_ylabel("current [A]")
+        below.set_xlabel("time since the step [ms]")
+        above.legend()
+        path.write_text(plotting.as_svg(figure))

@@ -1,0 +1,68 @@
+"""Everything that a drive tells of itself, in words and units; only read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from hw_bridge.commission import words
+from hw_bridge.commission.objects import learn, meant, upload
+from hw_bridge.master import Node, SdoError
+
+if TYPE_CHECKING:
+    from hw_bridge.master import Station
+
+Row = tuple[str, str]
+GROUPS: dict[str, tuple[tuple[int, int], ...]] = {
+    "power": ((0x6041, 0), (0x6040, 0), (0x6061, 0)),
+    "motion": ((0x6064, 0), (0x606C, 0), (0x6062, 0), (0x60F4, 0), (0x6077, 0), (0x6078, 0), (0x30D1, 2)),
+    "limits": (
+        (0x607D, 1), (0x607D, 2), (0x6080, 0), (0x607F, 0), (0x6065, 0), (0x6083, 0), (0x6085, 0), (0x60C5, 0),
+        (0x6075, 0), (0x3001, 1), (0x3001, 2), (0x2333, 1), (0x2333, 2), (0x6072, 0),
+    ),
+    "health": ((0x2200, 1), (0x2325, 7), (0x2326, 1), (0x2326, 2), (0x2326, 3), (0x3200, 1), (0x3200, 2), (0x3202, 1)),
+    "inputs and outputs": ((0x60FD, 0), (0x60FE, 1)),
+    "if this program is lost": ((0x1016, 1), (0x1017, 0), (0x6007, 0), (0x60C2, 1)),
+}  # fmt: skip
+VAGUE = ("Actual [mA]",)  # names that say nothing without their record's
+MONITORED = ((0x6041, 0), (0x6061, 0), (0x6064, 0), (0x606C, 0), (0x6077, 0), (0x6078, 0), (0x603F, 0))
+
+
+@dataclass
+class Status:
+    """What a node tells: rows by group, and its errors with what to do."""
+
+    groups: dict[str, list[Row]] = field(default_factory=dict)
+    errors: list[str] = field(default_factory=list)
+
+
+def status(node: Station) -> Status:
+    """Read everything that the profile has of the groups; what a drive has not is left out."""
+    learn(node)
+    found = Status({group: rows(node, places) for group, places in GROUPS.items()})
+    if isinstance(node, Node):
+        found.errors = words.told_fault(node.sdo, node.profile.faults)
+    return found
+
+
+def rows(node: Station, places: tuple[tuple[int, int], ...]) -> list[Row]:
+    """Name and value of the objects at these places that the node has."""
+    told = []
+    for index, sub in places:
+        entry = node.mirror.objects.get(index, {}).get(sub)
+        if entry is None:
+            continue
+        try:
+            value = upload(node, entry)
+        except SdoError:
+            continue
+        if index == 0x6061:
+            node.mirror.values[index, sub] = value
+        title = entry.title if entry.name in VAGUE else entry.name
+        told.append((f"{index:04X}h{f'.{sub}' if sub else ''} {title.partition(' [')[0]}", meant(node, entry, value)))
+    return told
+
+
+def glance(node: Station) -> list[Row]:
+    """What changes while a drive works: for `monitor`."""
+    return rows(node, MONITORED)

@@ -1,0 +1,62 @@
+"""Limits beside what the motor can do at all: what it never reaches is no limit but a slip of the pen."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hw_bridge.profiles import EFFORT, profile
+from twin.component import catalog
+
+if TYPE_CHECKING:
+    from hw_bridge.hardware.keys import NodeKeys
+    from hw_bridge.profiles import MotorModel
+
+ABSURD = 10.0  # so many times what the motor reaches: loads, supplies and gears differ, but not by that
+USED = ("velocity_maximum", "supply_voltage", "current_maximum", *(name for _, name in EFFORT.values()))
+
+
+def check(node: NodeKeys) -> list[tuple[tuple[str, ...], str]]:
+    """Every limit of a file that is absurd, with both numbers. The member's own motor is not known here."""
+    if node.motor == "member":
+        return []
+    model = profile(node.profile).motor
+    most = reached(model)
+    unit = "rad" if model.unit == "rad" else "m"
+    newton = "N*m" if unit == "rad" else "N"
+    limits = node.limits
+    constant = node.force_constant or model.force_constant / node.scale
+    low, high = limits.position
+    pairs = [
+        ("velocity", limits.velocity, most["velocity"] * node.scale, f"{unit}/s", "the motor reaches"),
+        ("force", limits.force, most["current"] * constant, newton, "the motor's peak current gives"),
+    ]
+    found: list[tuple[tuple[str, ...], str]] = [
+        (
+            ("limits", name),
+            f"{value:g} {symbol} is no limit: {what} {own:.3g} {symbol}. Correct the unit or the number.",
+        )
+        for name, value, own, symbol, what in pairs
+        if name in limits.model_fields_set and own > 0.0 and value > ABSURD * own
+    ]
+    if "following_error" in limits.model_fields_set and limits.following_error >= high - low > 0.0:
+        text = (
+            f"{limits.following_error:g} {unit} is no limit: the whole way is {high - low:g} {unit}. Make it smaller."
+        )
+        found.append((("limits", "following_error"), text))
+    return found
+
+
+def reached(model: MotorModel) -> dict[str, float]:
+    """Speed without a load [m/s or rad/s] and peak current [A] of a motor, at its own side of the gear.
+
+    Where its data name no speed, that at which the back-EMF meets the supply.
+    """
+    component = catalog.component(model.component)
+    values = {one.name: float(str(one.start)) for one in component.variables if one.name in USED} | dict(
+        model.parameters
+    )
+    if "velocity_maximum" in values:
+        speed = values["velocity_maximum"] * model.ratio
+    else:
+        speed = values["supply_voltage"] / values[EFFORT[model.load][1]]
+    return {"velocity": speed, "current": values["current_maximum"]}

@@ -1,0 +1,105 @@
+"""`twin run --dry`: the bus without power, then the scenario on simulated drives."""
+
+from pathlib import Path
+
+import pytest
+
+from hw_bridge.bridge import load
+from hw_bridge.bridge.dry import CYCLES, rehearse
+from hw_bridge.bus import Bus, SimulatedNetwork
+from hw_bridge.device import Drive, Module, Motor
+from hw_bridge.dictionary import State
+from hw_bridge.hardware import load as load_keys
+from hw_bridge.profiles import device, profile
+from twin.errors import SimulationError
+from twin.run import run_scenario
+from twin.scenario import load_scenario
+
+ROTARY = {"servomotor_1": False, "servomotor_2": False, "rotation": True}
+ROOT = Path(__file__).parents[3]
+SCENARIO = """
+title: one
+stop_time: 1 s
+step: 1 ms
+members:
+  command: {{component: travel_command, parameters: {{distance: {distance}, speed: {speed}, acceleration: 0.1 m/s^2}}}}
+  servomotor: {{component: servomotor, parameters: {{mode_of_operation: 8}}}}
+connections:
+  - command.reference_position -> servomotor.target_position
+"""
+
+
+@pytest.fixture
+def bus(build):
+    """Three drives and a module, and everything that they were ever told to be."""
+    keys = load_keys(ROOT / "hw_bridge/benches/simulated_racs_module.yaml")
+    found = Bus()
+    drives = [Drive(profile(one.profile), one.node, Motor(profile(one.profile).motor, build=build))
+              for one in keys.nodes.values()]  # fmt: skip
+    states = set()
+    for one in drives:
+        enter = one._enter
+        one._enter = lambda state, enter=enter: (states.add(state), enter(state))[1]
+    for one in (*drives, Module(device("cia401"), 9)):
+        found.attach(one)
+    return keys, SimulatedNetwork(found), drives, states
+
+
+def test_everything_but_power(bus):
+    keys, network, drives, states = bus
+    told = rehearse(keys, network, ROTARY)
+    assert told[4] == "servomotor_1: limits.force 25 N is above the drive's own 18.39 N (its peak current)."
+    assert told[0] == f"servomotor_1: Switched on, no power; 0 of {CYCLES} process data lost"
+    assert told[3] == f"valves: outputs safe; 0 of {CYCLES} process data lost"
+    assert State.SWITCHED_ON in states
+    assert State.ENABLED not in states
+    assert {one.state for one in drives} == {State.DISABLED}
+    assert {one.dictionary.get(0x6007) for one in drives} == {3}  # parameters are those of a run
+    assert [one.axis.motor.position for one in drives] == [0.0] * 3
+
+
+def test_what_would_end_a_run_ends_it(bus):
+    keys, network, drives, states = bus
+    drives[1].inject(0x7300, lasting=True)
+    with pytest.raises(SimulationError, match=r"servomotor_2: is in Fault, 603Fh: 7300h encoder"):
+        rehearse(keys, network, ROTARY)
+    assert State.SWITCHED_ON not in states
+
+
+def test_an_absurd_limit_is_refused_before_anything_is_switched_on(bus):
+    keys, network, drives, states = bus
+    drives[0].dictionary.values[0x6080, 0] = 20  # mm/s, the drive's own
+    with pytest.raises(SimulationError, match=r"limits.velocity 300 mm/s is above the drive's own 20 mm/s \(6080h\)"):
+        rehearse(keys, network, ROTARY)
+    assert State.SWITCHED_ON not in states
+
+
+def dry(tmp_path, build, **values):
+    file = tmp_path / "one.yaml"
+    file.write_text(SCENARIO.format(**values))
+    bench = tmp_path / "bench.yaml"
+    bench.write_text(
+        "simulated: true\nnodes: {servomotor: {node: 1, profile: faulhaber_v3, limits: {velocity: 20 mm/s}}}\n"
+    )
+    hardware = load(bench, build=build, trace=tmp_path / "sent.log", dry=True)
+    outcome = run_scenario(load_scenario(file), hardware=hardware, root=tmp_path, build=build, report=False)
+    return outcome, hardware.notes()
+
+
+def test_what_would_have_been_sent_and_how_near_the_limits(tmp_path, build):
+    outcome, notes = dry(tmp_path, build, distance="1 mm", speed="5 mm/s")
+    assert outcome.run.status == "completed", outcome.run.reason
+    assert (
+        notes[0]
+        == f"dry run on simulated bus, power never on: servomotor: Switched on, no power; 0 of {CYCLES} process data lost."
+    )
+    assert "servomotor in csp: target_position 0.00 mm to " in notes[1]
+    assert "of 20.00 mm/s (" in notes[1]
+    assert 20 < float(notes[1].partition("20.00 mm/s (")[2].partition(" %")[0]) < 60
+    assert (tmp_path / "sent.log").read_text().count(" 201#") > 150  # targets, every 5 ms
+
+
+def test_a_limit_that_would_be_met(tmp_path, build):
+    outcome, _ = dry(tmp_path, build, distance="20 mm", speed="50 mm/s")
+    assert outcome.run.status == "failed"
+    assert "is above" in outcome.run.reason

@@ -1,0 +1,68 @@
+"""Node-ID by identity, on drives in simulated time that have LSS."""
+
+import pytest
+from click.testing import CliRunner
+
+from hw_bridge.bus import Bus, SimulatedNetwork
+from hw_bridge.command import hil
+from hw_bridge.commission import BOOT, Line, lss, scan
+from hw_bridge.device import Drive, Motor
+from hw_bridge.profiles import profile
+from twin.errors import SimulationError
+
+V3, EPOS4 = lss.Identity(327, 11601, 1, 1), lss.Identity(0xFB, 0x61500000, 0x01700000, 1)
+
+
+@pytest.fixture
+def line(build, monkeypatch):
+    """Two drives of different vendors; nobody sleeps between two requests."""
+    monkeypatch.setattr("canopen.lss.time.sleep", lambda _: None)
+    bus = Bus()
+    for number, name in ((1, "faulhaber_v3"), (3, "epos4")):
+        bus.attach(Drive(profile(name), number, Motor(profile(name).motor, build=build)))
+    found = Line(SimulatedNetwork(bus))
+    found.wait(BOOT)
+    return found
+
+
+def test_the_one_of_this_identity_gets_another_node_id(line):
+    assert lss.configure(line, V3, 17, None) == (V3, 1)
+    assert [(one.node, one.title) for one in scan(line)] == [
+        (3, "maxon EPOS4"),
+        (17, "FAULHABER Motion Control V3.0"),
+    ]
+    node = line.drive("17")
+    assert node.sdo.number(0x1400, 1) == 0x200 + 17  # what depends on it goes along
+    assert lss.configure(line, EPOS4, None, 500_000) == (EPOS4, 3)
+
+
+def test_a_node_id_that_is_taken(line):
+    with pytest.raises(SimulationError, match="node 3 is on the bus already"):
+        lss.configure(line, V3, 3, None)
+
+
+def test_nobody_of_this_identity(line):
+    with pytest.raises(SimulationError, match=r"serial 2h: .*Is it on the bus"):
+        lss.configure(line, V3._replace(serial=2), 5, None)
+    assert [one.node for one in scan(line)] == [1, 3]
+
+
+def test_a_node_id_that_there_is_not(line):
+    with pytest.raises(SimulationError, match="LSS Error: 1"), lss.selected(line, V3) as master:
+        master.configure_node_id(200)
+    assert [one.node for one in scan(line)] == [1, 3]
+
+
+def test_the_command(build):
+    bench = "hw_bridge/benches/simulated_force.yaml"
+
+    def run(*words):
+        return CliRunner().invoke(hil.command, ["lss", *words, "-f", bench, "--build", str(build)])
+
+    assert "node 1." in run().output
+    done = run("--node-id", "9")
+    assert done.exit_code == 0, done.output
+    assert "It is node 9 now" in done.output
+    assert "Name all of" in run("--vendor", "327").output
+    assert "LSS has 1000000" in run("--new-bitrate", "123").output
+    assert "expected a number" in run("--vendor", "x").output

@@ -1,0 +1,59 @@
+"""The response to a step, beside the simulated drive's, and the gains that explain a difference."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from hw_bridge import hardware
+from hw_bridge.bus import Bus, SimulatedNetwork
+from hw_bridge.command import hil
+from hw_bridge.commission import step
+from hw_bridge.commission.hand import Hand, alone
+from hw_bridge.device import Drive, Motor
+from hw_bridge.profiles import profile
+
+
+def test_figures_of_a_response():
+    time = np.arange(-0.05, 0.4, 0.005)
+    way = np.where(time > 0.0, 2e-4 * (1.0 - np.exp(-np.maximum(time, 0.0) / 0.02)), 0.0)
+    found = step.Response(time, way, 0.0 * way, 2e-4).figures()
+    assert found["rise"] == pytest.approx(0.02 * np.log(9.0), abs=0.006)
+    assert found["settled"] == pytest.approx(0.02 * np.log(20.0), abs=0.006)
+    assert found["overshoot"] == 0.0
+    never = step.Response(time, 0.5 * way, 0.0 * way, 2e-4).figures()
+    assert np.isnan(never["settled"])
+    assert np.isnan(never["rise"])
+
+
+def test_the_gain_that_was_changed_is_found(build):
+    """A drive whose velocity loop is softer than the profile's, as if somebody had tuned it."""
+    keys = alone(hardware.load(Path("hw_bridge/benches/can0_faulhaber_v3.yaml")), "servomotor")
+    keys = keys.model_copy(update={"simulated": True})
+    motor = Motor(profile("faulhaber_v3").motor, build=build)
+    motor.scale("velocity_gain", 0.4)
+    bus = Bus()
+    bus.attach(Drive(profile("faulhaber_v3"), 1, motor))
+    hand = Hand(keys, "servomotor", SimulatedNetwork(bus))
+    with hand.enabled():
+        real = step.response(hand, 0.3e-3)
+    twin, gains, (before, after) = step.explain(real, keys, "servomotor", build)
+    assert after < step.EXPLAINED * before
+    assert gains["velocity_gain"] == pytest.approx(0.4, rel=0.15)
+    assert gains.get("position_gain", 1.0) == pytest.approx(1.0, rel=0.1)
+    assert twin.way[-1] == pytest.approx(0.3e-3, abs=2e-5)
+
+
+def test_the_command(build, tmp_path):
+    plot = tmp_path / "step.svg"
+    bench = "hw_bridge/benches/simulated_force.yaml"
+    words = ["step", "servomotor", "-f", bench, "--plot", str(plot), "--build", str(build)]
+    done = CliRunner().invoke(hil.command, words)
+    assert done.exit_code == 0, done.output
+    rows = [line.split() for line in done.output.splitlines() if line.startswith(("servomotor ", "twin "))]
+    assert [row[1:3] for row in rows] == [rows[0][1:3]] * 2  # the twin of a simulated drive does the same
+    assert all(int(row[3]) <= 2 for row in rows)  # overshoot [%]
+    assert max(map(len, done.output.replace(str(plot), "").splitlines())) <= 80
+    assert plot.read_text().startswith("<svg ")
+    assert "half of limits.following_error" in str(CliRunner().invoke(hil.command, [*words, "--by", "3 mm"]).exception)
