@@ -8,10 +8,11 @@ from tests.fmi.third_party import archive, native_library
 SOURCE = Path(__file__).with_name("clocks.c")
 MODELS = {"Kinds": 0, "Follower": 1, "Partitions": 2, "Node": 3}
 INTERFACES = {
-    "Kinds": '<ModelExchange modelIdentifier="Kinds"/><CoSimulation modelIdentifier="Kinds" hasEventMode="true" canHandleVariableCommunicationStepSize="true"'
-    ' mightReturnEarlyFromDoStep="true"/>',
+    "Kinds": '<ModelExchange modelIdentifier="Kinds" canGetAndSetFMUState="true"/>'
+    '<CoSimulation modelIdentifier="Kinds" hasEventMode="true" canHandleVariableCommunicationStepSize="true"'
+    ' mightReturnEarlyFromDoStep="true" canGetAndSetFMUState="true"/>',
     "Follower": '<CoSimulation modelIdentifier="Follower" hasEventMode="true"'
-    ' canHandleVariableCommunicationStepSize="true"/>',
+    ' canHandleVariableCommunicationStepSize="true" canGetAndSetFMUState="true"/>',
     "Node": '<CoSimulation modelIdentifier="Node" hasEventMode="true" canHandleVariableCommunicationStepSize="true"/>',
     "Partitions": '<ScheduledExecution modelIdentifier="Partitions"/>',
 }

@@ -338,6 +338,16 @@ int fmi3ActivateModelPartition(Model *m, uint32_t clock, double t)
     return OK;
 }
 
+int fmi3GetFMUState(Model *m, void **state)
+{
+    if (!*state) *state = malloc(sizeof *m);
+    memcpy(*state, m, sizeof *m);
+    return OK;
+}
+
+int fmi3SetFMUState(Model *m, void *state) { memcpy(m, state, sizeof *m); return OK; }
+int fmi3FreeFMUState(Model *m, void **state) { free(*state); *state = NULL; return OK; }
+
 /* What the standard wants exported and these FMUs do not have. */
 #define ABSENT(name) int name(void) { return ERROR; }
 ABSENT(fmi3SetDebugLogging) ABSENT(fmi3Reset)
@@ -346,7 +356,6 @@ ABSENT(fmi3GetUInt32) ABSENT(fmi3GetInt64) ABSENT(fmi3GetUInt64) ABSENT(fmi3GetB
 ABSENT(fmi3SetFloat32) ABSENT(fmi3SetInt8) ABSENT(fmi3SetUInt8) ABSENT(fmi3SetInt16) ABSENT(fmi3SetUInt16)
 ABSENT(fmi3SetUInt32) ABSENT(fmi3SetInt64) ABSENT(fmi3SetUInt64) ABSENT(fmi3SetBoolean) ABSENT(fmi3SetString)
 ABSENT(fmi3GetNumberOfVariableDependencies) ABSENT(fmi3GetVariableDependencies)
-ABSENT(fmi3GetFMUState) ABSENT(fmi3SetFMUState) ABSENT(fmi3FreeFMUState)
 ABSENT(fmi3SerializedFMUStateSize) ABSENT(fmi3SerializeFMUState) ABSENT(fmi3DeserializeFMUState)
 ABSENT(fmi3GetDirectionalDerivative) ABSENT(fmi3GetAdjointDerivative)
 ABSENT(fmi3EnterConfigurationMode) ABSENT(fmi3ExitConfigurationMode)

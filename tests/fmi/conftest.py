@@ -1,7 +1,10 @@
 """FMUs of the small components, made when a test asks for them, once for all tests of this folder."""
 
+from collections.abc import Iterator
+
 import pytest
 from fmpy import extract
+from fmpy.fmi1 import _FMU
 
 from twin.fmi import exporter
 
@@ -20,6 +23,20 @@ class Built(dict):
         extract(str(path), str(folder))
         self[key] = path, folder
         return self[key]
+
+
+@pytest.fixture(scope="session", autouse=True)
+def fmpy_settles() -> Iterator[None]:
+    """FMPy leaves to PythonFMU's library what it does wrong when the process ends (`Library.settle`)."""
+    free = _FMU.freeLibrary
+
+    def settled(fmu: _FMU) -> None:
+        getattr(fmu.dll, "finalizePythonInterpreter", lambda: None)()
+        free(fmu)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_FMU, "freeLibrary", settled)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,7 @@
 """An FMU loaded with FMPy, spoken to in the component's own names."""
 
 import ctypes
+from copy import copy
 from functools import cache
 
 import numpy as np
@@ -23,6 +24,12 @@ def described(path):
     return read_model_description(str(path))
 
 
+@cache
+def opened(slave, identifier, folder, guid):
+    """FMPy's FMU without an instance: to look up its functions takes longer than what most tests do with them."""
+    return slave(guid=guid, modelIdentifier=identifier, unzipDirectory=folder, instanceName="it")
+
+
 class Fmu:
     """A loaded FMU whose variables are read and written by the component's names, arrays whole."""
 
@@ -31,12 +38,9 @@ class Fmu:
         self.version, self.part, self.kind, self.log = version, part, kind, []
         description = described(path)
         identifier = description.coSimulation.modelIdentifier
-        self.slave = SLAVES[version, kind](
-            guid=token or description.guid,
-            modelIdentifier=identifier,
-            unzipDirectory=str(self.folder),
-            instanceName="it",
-        )
+        known = opened(SLAVES[version, kind], identifier, str(self.folder), token or description.guid)
+        self.slave = copy(known)
+        self.slave.dll = ctypes.CDLL(known.dll._name)  # FMPy closes it with the instance
         getattr(self, f"_instantiate_{version[0]}")(logging, **options)
         self.references = {own_name(v.name): v.valueReference for v in description.modelVariables}
 

@@ -318,3 +318,17 @@ def test_damaged_description(tmp_path: Path, seed: int, count: int) -> None:
         xml[chance.randrange(len(xml))] = chance.choice(b'<>"/ =0129azAZ&;\x00\xff')
     path = archive(tmp_path / "fmu.fmu", {**GOOD, "modelDescription.xml": bytes(xml)})
     opened_or_refused(path)
+
+
+def test_what_a_server_loads_is_unpacked_too(tmp_path: Path) -> None:
+    served = {
+        **GOOD,
+        "binaries/x86_64-windows/Native.dll": b"theirs",
+        "binaries/x86_64-windows/server_tcp.exe": b"server",
+        "binaries/aarch64-linux/Native.so": b"nobody's",
+        "documentation/index.html": b"long",
+    }
+    with unpack(archive(tmp_path / "fmu.fmu", served)) as unpacked:
+        found = {path.relative_to(unpacked.folder).as_posix() for path in unpacked.folder.rglob("*") if path.is_file()}
+        assert found == served.keys() - {"binaries/aarch64-linux/Native.so", "documentation/index.html"}
+        assert (unpacked.folder / "binaries/x86_64-windows/server_tcp.exe").stat().st_mode & stat.S_IXUSR

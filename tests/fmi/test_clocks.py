@@ -270,7 +270,6 @@ def test_clocks_of_model_exchange_in_a_co_simulation(coupled, folder):
 @pytest.mark.parametrize(
     ("error", "words", "options"),
     [
-        (CouplingError, "cannot go back, as algorithm iterative", {"algorithm": "iterative"}),
         (CouplingError, "steps with every communication step of 50 ms, not every 100 ms", {"periods": {"k": 100 * MS}}),
         (FMUError, "constant is a constant clock", {"starts": {"k": {"constant": 0.1}}}),
         (FMUError, "interval -1 s of tunable is not positive", {"starts": {"k": {"tunable": -1}}}),

@@ -1,5 +1,6 @@
 """Somebody else's FMUs as members: every type, every failure, and what the loop needs by address."""
 
+import ctypes
 import os
 import shutil
 import zipfile
@@ -344,3 +345,16 @@ def test_feedthrough_by_name_where_references_repeat(tmp_path: Path) -> None:
     assert member.variables["n"].dependencies == ()
     assert member.variables["u"].unit == "mm"
     assert member.period_ns == 0
+
+
+@pytest.mark.parametrize("mode", [0, 4])
+def test_what_pythonfmu_shares_is_dropped_before_the_process_ends(mode: int, tmp_path: Path) -> None:
+    """Its library would do so itself, in memory that the C library has freed by then; also after a fatal failure."""
+    source = NATIVE + "int dropped; void finalizePythonInterpreter(void) { dropped++; }"
+    member = FMUMember("part", native_fmu(tmp_path, source=source))
+    member.instantiate()
+    library = ctypes.CDLL(str(member._unpacked.binary))
+    if mode:
+        member.failed(mode)
+    member.close()
+    assert ctypes.c_int.in_dll(library, "dropped").value == 1

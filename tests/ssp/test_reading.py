@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tests.coupling.parts import Lag
@@ -233,6 +233,9 @@ def test_elements_of_arrays_and_values_of_arrays(bench, build):
 
 
 @given(st.lists(st.text(min_size=1, max_size=8).filter(lambda one: "." not in one), min_size=1, max_size=4))
+@example(["0_:"])
+@example(["a_xf:"])
+@example(["a_xf", "b"])
 def test_names_can_be_told_back(path):
     element = ".".join(path)
     member = member_name(element)

@@ -12,8 +12,9 @@ from lxml import etree
 
 from tests.ssp.parts import bindings, component, connection, connector, description, system
 from twin.errors import ScenarioError
-from twin.scenario import load_scenario, pack
+from twin.scenario import load_scenario, members, pack
 from twin.ssp import with_outputs
+from twin.ssp.document import violations
 
 SCENARIO = """\
 title: A ramp on a spring
@@ -104,19 +105,81 @@ def test_fmpy_gets_the_same_values(bench):
 
 def test_annotations_of_others_are_kept(bench):
     note = '<ssd:Annotations><ssc:Annotation type="org.example"><x:note xmlns:x="urn:x">kept</x:note></ssc:Annotation></ssd:Annotations>'
+    wire_note = note.replace("kept", "wire")
     drive = component("drive 1", "resources/ramp.fmu", connector("y", "output"), more=bindings("speed=1") + note)
     bare = component("rig.gain", "resources/bare.fmu", connector("u", "input"), connector("y", "output"))
     experiment = f'<ssd:DefaultExperiment stopTime="0.1">{note}</ssd:DefaultExperiment>{note}'
-    text = description(system(drive + bare, connection("drive 1.y", "rig.gain.u").replace(
-        'endElement="rig.gain"', 'endElement="rig.gain"')), experiment)  # fmt: skip
+    text = description(system(drive + bare, connection("drive 1.y", "rig.gain.u", inside=wire_note)), experiment)
     path = bench.folder / "again.ssp"
     pack(load_scenario(bench.ssp(text)), path, bench.build)
     with zipfile.ZipFile(path) as archive:
         written = archive.read("SystemStructure.ssd").decode()
     assert written.count(">kept<") == 3
+    assert written.count(">wire<") == 1
     assert 'name="drive 1"' in written
     assert 'name="rig.gain"' in written
     np.testing.assert_array_equal(bench.run(path)["rig__gain.y"], bench.run(bench.folder / "s.ssp")["rig__gain.y"])
+
+
+OWN = """\
+stop_time: 1/5 s
+step: 1/150 s
+algorithm: {name: iterative, order: 1, agreement: 1e-9, scales: {slow.u: 20 mm, b.y: 3}}
+members:
+  a: {component: 'tests.ssp.parts:Bare', parameters: {k: 0.5}}
+  b: {component: 'tests.ssp.parts:Bare', parameters: {k: -0.25}, isolate: true}
+  drive: {component: 'tests.ssp.parts:Ramp'}
+  slow: {component: 'tests.ssp.parts:Spring', communication_step: 1/50 s, finite: false}
+connections:
+  - {from: b.y, to: a.u, bond: rod}
+  - {from: a.y, to: b.u, bond: rod, hold: true}
+  - {from: drive.y, to: slow.u, hold: true, factor: 2}
+"""
+
+
+def test_what_ssp_has_no_words_for_is_in_annotations(bench):
+    own = bench.folder / "own.yaml"
+    own.write_text(OWN)
+    path = bench.folder / "own.ssp"
+    notes = pack(load_scenario(own), path, bench.build)
+    assert any("algorithm {" in one and "an annotation, others have their own" in one for one in notes)
+    bare = without_extra(path, bench.folder / "bare.ssp")  # as a tool would leave it that drops what it does not know
+    again = bench.folder / "again.ssp"
+    pack(load_scenario(bare), again, bench.build)
+    expected = load_scenario(own).variants[0]
+    for found in (load_scenario(one).variants[0] for one in (path, bare, again)):
+        assert found.algorithm == expected.algorithm
+        assert found.step_ns == expected.step_ns
+        assert [(one.bond, one.hold) for one in found.connections] == [("rod", False), ("rod", True), ("", True)]
+        assert [found.members[name].isolate for name in "ab"] == [False, True]
+        assert members.communication(found.members["slow"]) == members.communication(expected.members["slow"])
+        assert not found.members["slow"].finite
+    ours = bench.run(own)
+    for one in (path, bare, again):
+        theirs = bench.run(one)
+        for name, values in ours.items():
+            np.testing.assert_array_equal(values, theirs[name], err_msg=name)
+
+
+def without_extra(path, target):
+    """The archive without what only this project reads."""
+    with zipfile.ZipFile(path) as archive, zipfile.ZipFile(target, "w") as left:
+        for name in archive.namelist():
+            if not name.startswith("extra/"):
+                left.writestr(name, archive.read(name))
+    return target
+
+
+def test_annotations_are_valid_and_written_once(bench):
+    own = bench.folder / "own.yaml"
+    own.write_text(OWN)
+    first, second = bench.folder / "first.ssp", bench.folder / "second.ssp"
+    pack(load_scenario(own), first, bench.build)
+    pack(load_scenario(first), second, bench.build)
+    for path in (first, second):
+        root = etree.fromstring(zipfile.ZipFile(path).read("SystemStructure.ssd"))
+        assert violations(root, "s") == []
+        assert len(root.findall(".//{*}Annotation[@type='local.catheter-twin']")) == 1 + 2 + 3
 
 
 def test_a_component_in_python_is_no_fmu_for_others(bench):

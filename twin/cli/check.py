@@ -112,7 +112,8 @@ def unstable(file: str, overrides: tuple[str, ...]) -> list[str]:
             try:
                 found = stability(case, catalogs[case.variant], Path("build"))
             except CouplingError as error:
-                say(f"note: {file}: {case.variant}: {error}")
+                for problem in error.problems:
+                    say(f"note: {file}: {case.variant}: {problem}")
                 continue
         how = f"{case.algorithm} at {clock.text(case.step_ns)}"
         if found.is_stable:

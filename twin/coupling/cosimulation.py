@@ -24,6 +24,7 @@ from twin.coupling.system import Link
 from twin.coupling.tables import Tables
 from twin.coupling.walk import run as walk
 from twin.coupling.walk.back import Logs, refuse, trial, unfaithful
+from twin.coupling.walk.between import WalkedEvents
 from twin.coupling.walk.stages import Stages
 from twin.coupling.walk.tell import Walk
 from twin.coupling.watch import Watch
@@ -99,7 +100,7 @@ class CoSimulation(Endings):
             if v.causality == "output" and v.connectable
         ]
         self.recorded = outputs if record is None else record
-        self._loop = compiled_loop(build, self.algorithm.is_plain)
+        self._build, self._loop = build, compiled_loop(build, self.algorithm.is_plain)
         self._walk: Walk | None = None
         self._logs: Logs | None = None
         self._parts: EventSteps | None = None
@@ -170,6 +171,14 @@ class CoSimulation(Endings):
             self._guard(name, "initialization", member.exit_initialization)
         self._fill(stop)
 
+    def with_members(self, members: Mapping[str, Member]) -> CoSimulation:
+        """The same coupling, from the time reached on, of these members, all initialized; what it does, it does to them."""
+        links, periods = [*self.links, *self._wires], self.periods
+        other = CoSimulation(members, links, self.step, self.algorithm, record=[], build=self._build, periods=periods)
+        other._begin, other._logs = self.time, self._logs
+        other._fill(None)
+        return other
+
     def _guard(self, name: str, phase: str, call: Callable[[], object]) -> None:
         self.recorder.note(f"{name}: {phase}")
         try:
@@ -220,8 +229,10 @@ class CoSimulation(Endings):
         """The event that every member with clocks is in after initialization, at its end."""
         found.connect(self.plan, self._tables.arrays)
         record = self.recorder.record[0]
-        self._parts = EventSteps(found, self.members, self.periods, record, self._begin, self.step)
-        found.time = self._parts.time
+        if isinstance(self.plan, Stages):
+            WalkedEvents(found, self.plan, record, self._begin, self.step)
+        else:
+            self._parts = EventSteps(found, self.members, self.periods, record, self._begin, self.step)
         found.react(self._begin)
         self._tables.publish()
 

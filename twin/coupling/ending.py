@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
+from twin.compiler import machine
 from twin.coupling import loop
 from twin.coupling.algorithms import Algorithm
 from twin.coupling.plan import Plan, view
@@ -162,7 +163,7 @@ class Endings:
         begun = float(state["begun"]) if goes_back else clock.seconds(self.time)
         came = float(state["until"])
         if int(state["status"]) == DISCARD:
-            told = member.last_successful_time(begun)
+            told = member.last_successful_time(self._written(begun))
             came = begun if told is None else told
         if not goes_back:
             if reason or (int(state["status"]) == DISCARD and came == begun):
@@ -202,10 +203,20 @@ class Endings:
             f"Allow more `iterations`, take another `acceleration` or a smaller step."
         )
 
+    def _written(self, begun: float) -> float:
+        """How far [s] a step of FMI 3.0's form from `begun` says that it came, of the member that ended the run; no less."""
+        rows = [row for row in self._tables.arrays["steps"].tolist() if row[-1] == int(self.state["member"])]
+        return max([begun, *(machine.read_float(flags + 24) for _, _, flags, _ in rows)])
+
     def _reached(self) -> str:
-        """The time at which the simulation ended, for a message."""
+        """The time at which the simulation ended, for a message; a row beyond that does not count."""
         state = self.state
         if not state["inside"]:
+            begun, step = clock.seconds(self.time - self.step), clock.seconds(self.step)
+            came = self._written(begun)
+            if begun < came < begun + step * (1 - ROUNDING):
+                self._last = int(state["tick"]) - 1
+                return shown(came)
             return clock.text(self.time)
         return shown(float(state["now"] if state["off"] else state["begun"] + state["span"]))
 
@@ -238,7 +249,8 @@ class Endings:
     def _finish(self, member: Member, reason: str) -> None:
         """A member discarded its step in order to end the simulation: keep how far it came."""
         self.finished = True
-        came = member.last_successful_time(clock.seconds(self.time))
+        begun = clock.seconds(self.time) if self._walk is None else float(self.state["begun"])
+        came = member.last_successful_time(begun)
         if self._walk is None and came is not None and abs(came - clock.seconds(self.time + self.step)) < 1e-9:
             for (owner, name), address in self.plan.published.items():
                 if self.members[owner] is member:
@@ -248,5 +260,6 @@ class Endings:
             if self.state["place"] >= self.state["limit"]:
                 self.recorder.make_room()
             loop.record(self._record.view(np.recarray)[0])
-        when = clock.text(self.time) if self._walk is None else shown(float(self.state["begun"]))
+        is_known = came is not None and begun < came <= begun + clock.seconds(self.step) * (1 + ROUNDING)
+        when = shown(came) if is_known and came is not None else clock.text(self.time)
         self.failure = f"{member.name} ended the simulation at {when}: {reason}"

@@ -44,8 +44,9 @@ class EventSteps:
         self.events, self.state, self.begin, self.step = events, state, begin, step
         self.now: clock.Time | None = None  # where the step was cut that is at work
         self.target: clock.Time | None = None  # where the part of it ends that is at work
+        self.is_part = False
         self.rigid = [name for name, one in members.items() if one.period_ns or periods[name] != step]
-        events.check = self.check
+        events.steps = self
 
     @property
     def _due(self) -> clock.Time | None:
@@ -89,7 +90,7 @@ class EventSteps:
         due, state = self._due, self.state
         self.target = due if due is not None and now < due < end else end
         is_last = self.target == end
-        self.events.is_part = not is_last
+        self.is_part = not is_last
         tick, kept = int(state["tick"]), {name: int(state[name]) for name in TIMES}
         lengths = self._lengths()
         whole, at = lengths.copy(), Fraction(now) / clock.NANOSECONDS
@@ -105,7 +106,7 @@ class EventSteps:
         if result in (loop.DONE, loop.NOTICED):
             self.now = None if is_last else self.target
             state["tick"] = tick + is_last
-        self.target, self.events.is_part = None, False
+        self.target, self.is_part = None, False
         return result
 
     def _lengths(self) -> np.ndarray[Any, Any]:

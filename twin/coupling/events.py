@@ -20,7 +20,7 @@ from twin.coupling.system import stepping_order
 from twin.errors import CouplingError, SimulationError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from twin.coupling.algorithms import Algorithm
     from twin.coupling.member import Member, MemberVariable
@@ -38,6 +38,7 @@ class Clocked(Protocol):
     name: str
     variables: Mapping[str, MemberVariable]
     ended: bool
+    has_jumped: bool  # whether its continuous values are others after the last event
     event_time: clock.Time | None  # of an event that the member announced [ns]
 
     def slot(self, name: str) -> Any:
@@ -75,6 +76,20 @@ class Clocked(Protocol):
         """A new communication step: none of the clocks has ticked in it."""
 
 
+class Steps(Protocol):
+    """The steps between which events are. `is_part`: the communication step at work is cut behind this part."""
+
+    @property
+    def is_part(self) -> bool:
+        """Whether it is."""
+
+    def time(self) -> clock.Time:
+        """Where the members are at the end of the step that is at work [ns]."""
+
+    def check(self, now: clock.Time) -> None:
+        """Look, after an event, when the next one is."""
+
+
 def split(links: list[Link]) -> tuple[list[Link], list[Link]]:
     """The connections of values, and those of clocks."""
     wires = [link for link in links if link.source.variable.type == "Clock"]
@@ -97,11 +112,16 @@ def refuse(
                 "Exchange or without Event Mode. Use `interface: co_simulation`, if the FMU has it."
             )
     clocked = [name for name, member in members.items() if member.clocked]
-    if clocked and not algorithm.is_plain:
-        raise CouplingError(
-            f"{', '.join(clocked)}: members with clocks cannot go back, as algorithm {algorithm} would have them do. "
-            "Use jacobi or gauss_seidel."
-        )
+    for name in clocked if not algorithm.is_plain else ():
+        wrong = ""
+        if algorithm.rolls_back and not members[name].can_roll_back:
+            wrong = "cannot save its state (canGetAndSetFMUState), which is needed to take a step back"
+        elif members[name].period_ns:
+            wrong = "makes steps of one length only, which an event between two communication points would cut"
+        if wrong:
+            raise CouplingError(
+                f"{name}: has clocks and {wrong}, with algorithm {algorithm}. Use jacobi or gauss_seidel, of order 0."
+            )
     for name in clocked:
         if periods[name] != step:
             raise CouplingError(
@@ -113,8 +133,7 @@ def refuse(
 class Events:
     """The members with clocks of a co-simulation, their connections, and what happens at an event.
 
-    `links`: of values, `wires`: of clocks. `time`: tells where the loop is at the end of its step [ns]; `check`: looks,
-    after an event, whether the next tick can be met.
+    `links`: of values, `wires`: of clocks. `steps`: where the loop is at the end of its step.
     """
 
     def __init__(self, members: Mapping[str, Member], links: list[Link], wires: list[Link]) -> None:
@@ -129,20 +148,19 @@ class Events:
             self.wires.setdefault(link.source.key, []).append(link.target.key)
         self._rows: dict[str, list[tuple[str, int]]] = {}
         self._objects = [link for link in inside if not link.source.variable.connectable]
-        self.time: Callable[[], clock.Time] = lambda: 0
         self._callback = machine.ACCESS(self._called)
         self.address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
         self.failure: BaseException | None = None
         self.now: clock.Time = 0  # of the last event [ns]
-        self.goes_on = self.is_part = False  # whether the step at work was cut before, is cut behind this part
-        self.check: Callable[[clock.Time], None] = lambda _now: None
+        self.goes_on = False  # whether the step at work was cut before
+        self.steps: Steps
 
     def connect(self, plan: Plan, arrays: Mapping[str, Any]) -> None:
         """Know the rows by which the loop moves values to the members, overrides and all."""
         self._arrays = arrays
         self._rows = {name: [] for name in self.members}
         for link in self.links:
-            rows = [(table, row) for table, row, *_ in plan.writers.get(link.target.key, [])]
+            rows = plan.rows_at_events(link.target.key)
             own = self._rows[link.target.member]
             own += [one for one in rows if one not in own]
 
@@ -164,7 +182,7 @@ class Events:
 
     def _called(self, *_: int) -> int:
         try:
-            self.look(self.time())
+            self.look(self.steps.time())
         except BaseException as error:  # also Ctrl-C: nothing may pass through native frames
             self.failure = error
             return ERROR
@@ -176,7 +194,7 @@ class Events:
             if not self.goes_on:
                 one.rest()
             self._move(one)
-        self.goes_on = self.is_part
+        self.goes_on = self.steps.is_part
         due = self.due
         if (due is not None and due <= now) or any(one.has_news(now) for one in self.order):
             self.react(now)
@@ -198,7 +216,7 @@ class Events:
             if f"t = {clock.text(now)}" in str(error):
                 raise
             raise SimulationError(f"{error} That was in the event at t = {clock.text(now)}.") from error
-        self.check(now)
+        self.steps.check(now)
 
     def _iterate(self, now: clock.Time) -> None:
         for one in self.order:

@@ -385,11 +385,10 @@ def carried_over(parts: dict[str, Part], variables: list[Variable]) -> dict[str,
 
 def starts(parts: dict[str, Part], variables: list[Variable]) -> dict[str, Any]:
     """Start values of all variables: what the scenario sets, else what the components declare."""
+    declared = {member: part.component.start_values() for member, part in parts.items()}
     result = {}
     for variable in variables:
         member, _, name = variable.name.partition(".")
-        part = parts[member]
-        declared = part.component.start_values()[name]
-        value = part.values.get(name, declared)
+        value = parts[member].values.get(name, declared[member][name])
         result[variable.name] = np.broadcast_to(np.asarray(value, variable.dtype), variable.shape)
     return result

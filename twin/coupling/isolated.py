@@ -15,7 +15,7 @@ import threading
 import warnings
 from collections import deque
 from contextlib import contextmanager, suppress
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 LINES = 20  # log lines kept
 GRACE = 1.0  # between the end of a process's pipes and its own [s]
+CLOSING = 10.0  # that a member may take to end before its process is ended [s]
 HAS_CORES = hasattr(os, "sched_setaffinity")  # and can say which a process may use
 
 
@@ -139,8 +140,8 @@ class IsolatedMember(Member):
             os.write(2, text)
         self._errors.extend(line for line in text.decode(errors="replace").splitlines() if line.strip())
 
-    def _ask(self, what: str, *arguments: Any) -> Any:
-        """Have the member do something, and wait for what comes of it."""
+    def _ask(self, what: str, *arguments: Any, patience: float | None = None) -> Any:
+        """Have the member do something, and wait for what comes of it; SimulationError if that takes longer than that [s]."""
         if self.death:
             raise SimulationError(self.death)
         self._count += 1
@@ -149,7 +150,12 @@ class IsolatedMember(Member):
             ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self._native["tell"])(self._memory)
         count = 0
         while count != self._count:  # Ctrl-C may have left the answer to an earlier one
-            answer = self._answers.get()
+            try:
+                answer = self._answers.get(timeout=patience)
+            except Empty:
+                raise SimulationError(
+                    f"{self.name}: did not return from {self._phase} within {patience:g} s."
+                ) from None
             if answer is None:
                 raise SimulationError(self._ended(self._phase))
             count, failure, value = answer
@@ -286,9 +292,9 @@ class IsolatedMember(Member):
         try:
             self._phase = "termination"
             if not self.death:
-                self._ask("close")
+                self._ask("close", patience=CLOSING)  # whatever it computed is here already
         except TwinError as error:
-            self.log.append(str(error))
+            self.log.append(str(error).removeprefix(f"{self.name}: "))
         finally:
             self.living.remove(self)
             if self._pid:

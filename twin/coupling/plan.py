@@ -154,6 +154,10 @@ class Plan:
         self.functions[self.events.address] = "events"
         self.operations.append({"divider": 1, "h": bits(0.0), "accesses": (place, place + 1)})
 
+    def rows_at_events(self, key: Key) -> list[tuple[str, int]]:
+        """The rows (table, row) that move to an input what is connected to it."""
+        return list(dict.fromkeys((table, row) for table, row, *_ in self.writers.get(key, [])))
+
     def _stage(self, stage: list[str], links: list[Link]) -> None:
         """Operations of the members of a stage."""
         slots = []

@@ -1,7 +1,9 @@
-"""Whether a coupling is stable: the eigenvalues of what one step of the whole loop makes of a small deviation.
+"""Whether a coupling is stable: how a small deviation grows while the loop goes over the common multiple of all periods.
 
-All that the members keep and all that they publish is moved by a little, one value after the other, and the loop steps
-once over the common multiple of all periods: algorithm, solvers and delays are those of the run itself.
+Algorithm, solvers and delays are those of the run itself. Of components all that they keep and publish is moved by a
+little, one value after the other, which is the whole map of a step. An FMU keeps its state to itself, but can be brought
+back: then what connections carry is moved, and the answers over many steps tell the map (`realization`). One that cannot
+be brought back, but tells its directional derivatives, is replaced by what these say (`linear_member`).
 """
 
 from __future__ import annotations
@@ -13,15 +15,21 @@ import numpy as np
 from twin import clock
 from twin.component import Role
 from twin.coupling import loop
+from twin.coupling.linear_member import LinearMember
 from twin.coupling.plan import view
+from twin.coupling.realization import answered
 from twin.coupling.record import RecordMember
+from twin.coupling.walk.back import trial
+from twin.coupling.walk.fields import FIXED
 from twin.dataclass import dataclass
 from twin.errors import CouplingError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from twin.coupling.cosimulation import CoSimulation
+    from twin.coupling.member import Member
+    from twin.coupling.system import Link
 
     Array = np.ndarray[Any, Any]
 
@@ -31,6 +39,7 @@ LONGEST = 10_000  # communication steps of a cycle
 DENSE = 120  # values of which the whole matrix is made
 SUBSPACE = 40  # of Arnoldi's iteration for more
 NEVER = 2**62
+HELP = "Export it with its state (canGetAndSetFMUstate; PythonFMU: `--handle-state`) or with directional derivatives."
 
 
 @dataclass(frozen=True)
@@ -51,15 +60,48 @@ class Growth:
 
 
 def growth(simulated: CoSimulation) -> Growth:
-    """The fastest growth of a deviation from where an initialized co-simulation is; it is there again afterwards."""
-    foreign = [
-        name for name, one in simulated.members.items() if not (isinstance(one, RecordMember) and one.can_restore)
-    ]
-    if foreign:
-        raise CouplingError(
-            f"stability: {foreign[0]} keeps its state to itself. It can be told of components, not of FMUs or of Python."
-        )
+    """The fastest growth of a deviation from where an initialized co-simulation is; it is there again afterwards.
+
+    CouplingError that names the members of which nothing can be told.
+    """
+    linear: dict[str, Member] = {}
+    problems = []
+    for name, member in simulated.members.items():
+        wrong = hidden(simulated, name, member)
+        if wrong and (told := derived(member, simulated.links)) is not None:
+            linear[name] = told
+        elif wrong:
+            problems.append(f"stability: {wrong}")
+    if problems:
+        raise CouplingError(problems)
+    if linear:
+        simulated = simulated.with_members({**simulated.members, **linear})
     return Deviation(simulated).growth()
+
+
+def hidden(simulated: CoSimulation, name: str, member: Member) -> str:
+    """Why a member's state can be neither read nor brought back; empty if it can."""
+    if isinstance(member, RecordMember) and not member.can_restore:
+        return f"{name} keeps its state to itself: it is Python. Nothing can be told of a coupling with it."
+    if member.can_restore:
+        return ""
+    if not member.can_roll_back:
+        return f"{name} keeps its state to itself, and tells no directional derivatives. {HELP}"
+    wrong = trial(member, clock.seconds(simulated.time), clock.seconds(simulated.periods[name]))
+    return wrong and f"{name} says that it can be brought back, and cannot: {wrong}. {HELP}"
+
+
+def derived(member: Member, links: list[Link]) -> LinearMember | None:
+    """A member as its directional derivatives have it, here; None if it does not tell."""
+    own = {
+        word: {end.variable.name: end.variable for end in ends if end.member == member.name}
+        for word, ends in (("inputs", [one.target for one in links]), ("outputs", [one.source for one in links]))
+    }
+    if not all(one.dtype == np.float64 for ends in own.values() for one in ends.values()):
+        return None
+    inputs, outputs = list(own["inputs"].values()), list(own["outputs"].values())
+    told = member.slopes(inputs, outputs)
+    return None if told is None else LinearMember(member, inputs, outputs, told)
 
 
 class Deviation:
@@ -67,34 +109,44 @@ class Deviation:
 
     def __init__(self, simulated: CoSimulation) -> None:
         self.simulated, self.plan = simulated, simulated.plan
-        names: list[str] = []
+        self.names: list[str] = []
         self.places: list[Array] = []
         sizes: list[Array] = []
+        self.is_whole = True  # whether it is all that members keep
         for name, member in simulated.members.items():
-            assert isinstance(member, RecordMember)
-            for variable in member.component.variables:
-                if variable.role is Role.parameter or variable.dtype.kind != "f" or not variable.size:
-                    continue
-                values = member.component.views[variable.name].reshape(-1)
+            for own, values, size in kept(member):
                 self.places.append(values)
-                sizes.append(np.full(values.size, float(np.max(np.abs(variable.nominal or SMALL)))))
-                names += [f"{name}.{variable.name}"] * values.size
+                sizes.append(np.full(values.size, size))
+                self.names += [f"{name}.{own}"] * values.size
+            if not isinstance(member, RecordMember | LinearMember):
+                self.is_whole = False
+                self._refuse_controlled(name)
         for (name, own), address in self.plan.published.items():
-            variable_ = simulated.members[name].variables[own]
-            if variable_.dtype == np.float64 and not self.plan.in_place(name):
-                self.places.append(view(address, variable_))
-                sizes.append(np.full(variable_.size, SMALL))
-                names += [f"{name}.{own}"] * variable_.size
-        self.names, self.sizes = names, np.concatenate(sizes)
+            variable = simulated.members[name].variables[own]
+            is_kept = self.plan.in_place(name) and isinstance(simulated.members[name], RecordMember | LinearMember)
+            if variable.dtype == np.float64 and not is_kept and variable.causality != "input":
+                self.places.append(view(address, variable))
+                sizes.append(np.full(variable.size, SMALL))
+                self.names += [f"{name}.{own}"] * variable.size
+        self.sizes = np.concatenate([np.zeros(0), *sizes])
         self.cycle = int(np.lcm.reduce([self.plan.divider(name) for name in simulated.members]))
         if self.cycle > LONGEST:
             raise CouplingError(
                 f"stability: the periods meet only every {self.cycle} steps. Use periods with a common one."
             )
 
+    def _refuse_controlled(self, name: str) -> None:
+        """CouplingError where the length of steps depends on values: then answers are not those of one map."""
+        algorithm = self.simulated.algorithm
+        if algorithm.control != FIXED:
+            raise CouplingError(
+                f"stability: {algorithm} chooses the length of its steps, and {name} shows its answers over many of them only. "
+                "See what steps it needs: twin check --coupling --set algorithm=jacobi."
+            )
+
     def read(self) -> Array:
         """All values."""
-        return np.concatenate(self.places)
+        return np.concatenate([np.zeros(0), *self.places])
 
     def write(self, values: Array) -> None:
         """Set them."""
@@ -115,22 +167,25 @@ class Deviation:
             for name, member in self.simulated.members.items():
                 member.restore(kept[name])
 
-        def after(values: Array) -> Array:
-            restore()
-            self.write(values)
-            self.step()
-            return self.read()
-
         sizes = np.maximum(np.abs(begin), self.sizes)
+        if not sizes.size:
+            return Growth(0.0, self.seconds, ())  # nothing goes from one to another
 
-        def applied(direction: Array) -> Array:
-            """What becomes of a deviation, both as parts of the values' sizes."""
+        def after(count: int, stride: int, direction: Array) -> Array:
+            """What becomes of a deviation `count` times, in parts of the values' sizes: a row each."""
             small = DEVIATION / max(float(np.max(np.abs(direction))), 1e-300)
-            ends = [after(begin + sign * small * sizes * direction.ravel()) for sign in (1, -1)]
-            return np.asarray((ends[0] - ends[1]) / (2 * small * sizes))
+            ends = []
+            for sign in (1, -1):
+                restore()
+                self.write(begin + sign * small * sizes * direction.ravel())
+                ends.append(self.answers(count, stride * self.cycle))
+            return np.asarray((np.array(ends[0]) - np.array(ends[1])) / (2 * small * sizes))
 
         try:
-            value, vector = largest(applied, len(begin))
+            if self.is_whole:
+                value, vector = largest(lambda direction: after(1, 1, direction)[0], len(begin))
+            else:
+                value, vector = answered(after, len(begin))
         except FloatingPointError:
             return Growth(np.inf, self.seconds, ())
         finally:
@@ -145,14 +200,32 @@ class Deviation:
         """Length of a cycle."""
         return clock.seconds(self.cycle * self.simulated.step)
 
-    def step(self) -> None:
-        """Let the loop go over a cycle, recording and noticing nothing."""
+    def answers(self, count: int, steps: int) -> list[Array]:
+        """All values after so many steps of the loop, again and again; it records and notices nothing."""
         record = self.simulated._record.copy()
         record["every"], record["limit_count"], record["limit"] = NEVER, 0, NEVER
         record["derives"] = 0  # Newton's method finds its Jacobian by itself
-        record["stop"] = record["tick"] + self.cycle
-        if self.simulated._loop(record.ctypes.data) == loop.FAILED:
-            raise CouplingError(f"stability: {list(self.simulated.members)[int(record[0]['member'])]} fails a step.")
+        found = []
+        for _ in range(count):
+            record["stop"] = record["tick"] + steps
+            if self.simulated._loop(record.ctypes.data) == loop.FAILED:
+                raise CouplingError(
+                    f"stability: {list(self.simulated.members)[int(record[0]['member'])]} fails a step."
+                )
+            found.append(self.read())
+        return found
+
+
+def kept(member: Member) -> Iterator[tuple[str, Array, float]]:
+    """Real values that a member keeps, as far as they can be set: name, where they are, their size."""
+    if isinstance(member, LinearMember):
+        yield from ((name, values, SMALL) for name, values in member.kept())
+    if not isinstance(member, RecordMember):
+        return
+    for variable in member.component.variables:
+        if variable.role is not Role.parameter and variable.dtype.kind == "f" and variable.size:
+            size = float(np.max(np.abs(variable.nominal or SMALL)))
+            yield variable.name, member.component.views[variable.name].reshape(-1), size
 
 
 def largest(applied: Callable[[Array], Array], size: int) -> tuple[complex, Array]:

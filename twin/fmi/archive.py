@@ -37,6 +37,8 @@ HARMLESS = 256 << 20  # below this size [byte] no compression ratio is suspiciou
 RATIO = 200  # largest ratio of size to archive beyond that; deflate can reach 1030
 CHUNK = 1 << 20
 METHODS = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}  # the two that FMI allows
+# FMPy and the FMU manipulation toolbox put it beside a library of another platform, for their own to talk to
+SERVER = re.compile(r"binaries/[^/]+/server_(tcp|sm)(\.exe)?")
 FOLDERS = {  # of FMI 2.0's platforms, where it has names of its own
     "x86_64-linux": "linux64",
     "x86_64-windows": "win64",
@@ -277,8 +279,9 @@ def find_binary(path: Path, description: markup.Description, entries: dict[str, 
 
 
 def needed(entries: dict[str, zipfile.ZipInfo], binary: str) -> dict[str, zipfile.ZipInfo]:
-    """What a run needs: neither other platforms' libraries nor sources and documentation."""
-    own = f"{binary.rpartition('/')[0]}/"
+    """What a run needs: neither sources and documentation nor other platforms' libraries, unless a server loads them."""
+    served = [f"{name.rpartition('/')[0]}/" for name in entries if SERVER.fullmatch(name)]
+    own = (f"{binary.rpartition('/')[0]}/", *served)
     return {
         name: info
         for name, info in entries.items()
@@ -302,3 +305,5 @@ def extract(path: Path, archive: zipfile.ZipFile, entries: dict[str, zipfile.Zip
                 if total > allowed:
                     raise FMUError(f"{path}: unpacks to more than {allowed >> 20} MiB. This is not an FMU.")
                 copy.write(chunk)
+        if SERVER.fullmatch(name):
+            target.chmod(0o700)  # it is started, not loaded

@@ -73,6 +73,7 @@ class EventMember(ClockedMember):
         self._ticked |= self.active
         self.active.clear()
         self.ended = self.ended or terminate.value
+        self.has_jumped = states.value
         self.event_time = computed(due.value, f"{self.name}: next event") if is_known.value else None
         self.reschedule(now, self._ticked)
         return needed.value

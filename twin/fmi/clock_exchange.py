@@ -31,7 +31,7 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
         self.active: set[int] = set()  # clocks that tick in the present instant, by value reference
         self._to_tick: list[str] = []  # clocks that somebody lets tick
         super()._describe(start_values)
-        self.can_restore = self.can_roll_back = False  # when the clocks tick is known here only
+        self.can_restore = False  # when the clocks tick is known here only
 
     def follow(self, inputs: Inputs) -> Followed:
         """Take inputs over time from a table; ticks are for FMUs that step."""
@@ -51,6 +51,17 @@ class ClockedExchangeMember(ClockedFMU, ExchangeMember):
         for name in self.clocks:
             self.slot(name).values[:] = False
         return super()._step(_instance, t, h, _, *flags)
+
+    def _beside(self) -> tuple[Any, ...]:
+        timers = {name: (one.interval, one.due) for name, one in self.timers.items()}
+        return super()._beside(), timers, self._now, list(self._to_tick)
+
+    def _put_beside(self, saved: tuple[Any, ...]) -> None:
+        beside, timers, self._now, to_tick = saved
+        super()._put_beside(beside)
+        self._to_tick = list(to_tick)
+        for name, (interval, due) in timers.items():
+            self.timers[name].interval, self.timers[name].due = interval, due
 
     # values
 

@@ -12,7 +12,9 @@ from typing import Any
 
 from twin import clock
 from twin.compiler import machine
+from twin.coupling import Way
 from twin.fmi import binary
+from twin.fmi.beside import both
 from twin.fmi.clocked import ClockedMember
 from twin.fmi.clocks import CHANGED
 
@@ -26,6 +28,7 @@ class ScheduledMember(ClockedMember):
     def _describe(self, start_values: dict[str, Any]) -> None:
         super()._describe(start_values)
         self.identity["interface"] = "Scheduled Execution"
+        self.can_roll_back = True  # a step does nothing, whatever becomes of it
 
     def _instance_options(self) -> dict[str, Any]:
         return {"update_clocks": self._update_clocks}
@@ -36,6 +39,20 @@ class ScheduledMember(ClockedMember):
 
     def _step(self, *_: Any) -> int:
         return binary.OK
+
+    def save(self) -> Any:
+        """What is here: between ticks nothing else changes."""
+        return self._beside()
+
+    def restore(self, saved: Any) -> None:
+        """Be again as when it was saved."""
+        self._put_beside(saved)
+
+    def way(self, count: int) -> Way:
+        """No more than what is here."""
+        self._own_places = [ctypes.c_void_p() for _ in range(count)]
+        places = tuple(ctypes.addressof(one) for one in self._own_places)
+        return both(Way(places=places), self._beside, self._put_beside, self._kept)
 
     def _update_clocks(self) -> None:
         """Clock Update Mode, which a running partition enters by itself: its output clocks and countdowns have news."""

@@ -63,6 +63,7 @@ class Alone:
         self.feed: Fed | None = feed
         self.now = plan.start
         self.events = Events({member.name: member}, [], [])
+        self.events.steps, self.is_part = self, False
         if self.feed:
             self.feed.let_tick(self.now)
         self.events.react(self.now)
@@ -114,9 +115,16 @@ class Alone:
         if self.feed:
             self.feed(clock.seconds(self.now))
             self.feed.let_tick(self.now)
-        self.events.is_part = self.now < end or not is_row
+        self.is_part = self.now < end or not is_row
         self.events.look(self.now)
         self._note_end()
+
+    def time(self) -> clock.Time:
+        """Where the member is [ns]."""
+        return self.now
+
+    def check(self, now: clock.Time) -> None:
+        """Every tick can be met."""
 
     def _note_end(self) -> None:
         self.reason = "it wished so at an event" if self.events.ended else ""

@@ -16,10 +16,11 @@ import numpy as np
 
 from twin import clock
 from twin.compiler import machine
-from twin.coupling import Access, MemberVariable
+from twin.coupling import Access, MemberVariable, Way
 from twin.dataclass import dataclass
 from twin.errors import FMUError, TwinError, described
 from twin.fmi import binary, values
+from twin.fmi.beside import both
 from twin.fmi.clock_calls import ClockedFMU
 from twin.fmi.clocks import Clock
 
@@ -69,13 +70,13 @@ class ClockedMember(ClockedFMU):
         self.outputs: list[Slot] = []  # and whatever else is read
         self.lit: list[Slot] = []  # of the clocks that have ticked in this communication step
         super()._describe(start_values)
-        self.can_restore = self.can_roll_back = False  # much of what it is lies in this process
+        self.can_restore = False  # much of what it is lies in this process
         self.active: set[int] = set()  # clocks that tick in the present instant, by value reference
         self._new: list[Clock] = []  # of those, which the FMU was not told yet
         self._found: list[str] = []  # clocks of the FMU that were found to tick
         self._to_tick: list[str] = []  # clocks that are to tick at the next event
         self._waiting: dict[str, Any] = {}  # what is to be set at the next event
-        self.is_running = self.has_signalled = self.ended = False
+        self.is_running = self.has_signalled = self.ended = self.has_jumped = False
         self.event_time: clock.Time | None = None  # of an event that the FMU announced
         self.failure: BaseException | None = None
         self._kept: list[Any] = []
@@ -95,6 +96,29 @@ class ClockedMember(ClockedFMU):
         super().exit_initialization()
         self.is_running = True
         self.take()
+
+    # the way back to the begin of a step, in which no clock has ticked
+
+    def save(self) -> Any:
+        """What the FMU holds, and what is here."""
+        return super().save(), self._beside()
+
+    def restore(self, saved: Any) -> None:
+        """Be again as when it was saved."""
+        super().restore(saved[0])
+        self._put_beside(saved[1])
+
+    def way(self, count: int) -> Way:
+        """The FMU's own way back, and what is beside it."""
+        return both(super().way(count), self._beside, self._put_beside, self._kept)
+
+    def _beside(self) -> Any:
+        return {name: (slot.values.copy(), slot.applied.copy()) for name, slot in self.slots.items()}
+
+    def _put_beside(self, saved: Any) -> None:
+        for name, (current, applied) in saved.items():
+            self.slots[name].values[:], self.slots[name].applied[:] = current, applied
+        self.failure = None
 
     # what `coupling.events` asks
 

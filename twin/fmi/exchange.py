@@ -18,6 +18,7 @@ from twin.coupling import Access, Link, Member, MemberVariable, Way
 from twin.dataclass import dataclass
 from twin.errors import TwinError, described
 from twin.fmi import binary, exchange_solvers
+from twin.fmi.beside import both
 from twin.fmi.exchange_calls import CONTINUOUS, ContinuousFMU
 from twin.fmi.exchange_inputs import Followed
 from twin.fmi.exchange_solvers import Discarded
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
+    from twin.fmi.exchange_sensitivity import Sensitivity
     from twin.fmi.tables import Inputs
 
 
@@ -88,6 +90,7 @@ class ExchangeMember(ContinuousFMU):
         self._given: dict[str, np.ndarray[Any, Any]] = {}  # what was set last
         self._waiting: dict[str, Any] = {}  # what is to be set at the next event
         self.followed: Followed | None = None
+        self.sensitivity: Sensitivity | None = None  # told along the way, of all that it is integrated with
         self._kept: list[Any] = []  # callbacks
         self._callback = machine.STEP(self._step)
 
@@ -167,24 +170,7 @@ class ExchangeMember(ContinuousFMU):
 
     def way(self, count: int) -> Way:
         """The FMU's own way back, and what is beside it."""
-        beside: dict[int, Any] = {}
-        own = super().way(count)
-        get, set_ = machine.ACCESS(own.get), machine.ACCESS(own.set)
-
-        def save(instance: int, place: int, *_: int) -> int:
-            status = int(get(instance, place, 0, 0, 0))
-            beside[machine.read64(place)] = self._beside()
-            return status
-
-        def restore(instance: int, state: int, *_: int) -> int:
-            status = int(set_(instance, state, 0, 0, 0))
-            self._put_beside(beside[state])
-            return status
-
-        kept = machine.ACCESS(save), machine.ACCESS(restore)
-        self._kept += [*kept, get, set_]
-        addresses = [ctypes.cast(one, ctypes.c_void_p).value or 0 for one in kept]
-        return Way(get=addresses[0], set=addresses[1], places=own.places)
+        return both(super().way(count), self._beside, self._put_beside, self._kept)
 
     # values
 

@@ -200,8 +200,18 @@ class Library:
         if status is not None and status > WORST:
             raise CallError(function, status)
 
+    def settle(self) -> None:
+        """Let PythonFMU's library drop what it shares between instances; those that live keep it.
+
+        It stays loaded until the process ends, and then would drop it once more after the C library has: in memory that is
+        somebody else's by then.
+        """
+        if (drop := getattr(self._dll, "finalizePythonInterpreter", None)) is not None:
+            drop()
+
     def close(self) -> None:
         """Let go of the library: no function may be called any more."""
+        self.settle()
         unload(self._dll._handle)
 
 

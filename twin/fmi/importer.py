@@ -299,6 +299,8 @@ class FMUMember(Calls, Member):
         if self._state == "fatal":
             # no function may be called any more, and neither its code nor its callbacks may vanish
             self.abandoned.append((self._library, self._made))
+            if self._library is not None:
+                self._library.settle()
             return
         for saved in (one for one in (self._saved, *self._places) if one):
             self._call(self._state_function("Free"), ctypes.byref(saved))

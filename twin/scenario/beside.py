@@ -1,6 +1,6 @@
 """What a scenario has and SSP has no words for: events, metrics, plots, how often a member communicates; as YAML.
 
-`twin export --ssp` puts it beside the description, `package` reads it there.
+`twin export --ssp` puts it beside the description, or as annotations into it; `package` reads it there.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ from twin.scenario.node import Node
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
 
-    from twin.coupling import Catalog
+    from twin.coupling import Catalog, Link
     from twin.scenario.spec import Case, Scenario
 
 DROPPED = (
     *("members", "connections", "variants", "extends", "parameter_sets"),
+    *("step", "algorithm"),  # annotations have them
     *("start_time", "stop_time", "seed", "seeds"),
 )
 PARTS = ("analyses", "metrics", "expect", "plots", "scenes")  # those that others read first
@@ -39,17 +40,14 @@ def beside(scenario: Scenario, case: Case, taken_apart: AbstractSet[str], catalo
     if "record" in told:
         told["record"] = apart(told["record"], taken_apart, catalog)
     told = {name: node for name, node in told.items() if node.value not in ({}, [])}
-    rhythms = {name: own for name in case.members if (own := rhythm(case, name, notes))}
     for things, word in ((case.events, "event"), (case.faults, "fault")):
         if things:
             notes.append(f"{len(things)} {word}{'s' * (len(things) > 1)}: kept in {ssp.EXTRA}, others do not run them.")
-    if "algorithm" in told:
-        notes.append(f"algorithm {told['algorithm'].plain()}: kept in {ssp.EXTRA}, others have their own.")
     if len(scenario.seeds) > 1:
         notes.append(f"noise has the seed {case.seed}, the first of {len(scenario.seeds)}.")
     if parts := [key for key in PARTS if key in told]:
         notes.append(f"{', '.join(parts)}: kept in {ssp.EXTRA}, others do not read them.")
-    body = {key: node.plain() for key, node in told.items()} | ({"members": rhythms} if rhythms else {})
+    body = {key: node.plain() for key, node in told.items()}
     return (written.text(Node.of(body, tree.place)) if body else ""), notes
 
 
@@ -70,13 +68,24 @@ def kept_keys(tree: Node, case: Case, taken_apart: AbstractSet[str], title: str)
         lost |= set(gone) if name == "analyses" else set()
     if "expect" in told:
         told["expect"] = without_missing(told["expect"], told.get("metrics"))
-    bonds = [{"from": one.source, "to": one.target, "bond": one.bond} for one in case.connections if one.bond]
-    if bonds := [one for one in bonds if one["to"] not in taken_apart]:
-        told["connections"] = Node.of(bonds, tree.place)
     if "groups" in told:
         groups = {key: one for key, one in told["groups"].entries.items() if set(names(one)) <= set(case.members)}
         told["groups"] = Node(groups, told["groups"].place)
     return told, notes
+
+
+def experiment(scenario: Scenario, case: Case, notes: list[str]) -> dict[str, Any]:
+    """Step and algorithm as the scenario says them."""
+    tree = merge.variant_trees(scenario.tree)[case.variant]
+    own: dict[str, Any] = {key: tree.entries[key].plain() for key in ("step", "algorithm") if key in tree.entries}
+    if "algorithm" in own:
+        notes.append(f"algorithm {own['algorithm']}: an annotation, others have their own.")
+    return own
+
+
+def tie(link: Link, is_whole: bool) -> dict[str, Any]:
+    """What a connection says besides its ends and what it does to the value; of a bond only if it is not taken apart."""
+    return {key: value for key, value in (("bond", is_whole and link.bond), ("hold", link.hold)) if value}
 
 
 def rhythm(case: Case, name: str, notes: list[str]) -> dict[str, Any]:

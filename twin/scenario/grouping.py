@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from twin.component import catalog
 from twin.coupling import Link, Part, compose, direct_followers, stepping_order
@@ -17,6 +19,9 @@ if TYPE_CHECKING:
     from twin.component import Component
     from twin.coupling import Catalog
     from twin.scenario.spec import Case, Scenario
+
+KEPT = 64  # groups
+_composed: dict[tuple[Any, ...], type[Component]] = {}  # who reads a scenario again need not write its groups again
 
 
 def group(name: str, case: Case, variables: Catalog, chosen: list[str]) -> type[Component]:
@@ -55,7 +60,26 @@ def group(name: str, case: Case, variables: Catalog, chosen: list[str]) -> type[
         every = stepping_order(list(case.members), links, variables)
         check_order(name, every, links, chosen)
         order = [[one] for one in every if one in parts]
-    return compose(name, parts, inside, whole(case.step_ns, f"{name}: step"), order, outputs)
+    step = whole(case.step_ns, f"{name}: step")
+    key = (name, *map(content, parts.items()), *map(way, inside), step, str(order), str(outputs))
+    if key not in _composed:
+        if len(_composed) >= KEPT:
+            _composed.pop(next(iter(_composed)))
+        _composed[key] = compose(name, parts, inside, step, order, outputs)
+    return _composed[key]
+
+
+def content(item: tuple[str, Part]) -> tuple[Any, ...]:
+    """A member of a group as a key: what is equal gives the same group."""
+    name, part = item
+    arrays = [(key, np.asarray(value)) for key, value in part.values.items()]
+    return name, part.component, part.period, *((key, a.dtype.str, a.shape, a.tobytes()) for key, a in arrays)
+
+
+def way(link: Link) -> tuple[Any, ...]:
+    """A connection in a group as a key."""
+    ends = ((end.key, end.first, end.size) for end in (link.source, link.target))
+    return *ends, link.factor, link.offset
 
 
 def part(scenario: Scenario, chosen: Sequence[str], named: str | None, variant: str | None = None) -> type[Component]:

@@ -1,7 +1,8 @@
 """An SSP as a scenario's tree: its FMUs are the members, its variants the variants, and every value knows its line.
 
-What a scenario has and SSP has no words for (events, metrics, plots, ...) is read from extra/catheter-twin, where
-`twin export --ssp` puts it; members and connections are always those of the SSP.
+What a scenario has and SSP has no words for is read from where `twin export --ssp` puts it: annotations of ours say what
+concerns members, connections and the algorithm; extra/catheter-twin has the rest (events, metrics, plots, ...), and had all
+of it in older archives. Members and connections are always those of the SSP.
 """
 
 from __future__ import annotations
@@ -83,11 +84,12 @@ def scenario(variant: Variant, flat: Flat, shown: str, problems: list[str]) -> N
     """One variant's tree."""
     here = place(variant.where)
     kept = extra(variant, shown, problems)
+    own = ssp.told(variant.annotations.get("DefaultExperiment", []), "Experiment")
     told = {name: node for name, node in kept.entries.items() if name not in OTHERS}
     entries = {"title": Node(variant.name or variant.system.name, here)}
     if variant.description:
         entries["description"] = Node(variant.description, here)
-    entries |= told
+    entries |= told | {key: Node.of(own[key], here) for key in ("step", "algorithm") if key in own}
     steps = [one.facts.step for one in flat.members.values() if one.facts and one.facts.step]
     stops = [one.facts.stop for one in flat.members.values() if one.facts and one.facts.stop]
     times = {
@@ -95,7 +97,7 @@ def scenario(variant: Variant, flat: Flat, shown: str, problems: list[str]) -> N
         "stop_time": variant.stop if variant.stop is not None else max(stops, default=None),
         "step": variant.step or min(steps, default=None),
     }
-    entries |= {key: Node(value, here) for key, value in times.items() if value is not None and key not in told}
+    entries |= {key: Node(value, here) for key, value in times.items() if value is not None and key not in entries}
     rhythm = kept.entries.get("members", Node({}, here)).entries
     members = {name: member_tree(one, rhythm.get(name)) for name, one in flat.members.items()}
     if not members:
@@ -133,6 +135,8 @@ def member_tree(member: Member, rhythm: Node | None) -> Node:
         )
     if rhythm is not None:
         entries |= {key: node for key, node in rhythm.entries.items() if key in RHYTHM}
+    own = ssp.told(member.annotations, "Member")
+    entries |= {key: Node.of(value, here) for key, value in own.items() if key in RHYTHM}
     return Node(entries, here)
 
 
@@ -141,5 +145,6 @@ def wire(one: Wire, bond: Node | None) -> Node:
     ends: dict[str, Any] = {"from": one.source, "to": one.target}
     if one.change is not None:
         ends |= {"factor": one.change.factor, "offset": one.change.offset, "convert": False}
-    made = Node.of(ends, place(one.where))
+    own = ssp.told(one.annotations, "Connection")
+    made = Node.of(ends | {key: own[key] for key in ("bond", "hold") if key in own}, place(one.where))
     return Node(made.entries | {"bond": bond}, made.place) if bond is not None else made

@@ -1,7 +1,7 @@
 """A scenario written as an SSP: FMUs of its components, parameters, connections; and what SSP has no words for beside it.
 
 Other tools run the system with its start values. Events, metrics and how often a member communicates are kept in the
-archive for this project's own reading, and are told as notes.
+archive for this project's own reading, in a file or in annotations, and are told as notes.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from twin.component import PythonComponent, catalog
 from twin.dataclass import dataclass
 from twin.errors import ScenarioError, TwinError
 from twin.scenario import members, package
-from twin.scenario.beside import beside
+from twin.scenario.beside import beside, experiment, rhythm, tie
 from twin.scenario.lookup import look_up
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from twin.coupling import Catalog, Link, MemberVariable, Reference
     from twin.scenario.names import Variables
     from twin.scenario.spec import Case, MemberSpec, Scenario
-    from twin.ssp import Component, Port, Value
+    from twin.ssp import Component, Port, Tie, Value
 
 SHOWN = ("input", "output")  # what is a connector even if nothing is connected to it
 
@@ -85,12 +85,13 @@ def pack(
     for name, one in made.items():
         made[name] = seen(one, [link.source for link in links if link.source.member == name], variables[name])
     used = [(one.member, end[0]) for link in links for one in (link.source, link.target) for end in ends(made, one)]
-    kept, of_all = others_annotations(scenario, case)
-    components = parts_of(case, made, used, variables, kept)
+    kept, of_wires, of_all = others_annotations(scenario, case)
     taken_apart = {f"{name}.{key}" for name, one in made.items() for key, v in variables[name].items()
                    if v.shape and one.names.get(key, key) not in one.variables}  # fmt: skip
     name = scenario.name if len(scenario.variants) == 1 else f"{scenario.name}_{case.variant}"
     extra, notes = beside(scenario, case, taken_apart, variables)
+    rhythms = {name: rhythm(case, name, notes) for name in case.members}
+    components = parts_of(case, made, used, variables, kept, rhythms)
     ssp.write(
         ssp.Outline(
             re.sub(r"\W+", "_", f"s_{name}" if name[:1].isdigit() else name, flags=re.ASCII),
@@ -100,10 +101,11 @@ def pack(
             clock.seconds(case.stop_ns),
             clock.seconds(case.step_ns),
             components,
-            [wire for link in links for wire in wires(made, link)],
+            [one for link in links for one in wires(made, link, of_wires)],
             extra,
             f"twin {installed.version('catheter-twin')}",
             of_all,
+            experiment(scenario, case, notes),
         ),
         path,
     )
@@ -116,8 +118,12 @@ def parts_of(
     used: Sequence[tuple[str, str]],
     variables: Catalog,
     kept: Mapping[str, list[bytes]],
+    rhythms: Mapping[str, dict[str, Any]],
 ) -> list[Component]:
-    """The members as components; `used`: (member, connector) of all that is connected, `kept`: others' annotations."""
+    """The members as components; `used`: (member, connector) of all that is connected, `kept`: others' annotations.
+
+    `rhythms`: what members say besides.
+    """
     components, taken = [], set[str]()
     for name, one in made.items():
         file = f"{name}.fmu"
@@ -131,7 +137,14 @@ def parts_of(
         ]
         components.append(
             ssp.Component(
-                ssp.element_name(name), file, one.content, ports, values, implementation(case, name), kept.get(name, [])
+                ssp.element_name(name),
+                file,
+                one.content,
+                ports,
+                values,
+                implementation(case, name),
+                kept.get(name, []),
+                rhythms[name],
             )
         )
     return components
@@ -191,8 +204,11 @@ def ends(made: Mapping[str, Made], one: Reference) -> list[tuple[str, str]]:
     return made[one.member].ends(one.variable.name, one.first, one.size, one.variable.shape)
 
 
-def wires(made: Mapping[str, Made], link: Link) -> list[Any]:
-    """The connections that a link is in SSP: one, or one for each element where one side has no arrays."""
+def wires(made: Mapping[str, Made], link: Link, kept: Mapping[str, list[bytes]]) -> list[Tie]:
+    """The connections that a link is in SSP: one, or one for each element where one side has no arrays.
+
+    `kept`: others' annotations, by what is connected to.
+    """
     found = [ends(made, link.source), ends(made, link.target)]
     if len(found[0]) != len(found[1]):
         found = [
@@ -201,7 +217,16 @@ def wires(made: Mapping[str, Made], link: Link) -> list[Any]:
         ]
     change = ssp.Linear(link.factor, link.offset)
     names = [ssp.element_name(one.member) for one in (link.source, link.target)]
-    return [((names[0], *a), (names[1], *b), change) for a, b in zip(*found, strict=True)]
+    own = tie(link, is_whole=len(found[0]) == 1)
+    return [
+        ssp.Tie((names[0], *a), (names[1], *b), change, kept.get(indexed(link.target.member, *b), []), own)
+        for a, b in zip(*found, strict=True)
+    ]
+
+
+def indexed(member: str, name: str, indices: str) -> str:
+    """A connector as a scenario has it."""
+    return f"{member}.{name}" + (f"[{indices.replace(' ', ',')}]" if indices else "")
 
 
 def elements(made: Mapping[str, Made], one: Reference) -> list[tuple[str, str]]:
@@ -233,12 +258,13 @@ def start_values(one: Made, values: Mapping[str, Any], variables: Variables) -> 
     return found
 
 
-def others_annotations(scenario: Scenario, case: Case) -> tuple[dict[str, list[bytes]], dict[str, list[bytes]]]:
-    """Annotations of others, if the scenario is an SSP itself: by member, and of the description and its experiment."""
+def others_annotations(scenario: Scenario, case: Case) -> tuple[dict[str, list[bytes]], ...]:
+    """Annotations of others, if the scenario is an SSP itself: by member, by what is connected to, of the description."""
     if scenario.path.suffix != package.SUFFIX:
-        return {}, {}
+        return {}, {}, {}
     opened = ssp.opened(scenario.path, str(scenario.path), package.BUILD.get())
     one = next((one for one in opened.variants if one.name == case.variant), opened.variants[0])
     flat = ssp.flattened(one, {})
     of_all = one.annotations | {"": [*one.annotations[""], *one.system.annotations]}
-    return {name: member.annotations for name, member in flat.members.items()}, of_all
+    of_wires = {wire.target: list(wire.annotations) for wire in flat.wires}
+    return {name: member.annotations for name, member in flat.members.items()}, of_wires, of_all

@@ -9,8 +9,9 @@ if TYPE_CHECKING:
     from twin.ssp.model import Linear
     from twin.ssp.names import element_name, member_name
     from twin.ssp.outputs import with_outputs
+    from twin.ssp.own import told
     from twin.ssp.package import EXTRA, Package, Variant, opened
-    from twin.ssp.written import Component, Outline, Port, Value, write
+    from twin.ssp.written import Component, Outline, Port, Tie, Value, write
 
 __all__ = [
     "EXTRA",
@@ -21,6 +22,7 @@ __all__ = [
     "Outline",
     "Package",
     "Port",
+    "Tie",
     "Value",
     "Variant",
     "Wire",
@@ -28,6 +30,7 @@ __all__ = [
     "flattened",
     "member_name",
     "opened",
+    "told",
     "with_outputs",
     "write",
 ]
@@ -43,6 +46,7 @@ __getattr__ = late.names(
         "Outline": "written",
         "Package": "package",
         "Port": "written",
+        "Tie": "written",
         "Value": "written",
         "Variant": "package",
         "Wire": "flat",
@@ -50,6 +54,7 @@ __getattr__ = late.names(
         "flattened": "flat",
         "member_name": "names",
         "opened": "package",
+        "told": "own",
         "with_outputs": "outputs",
         "write": "written",
     },

@@ -57,6 +57,7 @@ class Wire:
     target: str
     change: Linear | None
     where: str
+    annotations: tuple[bytes, ...] = ()
 
 
 @dataclass
@@ -266,7 +267,8 @@ class Flattener:
         is_usual = all(one.change is None and not one.suppress for _, one in chain)
         has_units = all(self.fmu_unit(node) for node in (origin, target))
         change = None if is_usual and (has_units or total == Linear()) else total
-        self.flat.wires.append(Wire(names[0], names[1], change, chain[-1][1].where))
+        notes = tuple(note for _, one in chain for note in one.annotations)
+        self.flat.wires.append(Wire(names[0], names[1], change, chain[-1][1].where, notes))
 
     def fmu_unit(self, node: Node) -> str:
         """The unit that the FMU itself gives a variable; "" if none."""

@@ -86,6 +86,7 @@ class Connection:
     change: Linear | Table | None
     suppress: bool  # no conversion of units
     where: str
+    annotations: list[bytes] = field(default_factory=list)
 
     @property
     def text(self) -> str:

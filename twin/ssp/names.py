@@ -10,14 +10,17 @@ from __future__ import annotations
 import re
 
 SEPARATOR = "__"
-DOUBTFUL = re.compile(r"[^A-Za-z0-9_]|^[0-9]|^_|_$|_(?=_)|_(?=x[0-9a-f]+_)")
+DOUBTFUL = r"[^A-Za-z0-9_]|^[0-9]|^_|_$|_(?=[^A-Za-z0-9])|_(?=x[0-9a-f]+(?:[^A-Za-z0-9]{}))"
+INNER, LAST = (re.compile(DOUBTFUL.format(end)) for end in ("|$", ""))  # behind an inner part there is an underscore
 CODED = re.compile(r"_x([0-9a-f]{1,6})_|__")
 
 
 def member_name(element: str) -> str:
     """The member's name of an element `system.element`."""
+    *around, own = element.split(".")
+    parts = [(INNER, part) for part in around] + [(LAST, own)]
     return SEPARATOR.join(
-        DOUBTFUL.sub(lambda found: f"_x{ord(found[0]):x}_", part) or "_xe_" for part in element.split(".")
+        doubtful.sub(lambda found: f"_x{ord(found[0]):x}_", part) or "_xe_" for doubtful, part in parts
     )
 
 

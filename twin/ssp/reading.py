@@ -284,7 +284,8 @@ class Reader:
             ]
             suppress = one.get("suppressUnitConversion") in TRUE
             where = f"{shown}:{one.sourceline}"
-            made.connections.append(Connection(ends[0], ends[1], self.change(one, shown), suppress, where))
+            change, notes = self.change(one, shown), self.annotations(one)
+            made.connections.append(Connection(ends[0], ends[1], change, suppress, where, notes))
 
     def entries(self, node: Any, shown: str) -> dict[str, str | None]:
         """The entries of a signal dictionary with their units, inline or of a file."""

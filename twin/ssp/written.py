@@ -17,13 +17,14 @@ from lxml import etree
 from twin.component import unit
 from twin.dataclass import dataclass
 from twin.errors import CouplingError, ScenarioError
+from twin.ssp import own
 from twin.ssp.document import SPACE, SSC, SSD, SSV, root_of, violations
 from twin.ssp.model import ROLES_1, Linear
 from twin.ssp.package import DEFAULT, EXTRA
 from twin.ssp.reading import STEPS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable
 
 # others' words for the step, which SSP has not: of libcosim; of OMSimulator, which needs its own (its issue 1094)
 OSP = "{http://opensimulationplatform.com/SSP/OSPAnnotations}"
@@ -74,11 +75,23 @@ class Component:
     values: list[Value]
     implementation: str = "any"
     annotations: list[bytes] = field(default_factory=list)
+    own: dict[str, Any] = field(default_factory=dict)  # what SSP has no words for
+
+
+@dataclass
+class Tie:
+    """A connection of (element, connector, indices) with another, and what is done to the value."""
+
+    source: tuple[str, str, str]
+    target: tuple[str, str, str]
+    change: Linear
+    annotations: list[bytes] = field(default_factory=list)
+    own: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass
 class Outline:
-    """A system to be written. A wire is (element, connector, indices) twice, and what is done to the value."""
+    """A system to be written."""
 
     name: str
     description: str
@@ -87,10 +100,11 @@ class Outline:
     stop: float
     step: float
     components: list[Component]
-    wires: list[tuple[tuple[str, str, str], tuple[str, str, str], Linear]]
+    wires: list[Tie]
     extra: str = ""
     tool: str = "twin"
     annotations: dict[str, list[bytes]] = field(default_factory=dict)
+    own: dict[str, Any] = field(default_factory=dict)
 
 
 class Units:
@@ -202,7 +216,7 @@ def description(outline: Outline) -> Any:
     elements = etree.SubElement(system, f"{SSD}Elements")
     for one in outline.components:
         elements.append(component(one, outline.version, units, enumerations))
-    wires = [connection(*one) for one in outline.wires]
+    wires = [connection(one) for one in outline.wires]
     if wires:
         etree.SubElement(system, f"{SSD}Connections").extend(wires)
     note = etree.SubElement(etree.SubElement(system, f"{SSD}Annotations"), f"{SSC}Annotation", type="org.openmodelica")
@@ -217,17 +231,18 @@ def description(outline: Outline) -> Any:
         etree.SubElement(annotations, f"{SSC}Annotation", type="com.opensimulationplatform"), f"{OSP}Algorithm"
     )
     etree.SubElement(algorithm, f"{OSP}FixedStepAlgorithm", baseStepSize=repr(outline.step))
-    annotations.extend(others(outline.annotations.get("DefaultExperiment", [])))
-    if kept := list(others(outline.annotations.get("", []))):
-        etree.SubElement(root, f"{SSD}Annotations").extend(kept)
+    annotations.extend(notes("Experiment", outline.own, outline.annotations.get("DefaultExperiment", [])))
+    own.add(root, notes("", {}, outline.annotations.get("", [])))
     return root
 
 
-def others(annotations: Iterable[bytes]) -> Iterable[Any]:
-    """Annotations of other tools, but for the step, which is written anew."""
+def notes(part: str, told: dict[str, Any], annotations: Iterable[bytes]) -> Iterable[Any]:
+    """What is told of a part, and annotations of other tools, but for the step, which is written anew."""
+    if told:
+        yield own.annotation(part, told)
     for one in annotations:
         node = root_of(one, "annotation")
-        if not any(str(inner.tag).rpartition("}")[2] in STEPS for inner in node.iter()):
+        if not own.is_ours(node) and not any(str(inner.tag).rpartition("}")[2] in STEPS for inner in node.iter()):
             yield node
 
 
@@ -249,8 +264,7 @@ def component(one: Component, version: str, units: Units, enumerations: Enumerat
     if one.values:
         bindings = etree.SubElement(made, f"{SSD}ParameterBindings")
         etree.SubElement(bindings, f"{SSD}ParameterBinding", source=f"resources/{Path(one.file).stem}.ssv")
-    if kept := list(others(one.annotations)):
-        etree.SubElement(made, f"{SSD}Annotations").extend(kept)
+    own.add(made, notes("Member", one.own, one.annotations))
     return made
 
 
@@ -265,17 +279,19 @@ def typed(node: Any, port: Port, version: str, units: Units, enumerations: Enume
     return made
 
 
-def connection(source: Sequence[str], target: Sequence[str], change: Linear) -> Any:
+def connection(one: Tie) -> Any:
     """A connection; where values change on the way, the change is written out and units are not converted again."""
     made = etree.Element(f"{SSD}Connection")
-    for key, (element, connector, indices) in (("start", source), ("end", target)):
+    for key, (element, connector, indices) in (("start", one.source), ("end", one.target)):
         made.set(f"{key}Element", element)
         made.set(f"{key}Connector", connector)
         if indices:
             made.set(f"{key}Indices", indices)
-    if change != Linear():
+    if one.change != Linear():
         made.set("suppressUnitConversion", "true")
-        etree.SubElement(made, f"{SSC}LinearTransformation", factor=repr(change.factor), offset=repr(change.offset))
+        factor, offset = repr(one.change.factor), repr(one.change.offset)
+        etree.SubElement(made, f"{SSC}LinearTransformation", factor=factor, offset=offset)
+    own.add(made, notes("Connection", one.own, one.annotations))
     return made
 
 

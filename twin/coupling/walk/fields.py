@@ -15,14 +15,16 @@ INTEGERS = (
     "looked",  # connections were asked at the end of the last step, and nothing has changed since
     "inside", "position", "divisions", "stride",  # in a tick, where, of how many parts, and the next step, in such
     "least", "passed", "refused",  # smallest step that is tried, that was made, and who made no smaller one
-    "back", "limited", "off", "ending", "over",  # `limited`: to `until`; `off`: begins at `now`, between two divisions
+    # `limited`: to `until`, where a member came back (1) or the next event is (2); `off`: begins at `now`, between divisions
+    "back", "limited", "off", "ending", "over",
     "hasty", "hasty_count",  # of the fixed-step loop: flags, step [s], member of those that may come back early
+    "events",  # who is told of every step that stays, where members have clocks
     "pending", "teller",  # whether a log line waits, and who is told what becomes of it
     "jacobian", "derives", "learned",  # there is one; members are asked for it; sizes are known from a trial step
     "sweeps", "accepted", "rejected", "missed", "missed_tick", "unsolved", "unsolved_tick",  # counts, first ticks
 )  # fmt: skip
 FLOATS = (
-    "whole", "now", "until", "begun", "span",  # times [s]: a tick's length, see above, the step that is at work
+    "whole", "now", "until", "begun", "span", "due",  # times [s]: a tick's length, see above, the step at work, an event
     "tolerance", "agreement", "floor", "smoothing", "relaxation", "linear_at", "correction",
 )  # fmt: skip
 

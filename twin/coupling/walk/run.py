@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from twin.compiler import read64, read_float, write_float
-from twin.coupling.loop import DONE, FAILED, FINISHED, FULL, NOTICED, beyond, record
+from twin.compiler import call_access, read64, read_float, write_float
+from twin.coupling.loop import DONE, FAILED, FINISHED, FULL, NOTICED, ROUNDING, beyond, record
 from twin.coupling.walk.fields import DOUBLING, EARLY, FIXED, SCALE, SEEN, UNSOLVED
 from twin.coupling.walk.solve import attempt, size_of
 from twin.coupling.walk.sweep import DONE_WITH, bring_back, keep, periodic, tell, transfer
@@ -39,6 +39,8 @@ def run(self: Any) -> int:
             return FAILED
         if self.end_count > 0:
             self.looked = 0
+        if self.events != 0 and tell_events(self) > 1:
+            return FAILED
         if self.over != 0:
             self.member, self.finished = self.over - 1, 1
         self.inside = 0
@@ -76,6 +78,8 @@ def cross(self: Any) -> int:
         if self.off != 0:
             t = self.now
             h = point(self, self.position + stride) - t
+        if self.limited == 0 and self.events != 0 and t < self.due < t + h - ROUNDING * h:
+            self.limited, self.until = 2, self.due
         if self.limited != 0:
             h = self.until - t
         self.begun, self.span = t, h
@@ -111,6 +115,8 @@ def cross(self: Any) -> int:
             return status
         elif self.control == FIXED or judge(self, stride) != 0:
             accept(self, stride)
+            if self.events != 0 and (self.position < self.divisions or self.off != 0) and tell_events(self) > 1:
+                return int(self.status)
         elif shorten(self, stride // 2) > 1:
             return int(self.status)
     return 0
@@ -142,6 +148,13 @@ def shorten(self: Any, stride: int) -> int:
     self.limited = 0
     self.stride = max(1, stride)
     return bring_back(self, 0)
+
+
+def tell_events(self: Any) -> int:
+    """All members are where a step ended that stays: whether there is an event is for others to say."""
+    self.status = call_access(self.events, 0, 0, 0, 0, 0)
+    self.looked = 0
+    return int(self.status)
 
 
 def accept(self: Any, stride: int) -> None:
@@ -208,7 +221,7 @@ def judge(self: Any, stride: int) -> int:
         if not (ratio <= largest):
             largest = ratio
     if not (largest <= 1.0):
-        if stride > self.least and self.limited == 0:
+        if stride > self.least and self.limited != 1:
             return 0
         if self.missed == 0:
             self.missed_tick = self.tick

@@ -73,6 +73,7 @@ class Stages(Plan):
     stages: list[dict[str, Any]] = field(default_factory=list)
     arrays: list[np.ndarray[Any, Any]] = field(default_factory=list)  # that calls point into
     fed: dict[int, list[Element]] = field(default_factory=dict)  # by the identity of their links
+    straight: dict[Key, list[tuple[str, int]]] = field(default_factory=dict)  # see `rows_at_events`
 
     def __post_init__(self) -> None:
         periodic = (name for name, m in self.members.items() if m.period_ns or self.divider(name) > 1)
@@ -125,6 +126,20 @@ class Stages(Plan):
         elif smooth:
             found.source = EXTRAPOLATED
         return found
+
+    def _events(self) -> None:
+        """Rows of their own for members with clocks: at an event values go straight, not along a course."""
+        for link in self.events.links if self.events is not None else ():
+            if id(link) in self.fed:
+                places = len(self.copies), len(self.converts)
+                first = link.source.first * link.source.variable.dtype.itemsize
+                self._move(link, self.published[link.source.key] + first, self._staged(link, 0))
+                row = ("copies", places[0]) if len(self.copies) > places[0] else ("converts", places[1])
+                self.straight.setdefault(link.target.key, []).append(row)
+
+    def rows_at_events(self, key: Key) -> list[tuple[str, int]]:
+        """Those that go straight, where there are."""
+        return self.straight.get(key) or super().rows_at_events(key)
 
     def _stage(self, stage: list[str], links: list[Link]) -> None:
         """Members with a period of their own at its begin and end, the others in a stage of the walk."""
