@@ -1,6 +1,6 @@
 """Shared by all tests: one build folder, so that nothing is compiled twice; what runs on one core, and in which order.
 
-Property tests draw the same every time, and a quarter of what they say. `HYPOTHESIS_PROFILE=random` lets them search,
+Property tests draw the same every time, and an eighth of what they say. `HYPOTHESIS_PROFILE=random` lets them search,
 with all of it: what that finds becomes an `@example` where it was found, so that the verdict on a fresh machine is never
 a lottery. `--hypothesis-seed` repeats it.
 
@@ -43,7 +43,10 @@ ORDER = (
     "conformance/test_symbols.py",
     "conformance/test_scenarios.py",
     "test_docs.py",
+    "test_house.py",
     "hw_bridge/command/test_command.py",
+    "hw_bridge/bridge/test_events.py",
+    "study/test_identify.py",
     "hw_bridge/bridge/test_bridge_force.py",
     "fmus/test_regripping.py",
     "fmi/test_export.py",
@@ -126,15 +129,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def draw_less(item: pytest.Item) -> None:
-    """A quarter of its examples: what is drawn the same every time finds nothing new."""
+    """An eighth of its examples: what is drawn the same every time finds nothing new."""
     test = getattr(item, "obj", None)
     name = "_hypothesis_internal_use_settings"
     if (own := getattr(test, name, None)) is not None and not hasattr(test, "draws_less"):
-        setattr(test, name, settings(own, max_examples=max(own.max_examples // 4, min(own.max_examples, 10))))
+        setattr(test, name, settings(own, max_examples=max(own.max_examples // 8, min(own.max_examples, 10))))
         test.draws_less = True  # type: ignore[union-attr]
 
 
 def pytest_collection_finish() -> None:
-    """What was imported and collected stays: the collector of garbage need not look at it again and again."""
+    """What was imported and collected stays: the collector of garbage need not look at it again and again.
+
+    And less often at the rest: a test makes much, and drops it all.
+    """
     gc.collect()
     gc.freeze()
+    gc.set_threshold(20_000, 20, 20)

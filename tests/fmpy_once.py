@@ -1,7 +1,7 @@
 """What FMPy works out anew for each FMU, worked out once: most of the time that it takes.
 
 Names are parsed with a grammar that is built for each model description, though components have theirs in both versions
-of FMI and in many exports, and though elements of an array differ in their indices alone. And the signatures of all
+of FMI and in many exports, and though most differ in their words and indices alone. And the signatures of all
 functions of FMI are looked up for each instance.
 """
 
@@ -21,8 +21,8 @@ parse, look_up = fmpy.validation._validate_variable_names, inspect.signature
 
 
 def form(name: str) -> str:
-    """A name with 1 for every index: the grammar takes any number there."""
-    return re.sub(r"(?<=[\[,])\d+(?=[\],])", "1", name)
+    """A name with 1 for every index and `a` for every word: the grammar takes any number and, but `der`, any word there."""
+    return re.sub(r"(?<=[\[,])\d+(?=[\],])", "1", re.sub(r"\b(?!der\b)[A-Za-z_]\w*", "a", name, flags=re.ASCII))
 
 
 def unknown_names(description: ModelDescription) -> list[str]:

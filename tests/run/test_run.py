@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from tests.fmi.third_party import native_fmu
+from tests.matrix import some
 from twin.errors import ScenarioError
 from twin.results import Signals
 from twin.results.recording import read_signals
@@ -206,7 +207,9 @@ def test_seeds_from_the_command_line(tmp_path: Path) -> None:
         scenario.cases(seeds=[-1])
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT])
+@pytest.mark.parametrize(
+    "number", some((signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT), (signal.SIGINT, signal.SIGHUP))
+)
 def test_interrupted_from_outside(tmp_path: Path, build: Path, number: signal.Signals) -> None:
     """What was recorded can be read, the summary says so, and no folder of an FMU stays behind."""
     temporary = tmp_path / "temporary"

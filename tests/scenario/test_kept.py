@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from tests.fmi.third_party import native_fmu
+from tests.matrix import some
 from twin.errors import ScenarioError
 from twin.run import run_scenario
 from twin.scenario import Checked, checked, displayed, kept, load_scenario, look_up
@@ -84,7 +85,19 @@ def test_what_is_kept_is_what_was_checked(scenario, tmp_path, sealed, build):
     same(checked(scenario, (), tmp_path / "kept"), first)
 
 
-@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
+# groups of others, sets of parameters, tables, bodies, analyses, programs: all others have more of the same
+KINDS = (
+    "heart_wall_force",
+    "racs",
+    "linear_grip",
+    "bench_wall",
+    "hysteresis_models",
+    "injection_sequence",
+    "tip_tracking",
+)
+
+
+@pytest.mark.parametrize("path", some(SCENARIOS, lambda path: path.stem in KINDS), ids=lambda path: path.stem)
 def test_every_scenario(path, tmp_path, build):
     if path.stem == "drive_faults":
         pytest.skip("needs hardware")
@@ -147,8 +160,21 @@ def test_what_may_import_anything_is_not_kept(tmp_path, monkeypatch, build):
     assert not first.place.exists()
 
 
-def test_a_component_that_changed(tmp_path):
-    """In another process, with a catalog of its own."""
+@pytest.fixture
+def run(command_line, tmp_path):
+    """Runs a script in another process, with a catalog of its own."""
+
+    def run(code):
+        if command_line is None:
+            command = [sys.executable, "-c", code]
+            return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        (tmp_path / "script.py").write_text(code)
+        return command_line.run(["script.py"], tmp_path, "python")
+
+    return run
+
+
+def test_a_component_that_changed(tmp_path, run):
     (tmp_path / "fmus" / "own_part").mkdir(parents=True)
     model = tmp_path / "fmus" / "own_part" / "model.py"
     model.write_text(PART)
@@ -158,19 +184,15 @@ def test_a_component_that_changed(tmp_path):
         "print('kept' if known.place is None else 'new'); known.keep(Path('build'))"
     )
 
-    def run():
-        command = [sys.executable, "-c", code]
-        return subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
-
-    assert run().stdout == "new\n"
-    assert run().stdout == "kept\n"
+    assert run(code).stdout == "new\n"
+    assert run(code).stdout == "kept\n"
     model.write_text(PART.replace('"gain"', '"what is multiplied by"'))
-    assert run().stdout == "new\n"
+    assert run(code).stdout == "new\n"
     model.write_text(PART.replace("minimum=0.0", "minimum=3.0"))
-    assert "is below the minimum" in run().stderr
+    assert "is below the minimum" in run(code).stderr
 
 
-def test_a_component_that_imports_something_beside_the_catalog_is_not_kept(tmp_path):
+def test_a_component_that_imports_something_beside_the_catalog_is_not_kept(tmp_path, run):
     (tmp_path / "fmus" / "own_part").mkdir(parents=True)
     (tmp_path / "fmus" / "own_part" / "model.py").write_text(f"import beside\n{PART}")
     (tmp_path / "beside.py").write_text("")
@@ -179,7 +201,7 @@ def test_a_component_that_imports_something_beside_the_catalog_is_not_kept(tmp_p
         "from pathlib import Path; from twin.scenario import checked\n"
         "for _ in range(2): known = checked(Path('one.yaml'), (), Path('build')); print(known.place is None); known.keep(Path('build'))"
     )
-    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    done = run(code)
     assert done.stdout.split() == ["False", "False"], done.stderr
 
 

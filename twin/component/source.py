@@ -11,6 +11,7 @@ import inspect
 import textwrap
 from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 from twin.component import unit
 from twin.component.variable import Role
@@ -56,11 +57,19 @@ CALLS = {
     "sorted": "allocate",
 }
 ARRAYS = {"zeros", "ones", "empty", "array", "arange", "linspace", "full", "concatenate", "dot", "eye", "copy"}
+_checked: WeakKeyDictionary[type[Component], list[str]] = WeakKeyDictionary()  # asked for with each form and version
+
 METHODS = {"max", "min", "copy", "astype", "dot", "reshape", "tolist", "mean", "sort"}
 
 
 def check(cls: type[Component]) -> list[str]:
     """Problems of a component's functions and of the helpers they call, one line each; empty if there are none."""
+    if cls not in _checked:
+        _checked[cls] = _check(cls)
+    return list(_checked[cls])
+
+
+def _check(cls: type[Component]) -> list[str]:
     problems: list[str] = list(_declaration_problems(cls))
     seen: set[str] = set()
     for name in ("initialize", "step", "derivatives"):
