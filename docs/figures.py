@@ -35,10 +35,23 @@ TABLES = {
     "rotational_grip": ("docs/explanation/racs.md",),
     "rotation": ("docs/explanation/racs.md",),
     "dynamic_regripping": ("docs/explanation/racs.md",),
+    "smooth_regripping": ("docs/explanation/racs.md",),
+    "rig_on_wall": ("docs/explanation/racs.md",),
     "coordinate_feedforward": ("docs/explanation/injection_catheter.md",),
     "needle": ("docs/explanation/injection_catheter.md",),
 }
-PIVOTS = {"dynamic_regripping": ("error_out", "error_back", "error_max", "speed_lowest")}  # metrics as columns
+PIVOTS = {  # metrics as columns
+    "dynamic_regripping": ("error_max", "aligned_error_max", "speed_lowest"),
+    "smooth_regripping": ("speed_lowest", "standing", "lost"),
+    "rig_on_wall": (
+        "force_error_std",
+        "force_error_max",
+        "travel_force_least",
+        "travel_force_most",
+        "hand_overs",
+        "slip",
+    ),
+}
 
 
 def run(name: str, folder: Path) -> Outcome:
@@ -289,6 +302,8 @@ def main() -> None:
         draw_plots(outcomes["heart_wall_force"], {"Contact force": "force.svg", "What the sheath keeps": "sheath.svg"})
         draw_plots(outcomes["hysteresis_identification"], {"Heart and tip": "tracking.svg"})
         draw_plots(outcomes["dynamic_regripping"], {"Tracking error": "regripping.svg"})
+        draw_plots(outcomes["smooth_regripping"], {"Speed of the tip over that commanded": "hand_over.svg"})
+        draw_plots(outcomes["rig_on_wall"], {"Force through the hand-overs": "rig_on_wall.svg"})
         draw_plots(outcomes["rotation"], {"Tip over frame": "rotation.svg"})
         draw_plots(outcomes["coordinate_feedforward"], {"Coordinates wanted and reached": "coordinates.svg"})
         draw_publication(folder)

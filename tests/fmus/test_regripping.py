@@ -1,5 +1,7 @@
 """The regripping sequencer against a fast model of carriages and grips, judged from the truth."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from fmus.regripping_sequencer.model import RegrippingSequencer
@@ -8,6 +10,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from tests.fmus.rails import make
+from tests.matrix import covering
 from twin.component import ERROR
 
 SPEEDS = [0.005, 0.01, 0.02, 0.03, 0.04]
@@ -74,10 +77,12 @@ def at_step(number):
     return lambda rig: rig.places["step_number"][0] == number
 
 
-@pytest.mark.parametrize("velocity", [0.04, -0.013])
-@pytest.mark.parametrize("number", range(IDLE_STEP, LAST_STEP + 1))
-@pytest.mark.parametrize("then", ["stop", "reverse", "slow", "fast", "air", "drive 1", "drive 2", "release"])
-def test_anything_may_happen_in_each_of_the_nine_steps(native, number, then, velocity):
+THEN = ("stop", "reverse", "slow", "fast", "air", "drive 1", "drive 2", "release")
+
+
+@pytest.mark.parametrize(("case", "velocity"), covering(product(range(IDLE_STEP, LAST_STEP + 1), THEN), [0.04, -0.013]))
+def test_anything_may_happen_in_each_of_the_nine_steps(native, case, velocity):
+    number, then = case
     rig = make(native, seed=number, delay=(15e-3, 60e-3))
     assert rig.run(20.0, velocity, until=at_step(number)) or number == IDLE_STEP
     drives = [then != "drive 1", then != "drive 2"]

@@ -5,6 +5,7 @@ from math import copysign, sqrt
 from fmus.regripping_sequencer.rules import (
     BRAKING,
     CLOSING,
+    FORCE_TIME,
     HOLDING,
     OPEN,
     OPENING,
@@ -12,6 +13,8 @@ from fmus.regripping_sequencer.rules import (
     may_move,
     region,
     remaining,
+    runs_out,
+    usable,
     way_home,
 )
 
@@ -46,8 +49,9 @@ def move(self, h: float) -> None:
     wanted = self.target_velocity if moving and self.enable else 0.0
     wanted = min(max(wanted, -self.velocity_maximum), self.velocity_maximum)
     self.wish = slewed(self.wish, wanted, h * self.instrument_acceleration) if moving else 0.0
-    if self.wish * self.direction < 0.0:
+    if turns_back(self, h):
         self.direction = -self.direction
+        self.back = 0.0
         self.along = False
 
     # what the strokes of the grippers that touch the instrument leave
@@ -66,12 +70,43 @@ def move(self, h: float) -> None:
     velocity = slewed(self.velocity, min(max(self.wish, low), high), most)
     self.velocity = velocity
 
+    hand_load_over(self, h)
+    lead = 0.5 * self.shift if is_coupled(self, 0) and is_coupled(self, 1) else 0.0
     for k in range(2):
-        self.speed[k] = velocity if is_coupled(self, k) else slewed(self.speed[k], free_speed(self, k), most)
+        both = velocity + (lead if k == 0 else -lead)
+        self.speed[k] = both if is_coupled(self, k) else slewed(self.speed[k], free_speed(self, k), most)
     keep_distance(self)
     for k in range(2):
         if not self.drive_ok[k]:
             self.speed[k] = 0.0
+
+
+def hand_load_over(self, h: float) -> None:
+    """While both hold, the one that comes in goes ahead until the drive of the other feels its guide's friction alone."""
+    other = 1 - self.leader
+    for k in range(2):
+        self.seen_force[k] += min(h / FORCE_TIME, 1.0) * (self.drive_force[k] - self.seen_force[k])
+    if self.along and self.phase[other] == OPEN:
+        self.free_force = self.seen_force[other]
+    wanted = 0.0
+    if self.phase[0] == HOLDING and self.phase[1] == HOLDING and may_move(self):
+        out = runs_out(self)
+        ahead = self.takeover * (self.seen_force[out] - self.free_force)
+        ahead = min(max(ahead, -self.takeover_maximum), self.takeover_maximum)
+        wanted = ahead if out == 1 else -ahead
+    self.shift = slewed(self.shift, wanted, h * self.acceleration)
+
+
+def turns_back(self, h: float) -> bool:
+    """The instrument leaves its direction for good: farther than the reserves, or a gripper on it has no stroke to wait."""
+    self.back = max(self.back - self.direction * self.velocity * h, 0.0)
+    if self.wish * self.direction >= 0.0:
+        return False
+    short = False
+    for k in range(2):
+        left = remaining(self, k, -self.direction) - self.stroke_margin
+        short = short or (is_coupled(self, k) and left <= self.start_tolerance)
+    return short or self.back >= 2.0 * self.reserve
 
 
 def pace(self) -> float:
@@ -80,7 +115,7 @@ def pace(self) -> float:
     other = 1 - self.leader
     phase = self.phase[other]
     left = remaining(self, self.leader, s) - self.stroke_margin
-    to_close = left - 0.5 * region(self, self.leader, s)
+    to_close = left - self.reserve - 0.5 * region(self, self.leader, s)
     if phase in (HOLDING, OPENING):
         return self.velocity_maximum
     if phase == CLOSING or (self.along and to_close <= 0.0):
@@ -95,7 +130,7 @@ def pace(self) -> float:
         return limit
 
     back = returning(self)
-    way = remaining(self, other, -s) - self.stroke_margin
+    way = usable(self, other, -s)
     if back <= 0.0:
         return 0.0
     turn = (abs(self.speed[other] + s * back) + 2.0 * back) / (2.0 * self.acceleration)
@@ -116,8 +151,9 @@ def free_speed(self, k: int) -> float:
         return copysign(min(approach(self, abs(way)), self.homing_velocity), way)
     s = self.direction
     if self.along:
-        return self.velocity
-    way = remaining(self, k, -s) - self.stroke_margin
+        backward = approach(self, remaining(self, k, -s) - self.stroke_margin - 0.5 * region(self, k, -s))
+        return s * max(s * self.velocity, -backward)
+    way = usable(self, k, -s)
     return -s * copysign(min(approach(self, abs(way)), returning(self)), way)
 
 

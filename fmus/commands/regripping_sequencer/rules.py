@@ -7,6 +7,9 @@ The tables are the implementation; the README repeats them with words.
 # part of the acceleration that braking plans with; the rest is for the drive's delay
 BRAKING = 0.8
 
+# over which the force of a drive is averaged [s]: some periods of its ripple
+FORCE_TIME = 10e-3
+
 # states
 IDLE, RUNNING, STANDING, FAULT = 0, 1, 2, 3
 
@@ -91,6 +94,16 @@ def remaining(self, k: int, s: int) -> float:
     return low + self.stroke - self.travel[k] if s > 0 else self.travel[k] - low
 
 
+def usable(self, k: int, s: int) -> float:
+    """Part of it that motion in one direction may use [m]: neither the margin nor the reserve."""
+    return remaining(self, k, s) - self.stroke_margin - self.reserve
+
+
+def runs_out(self) -> int:
+    """Of two that hold, the one that is nearer to the end of its stroke."""
+    return 0 if remaining(self, 0, self.direction) <= remaining(self, 1, self.direction) else 1
+
+
 def region(self, k: int, s: int) -> float:
     """Length of the region in which gripper k ends its motion in direction s [m]: R3 is the one far from its home."""
     return self.region_3 if (k == 0) == (s > 0) else self.region_1
@@ -98,7 +111,7 @@ def region(self, k: int, s: int) -> float:
 
 def is_at_start(self, k: int) -> bool:
     """Gripper k has its whole stroke before it."""
-    return remaining(self, k, -self.direction) < self.stroke_margin + self.start_tolerance
+    return usable(self, k, -self.direction) < self.start_tolerance
 
 
 def holds(self, k: int) -> bool:
@@ -217,9 +230,10 @@ def regrip(self) -> None:
     s = self.direction
     other = 1 - self.leader
     if self.phase[0] == HOLDING and self.phase[1] == HOLDING:
-        k = 0 if remaining(self, 0, s) <= remaining(self, 1, s) else 1
-        left = remaining(self, k, s) - self.stroke_margin
-        if self.wish * s > 0.0 and left <= release_distance(self, abs(self.velocity)):
+        k = runs_out(self)
+        left = usable(self, k, s)
+        at_end = left <= release_distance(self, abs(self.velocity))
+        if self.wish * s > 0.0 and (at_end or self.reserve > 0.0):
             enter(self, k, OPENING)
             self.regripped = True
             self.along = False
@@ -227,7 +241,7 @@ def regrip(self) -> None:
                 self.leader = 1 - k
                 self.count += 1
     elif self.phase[other] == OPEN:
-        left = remaining(self, self.leader, s)
+        left = remaining(self, self.leader, s) - self.reserve
         if left <= region(self, self.leader, s) and is_at_start(self, other):
             self.along = True
         matched = self.along and self.speed[other] == self.velocity

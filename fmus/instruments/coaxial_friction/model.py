@@ -11,9 +11,10 @@ class CoaxialFriction(Component):
 
     wire_position = input("m", "depth of the wire's tip in the sheath", display_unit="mm", nominal=0.3)
     catheter_position = input("m", "depth of the catheter's tip in the sheath", display_unit="mm", nominal=0.3)
+    catheter_load = input("N", "what else acts on the catheter's tip, such as a wall, positive proximal", nominal=0.2)
 
     wire_force = output("N", "on the wire's tip, positive proximal")
-    catheter_force = output("N", "on the catheter's tip, positive proximal")
+    catheter_force = output("N", "on the catheter's tip with its load, positive proximal")
     overlap = output("m", "length of wire in the part of the catheter that is in the sheath", display_unit="mm")
     relative_position = output("m", "wire's tip beyond the catheter's", display_unit="mm")
 
@@ -61,8 +62,8 @@ def overlapping(self: CoaxialFriction) -> float:
 
 
 def publish(self: CoaxialFriction) -> None:
-    """Equal and opposite forces."""
+    """Equal and opposite forces, and the catheter's load with its own."""
     self.wire_force = self.bristle_stiffness * self.bristle
-    self.catheter_force = -self.wire_force
+    self.catheter_force = self.catheter_load - self.wire_force
     self.overlap = overlapping(self)
     self.relative_position = self.wire_position - self.catheter_position

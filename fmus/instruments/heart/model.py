@@ -66,6 +66,8 @@ class Heart(Component):
     ramp_time = parameter(10.0, "s", "time that it takes", minimum=0.1, fixed=True, source="chosen by the experiment")
     drift = parameter(0.0, "m/s", "speed at which the patient moves on the table", display_unit="mm/min",
                       source="0: the paper's; a few mm in a procedure, estimate")
+    drift_begin = parameter(0.0, "s", "time at which that begins", fixed=True, source="chosen by the experiment")
+    drift_time = parameter(1e6, "s", "for which it lasts", minimum=0.0, fixed=True, source="chosen: on and on")
     systole_by_rate = parameter(False, "", "whether systole takes its own time: a larger part of a faster beat", type=Boolean,
                                 fixed=True, source="false: the paper's")
 
@@ -119,8 +121,11 @@ class Heart(Component):
         turn = 2.0 * pi * self.respiration_rate
         breath = self.respiration * sin(turn * t)
         breath_speed = self.respiration * turn * cos(turn * t)
-        self.position = self.offset + self.scale * part * x + part * breath + self.drift * t
-        self.velocity = self.scale * (part * v + change * x) + part * breath_speed + change * breath + self.drift
+        drifting = min(max(t - self.drift_begin, 0.0), self.drift_time)
+        self.position = self.offset + self.scale * part * x + part * breath + self.drift * drifting
+        self.velocity = self.scale * (part * v + change * x) + part * breath_speed + change * breath
+        if 0.0 <= t - self.drift_begin < self.drift_time:
+            self.velocity += self.drift
 
 
 def wandered(self: Heart, t: float) -> float:

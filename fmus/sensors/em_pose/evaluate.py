@@ -115,17 +115,21 @@ def distance(
 ) -> dict[str, float | NDArray[np.float64]]:
     """Travel of section III.C, for a scenario: cumulative distance of the tip against that of the reference.
 
-    Each way counts from its own beginning: what is summed up while the rig rests is noise.
+    Each way counts from its own beginning: what is summed up while the rig rests is noise. The paper tells that the tip is
+    filtered, and nothing of the rig: `error` is against the rig as it is, `aligned_error` against the rig filtered alike.
     """
     positions = averaged(np.column_stack((x, y, z)))
-    tip, wanted, speed = (np.full(len(reference), np.nan) for _ in range(3))
-    largest, lowest = [], []
+    late = averaged(reference)
+    tip, wanted, aligned, speed = (np.full(len(reference), np.nan) for _ in range(4))
+    largest, largest_aligned, lowest = [], [], []
     for way in strokes(reference):
         moves = np.linalg.norm(np.diff(positions[way], axis=0), axis=1)
         tip[way] = np.concatenate(((0.0,), np.cumsum(moves)))
         wanted[way] = np.abs(reference[way] - reference[way][0])
+        aligned[way] = np.abs(late[way] - late[way][0])
         speed[way] = np.gradient(tip[way]) * RATE
         largest.append(float(np.max(np.abs(wanted[way] - tip[way]))))
+        largest_aligned.append(float(np.max(np.abs(aligned[way] - tip[way]))))
 
         # steady motion: from where the tip has begun to follow to where the rig slows down, each with the average's length
         begun = int(np.argmax(speed[way] > 0.8 * np.median(speed[way])))
@@ -139,11 +143,15 @@ def distance(
         "error_out": largest[0],
         "error_back": largest[1],
         "error_max": 0.5 * (largest[0] + largest[1]),
+        "aligned_reference": aligned,
+        "aligned_error": aligned - tip,
+        "aligned_error_max": 0.5 * (largest_aligned[0] + largest_aligned[1]),
         "speed_lowest": min(lowest),
     }
 
 
 distance.outputs = {  # type: ignore[attr-defined]
-    **dict.fromkeys(("distance", "reference", "error", "error_out", "error_back", "error_max"), "m"),
+    **dict.fromkeys(("distance", "reference", "error", "error_out", "error_back", "error_max", "aligned_reference",
+                     "aligned_error", "aligned_error_max"), "m"),
     "speed": "m/s", "speed_lowest": "",
 }  # fmt: skip
