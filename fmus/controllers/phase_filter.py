@@ -10,8 +10,10 @@ across the play. It is learned beside the filter, as in repetitive control, but 
 
 from __future__ import annotations
 
-from math import atan2, cos, exp, floor, hypot, pi, sin
+from math import cos, exp, floor, pi, sin
 from typing import Any
+
+from fmus.fourier import begin_harmonics, fill_waves, renew_variance
 
 from twin.component import Component, local, parameter
 
@@ -52,6 +54,7 @@ class PhaseFilter(Component):
     covariance = local(0.0, "", "of the same", shape=(N, N))
     slope = local(0.0, "", "of the measurement over each", shape=(N,))
     gain = local(0.0, "", "of the filter", shape=(N,))
+    waves = local(0.0, "", "sine and cosine of each harmonic", shape=(2 * HARMONICS,))
     lessons = local(0.0, "", "beats that the profile has learned from")
     profile = local(0.0, "m", "what the harmonics leave, over the phase", shape=(BINS,), display_unit="mm")
 
@@ -74,23 +77,17 @@ def profile_at(self: PhaseFilter, phase: float) -> float:
 
 def required(self: PhaseFilter, phase: float) -> float:
     """R at a phase [m]: where the gripper has to be, but for the offset."""
-    s = sin(phase)
-    c = cos(phase)
-    y = self.mean[FIRST] * s + profile_at(self, phase)
-    s_i = s
-    c_i = c
+    fill_waves(self.waves, 0, phase, HARMONICS)
+    y = self.mean[FIRST] * self.waves[0] + profile_at(self, phase)
     for i in range(1, HARMONICS):
-        s_next = s_i * c + c_i * s
-        c_i = c_i * c - s_i * s
-        s_i = s_next
-        y += self.mean[FIRST + 2 * i - 1] * s_i + self.mean[FIRST + 2 * i] * c_i
+        sine = self.mean[FIRST + 2 * i - 1] * self.waves[2 * i]
+        y += sine + self.mean[FIRST + 2 * i] * self.waves[2 * i + 1]
     return y
 
 
 def begin_filter(self: PhaseFilter, fitted: Any, trend: int, rate: float) -> None:
     """Begin with a fit: `trend` powers of time from -1 to 1 (now), then sine and cosine parts with phase zero now."""
-    phase = atan2(fitted[trend + 1], fitted[trend])
-    self.mean[PHASE] = phase
+    self.mean[PHASE] = begin_harmonics(self.mean, FIRST, fitted, trend, HARMONICS)
     self.mean[RATE] = 2.0 * pi * rate
     self.mean[OFFSET] = 0.0
     for i in range(trend):
@@ -98,13 +95,6 @@ def begin_filter(self: PhaseFilter, fitted: Any, trend: int, rate: float) -> Non
     self.mean[BREATH] = 0.0
     self.mean[QUADRATURE] = 0.0
     self.mean[COLOR] = 0.0
-    self.mean[FIRST] = hypot(fitted[trend], fitted[trend + 1])
-    for i in range(1, HARMONICS):
-        a = fitted[trend + 2 * i]
-        b = fitted[trend + 2 * i + 1]
-        angle = (i + 1) * phase
-        self.mean[FIRST + 2 * i - 1] = a * cos(angle) + b * sin(angle)
-        self.mean[FIRST + 2 * i] = b * cos(angle) - a * sin(angle)
     for i in range(N):
         for j in range(N):
             self.covariance[i, j] = 0.0
@@ -164,30 +154,24 @@ def predict(self: PhaseFilter, h: float) -> None:
 def look(self: PhaseFilter) -> tuple[float, float]:
     """What is expected of a sample [m], and the variance of that [m2]; leaves slopes and covariance with the sample."""
     phase = self.mean[PHASE]
-    s = sin(phase)
-    c = cos(phase)
-    y = self.mean[OFFSET] + self.mean[BREATH] + self.mean[COLOR] + self.mean[FIRST] * s + profile_at(self, phase)
+    fill_waves(self.waves, 0, phase, HARMONICS)
+    y = self.mean[OFFSET] + self.mean[BREATH] + self.mean[COLOR]
+    y += self.mean[FIRST] * self.waves[0] + profile_at(self, phase)
     self.slope[OFFSET] = 1.0
     self.slope[BREATH] = 1.0
     self.slope[QUADRATURE] = 0.0
     self.slope[COLOR] = 1.0
     self.slope[RATE] = 0.0
-    self.slope[FIRST] = s
-    turn = self.mean[FIRST] * c + (profile_at(self, phase + 2.0 * BIN) - profile_at(self, phase - 2.0 * BIN)) / (
-        4.0 * BIN
-    )
-    s_i = s
-    c_i = c
+    self.slope[FIRST] = self.waves[0]
+    bent = (profile_at(self, phase + 2.0 * BIN) - profile_at(self, phase - 2.0 * BIN)) / (4.0 * BIN)
+    turn = self.mean[FIRST] * self.waves[1] + bent
     for i in range(1, HARMONICS):
-        s_next = s_i * c + c_i * s
-        c_i = c_i * c - s_i * s
-        s_i = s_next
         a = self.mean[FIRST + 2 * i - 1]
         b = self.mean[FIRST + 2 * i]
-        y += a * s_i + b * c_i
-        turn += (i + 1) * (a * c_i - b * s_i)
-        self.slope[FIRST + 2 * i - 1] = s_i
-        self.slope[FIRST + 2 * i] = c_i
+        y += a * self.waves[2 * i] + b * self.waves[2 * i + 1]
+        turn += (i + 1) * (a * self.waves[2 * i + 1] - b * self.waves[2 * i])
+        self.slope[FIRST + 2 * i - 1] = self.waves[2 * i]
+        self.slope[FIRST + 2 * i] = self.waves[2 * i + 1]
     self.slope[PHASE] = turn
     variance = 0.0
     for i in range(N):
@@ -234,7 +218,4 @@ def healthy(self: PhaseFilter) -> bool:
 
 def renew(self: PhaseFilter, i: int, deviation: float) -> None:
     """What was known of one part of the state holds no more."""
-    for j in range(N):
-        self.covariance[i, j] = 0.0
-        self.covariance[j, i] = 0.0
-    self.covariance[i, i] = deviation * deviation
+    renew_variance(self.covariance, i, deviation, N)

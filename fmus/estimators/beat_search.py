@@ -6,9 +6,10 @@ rate fits, twice the rate does not: of rates that leave about as little, the hig
 
 from __future__ import annotations
 
-from math import cos, exp, pi, sin, sqrt
+from math import exp, pi, sqrt
 
 from fmus.dense import cholesky, eigenvectors, solve
+from fmus.fourier import fill_waves
 
 from twin.component import Component, Int64, local, parameter
 
@@ -180,16 +181,7 @@ def fill_basis(self: BeatSearch, u: float, angle: float, harmonics: int) -> None
     self.basis[0] = 1.0
     for i in range(1, TREND):
         self.basis[i] = u * self.basis[i - 1]
-    s = sin(angle)
-    c = cos(angle)
-    s_i = s
-    c_i = c
-    for i in range(harmonics):
-        self.basis[TREND + 2 * i] = s_i
-        self.basis[TREND + 2 * i + 1] = c_i
-        s_next = s_i * c + c_i * s
-        c_i = c_i * c - s_i * s
-        s_i = s_next
+    fill_waves(self.basis, TREND, angle, harmonics)
 
 
 def candidate_rate(self: BeatSearch, place: float) -> float:

@@ -10,9 +10,10 @@ phase of the first: a harmonic that is not there has no phase to get lost, and o
 
 from __future__ import annotations
 
-from math import atan2, cos, exp, hypot, pi, sin, sqrt
+from math import cos, exp, hypot, pi, sin, sqrt
 from typing import Any
 
+from fmus.fourier import begin_harmonics, fill_waves, renew_variance
 from fmus.unscented import gather, spread
 
 from twin.component import Component, local, parameter
@@ -48,6 +49,7 @@ class QuasiPeriodic(Component):
     points = local(0.0, "", "points of the unscented transform", shape=(POINTS, N))
     values = local(0.0, "", "what each would measure", shape=(POINTS,))
     gain = local(0.0, "", "of the filter", shape=(N,))
+    waves = local(0.0, "", "sine and cosine of each harmonic", shape=(2 * HARMONICS,))
 
 
 BREATH_MEMORY = 20.0  # [s] over which a rate of respiration is kept; assumed
@@ -87,22 +89,17 @@ def predict(self: QuasiPeriodic, h: float) -> bool:
     if not spread(self.mean, self.covariance, self.lower, self.points, N):
         return False
     for k in range(POINTS):
-        self.values[k] = displacement(self.points, k)
+        self.values[k] = displacement(self, k)
     return True
 
 
-def displacement(points: Any, k: int) -> float:
+def displacement(self: QuasiPeriodic, k: int) -> float:
     """The motion [m] of one point."""
-    s = sin(points[k, PHASE])
-    c = cos(points[k, PHASE])
-    y = points[k, OFFSET] + points[k, BREATH] + points[k, FIRST] * s
-    s_i = s
-    c_i = c
+    fill_waves(self.waves, 0, self.points[k, PHASE], HARMONICS)
+    y = self.points[k, OFFSET] + self.points[k, BREATH] + self.points[k, FIRST] * self.waves[0]
     for i in range(1, HARMONICS):
-        s_next = s_i * c + c_i * s
-        c_i = c_i * c - s_i * s
-        s_i = s_next
-        y += points[k, FIRST + 2 * i - 1] * s_i + points[k, FIRST + 2 * i] * c_i
+        sine = self.points[k, FIRST + 2 * i - 1] * self.waves[2 * i]
+        y += sine + self.points[k, FIRST + 2 * i] * self.waves[2 * i + 1]
     return y
 
 
@@ -112,21 +109,14 @@ def ahead(self: QuasiPeriodic, tau: float, shift: float) -> tuple[float, float, 
     turn = m[BREATH_RATE] * tau
     p = cos(turn) * m[BREATH] + sin(turn) * m[QUADRATURE]
     q = cos(turn) * m[QUADRATURE] - sin(turn) * m[BREATH]
-    phase = m[PHASE] + m[RATE] * tau + shift
-    s = sin(phase)
-    c = cos(phase)
-    y = m[OFFSET] + p + m[FIRST] * s
-    slope = m[FIRST] * c
-    s_i = s
-    c_i = c
+    fill_waves(self.waves, 0, m[PHASE] + m[RATE] * tau + shift, HARMONICS)
+    y = m[OFFSET] + p + m[FIRST] * self.waves[0]
+    slope = m[FIRST] * self.waves[1]
     for i in range(1, HARMONICS):
-        s_next = s_i * c + c_i * s
-        c_i = c_i * c - s_i * s
-        s_i = s_next
         a = m[FIRST + 2 * i - 1]
         b = m[FIRST + 2 * i]
-        y += a * s_i + b * c_i
-        slope += (i + 1) * (a * c_i - b * s_i)
+        y += a * self.waves[2 * i] + b * self.waves[2 * i + 1]
+        slope += (i + 1) * (a * self.waves[2 * i + 1] - b * self.waves[2 * i])
     return y, m[BREATH_RATE] * q + m[RATE] * slope, p
 
 
@@ -138,21 +128,12 @@ def start(self: QuasiPeriodic, fitted: Any, trend: int, rate: float) -> None:
         now += fitted[i]
         if i % 2 == 0:
             middle += fitted[i] / (i + 1)
-    phase = atan2(fitted[trend + 1], fitted[trend])
     self.mean[OFFSET] = middle
     self.mean[BREATH] = now - middle
     self.mean[QUADRATURE] = 0.0
     self.mean[BREATH_RATE] = 2.0 * pi * self.breath_rate
     self.mean[RATE] = 2.0 * pi * rate
-    self.mean[PHASE] = phase
-    self.mean[FIRST] = hypot(fitted[trend], fitted[trend + 1])
-    for i in range(1, HARMONICS):
-        # from now on phases are counted by that of the first harmonic
-        a = fitted[trend + 2 * i]
-        b = fitted[trend + 2 * i + 1]
-        angle = (i + 1) * phase
-        self.mean[FIRST + 2 * i - 1] = a * cos(angle) + b * sin(angle)
-        self.mean[FIRST + 2 * i] = b * cos(angle) - a * sin(angle)
+    self.mean[PHASE] = begin_harmonics(self.mean, FIRST, fitted, trend, HARMONICS)
     widen(self)
 
 
@@ -175,10 +156,7 @@ def widen(self: QuasiPeriodic) -> None:
 
 def renew(self: QuasiPeriodic, i: int, deviation: float) -> None:
     """What was known of one part of the state holds no more."""
-    for j in range(N):
-        self.covariance[i, j] = 0.0
-        self.covariance[j, i] = 0.0
-    self.covariance[i, i] = deviation * deviation
+    renew_variance(self.covariance, i, deviation, N)
 
 
 def bound_phase(self: QuasiPeriodic) -> None:

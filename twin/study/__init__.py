@@ -1,4 +1,4 @@
-"""Many simulations for one answer: models fitted to recordings."""
+"""Many simulations for one answer: models fitted to recordings, scenarios with what varies."""
 
 from typing import TYPE_CHECKING
 
@@ -7,11 +7,54 @@ from twin.study.problem import Problem
 from twin.study.result import Estimate, Result, command_line, read_estimate
 
 if TYPE_CHECKING:
+    from twin.study.answers import Answers, percent
+    from twin.study.design import Study, load_study
     from twin.study.intervals import METHODS
     from twin.study.loading import load
+    from twin.study.many import Outcome as StudyOutcome
+    from twin.study.many import Progress as StudyProgress
+    from twin.study.many import latest, place_of, repeat, run_study, single
     from twin.study.page import html
     from twin.study.work import identify
 
-__getattr__ = late.names(__name__, {"METHODS": "intervals", "html": "page", "identify": "work", "load": "loading"})
+__getattr__ = late.names(
+    __name__,
+    {
+        "Answers": "answers",
+        "METHODS": "intervals",
+        "Study": "design",
+        "html": "page",
+        "identify": "work",
+        "latest": "many",
+        "load": "loading",
+        "load_study": "design",
+        "percent": "answers",
+        "place_of": "many",
+        "repeat": "many",
+        "run_study": "many",
+        "single": "many",
+    },
+)
 
-__all__ = ["METHODS", "Estimate", "Problem", "Result", "command_line", "html", "identify", "load", "read_estimate"]
+__all__ = [
+    "METHODS",
+    "Answers",
+    "Estimate",
+    "Problem",
+    "Result",
+    "Study",
+    "StudyOutcome",
+    "StudyProgress",
+    "command_line",
+    "html",
+    "identify",
+    "latest",
+    "load",
+    "load_study",
+    "percent",
+    "place_of",
+    "read_estimate",
+    "repeat",
+    "run_study",
+    "single",
+]

@@ -23,20 +23,26 @@ PART = 1 / 20  # of the time, about the largest residual, that is drawn larger
 
 def html(result: Result) -> str:
     """The page as text; one file, nothing is loaded."""
-    import jinja2
-
-    loader = jinja2.ChoiceLoader([jinja2.PackageLoader("twin.study", ""), jinja2.PackageLoader("twin.run", "")])
-    environment = jinja2.Environment(
-        loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
-    )
+    environment = templates()
     problem = result.problem
     names = [one.name for one in problem.unknowns]
-    return environment.get_template("identify.html").render(
+    text: str = environment.get_template("identify.html").render(
         style=style(environment), result=result, problem=problem, unknowns=rows(result), names=names,
         correlation=matrix(result), outputs=[measured(result, i) for i in range(len(problem.outputs))],
         profiles=[profile(result, i) for i in sorted(result.knowledge.profiles)], starts=starts(result),
         files=result.identified()["files"], versions=result.identified()["versions"],
     )  # fmt: skip
+    return text
+
+
+def templates() -> Any:
+    """The pages of studies, and that of runs, whose look they have."""
+    import jinja2
+
+    loader = jinja2.ChoiceLoader([jinja2.PackageLoader("twin.study", ""), jinja2.PackageLoader("twin.run", "")])
+    return jinja2.Environment(
+        loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True, undefined=jinja2.StrictUndefined
+    )
 
 
 def style(environment: Any) -> str:

@@ -1,8 +1,20 @@
 """Force control that learns the gripper's trajectory over the phase of the beat."""
 
-from math import exp, floor, pi
+from math import pi
 
 from fmus.beat_search import RING, TREND, BeatSearch, fit, forget, remember, scan
+from fmus.learned_control import (
+    FOLLOWING,
+    LEAVING,
+    SEARCHING,
+    LearnedControl,
+    bearable,
+    begin_control,
+    command,
+    place_wanted,
+    sense,
+    tell,
+)
 from fmus.phase_filter import (
     BREATH,
     COLOR,
@@ -23,11 +35,7 @@ from fmus.phase_filter import (
     required,
 )
 
-from twin.component import Boolean, Int32, Int64, input, local, output, parameter, terminal
-
-PI_ALONE, FADING, LOCKED, BLIND, DISTURBED = 0, 1, 2, 3, 4
-SEARCHING, FOLLOWING, LEAVING = 0, 1, 2
-LINE = 32  # periods that the demand is remembered
+from twin.component import Boolean, local, output, parameter
 
 CLEAR = 0.25  # rest of the search with which to begin
 PASSING = 0.1  # [s] over which the strain is averaged
@@ -40,143 +48,48 @@ AFTER = 0.05  # doubt of the rate after a leap, as part of it: a leap of the pha
 YOUNG = 6.0  # beats of learning before which every beat differs from what was learned
 PAUSE = 1.5  # beats for which nothing is learned after an unrest: an early beat and its pause last 1.3 to 1.6
 LONG_RUN = 3.0  # beats over which the rate is averaged, for the time after a leap
-JUDGED = 2.0  # [s] over which the force error is averaged
-FARTHEST = 100.0  # [N]: no force is larger; what is not finite is not smaller either
-FORGETTING = 0.02  # [s] in which the last force is forgotten when none comes
 
 
-class PhaseLockedControl(BeatSearch, PhaseFilter):
+class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
     """Force controller that finds the beat in the force, and learns where the gripper has to be at each phase.
 
     Repetitive control over the phase of an extended Kalman filter; equations in the README.
     A beat that comes early is known when it is there: 70 mN once.
     """
 
-    period = 5e-3
-
-    setpoint = input("N", "desired contact force", start=0.2, minimum=0.0, nominal=0.1)
-    force = input("N", "measured contact force", nominal=0.1)
-    enable = input("", "whether the learned motion may move the gripper; otherwise it fades out", start=True, type=Boolean)
-
-    target_velocity = output("m/s", "velocity demand for the drive, positive distal", display_unit="mm/s")
-    state = output("", "0 PI alone, 1 fading in or out, 2 locked, 3 no force is seen, 4 the beat is not as learned",
-                   type=Int32)
-    share = output("", "part of the learned motion that is fed forward")
-    rate = output("Hz", "heart rate; 0: none yet")
     phase = output("rad", "phase of the first harmonic, from 0 to 2 pi")
-    feedforward = output("m/s", "learned part of the demand", display_unit="mm/s")
-    innovation = output("m", "last sample minus what was expected of it", display_unit="mm")
     strain = output("", "squared innovation over its variance, averaged; a third is usual, above one the beat is not as learned")
 
-    drive = terminal("what it commands", rule="bus", target_velocity=target_velocity)
-
-    proportional = parameter(1.5, "m/(s*N)", "proportional gain", display_unit="mm/(s*N)", minimum=0.0,
-                             source="chosen: with the wall 17 rad/s; 23 ms of delay leave 12 dB and 68 deg")
-    velocity_maximum = parameter(0.5, "m/s", "limit of the velocity demand", display_unit="mm/s", minimum=0.0,
-                                 source="as the other controllers: ten times what the heart needs")
-    forward_maximum = parameter(0.25, "m/s", "limit of the learned part", display_unit="mm/s", minimum=0.0,
-                                source="chosen: twice what a beat of 2 Hz needs")
-    stiffness = parameter(11.2, "N/m", "contact force per motion of the tip", display_unit="N/mm", minimum=1.0,
-                          source="of the bent end, 3 EI / L^3 of wall; 20 % off costs little")
     noise = parameter(0.5e-3, "m", "standard deviation of a sample", display_unit="mm", minimum=1e-6,
                       source="estimate: 3 mN of the sensor over the stiffness, and as much again for friction")
-    delay = parameter(20e-3, "s", "from a demand until the force sensor's value shows it", display_unit="ms", minimum=5e-3,
-                      maximum=0.1, source="one period each of sensor, controller and holding, 4 ms of the drive")
-    lead = parameter(6e-3, "s", "by which what was learned is applied ahead", display_unit="ms", minimum=0.0, maximum=0.05,
-                     source="seeds 1 to 12, flat from 4 to 7 ms; without it learning is slow and rings")
-    blend = parameter(1.0, "s", "time in which the learned motion fades in and out", minimum=1e-2,
-                      source="as the estimators: a beat")
-    change_maximum = parameter(0.08, "N", "change of the force from one value to the next that is believed", minimum=0.0,
-                               source="estimate: 0.3 m/s of an early beat over stiffness, and ten deviations of noise")
-    still = parameter(8, "", "equal values in a row that are no longer believed", type=Int64, minimum=2,
-                      source="chosen: by noise and resolution once in 2000 values; it costs one value")
-    hold = parameter(0.5, "s", "time that it goes on without a believable force", minimum=0.0,
-                     source="chosen: half a beat; the rate is known to 1 %")
-    worse = parameter(1.0, "", "part of PI's own mean square error above which the learned motion is given up",
-                      minimum=0.0, source="chosen: what is worse than PI alone is not used")
 
-    trust = local(0.0, "", "part of the learned motion that is fed forward")
     unrest = local(0.0, "", "squared innovation over its variance, averaged")
     off = local(0.0, "m", "latest innovation", display_unit="mm")
-    mode = local(SEARCHING, "", "0 searching, 1 following, 2 leaving", type=Int32)
-    demand = local(0.0, "m", "integral of the velocity demand", display_unit="mm")
-    line = local(0.0, "m", "its last values, a ring", shape=(LINE,))
-    latest = local(0, "", "place of the latest", type=Int64)
-    last_force = local(0.0, "N", "last value of the sensor")
-    believed = local(0.0, "N", "last value that was believed")
-    equal = local(0, "", "values in a row that were equal", type=Int64)
-    unseen = local(0.0, "s", "time without a believable value")
-    feedback = local(0.0, "N", "force error that the feedback sees")
     calm = local(0.0, "", "beats since the model last failed to explain the force")
     rate_mean = local(0.0, "rad/s", "rate of the last beats")
     misfit = local(0.0, "m^2", "mean square of what phases around the circle leave of the last samples", shape=(SHIFTS,))
     off_beat = local(False, "", "whether the beat is not as learned", type=Boolean)
-    square = local(0.0, "N^2", "mean square of the force error")
-    square_alone = local(0.0, "N^2", "the same when PI was last alone")
 
     def initialize(self) -> None:
-        forget(self)
+        begin_control(self)
         for i in range(3):
             self.anchor[i] = 0.0
             self.axis[i] = 1.0 if i == 2 else 0.0
-        for i in range(LINE):
-            self.line[i] = 0.0
-        self.demand = 0.0
-        self.latest = 0
-        self.last_force = self.force
-        self.believed = self.force
-        self.equal = 0
-        self.unseen = 0.0
-        self.feedback = 0.0
-        self.square = 0.0
-        self.square_alone = 0.0
         self.unrest = RELAXED
         self.off_beat = False
-        self.trust = 0.0
-        self.feedforward = 0.0
         self.off = 0.0
-        self.target_velocity = 0.0
         start_search(self)
         publish(self)
 
     def step(self, t: float, h: float) -> None:
-        seen = believe(self, h)
-        if seen:
-            self.feedback = self.setpoint - self.believed
-            self.square += h / JUDGED * (self.feedback * self.feedback - self.square)
-        else:
-            self.feedback *= exp(-h / FORGETTING)
-        place = demanded(self, h) + (self.setpoint - self.believed) / self.stiffness
+        seen = sense(self, h)
+        place = place_wanted(self, h)
         if self.mode == SEARCHING:
-            self.square_alone = self.square
             search(self, t, place)
         else:
             follow(self, place, seen, h)
-        command(self, h)
+        command(self, forward(self, h), h)
         publish(self)
-
-
-def believe(self: PhaseLockedControl, h: float) -> bool:
-    """Whether the force is a new one and may be true; PI alone believes every number."""
-    self.equal = self.equal + 1 if self.force == self.last_force else 0
-    self.last_force = self.force
-    change = abs(self.force - self.believed)
-    likely = change <= self.change_maximum and self.equal < self.still
-    if likely or (self.mode == SEARCHING and change < FARTHEST):
-        self.believed = self.force
-        self.unseen = 0.0
-        return True
-    self.unseen += h
-    return False
-
-
-def demanded(self: PhaseLockedControl, h: float) -> float:
-    """Where the gripper was asked to be when the force that is seen was felt [m]."""
-    periods = self.delay / h
-    whole = floor(periods)
-    part = periods - whole
-    k = self.latest - int(whole) + LINE
-    return (1.0 - part) * self.line[k % LINE] + part * self.line[(k - 1) % LINE]
 
 
 def start_search(self: PhaseLockedControl) -> None:
@@ -227,8 +140,7 @@ def follow(self: PhaseLockedControl, place: float, seen: bool, h: float) -> None
         if young or self.calm >= PAUSE:
             learn(self, place - self.mean[OFFSET] - self.mean[BREATH] - required(self, self.mean[PHASE]), h)
     within = 0.5 * self.rate_minimum < self.mean[RATE] / (2.0 * pi) < 1.5 * self.rate_maximum
-    better = self.trust < 1.0 or self.square <= self.worse * self.square_alone
-    if not (within and better and healthy(self)) or self.unseen > self.hold:
+    if not (within and bearable(self) and healthy(self)):
         self.mode = LEAVING
     if self.mode == LEAVING and self.trust <= 0.0:
         start_search(self)
@@ -264,36 +176,16 @@ def realign(self: PhaseLockedControl) -> None:
     self.off_beat = False
 
 
-def command(self: PhaseLockedControl, h: float) -> None:
-    """Feedback, and the learned motion as far as it is trusted."""
-    wanted = self.enable and self.mode == FOLLOWING
-    step = h / self.blend
-    self.trust = min(self.trust + step, 1.0) if wanted else max(self.trust - step, 0.0)
-    turn = self.mean[RATE] * h
+def forward(self: PhaseLockedControl, h: float) -> float:
+    """Speed of what was learned [m/s], when the demand of now will be felt."""
     ahead = self.mean[PHASE] + self.mean[RATE] * (self.delay + self.lead)
-    forward = (required(self, ahead) - required(self, ahead - turn)) / h
-    forward += 2.0 * pi * self.breath_rate * self.mean[QUADRATURE]
-    self.feedforward = self.trust * min(max(forward, -self.forward_maximum), self.forward_maximum)
-    velocity = self.proportional * self.feedback + self.feedforward
-    self.target_velocity = min(max(velocity, -self.velocity_maximum), self.velocity_maximum)
-    self.demand += h * self.target_velocity
-    self.latest = (self.latest + 1) % LINE
-    self.line[self.latest] = self.demand
+    beat = (required(self, ahead) - required(self, ahead - self.mean[RATE] * h)) / h
+    return beat + 2.0 * pi * self.breath_rate * self.mean[QUADRATURE]
 
 
 def publish(self: PhaseLockedControl) -> None:
     """What is told about it."""
-    self.rate = self.mean[RATE] / (2.0 * pi)
     self.phase = self.mean[PHASE]
-    self.share = self.trust
     self.strain = self.unrest
     self.innovation = self.off
-    self.state = LOCKED
-    if self.trust <= 0.0:
-        self.state = PI_ALONE
-    elif self.unseen > 0.0:
-        self.state = BLIND
-    elif self.off_beat:
-        self.state = DISTURBED
-    elif self.trust < 1.0:
-        self.state = FADING
+    tell(self, self.mean[RATE] / (2.0 * pi), self.off_beat)

@@ -1,11 +1,13 @@
-"""The phase-locked force controller on a heart that is a formula, and behind faults of its sensor."""
+"""Force controllers that learn the beat, on a heart that is a formula, and behind faults of their sensor."""
 
 import time
 
 import numpy as np
 import pytest
+from fmus.learned_control import BLIND, LOCKED, PI_ALONE
 from fmus.phase_filter import BINS
-from fmus.phase_locked_control.model import BLIND, LOCKED, PI_ALONE, PhaseLockedControl
+from fmus.phase_locked_control.model import PhaseLockedControl
+from fmus.quasi_periodic_control.model import QuasiPeriodicControl
 
 PERIOD, STIFFNESS = 5e-3, 11.2
 LATE = 3  # periods from a demand until the sensor's value shows it: a plant that is nothing else
@@ -44,10 +46,15 @@ class Loop:
         return np.array(self.forces[round(begin / PERIOD) :]) - 0.2
 
 
+@pytest.fixture(params=[PhaseLockedControl, QuasiPeriodicControl], ids=lambda cls: cls.__name__)
+def cls(request):
+    return request.param
+
+
 @pytest.fixture
-def loop(native):
+def loop(native, cls):
     """Locked after nine seconds."""
-    return Loop(native(PhaseLockedControl, delay=DELAY)).run(9.0)
+    return Loop(native(cls, delay=DELAY)).run(9.0)
 
 
 def test_what_repeats_is_learned_and_the_rate_found(loop):
@@ -59,8 +66,8 @@ def test_what_repeats_is_learned_and_the_rate_found(loop):
 
 
 @pytest.mark.parametrize("begin", [5.2, 9.0], ids=["searching", "following"])
-def test_a_tick_costs_less_than_twenty_microseconds(begin, native):
-    control = Loop(native(PhaseLockedControl, delay=DELAY)).run(begin).control
+def test_a_tick_costs_less_than_twenty_microseconds(begin, cls, native):
+    control = Loop(native(cls, delay=DELAY)).run(begin).control
 
     def cost(k):
         control.force = 0.2 + 0.01 * np.sin(0.3 * k)
@@ -72,15 +79,16 @@ def test_a_tick_costs_less_than_twenty_microseconds(begin, native):
     assert np.median([cost(k) for k in range(40)]) < 20e-6
 
 
-def test_compiled_and_interpreted_are_one_once_it_follows(loop, native):
-    plain = PhaseLockedControl(delay=DELAY)
+def test_compiled_and_interpreted_are_one_once_it_follows(loop, cls):
+    plain = cls(delay=DELAY)
     plain.record[...] = loop.control.record
     for k in range(1800, 1860):
         for control in (loop.control, plain):
             control.force = 0.2 + 0.01 * np.sin(0.3 * k)
             control.advance(k * PERIOD, PERIOD)
     assert plain.target_velocity == loop.control.target_velocity
-    assert np.array_equal(plain.profile, loop.control.profile)
+    learned = "profile" if cls is PhaseLockedControl else "past"
+    assert np.array_equal(getattr(plain, learned), getattr(loop.control, learned))
 
 
 @pytest.mark.parametrize("value", [0.0, 0.21, 5.0, np.nan, np.inf], ids=str)
@@ -101,15 +109,17 @@ def test_a_sensor_that_stays_away_ends_in_pi_without_a_jump(loop):
     assert loop.states[-1] == LOCKED
 
 
-def test_what_does_not_repeat_is_left_to_pi(native):
+def test_what_does_not_repeat_is_left_to_pi(native, cls):
     rng = np.random.default_rng(2)
     steps = np.cumsum(rng.standard_normal(8000))
     drift = np.convolve(steps, np.ones(40) / 40, mode="same")
     drift *= 4e-3 / drift.std()
-    alone = Loop(native(PhaseLockedControl, delay=DELAY, enable=False), heart=lambda t: drift[round(t / PERIOD)]).run(
-        30.0
-    )
-    loop = Loop(native(PhaseLockedControl, delay=DELAY), heart=lambda t: drift[round(t / PERIOD)]).run(30.0)
+
+    def heart(t):
+        return drift[round(t / PERIOD)]
+
+    alone = Loop(native(cls, delay=DELAY, enable=False), heart).run(30.0)
+    loop = Loop(native(cls, delay=DELAY), heart).run(30.0)
     assert np.std(loop.error(6.0)) < 1.3 * np.std(alone.error(6.0))
 
 
@@ -121,16 +131,29 @@ def test_it_fades_out_when_it_is_told(loop):
     assert np.abs(np.diff(loop.velocities[1800:])).max() < 0.02
 
 
-def test_a_beat_that_stops_is_given_up(native):
-    loop = Loop(native(PhaseLockedControl, delay=DELAY), heart=lambda t: beat(min(t, 12.0)))
+def test_a_beat_that_stops_is_given_up(native, cls):
+    loop = Loop(native(cls, delay=DELAY), heart=lambda t: beat(min(t, 12.0)))
     loop.run(13.5)
     assert np.abs(loop.error(13.0)).max() < 0.1
     loop.run(22.0)
     assert np.abs(loop.error(21.0)).max() < 0.02
 
 
+@pytest.mark.parametrize("cls", [PhaseLockedControl], indirect=True)
 def test_the_bins_meet_at_the_whole_turn(loop):
     assert len(loop.control.profile) == BINS
     loop.run(16.0)
     steps = np.diff(np.append(loop.control.profile, loop.control.profile[0]))
     assert abs(steps[-1]) < 4 * np.abs(steps[:-1]).max()
+
+
+@pytest.mark.parametrize("cls", [QuasiPeriodicControl], indirect=True)
+def test_the_length_of_the_beat_is_followed(native, cls):
+    """From 1.1 to 1.3 Hz within ten seconds."""
+    loop = Loop(native(cls, delay=DELAY), heart=lambda t: beat(t * (1.1 + 0.01 * max(min(t, 20.0) - 10.0, 0.0)), 1.0))
+    loop.run(10.0)
+    before = float(loop.control.rate)
+    loop.run(19.0)
+    assert before == pytest.approx(1.1, abs=0.03)
+    assert loop.control.rate > 1.2
+    assert np.std(loop.error(15.0)) < 0.02

@@ -1,0 +1,202 @@
+"""A study's cases beside the loop alone, FMPy in a process pool, and a shell that calls `twin run`.
+
+    python -m benchmarks.study [40] [10000]     prints `name: value` lines: cases, and cases of the memory test
+
+All on the force scenario with PI, 22 s each. What counts is processor time, so that others on the machine do not: of the
+loop alone (`advance`, nothing else) beside that of a whole case in the engine, one after the other; and of all of a
+study's processes from their start to their end. FMPy gets the whole scenario as one FMU, extracted once, without any
+metric: more than fair. `twin run` starts a process per case. Memory is that of the engine's process, with runs of 10 ms.
+"""
+
+from __future__ import annotations
+
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ProcessPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from twin.coupling import Memory
+from twin.fmi import exporter
+from twin.run import prepare, simulation
+from twin.scenario import Form, group, load_scenario
+from twin.study import load_study
+from twin.study.design import Request
+from twin.study.many import Engine, Job
+from twin.study.many.pool import Pool, cores
+
+BUILD = Path("build").resolve()
+SCENARIO = Path("scenarios/heart_wall_force.yaml").resolve()
+STUDY = """
+scenario: {scenario}
+variants: [PI]
+set: {options}
+samples: {{method: sobol, count: {count}, seed: 1}}
+vary:
+  heart.rate: {{normal: [70 /min, 12 /min], from: 45 /min, to: 110 /min, source: assumed}}
+  friction: {{scales: sheath.friction, log_normal: [1, 1.3], source: assumed}}
+"""
+SLICE = 20  # cases between two looks at the memory
+ALONE = 12  # rounds of loop and case
+THEIRS = 6  # cases of FMPy
+SHELL = 3  # calls of `twin run`
+
+
+def studied(folder: Path, count: int, options: str = "{}") -> tuple[Any, Job]:
+    """A study with so many cases, and its job."""
+    path = folder / "study.yaml"
+    path.write_text(STUDY.format(scenario=SCENARIO, count=count, options=options))
+    study = load_study(path)
+    frozen = folder / "frozen.yaml"
+    frozen.write_text(study.scenario.frozen())
+    return study, Job(frozen, study.scenario.overrides, study.factors, (), 50_000_000, BUILD)
+
+
+def loop_alone() -> float:
+    """Processor time of the loop of one case [s]."""
+    scenario = load_scenario(SCENARIO)
+    case = scenario.cases(["PI"], [1])[0]
+    simulated = simulation(case, prepare(scenario)["PI"], Form.compiled, BUILD, Memory(1 << 20))
+    simulated.initialize(case.start_ns, case.stop_ns)
+    begin = time.process_time()
+    simulated.advance(case.stop_ns)
+    took = time.process_time() - begin
+    simulated.terminate()
+    return took
+
+
+def measure_engine(folder: Path, rounds: int = ALONE) -> float:
+    """Print what a case in the engine costs beside the loop alone; the loop's time [s]."""
+    study, job = studied(folder, rounds)
+    engine = Engine(job)
+    requests = list(study.requests())
+    engine.row(requests[0])
+    alone, whole = [], []
+    for request in requests:
+        alone.append(loop_alone())
+        begin = time.process_time()
+        engine.row(request)
+        whole.append(time.process_time() - begin)
+    engine.close()
+    print(f"study_loop_alone_ms: {1e3 * statistics.median(alone):.0f}")
+    print(f"study_case_ms: {1e3 * statistics.median(whole):.0f}")
+    print(f"study_case_to_loop: {statistics.median(a / b for a, b in zip(alone, whole, strict=True)):.3f}", flush=True)
+    return statistics.median(alone)
+
+
+def measure_pool(folder: Path, count: int, alone: float) -> float:
+    """Print what a whole study costs, with its processes; processor time of a case [s]."""
+    study, job = studied(folder, count)
+    before, begin = children(), time.perf_counter()
+    pool = Pool(job, cores(), 0)
+    rows = list(pool.run(study.requests()))
+    pool.close()
+    took, own = time.perf_counter() - begin, (children() - before) / count
+    failed = sum(row.status != "done" for row in rows)
+    print(f"study_pool_{count}_cases_s: {took:.1f}  # {failed} failed")
+    print(f"study_pool_{count}_cpu_to_loop: {alone / own:.3f}")
+    print(f"study_pool_{count}_wall_to_cores_times_loop: {count * alone / (cores() * took):.3f}", flush=True)
+    return own
+
+
+def children() -> float:
+    """Processor time of all processes that have ended [s]."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def measure_memory(folder: Path, count: int) -> None:
+    """Print how much memory the engine's process has after a hundredth of the cases, and after all."""
+    study, job = studied(folder, 1, "{stop_time: 13 s}")
+    engine = Engine(job)
+    (first,) = study.requests()
+    (cell,) = [engine.cell("PI")]
+    object.__setattr__(cell.case, "stop_ns", 10_000_000)
+    sizes = []
+    for number in range(1, count + 1):
+        engine.row(Request(number, first.part, number, first.variant, number, first.values))
+        if number in (count // 100, count):
+            sizes.append(resident())
+    engine.close()
+    print(f"study_memory_after_{count // 100}_cases_MB: {sizes[0]:.1f}")
+    print(f"study_memory_after_{count}_cases_MB: {sizes[1]:.1f}", flush=True)
+
+
+def resident() -> float:
+    """Memory of this process [MB]."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+_extracted: dict[str, Any] = {}
+
+
+def theirs(folder: str, rate: float) -> float:
+    """A case by FMPy from what was extracted; its last force."""
+    from fmpy import read_model_description, simulate_fmu
+
+    if folder not in _extracted:
+        _extracted[folder] = read_model_description(folder)
+    found = simulate_fmu(
+        folder, model_description=_extracted[folder], stop_time=22.0, step_size=1e-3, output_interval=5e-3,
+        start_values={"heart.rate": rate}, output=["sensor.measured_force"],
+    )  # fmt: skip
+    return float(found[-1][1])
+
+
+def measure_fmpy(folder: Path, count: int = THEIRS) -> float:
+    """Print what FMPy takes; processor time of a case [s]."""
+    from fmpy import extract
+
+    scenario = load_scenario(SCENARIO)
+    case = scenario.cases(["PI"])[0]
+    cls = group("whole", case, prepare(scenario)["PI"], list(case.members))
+    place = extract(str(exporter.export(cls, "2.0", folder / "whole.fmu", BUILD)), str(folder / "whole"))
+    before = children()
+    with ProcessPoolExecutor(cores()) as pool:
+        list(pool.map(theirs, [place] * count, [1.0 + 0.01 * i for i in range(count)]))
+    own = (children() - before) / count
+    print(f"study_fmpy_case_ms: {1e3 * own:.0f}", flush=True)
+    return own
+
+
+def measure_shell(count: int = SHELL) -> float:
+    """Print what a call of `twin run` takes; processor time of a case [s]."""
+    command = [
+        sys.executable,
+        "-c",
+        "from twin.cli import main; main()",
+        "run",
+        str(SCENARIO),
+        "--variant",
+        "PI",
+        "--no-report",
+    ]
+    before = children()
+    with tempfile.TemporaryDirectory() as runs:
+        for seed in range(1, count + 1):
+            options = ["--seed", str(seed), "--runs", runs, "--build", str(BUILD)]
+            subprocess.run([*command, *options], capture_output=True, check=False)
+    own = (children() - before) / count
+    print(f"study_twin_run_case_ms: {1e3 * own:.0f}", flush=True)
+    return own
+
+
+def main(count: int = 40, memory: int = 10_000) -> None:
+    """Print all figures."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        alone = measure_engine(folder)
+        own = measure_pool(folder, count, alone)
+        for other, measured in (("fmpy", measure_fmpy(folder)), ("twin_run", measure_shell())):
+            print(f"study_{other}_to_study: {measured / own:.2f}")
+        measure_memory(folder, memory)
+
+
+if __name__ == "__main__":
+    main(*(int(one) for one in sys.argv[1:]))

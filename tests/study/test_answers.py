@@ -1,0 +1,126 @@
+"""What a study tells: intervals that are known, causes that are put in, pages that stand alone."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy import stats
+
+from tests.study.patients import STUDY, study_file
+from twin.cli import group
+from twin.study import Answers, load_study, percent
+from twin.study.answers import sensitivity
+from twin.study.answers.statistics import quantile, wilson
+from twin.study.many.engine import Row
+from twin.study.many.table import Cases
+
+
+@pytest.mark.parametrize(
+    ("held", "count", "low", "high"),
+    [(0, 10, 0.0, 0.2775), (5, 10, 0.2366, 0.7634), (998, 1000, 0.9927, 0.99945), (10, 10, 0.7225, 1.0)],
+)
+def test_intervals_of_wilson(held, count, low, high):
+    """Against scipy's, and figures of Brown, Cai and DasGupta's formula."""
+    own = wilson(held, count, 0.95)
+    other = stats.binomtest(held, count).proportion_ci(0.95, method="wilson")
+    assert own == pytest.approx((other.low, other.high), abs=1e-12)
+    assert own == pytest.approx((low, high), abs=1e-4)
+
+
+def test_intervals_of_quantiles_hold_as_often_as_they_say():
+    generator = np.random.default_rng(1)
+    truth = float(stats.norm.ppf(0.9))
+    inside = 0
+    for _ in range(400):
+        found = quantile(generator.standard_normal(200), 0.9, 0.9)
+        inside += found.low <= truth <= found.high
+    assert 0.88 <= inside / 400 <= 0.97  # order statistics: at least what is asked for
+
+
+def test_an_end_that_nobody_can_know_is_open():
+    assert np.isnan(quantile(np.arange(20.0), 0.99, 0.95).high)
+
+
+def made(tmp_path, method, count, value):
+    """A study whose metric is a function of the parts of its factors."""
+    text = STUDY.replace("{method: latin_hypercube, count: 6, seed: 3}", f"{{method: {method}, count: {count}}}")
+    study = load_study(study_file(tmp_path, text.replace("keep:", "variants: [plain]\nkeep:")))
+    requests = list(study.requests())
+    rows = [
+        Row(one.number, "done", "", (float(value(parts)), 0.0), (bool(value(parts) < 3.0), None))
+        for one, parts in zip(requests, study.design.parts, strict=True)
+    ]
+    return Cases(study, requests, rows)
+
+
+def test_sobol_indices_of_a_sum_are_its_variances(tmp_path):
+    cases = made(tmp_path, "sensitivity", 512, lambda u: 3.0 * u[0] + 1.0 * u[1])
+    (found,) = sensitivity.drivers(cases)
+    effects = {one.factor: one for one in found.effects}
+    assert found.effects[0].factor == "heart.rate"
+    assert effects["heart.rate"].first == pytest.approx(0.9, abs=0.03)
+    assert effects["heart.scale"].total == pytest.approx(0.1, abs=0.03)
+    assert effects["bent end"].total == pytest.approx(0.0, abs=0.01)
+
+
+def test_morris_finds_the_slopes(tmp_path):
+    cases = made(tmp_path, "morris", 10, lambda u: 3.0 * u[0] + 1.0 * u[1])
+    (found,) = sensitivity.drivers(cases)
+    effects = {one.factor: one.first for one in found.effects}
+    assert effects == pytest.approx({"heart.rate": 3.0, "heart.scale": 1.0, "bent end": 0.0}, abs=1e-6)
+
+
+def test_failures_are_told_apart_by_what_makes_them(tmp_path):
+    cases = made(tmp_path, "latin_hypercube", 200, lambda u: 3.0 * u[0] + 1.0 * u[1])
+    answers = Answers(cases)
+    (cluster,) = answers.clusters
+    assert cluster.what == "gentle"
+    assert cluster.marks[0].factor == "heart.rate"
+    assert cluster.marks[0].inside > cluster.marks[0].outside
+    share = answers.shares[0]
+    assert share.low < share.part < share.high < 1.0
+    assert len(share.failing) == len(cluster.cases)
+
+
+def test_a_case_without_an_end_holds_nothing(tmp_path):
+    cases = made(tmp_path, "latin_hypercube", 20, lambda u: u[0])
+    rows = [replace_row(one) if one.number == 7 else one for one in cases.rows]
+    answers = Answers(Cases(cases.study, cases.requests, rows))
+    assert answers.failed == 1
+    assert answers.shares[0].failing == (7,)
+    assert answers.spreads[0].without == 1
+    assert "lost # times" in answers.clusters[0].what
+
+
+def replace_row(row):
+    return replace(row, status="failed", why="lost 2 times, last: gone", metrics=(), holds=())
+
+
+def test_a_part_is_never_rounded_to_all_of_it():
+    assert [percent(one) for one in (1.0, 0.9999, 0.999, 0.5, 0.0)] == ["100 %", "99.99 %", "99.9 %", "50 %", "0 %"]
+
+
+def test_the_command_runs_a_study_and_one_of_its_cases_again(tmp_path, build):
+    path = study_file(tmp_path, STUDY.replace("keep: {", "keep: {failed: 1, "))
+    runner, folders = CliRunner(), ["--runs", str(tmp_path / "runs"), "--build", str(build)]
+    done = runner.invoke(group, ["study", str(path), "--workers", "2", *folders])
+    assert done.exit_code == 0, done.output
+    assert "force_max" in done.output
+    assert "12 cases, 0 failed" in done.output
+    (folder,) = (tmp_path / "runs" / "patients").iterdir()
+    told = json.loads((folder / "answers.json").read_text())
+    assert told["cases"] == 12
+    assert {one["name"] for one in told["expectations"]} == {"gentle", "softer is gentler"}
+    page = (folder / "report.html").read_text()
+    assert "http://" not in page.replace("http://www.w3.org", "")
+    assert page.count("<svg") >= 5
+    failing = next(one["failing"] for one in told["expectations"] if one["failing"])
+    assert f'report.html">{failing[0]}</a>' in page  # its run was kept
+    again = runner.invoke(group, ["run", "--case", f"patients:{failing[0]}", "--no-report", *folders])
+    assert again.exit_code == 1, again.output  # as it failed in the study
+    assert "to the bit" in again.output
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["status"] == "completed"
+    assert manifest["versions"]["scipy"]

@@ -1,0 +1,173 @@
+"""What varies: distributions with units, samples that repeat, and every mistake told with its line."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from tests.study.patients import STUDY, study_file
+from twin.errors import ScenarioError
+from twin.study.design import Distribution, load_study, valued
+
+EVEN = np.linspace(0.005, 0.995, 100)
+
+
+def loaded(folder, text=STUDY):
+    return load_study(study_file(folder, text))
+
+
+def sampled(folder, samples, text=STUDY):
+    return loaded(folder, text.replace("{method: latin_hypercube, count: 6, seed: 3}", samples)).design.values
+
+
+@pytest.mark.parametrize(
+    ("own", "other"),
+    [
+        (Distribution("uniform", (2.0, 6.0)), stats.uniform(2.0, 4.0)),
+        (Distribution("log_uniform", (0.1, 10.0)), stats.loguniform(0.1, 10.0)),
+        (Distribution("normal", (1.0, 0.5)), stats.norm(1.0, 0.5)),
+        (Distribution("normal", (1.0, 0.5), 0.4, 1.2), stats.truncnorm(-1.2, 0.4, 1.0, 0.5)),
+        (Distribution("log_normal", (3.0, 1.5)), stats.lognorm(np.log(1.5), scale=3.0)),
+    ],
+)
+def test_quantiles_are_those_of_scipy(own, other):
+    np.testing.assert_allclose(own.values(EVEN), other.ppf(EVEN), rtol=1e-9)
+
+
+def test_a_truncated_log_normal_stays_inside():
+    found = Distribution("log_normal", (1.0, 1.5), 0.8, 1.1).values(np.array([0.0, 0.5, 1.0]))
+    assert found[0] == pytest.approx(0.8)
+    assert found[2] == pytest.approx(1.1)
+    assert 0.8 < found[1] < 1.1
+
+
+def test_values_come_in_the_units_of_their_variables(tmp_path):
+    study = loaded(tmp_path)
+    rate = study.design.values[:, 0]
+    assert study.factors[0].unit == "Hz"
+    assert (rate > 45 / 60).all()
+    assert (rate < 110 / 60).all()
+
+
+def test_a_deviation_is_a_difference(tmp_path):
+    text = STUDY.replace("keep:", "  sensor.temperature: {normal: [20 degC, 2 degC], source: assumed}\nkeep:")
+    temperature = loaded(tmp_path, text).factors[-1].distribution
+    assert temperature.numbers == pytest.approx((293.15, 2.0))
+
+
+@pytest.mark.parametrize("method", ["latin_hypercube", "sobol", "random"])
+def test_the_same_seed_gives_the_same_samples(tmp_path, method):
+    first, again, other = (sampled(tmp_path, f"{{method: {method}, count: 8, seed: {seed}}}") for seed in (1, 1, 2))
+    assert first.tobytes() == again.tobytes()
+    assert first.tobytes() != other.tobytes()
+
+
+def test_a_latin_hypercube_has_one_sample_in_each_slice(tmp_path):
+    scale = sampled(tmp_path, "{count: 10}")[:, 1]
+    assert sorted(np.floor((scale - 0.5) * 10).astype(int)) == list(range(10))
+
+
+def test_a_longer_sobol_sequence_begins_with_the_shorter(tmp_path):
+    short, long = (sampled(tmp_path, f"{{method: sobol, count: {count}}}") for count in (5, 8))
+    assert short.tobytes() == long[:5].tobytes()
+
+
+def test_factors_are_correlated_as_asked(tmp_path):
+    text = STUDY + "correlated: [{factors: [heart.rate, bent end], coefficient: 0.7}]\n"
+    values = sampled(tmp_path, "{count: 2000}", text)
+    assert stats.spearmanr(values[:, 0], values[:, 2]).statistic == pytest.approx(0.683, abs=0.03)  # 6/pi asin(0.35)
+    assert abs(stats.spearmanr(values[:, 0], values[:, 1]).statistic) < 0.05
+
+
+LEVELS = """
+scenario: scenario.yaml
+samples: {method: METHOD}
+vary:
+  heart.rate: {values: [60 /min, 90 /min], source: assumed}
+  heart.scale: {grid: [0.5, 1.5, 3], source: assumed}
+"""
+
+
+def test_a_grid_has_every_value_with_every_other(tmp_path):
+    values = loaded(tmp_path, LEVELS.replace("METHOD", "grid")).design.values
+    assert values.tolist() == [[rate, scale] for rate in (1.0, 1.5) for scale in (0.5, 1.0, 1.5)]
+
+
+def test_one_at_a_time_leaves_the_others_as_they_are(tmp_path):
+    values = loaded(tmp_path, LEVELS.replace("METHOD", "one_at_a_time")).design.values
+    assert np.isnan(values[0]).all()
+    assert (np.isfinite(values[1:]).sum(axis=1) == 1).all()
+    assert len(values) == 6
+
+
+IDENTIFIED = """
+identified:
+  unknowns: [wall.bending_stiffness, heart.scale, a delay]
+  units: [N*m^2, "", s]
+  values: [4.0e-4, 1.0, 0.1]
+  bounds: [[1.0e-4, 9.0e-4], [0.1, 3.0], [0.0, 1.0]]
+  covariance: [[1.0e-10, 4.0e-7, 0.0], [4.0e-7, 0.01, 0.0], [0.0, 0.0, 1.0]]
+"""
+
+
+def test_what_was_identified_varies_with_its_covariance(tmp_path):
+    (tmp_path / "set.yaml").write_text(IDENTIFIED)
+    text = "scenario: scenario.yaml\nsamples: {count: 4000}\nestimates: [{file: set.yaml}]\n"
+    study = loaded(tmp_path, text)
+    assert [one.name for one in study.factors] == ["wall.bending_stiffness", "heart.scale"]
+    covariance = np.cov(study.design.values.T)
+    np.testing.assert_allclose(covariance, [[1e-10, 4e-7], [4e-7, 0.01]], rtol=0.1)
+
+
+def test_uncorrelated_factors_keep_their_parts(tmp_path):
+    study = loaded(tmp_path)
+    assert valued(study.design.parts, study.factors).tobytes() == study.design.values.tobytes()
+
+
+WRONG = """
+scenario: scenario.yaml
+variants: [plane]
+samples: {method: morris, count: 4}
+vary:
+  heart.rat: {uniform: [1 Hz, 2 Hz], source: assumed}
+  heart.scale: {uniform: [1.5, 0.5], source: assumed}
+  heart.rate: {normal: [1 m, 2 Hz], source: assumed}
+  wall.free_length: {uniform: [40 mm, 50 mm]}
+  heart.position: {uniform: [0 mm, 1 mm], source: assumed}
+  sensor.noise: {source: assumed}
+"""
+
+
+def test_all_mistakes_are_told_with_their_lines(tmp_path):
+    with pytest.raises(ScenarioError) as caught:
+        loaded(tmp_path, WRONG)
+    told = "\n".join(error[error.index("patients.yaml") :] for error in caught.value.problems)
+    for line, text in (
+        (3, "there is no variant `plane`"),
+        (6, "has no variable 'rat'"),
+        (7, "uniform from 1.5 to 0.5 is empty"),
+        (8, "does not convert to Hz"),
+        (9, "`source` is missing"),
+        (10, "is no parameter"),
+        (11, "has no distribution"),
+    ):
+        assert any(one.startswith(f"patients.yaml:{line}:") and text in one for one in told.split("\n")), (text, told)
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"scenario: scenario.yaml": "title: x"}, "`scenario: ../heart_wall_force.yaml`"),
+        ({"latin_hypercube": "grid"}, "grid needs `values` or `grid`"),
+        ({"method: latin_hypercube, count: 6": "method: sensitivity, count: 6"}, "no power of two"),
+        ({"keep:": "metrics: [force]\nkeep:"}, "there is no metric `force`"),
+        ({"keep:": "correlated: [{factors: [heart.rate, x], coefficient: 0.5}]\nkeep:"}, "nothing called `x` varies"),
+        ({"samples:": "sample:"}, "unknown key `sample`"),
+        ({"keep:": "worst: {metric: none}\nkeep:"}, "there is no metric `none`"),
+    ],
+)
+def test_a_mistake_is_told(tmp_path, changes, text):
+    changed = STUDY
+    for old, new in changes.items():
+        changed = changed.replace(old, new)
+    with pytest.raises(ScenarioError, match=text.replace("(", r"\(")):
+        loaded(tmp_path, changed)

@@ -1,0 +1,86 @@
+"""What fails together: cases with the same broken expectations or the same message, and how they differ from the others."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy import stats
+
+from twin.dataclass import dataclass
+from twin.study.design import SAMPLED
+from twin.study.many.engine import DONE
+
+if TYPE_CHECKING:
+    from twin.study.many.table import Cases
+
+    Array = np.ndarray[Any, Any]
+
+NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
+TELLING = 0.15  # by which a factor has to separate: 0 by chance, 0.5 entirely
+MOST = 3  # factors that are named
+FEWEST = 5  # cases from which one can tell what they have in common
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A factor by which cases of a cluster differ: how well it separates (-0.5 to 0.5), medians inside and outside."""
+
+    factor: str
+    separation: float
+    inside: float
+    outside: float
+
+
+@dataclass(frozen=True)
+class Cluster:
+    """Cases that fail in the same way. `cases`: their numbers; `example`: why the first one failed."""
+
+    variant: str
+    what: str
+    cases: tuple[int, ...]
+    of: int
+    example: str
+    marks: tuple[Mark, ...]
+
+
+def clusters(cases: Cases) -> list[Cluster]:
+    """All ways to fail, the most frequent first."""
+    study = cases.study
+    names = [one.name or one.metric or f"expectation {k + 1}" for k, one in enumerate(study.scenario.expectations)]
+    holds, values = cases.holds, cases.values
+    ways: dict[tuple[str, str], list[int]] = {}
+    for i in cases.where(SAMPLED):
+        row = cases.rows[i]
+        if row.status != DONE:
+            what = NUMBER.sub("#", row.why)[:160]
+        elif broken := [name for name, verdict in zip(names, holds[i], strict=True) if verdict is False]:
+            what = " and ".join(broken)
+        else:
+            continue
+        ways.setdefault((cases.requests[i].variant, what), []).append(i)
+    found = []
+    for (variant, what), places in ways.items():
+        own = cases.where(SAMPLED, variant)
+        numbers = tuple(cases.requests[i].number for i in places)
+        marks = told_apart(study, values, places, own)
+        found.append(Cluster(variant, what, numbers, len(own), cases.rows[places[0]].why, marks))
+    return sorted(found, key=lambda one: -len(one.cases))
+
+
+def told_apart(study: Any, values: Array, places: list[int], own: list[int]) -> tuple[Mark, ...]:
+    """Factors that differ most between some cases and all others: by how often one of them is above one of the others."""
+    inside = np.array(places)
+    outside = np.array(sorted(set(own) - set(places)), int)
+    if len(inside) < FEWEST or len(outside) < FEWEST:
+        return ()
+    found = []
+    for k, factor in enumerate(study.factors):
+        a, b = values[inside, k], values[outside, k]
+        if not (np.isfinite(a).all() and np.isfinite(b).all()):
+            continue
+        above = float(stats.mannwhitneyu(a, b).statistic) / (len(a) * len(b)) - 0.5
+        if abs(above) >= TELLING:
+            found.append(Mark(factor.name, above, float(np.median(a)), float(np.median(b))))
+    return tuple(sorted(found, key=lambda one: -abs(one.separation))[:MOST])

@@ -1,0 +1,175 @@
+"""report.html and answers.json of a study: one file each, nothing is loaded."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.results import write_text
+from twin.study.answers import plots
+from twin.study.answers.told import Answers, cleaned, percent
+from twin.study.many import manifest, table
+from twin.study.page import style, templates
+
+if TYPE_CHECKING:
+    from twin.study.many.work import Outcome
+
+PAGE, ANSWERS = "report.html", "answers.json"
+EXAMPLES = 12  # numbers of cases that are named
+
+
+def write_report(outcome: Outcome) -> None:
+    """Write what is told of a study; nothing where no case was done."""
+    if not outcome.cases.rows:
+        return
+    answers = Answers(outcome.cases)
+    told = {**answers.plain(), **searched(outcome)}
+    write_text(outcome.folder / ANSWERS, json.dumps(told, indent=1, allow_nan=False) + "\n")
+    write_text(outcome.folder / PAGE, html(outcome, answers))
+
+
+def searched(outcome: Outcome) -> dict[str, Any]:
+    """What searches found, as plain data."""
+    found: dict[str, Any] = {}
+    if outcome.worst is not None:
+        found["worst"] = cleaned(vars(outcome.worst))
+    if outcome.tuned is not None:
+        own = outcome.tuned
+        found["tuned"] = cleaned(
+            {
+                "best": None if own.best is None else vars(own.best),
+                "own": vars(own.trials[0]),
+                "unseen": [vars(one) for one in own.unseen],
+                "trials": [vars(one) for one in own.trials],
+            }
+        )
+    return found
+
+
+def html(outcome: Outcome, answers: Answers) -> str:
+    """The page as text."""
+    environment = templates()
+    study = outcome.study
+    text: str = environment.get_template("study.html").render(
+        style=style(environment), outcome=outcome, study=study, answers=answers, percent=percent, pictures=pictures(outcome, answers),
+        parts=[percent(one) for one in study.keys.quantiles], link=link(outcome), examples=EXAMPLES,
+        factors=factors(outcome), worst=worst(outcome, answers), tuned=tuned(outcome, answers),
+        told=manifest.read(outcome.folder), drivers=[(one, plots.effects(one)) for one in answers.drivers],
+        tornados=tornados(answers),
+    )  # fmt: skip
+    return text
+
+
+def link(outcome: Outcome) -> Any:
+    """How a case is named: with a link where its run was kept."""
+
+    def named(number: int) -> str:
+        place = outcome.runs.get(number)
+        return f'<a href="{place}/report.html">{number}</a>' if place else str(number)
+
+    return named
+
+
+def factors(outcome: Outcome) -> list[dict[str, str]]:
+    """What varies, as the table shows it."""
+    values = outcome.cases.values
+    found = []
+    for k, one in enumerate(outcome.study.all_factors):
+        own = values[np.isfinite(values[:, k]), k]
+        span = f"{one.shown(own.min())} to {one.shown(own.max())}" if len(own) else "-"
+        kind = one.distribution.kind.replace("_", "-")
+        numbers = ", ".join(one.shown(x) for x in one.distribution.numbers[:8])
+        if kind == "log-normal":
+            numbers = (
+                f"median {one.shown(one.distribution.numbers[0])}, geometric deviation {one.distribution.numbers[1]:g}"
+            )
+        targets = ", ".join(one.sets) or f"{', '.join(one.scales)} (multiplied)"
+        found.append(
+            {"name": one.name, "targets": targets, "kind": f"{kind}: {numbers}", "span": span, "source": one.source}
+        )
+    return found
+
+
+def pictures(outcome: Outcome, answers: Answers) -> list[tuple[str, str]]:
+    """Titles and plots of metrics and signals."""
+    study, cases = outcome.study, outcome.cases
+    found = []
+    if study.design.method != "one_at_a_time":
+        found += [(f"{one.metric}", plots.histograms(cases, one.metric)) for one in first_of(answers)]
+    for index, name in enumerate(study.bands):
+        if (outcome.folder / table.BANDS).exists():
+            found.append(
+                (f"{name}: median, quarters, 5 to 95 %, ends", plots.bands(outcome.folder, cases, name, index))
+            )
+    if study.design.method not in ("one_at_a_time", "grid") and study.factors:
+        for one in first_of(answers)[:2]:
+            for variant in study.variants:
+                if any(item.metric == one.metric and item.variant == variant for item in answers.spreads):
+                    title = f"{one.metric}, {variant}: every case a line; red where something fails"
+                    found.append((title, plots.parallel(cases, one.metric, variant)))
+    return found
+
+
+def first_of(answers: Answers) -> list[Any]:
+    """One spread of each metric."""
+    return list({one.metric: one for one in answers.spreads}.values())
+
+
+def tornados(answers: Answers) -> list[tuple[str, str]]:
+    """Plots of one factor at a time."""
+    found = []
+    for name in dict.fromkeys(one.metric for one in answers.changes):
+        own = [one for one in answers.changes if one.metric == name]
+        unit = answers.study.scenario.metrics[name].unit
+        found.append((name, plots.tornado(own, unit, name, [answers.change(one) for one in own])))
+    return found
+
+
+def worst(outcome: Outcome, answers: Answers) -> dict[str, Any] | None:
+    """What the search for the worst case found."""
+    one = outcome.worst
+    if one is None:
+        return None
+    own = zip(outcome.study.factors, one.values, strict=True)
+    return {
+        "metric": one.metric,
+        "variant": one.variant,
+        "value": answers.metric(one.metric, one.value) if np.isfinite(one.value) else "no value: the case failed",
+        "sampled": answers.metric(one.metric, one.sampled),
+        "number": one.number,
+        "evaluations": one.evaluations,
+        "values": [(factor.name, factor.shown(value)) for factor, value in own],
+    }
+
+
+def tuned(outcome: Outcome, answers: Answers) -> dict[str, Any] | None:
+    """What the tuning found."""
+    own, keys = outcome.tuned, outcome.study.keys.tune
+    if own is None or keys is None:
+        return None
+    unit = outcome.study.scenario.metrics[keys.metric].unit
+    what = f"{percent(keys.quantile)} quantile" if keys.of == "quantile" else keys.of
+    rows = []
+    names = [("as in the scenario", own.trials[0]), ("best", own.best)]
+    names += [
+        (f"{name}, unseen samples", one) for name, one in zip(("as in the scenario", "best"), own.unseen, strict=False)
+    ]
+    for name, one in names:
+        if one is None:
+            continue
+        knobs = [k.factor.shown(value) for k, value in zip(outcome.study.knobs, one.knobs, strict=True)]
+        limits = "kept" if one.is_feasible else "broken: " + ", ".join(
+            limit.text for limit, over in zip(outcome.study.limits, one.broken, strict=True) if over > 0
+        )  # fmt: skip
+        value = answers.metric(keys.metric, one.objective)
+        rows.append({"name": name, "knobs": knobs, "objective": value, "limits": limits})
+    return {
+        "title": f"{what} of {keys.metric}",
+        "knobs": [k.factor.name for k in outcome.study.knobs],
+        "rows": rows,
+        "trials": len(own.trials),
+        "way": plots.way(own, unit, f"{what} of {keys.metric}"),
+        "limits": [limit.text for limit in outcome.study.limits],
+    }

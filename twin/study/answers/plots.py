@@ -1,0 +1,220 @@
+"""Pictures of a study: parallel coordinates, histograms, quantile bands over time, what drives a metric, a tuning's way."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.results import coherent, plotting
+from twin.study.design import SAMPLED
+from twin.study.many.engine import DONE
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from twin.study.answers.sensitivity import Change, Drivers
+    from twin.study.many.table import Cases
+    from twin.study.many.tune import Tuned
+
+    Array = np.ndarray[Any, Any]
+
+LINES = 400  # of parallel coordinates: more are a gray area
+BAD, GOOD = "#b42335", "#0b62a4"
+BANDS = (0.0, 0.05, 0.25, 0.75, 0.95, 1.0)
+
+
+def drawn(size: tuple[float, float], salt: str, paint: Callable[[Any], None], **grid: Any) -> str:
+    """A figure with axes that `paint` fills, as SVG."""
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": salt}):
+        figure = Figure(size, layout="constrained")
+        paint(figure.subplots(squeeze=False, **grid))
+        return plotting.as_svg(figure)
+
+
+def parallel(cases: Cases, metric: str, variant: str) -> str:
+    """Each case a line through its factors to a metric; those that fail, and the worst, in red."""
+    study = cases.study
+    places = cases.where(SAMPLED, variant)
+    every = max(1, -(-len(places) // LINES))
+    holds = cases.holds
+    failing = [i for i in places if cases.rows[i].status != DONE or False in holds[i]]
+    shown = sorted(set(places[::every]) | set(failing[:LINES]))
+    own, axes_of = cases.values, [(one.name, k, 1.0, one.unit) for k, one in enumerate(study.factors)]
+    columns = [own[shown, k] for _, k, _, _ in axes_of]
+    unit = study.scenario.metrics[metric].unit
+    factor, offset = coherent(unit)
+    columns.append((cases.metric(metric)[shown] - offset) / factor)
+    labels = [(name, one) for name, _, _, one in axes_of] + [(metric, unit)]
+    bad = set(failing)
+
+    def paint(grid: Any) -> None:
+        axis = grid[0, 0]
+        spans = [(np.nanmin(c), np.nanmax(c)) if np.isfinite(c).any() else (0.0, 1.0) for c in columns]
+        scaled = np.array([(c - low) / ((high - low) or 1.0) for c, (low, high) in zip(columns, spans, strict=True)])
+        for is_bad in (False, True):
+            lines = [k for k, i in enumerate(shown) if (i in bad) is is_bad]
+            if lines:
+                style = {"color": BAD, "alpha": 0.5} if is_bad else {"color": GOOD, "alpha": 0.12}
+                axis.plot(scaled[:, lines], linewidth=0.8, **style)
+        for k, (low, high) in enumerate(spans):
+            axis.axvline(k, color="#52606d", linewidth=0.8)
+            for y, value in ((-0.03, low), (1.03, high)):
+                axis.text(k, y, f"{value:.3g}", ha="center", va="top" if y < 0 else "bottom", fontsize=7)
+        axis.set_xticks(
+            range(len(labels)),
+            [plotting.axis_label(name, one) for name, one in labels],
+            rotation=25,
+            ha="right",
+            fontsize=8,
+        )
+        axis.set_yticks([])
+        axis.set_ylim(-0.12, 1.12)
+        axis.grid(visible=False)
+
+    return drawn((9.2, 4.2), f"parallel {metric} {variant}", paint)
+
+
+def histograms(cases: Cases, metric: str) -> str:
+    """How a metric is distributed, the variants below each other on one axis."""
+    study = cases.study
+    unit = study.scenario.metrics[metric].unit
+    factor, offset = coherent(unit)
+    values = cases.metric(metric)
+    own = {}
+    for variant in study.variants:
+        found = values[cases.where(SAMPLED, variant)]
+        found = found[np.isfinite(found)]
+        if len(found):
+            own[variant] = (found - offset) / factor
+    if not own:
+        return ""
+    whole = np.concatenate(list(own.values()))
+    low, high = float(whole.min()), float(np.quantile(whole, 0.995))
+    edges = np.linspace(low, high if high > low else low + abs(low) + 1e-12, 61)
+
+    def paint(grid: Any) -> None:
+        for axis, (variant, found) in zip(grid[:, 0], own.items(), strict=True):
+            axis.hist(np.minimum(found, edges[-1]), bins=edges, color=GOOD)
+            for part in study.keys.quantiles:
+                axis.axvline(np.quantile(found, part), color="#1f2933", linewidth=0.8, linestyle=":")
+            axis.set_title(variant, fontsize=9)
+            axis.set_ylabel("cases")
+        grid[-1, 0].set_xlabel(plotting.axis_label(metric, unit))
+
+    return drawn((9.2, 0.6 + 1.35 * len(own)), f"histogram {metric}", paint, nrows=len(own), sharex=True)
+
+
+def bands(folder: Path, cases: Cases, name: str, index: int) -> str:
+    """Median, quarters, 5 to 95 % and ends of a signal over all cases, over time."""
+    from pyarrow import parquet
+
+    study = cases.study
+    table = parquet.read_table(folder / "bands.parquet", columns=["case", name])
+    samples = dict(zip(table["case"].to_pylist(), table[name], strict=True))
+    unit = study.band_units.get(name, "")
+    factor, offset = coherent(unit)
+    begin, every = study.scenario.start_ns * 1e-9, study.keys.keep.every * 1e-9
+    own = {}
+    for variant in study.variants:
+        rows = [
+            samples[cases.requests[i].number]
+            for i in cases.where(SAMPLED, variant)
+            if cases.requests[i].number in samples
+        ]
+        kept = [np.asarray(one.values.to_numpy(zero_copy_only=False)) for one in rows if one.is_valid and len(one)]
+        if kept:
+            shortest = min(map(len, kept))
+            own[variant] = np.stack([one[:shortest] for one in kept])
+    if not own:
+        return ""
+
+    def paint(grid: Any) -> None:
+        for axis, (variant, found) in zip(grid[:, 0], own.items(), strict=True):
+            ends = [np.quantile((found - offset) / factor, part, axis=0) for part in BANDS]
+            time = begin + every * np.arange(found.shape[1])
+            for k, alpha in ((0, 0.12), (1, 0.25), (2, 0.45)):
+                axis.fill_between(time, ends[k], ends[5 - k], color=GOOD, alpha=alpha, linewidth=0)
+            axis.plot(time, np.median((found - offset) / factor, axis=0), color="#1f2933", linewidth=0.8)
+            axis.set_title(variant, fontsize=9)
+            axis.set_ylabel(plotting.axis_label(name, unit))
+        grid[-1, 0].set_xlabel("time [s]")
+
+    return drawn((9.2, 0.6 + 1.6 * len(own)), f"bands {name} {index}", paint, nrows=len(own), sharex=True)
+
+
+def effects(one: Drivers) -> str:
+    """Bars of what drives a metric, with their intervals."""
+    names = [effect.factor for effect in one.effects]
+    kinds = {
+        "sobol": [("first order", "first", "first_half"), ("total", "total", "total_half")],
+        "morris": [("mean absolute effect [SI]", "first", "first_half")],
+        "rank": [("rank correlation", "first", "first_half")],
+    }[one.kind]
+
+    def paint(grid: Any) -> None:
+        axis = grid[0, 0]
+        height = 0.8 / len(kinds)
+        for k, (label, value, half) in enumerate(kinds):
+            found = [getattr(effect, value) for effect in one.effects]
+            errors = np.nan_to_num([getattr(effect, half) for effect in one.effects])
+            places = np.arange(len(names)) + (k - (len(kinds) - 1) / 2) * height
+            axis.barh(places, found, xerr=errors, height=height, label=label, color=(GOOD, "#9a6100")[k],
+                      error_kw={"linewidth": 0.8})  # fmt: skip
+        axis.set_yticks(range(len(names)), names)
+        axis.invert_yaxis()
+        axis.grid(visible=False, axis="y")
+        axis.axvline(0.0, color="#1f2933", linewidth=0.8)
+        if len(kinds) > 1:
+            axis.legend(frameon=False, fontsize=8)
+        else:
+            axis.set_xlabel(kinds[0][0])
+
+    return drawn((9.2, 0.9 + 0.3 * len(names) * len(kinds)), f"effects {one.metric} {one.variant}", paint)
+
+
+def tornado(found: Sequence[Change], unit: str, name: str, told: Sequence[str]) -> str:
+    """By how much a metric changes with one factor at a time, the largest change first; `told`: each change in words."""
+    factor, _ = coherent(unit)
+    order = sorted(range(len(found)), key=lambda i: -abs(found[i].now - found[i].before))
+    sizes = [(found[i].now - found[i].before) / factor for i in order]
+
+    def paint(grid: Any) -> None:
+        axis = grid[0, 0]
+        axis.barh(
+            range(len(order)), np.nan_to_num(sizes), color=[BAD if one < 0 else GOOD for one in sizes], height=0.7
+        )
+        axis.set_yticks(range(len(order)), [told[i] for i in order], fontsize=8)
+        axis.invert_yaxis()
+        axis.grid(visible=False, axis="y")
+        axis.axvline(0.0, color="#1f2933", linewidth=0.8)
+        axis.set_xlabel(plotting.axis_label(f"change of {name}", unit))
+
+    return drawn((9.2, 0.9 + 0.24 * len(order)), f"tornado {name}", paint)
+
+
+def way(tuned: Tuned, unit: str, name: str) -> str:
+    """Objective of each trial of a tuning, and the best until then."""
+    factor, offset = coherent(unit)
+    values = np.array([one.objective if np.isfinite(one.objective) else np.nan for one in tuned.trials])
+    good = np.array([one.is_feasible for one in tuned.trials])
+    places = np.array([one.index for one in tuned.trials])
+
+    def paint(grid: Any) -> None:
+        axis = grid[0, 0]
+        shown = (values - offset) / factor
+        axis.plot(places[good], shown[good], "o", color=GOOD, markersize=4, label="keeps the limits")
+        axis.plot(places[~good], shown[~good], "x", color=BAD, markersize=4, label="breaks one")
+        axis.axhline(shown[0], color="#52606d", linewidth=0.8, linestyle=":", label="as in the scenario")
+        if good.any():
+            top = np.nanquantile(shown, 0.9)
+            axis.set_ylim(None, max(top, shown[0]) * 1.1 if top > 0 else None)
+        axis.set_xlabel("trial")
+        axis.set_ylabel(plotting.axis_label(name, unit))
+        axis.legend(frameon=False, fontsize=8)
+
+    return drawn((9.2, 3.2), f"tuning {name}", paint)

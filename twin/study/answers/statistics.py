@@ -1,0 +1,168 @@
+"""How metrics are distributed over the cases, how often expectations hold, and how sure that is."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy import stats
+
+from twin.dataclass import dataclass
+from twin.study.design import SAMPLED
+from twin.study.many.engine import DONE
+
+if TYPE_CHECKING:
+    from twin.results import Expectation
+    from twin.study.many.table import Cases
+
+    Array = np.ndarray[Any, Any]
+
+
+@dataclass(frozen=True)
+class Quantile:
+    """A quantile with its confidence interval, SI; NaN where there are too few cases for an end."""
+
+    part: float
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Spread:
+    """A metric of a variant over all samples, SI. `least` and `most`: numbers of the cases at its ends."""
+
+    metric: str
+    variant: str
+    count: int
+    without: int
+    mean: float
+    deviation: float
+    quantiles: tuple[Quantile, ...]
+    least: tuple[int, float]
+    most: tuple[int, float]
+
+
+@dataclass(frozen=True)
+class Share:
+    """How often an expectation holds, with Wilson's interval. `failing`: numbers of some cases where it does not."""
+
+    name: str
+    variant: str
+    held: int
+    count: int
+    low: float
+    high: float
+    failing: tuple[int, ...] = ()
+
+    @property
+    def part(self) -> float:
+        """Part of the cases in which it holds."""
+        return self.held / self.count if self.count else float("nan")
+
+
+def quantile(values: Array, part: float, confidence: float) -> Quantile:
+    """A quantile with an interval between two order statistics: whatever the distribution is."""
+    found = np.sort(values)
+    count = len(found)
+    if not count:
+        return Quantile(part, np.nan, np.nan, np.nan)
+    # number of values below the quantile: binomial
+    below = stats.binom(count, part)
+    first, last = int(below.ppf((1 - confidence) / 2)) - 1, int(below.ppf((1 + confidence) / 2))
+    low = found[first] if first >= 0 else np.nan
+    high = found[last] if last < count else np.nan
+    return Quantile(part, float(np.quantile(found, part)), float(low), float(high))
+
+
+def wilson(held: int, count: int, confidence: float) -> tuple[float, float]:
+    """Wilson's interval of a probability, J. Am. Stat. Assoc. 22, 1927: never outside of 0 to 1."""
+    if not count:
+        return 0.0, 1.0
+    z = float(stats.norm.ppf((1 + confidence) / 2))
+    part, more = held / count, z * z / count
+    middle = (part + more / 2) / (1 + more)
+    half = z / (1 + more) * np.sqrt(part * (1 - part) / count + more / (4 * count))
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def spreads(cases: Cases) -> list[Spread]:
+    """Every metric of every variant, over the samples."""
+    study, table = cases.study, cases.metrics
+    numbers = np.array([one.number for one in cases.requests])
+    found = []
+    for metric in study.metrics.values():
+        k = list(study.scenario.metrics).index(metric.name)
+        for variant in study.variants:
+            if metric.variants and variant not in metric.variants:
+                continue
+            own = np.array(cases.where(SAMPLED, variant), int)
+            values = table[own, k]
+            good = np.isfinite(values)
+            if not good.any():
+                continue
+            kept, named = values[good], numbers[own][good]
+            ends = [(int(named[i]), float(kept[i])) for i in (int(np.argmin(kept)), int(np.argmax(kept)))]
+            found.append(
+                Spread(
+                    metric.name, variant, len(kept), len(values) - len(kept), float(kept.mean()),
+                    float(kept.std(ddof=1)) if len(kept) > 1 else float("nan"),
+                    tuple(quantile(kept, part, study.keys.confidence) for part in study.keys.quantiles), *ends,
+                )
+            )  # fmt: skip
+    return found
+
+
+def shares(cases: Cases) -> list[Share]:
+    """How often each expectation holds in each variant; an order of variants sample by sample."""
+    study, holds = cases.study, cases.holds
+    confidence = study.keys.confidence
+    found = []
+    for k, one in enumerate(study.scenario.expectations):
+        name = one.name or f"{one.metric or (one.signal.text if one.signal else '')} {k + 1}"
+        if one.ordered and set(one.ordered) <= set(study.variants):
+            held, failing, count = in_order(cases, one)
+            found.append(Share(name, ", ".join(one.ordered), held, count, *wilson(held, count, confidence), failing))
+            continue
+        for variant in study.variants:
+            judged = [(cases.requests[i].number, holds[i][k]) for i in cases.where(SAMPLED, variant)]
+            judged = [(number, verdict) for number, verdict in judged if verdict is not None]
+            if not judged:
+                continue
+            held = sum(bool(verdict) for _, verdict in judged)
+            failing = tuple(number for number, verdict in judged if not verdict)
+            found.append(Share(name, variant, held, len(judged), *wilson(held, len(judged), confidence), failing))
+    return found
+
+
+def in_order(cases: Cases, one: Expectation) -> tuple[int, tuple[int, ...], int]:
+    """In how many samples an order of variants holds, the first case of those in which it does not, and samples in all."""
+    metric = cases.study.scenario.metrics[one.metric or ""]
+    values = cases.metric(metric.name)
+    together: dict[tuple[int, int], dict[str, tuple[int, float]]] = {}
+    for i in cases.where(SAMPLED):
+        request = cases.requests[i]
+        together.setdefault((request.sample, request.seed), {})[request.variant] = request.number, float(values[i])
+    held, failing, count = 0, [], 0
+    for own in together.values():
+        if not set(one.ordered) <= own.keys():
+            continue
+        count += 1
+        pairs = itertools.pairwise([own[variant][1] for variant in one.ordered])
+        if all(above(one, before, after) for before, after in pairs):
+            held += 1
+        else:
+            failing.append(own[one.ordered[0]][0])
+    return held, tuple(failing), count
+
+
+def above(one: Expectation, before: float, after: float) -> bool:
+    """Whether two neighbors are in the expected order by its margin; a value that is not there is not."""
+    gap = one.gap(before, after)
+    return gap > 0.0 or (gap == 0.0 and bool(one.margin or one.margin_part))
+
+
+def failures(cases: Cases) -> int:
+    """Cases that did not come to their end."""
+    return sum(row.status != DONE for row in cases.rows)

@@ -1,0 +1,50 @@
+"""What varies from case to case: distributions with units, how they are sampled, and what that means for a case's members."""
+
+from typing import TYPE_CHECKING
+
+from twin import late
+from twin.study.design.distribution import Distribution
+from twin.study.design.factor import Assignment, Factor
+from twin.study.design.request import SAMPLED, Request
+
+if TYPE_CHECKING:
+    from twin.study.design.extra import wanted
+    from twin.study.design.keys import KeepKeys, StudyKeys
+    from twin.study.design.loading import load_study
+    from twin.study.design.sampling import design, problem, valued
+    from twin.study.design.study import Knob, Limit, Study
+
+# the processes that run cases need none of these
+__getattr__ = late.names(
+    __name__,
+    {
+        "KeepKeys": "keys",
+        "Knob": "study",
+        "Limit": "study",
+        "Study": "study",
+        "StudyKeys": "keys",
+        "design": "sampling",
+        "load_study": "loading",
+        "problem": "sampling",
+        "valued": "sampling",
+        "wanted": "extra",
+    },
+)
+
+__all__ = [
+    "SAMPLED",
+    "Assignment",
+    "Distribution",
+    "Factor",
+    "KeepKeys",
+    "Knob",
+    "Limit",
+    "Request",
+    "Study",
+    "StudyKeys",
+    "design",
+    "load_study",
+    "problem",
+    "valued",
+    "wanted",
+]

@@ -1,0 +1,132 @@
+"""What varies from case to case, and what that means for the members of a case."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.coupling import find
+from twin.dataclass import dataclass
+from twin.errors import CouplingError
+from twin.results import coherent, shown
+from twin.scenario import resolve
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from twin.coupling import Catalog
+    from twin.scenario import Case
+    from twin.study.design.distribution import Distribution
+
+    Array = np.ndarray[Any, Any]
+
+
+@dataclass(frozen=True)
+class Factor:
+    """Something that varies: it sets variables, or multiplies what the scenario has. In the variables' `unit`."""
+
+    name: str
+    sets: tuple[str, ...]
+    scales: tuple[str, ...]
+    distribution: Distribution
+    unit: str = ""
+    display_unit: str = ""
+    source: str = ""
+    where: str = ""
+
+    def shown(self, value: float) -> str:
+        """A value for people."""
+        if not np.isfinite(value):
+            return "as in the scenario"
+        factor, offset = coherent(self.unit)
+        return shown(value * factor + offset, self.display_unit or self.unit)
+
+
+@dataclass(frozen=True)
+class Target:
+    """One variable of a member that factors change: elements from `first` on, `size` of them."""
+
+    member: str
+    variable: str
+    first: int
+    size: int
+
+
+class Assignment:
+    """From values of factors to values of a case's parameters, always whole variables."""
+
+    def __init__(self, case: Case, catalog: Catalog, factors: Sequence[Factor]) -> None:
+        self.catalog, self.factors = catalog, factors
+        self._targets: dict[str, Target] = {}
+        for path in (path for factor in factors for path in (*factor.sets, *factor.scales)):
+            member = path.partition(".")[0]
+            if member in case.members:
+                found = find(path, catalog)
+                self._targets[path] = Target(member, found.variable.name, found.first, found.size)
+        own = {target.member for target in self._targets.values()}
+        given = {name: case.values(name, catalog[name]) for name in own}
+        self._nominal: dict[tuple[str, str], Array] = {}
+        for target in self._targets.values():
+            variable = catalog[target.member][target.variable]
+            start = given[target.member].get(target.variable, variable.start)
+            self._nominal[target.member, target.variable] = np.array(
+                np.broadcast_to(0.0 if start is None else start, variable.shape), np.float64
+            )
+
+    def values(self, values: Sequence[float]) -> dict[tuple[str, str], Any]:
+        """(member, variable) -> value in its type and shape, for factors' values; NaN: as the scenario has it.
+
+        CouplingError if one leaves the declared bounds.
+        """
+        wanted: dict[tuple[str, str], Array] = {}
+        for is_scale in (False, True):
+            for factor, value in zip(self.factors, values, strict=True):
+                for path in factor.scales if is_scale else factor.sets:
+                    if path not in self._targets or not np.isfinite(value):
+                        continue
+                    target = self._targets[path]
+                    key = target.member, target.variable
+                    array = wanted.setdefault(key, self._nominal[key].copy())
+                    part = array.reshape(-1)[target.first : target.first + target.size]
+                    part[:] = part * value if is_scale else value
+        return {key: self._typed(key, array) for key, array in wanted.items()}
+
+    def _typed(self, key: tuple[str, str], array: Array) -> Any:
+        variable = self.catalog[key[0]][key[1]]
+        if variable.dtype.kind in "iu":
+            array = np.rint(array)
+        elif variable.type == "Boolean":
+            return (array != 0).astype(np.bool_)[()]
+        return resolve(array.tolist(), variable, f"{key[0]}.{key[1]}")
+
+    def nominal(self, factor: Factor) -> float:
+        """What the scenario has for the first variable that a factor sets; NaN if it is not there."""
+        target = self._targets.get(factor.sets[0])
+        if target is None:
+            return float("nan")
+        return float(self._nominal[target.member, target.variable].reshape(-1)[target.first])
+
+    def options(self, values: Sequence[float]) -> list[str]:
+        """The same as `--set` options, element by element; read again they are the same bits."""
+        found = []
+        for (member, name), value in self.values(values).items():
+            for place in np.ndindex(np.shape(value)):
+                index = f"[{','.join(str(i + 1) for i in place)}]" if place else ""
+                item = np.asarray(value)[place].item()
+                found.append(f"{member}.{name}{index}={str(item).lower() if isinstance(item, bool) else repr(item)}")
+        return found
+
+
+def unit_of(paths: Sequence[str], catalog: Mapping[str, Any]) -> tuple[str, str]:
+    """Unit and display unit that some variables have in common. CouplingError if there is no such variable, or no such unit."""
+    variables = [find(path, catalog).variable for path in paths]
+    for path, variable in zip(paths, variables, strict=True):
+        if variable.dtype.kind == "O":
+            raise CouplingError(f"{path} is {variable.type}. Only numbers and Booleans can vary.")
+        if variable.causality not in ("parameter", "structuralParameter", "input"):
+            raise CouplingError(f"{path} is no parameter ({variable.causality}). Vary what it is computed from.")
+    if len({variable.unit for variable in variables}) > 1:
+        units = ", ".join(f"{path} in {v.unit or '1'}" for path, v in zip(paths, variables, strict=True))
+        raise CouplingError(f"{units}: one factor cannot set all of them. Make a factor for each unit.")
+    return variables[0].unit, variables[0].display_unit

@@ -1,0 +1,388 @@
+"""From a study file to a study; every mistake is told at once, with its line."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.errors import CouplingError, ScenarioError
+from twin.results import expression
+from twin.run import prepare
+from twin.scenario import dotted, load_scenario, nearest, number, read, short, validate
+from twin.study.design.distribution import Distribution
+from twin.study.design.factor import Factor, unit_of
+from twin.study.design.keys import FactorKeys, StudyKeys
+from twin.study.design.sampling import INDEPENDENT, LISTED, design
+from twin.study.design.study import Knob, Limit, Study
+from twin.study.result import read_estimate
+
+if TYPE_CHECKING:
+    from twin.coupling import Catalog
+    from twin.errors import TwinError
+    from twin.scenario import Scenario
+
+DISTRIBUTIONS = ("uniform", "log_uniform", "normal", "log_normal", "values", "grid")
+EXAMPLE = "uniform: [50 /min, 100 /min]"
+LARGEST = 1_000_000  # samples
+DIGITS = re.compile(r"^\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?")
+
+
+def load_study(path: str | Path) -> Study:
+    """Read and check a study file; ScenarioError lists all problems."""
+    return Loader(Path(path)).study()
+
+
+class Loader:
+    """The keys of a study file with where they stand; `problems` grow on the way."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.problems: list[str] = []
+        keys, self.root, found = validate(read(path, str(path), self.problems), StudyKeysOrNone)
+        self.problems += found
+        if not getattr(keys, "scenario", ""):
+            self.tell("is missing. Add it, such as `scenario: ../heart_wall_force.yaml`.", "scenario")
+            self.stop()
+        self.keys: StudyKeys = StudyKeys.model_validate(self.root.plain())
+
+    def tell(self, error: TwinError | str, *path: str | int) -> None:
+        """Keep a problem of a key."""
+        texts = getattr(error, "problems", [str(error)])
+        self.problems += [f"{self.root.find(path).place}: {dotted(path)}: {text}" for text in texts]
+
+    def stop(self) -> None:
+        """ScenarioError if there are problems."""
+        if self.problems:
+            raise ScenarioError(list(dict.fromkeys(self.problems)))
+
+    def study(self) -> Study:
+        """The study."""
+        keys = self.keys
+        self.scenario = self._scenario()
+        self.variants = self._variants()
+        self.catalog = self._catalog(self.catalogs)
+        factors = [self._factor(name, one) for name, one in keys.vary.items()]
+        factors += self._estimates()
+        self._refuse_twice([one for one in factors if one])
+        self.stop()
+        found = [one for one in factors if one]
+        correlation = self._correlation(found)
+        self._refuse_method(found, correlation)
+        bands = {name: self._expression(one.signal, "keep", "bands", name) for name, one in keys.keep.bands.items()}
+        knobs, limits = self._knobs(), self._limits()
+        self._refuse_metrics()
+        self.stop()
+        samples = keys.samples
+        return Study(
+            self.path, keys, self.scenario, self.catalogs, self.variants, tuple(found), correlation,
+            design(samples.method, samples.count, samples.seed, found, correlation),
+            {name: one for name, one in bands.items() if one}, {k: one.unit for k, one in keys.keep.bands.items()},
+            tuple(knobs), tuple(limits),
+        )  # fmt: skip
+
+    def _scenario(self) -> Scenario:
+        """The scenario with the values that the study sets in all cases."""
+        options = [
+            f"{path}={value!r}" if not isinstance(value, str) else f"{path}={value}"
+            for path, value in self.keys.set.items()
+        ]
+        place = self.path.parent / self.keys.scenario
+        try:
+            found = load_scenario(place, options)
+            self.catalogs = prepare(found)
+        except ScenarioError as error:
+            raise ScenarioError([*self.problems, *error.problems]) from None
+        return found
+
+    def _variants(self) -> tuple[str, ...]:
+        """The variants of the scenario that are run."""
+        known = [case.variant for case in self.scenario.variants]
+        for i, name in enumerate(self.keys.variants):
+            if name not in known:
+                self.tell(f"there is no variant `{name}`.{nearest(name, known)}", "variants", i)
+        return tuple(name for name in self.keys.variants if name in known) or tuple(known)
+
+    def _catalog(self, catalogs: dict[str, Catalog]) -> Catalog:
+        """The variables of all variants' members; where they differ, the first variant's."""
+        found: dict[str, Any] = {}
+        for name in self.variants:
+            for member, variables in catalogs.get(name, {}).items():
+                found[member] = {**variables, **found.get(member, {})}
+        return found
+
+    def _factor(self, name: str, keys: FactorKeys) -> Factor | None:
+        """What varies, with its distribution in the unit of its variables."""
+        before = len(self.problems)
+        sets = tuple(keys.sets or ([] if keys.scales else [name]))
+        symbol = display = ""
+        for key, paths in (("sets", sets), ("scales", tuple(keys.scales))):
+            if not paths:
+                continue
+            try:
+                unit, shown_in = unit_of(paths, self.catalog) if key == "sets" else ("", "")
+                if key == "scales":
+                    for path in paths:
+                        unit_of([path], self.catalog)
+                else:
+                    symbol, display = unit, shown_in
+            except CouplingError as error:
+                self.tell(error, "vary", name)
+        if sets and keys.scales:
+            self.tell("both `sets` and `scales` are given. Make two factors of them.", "vary", name)
+        if not keys.source:
+            self.tell("`source` is missing: where its distribution comes from, or `assumed: why`.", "vary", name)
+        distribution = self._distribution(name, keys, symbol) if len(self.problems) == before else None
+        where = str(self.root.find(("vary", name)).place)
+        if distribution is None:
+            return None
+        return Factor(name, sets, tuple(keys.scales), distribution, symbol, display, keys.source, where)
+
+    def _distribution(self, name: str, keys: FactorKeys, symbol: str) -> Distribution | None:
+        """How a factor is distributed."""
+        given = [one for one in DISTRIBUTIONS if getattr(keys, one) is not None]
+        if len(given) != 1:
+            what = (
+                f"{given[0]} and {given[1]} are given. Keep one" if given else f"has no distribution. Write `{EXAMPLE}`"
+            )
+            self.tell(f"{what}.", "vary", name)
+            return None
+        kind = given[0]
+        raw = getattr(keys, kind)
+        spread = kind == "log_normal"  # its second number is a ratio
+        before = len(self.problems)
+        numbers = [
+            self._number(one, "" if (spread or kind == "grid") and i == len(raw) - 1 else symbol, "vary", name, kind, i)
+            for i, one in enumerate(raw)
+        ]
+        low, high = (
+            default if one is None else self._number(one, symbol, "vary", name, key)
+            for key, one, default in (("from", keys.low, -np.inf), ("to", keys.high, np.inf))
+        )
+        if len(self.problems) > before:
+            return None
+        if kind == "grid":
+            numbers, kind = list(np.linspace(numbers[0], numbers[1], max(1, round(numbers[2])))), "values"
+        if wrong := wrong_numbers(kind, numbers, low, high):
+            self.tell(wrong, "vary", name)
+            return None
+        return Distribution(kind, tuple(float(one) for one in numbers), low, high)
+
+    def _number(self, raw: Any, symbol: str, *path: str | int) -> float:
+        """A number in a unit; what is wrong with it is told."""
+        if isinstance(raw, bool):
+            return float(raw)
+        try:
+            if path[2:] == ("normal", 1) and isinstance(raw, str):  # a difference: 2 degC are 2 K
+                return number(raw, symbol, "") - number(DIGITS.sub("0", raw), symbol, "")
+            return number(raw, symbol, "")
+        except CouplingError as error:
+            self.tell(str(error).removeprefix(": "), *path)
+            return 0.0
+
+    def _estimates(self) -> list[Factor | None]:
+        """What `twin identify` found: normal with its covariance, between the bounds of its search."""
+        found: list[Factor | None] = []
+        self._known: list[tuple[list[str], Any]] = []
+        for i, one in enumerate(self.keys.estimates):
+            try:
+                estimate = read_estimate(self.path.parent / one.file)
+            except ScenarioError as error:
+                self.tell(error, "estimates", i)
+                continue
+            names = []
+            for k, unknown in enumerate(estimate.names):
+                path = one.names.get(unknown, unknown)
+                if path.partition(".")[0] not in self.catalog:
+                    continue  # a delay of a measurement, or a member that is not here
+                try:
+                    unit, display = unit_of([path], self.catalog)
+                except CouplingError as error:
+                    self.tell(error, "estimates", i)
+                    continue
+                deviation = float(np.sqrt(estimate.covariance[k, k]))
+                spread = Distribution("normal", (float(estimate.values[k]), deviation), *map(float, estimate.bounds[k]))
+                names.append((k, path))
+                found.append(Factor(path, (path,), (), spread, unit, display, f"twin identify: {one.file}", ""))
+            places = [k for k, _ in names]
+            matrix = estimate.covariance[np.ix_(places, places)]
+            deviations = np.sqrt(np.diag(matrix))
+            self._known.append(([path for _, path in names], matrix / np.outer(deviations, deviations)))
+            if not names:
+                self.tell(f"nothing of {one.file} is in this scenario. Say by `names` what is what.", "estimates", i)
+        return found
+
+    def _correlation(self, factors: list[Factor]) -> Any:
+        """Correlation of the factors' normal scores; None if all are independent."""
+        names = [one.name for one in factors]
+        matrix = np.eye(len(names))
+        for own, known in self._known:
+            places = [names.index(one) for one in own]
+            matrix[np.ix_(places, places)] = known
+        for i, one in enumerate(self.keys.correlated):
+            if unknown := [name for name in one.factors if name not in names]:
+                self.tell(f"nothing called `{unknown[0]}` varies.{nearest(unknown[0], names)}", "correlated", i)
+                continue
+            a, b = (names.index(name) for name in one.factors)
+            matrix[a, b] = matrix[b, a] = one.coefficient
+        if np.array_equal(matrix, np.eye(len(names))):
+            return None
+        if names and np.linalg.eigvalsh(matrix).min() <= 1e-12:
+            self.tell(
+                "no factors can be correlated like this: three of them contradict each other. Lower one.", "correlated"
+            )
+        return matrix
+
+    def _refuse_method(self, factors: list[Factor], correlation: Any) -> None:
+        """What a way of sampling cannot do."""
+        method = self.keys.samples.method
+        if method in LISTED and (plain := [one for one in factors if not one.distribution.levels]):
+            self.tell(
+                f"{method} needs `values` or `grid`, and {plain[0].name} has neither. Give them.", "samples", "method"
+            )
+        if method in INDEPENDENT and correlation is not None:
+            self.tell(
+                f"{method} needs independent factors. Leave the correlations out, or sample otherwise.", "samples"
+            )
+        if method in (*LISTED, *INDEPENDENT) and not factors:
+            self.tell(f"{method} has nothing to vary. Add `vary`.", "samples", "method")
+        if method == "grid" and not self.problems:
+            count = int(np.prod([len(one.distribution.levels) for one in factors]))
+            if count > LARGEST:
+                self.tell(f"the grid has {count:,} samples. Keep below {LARGEST:,}.", "samples")
+
+    def _refuse_twice(self, factors: list[Factor]) -> None:
+        """Two factors that set the same variable."""
+        seen: dict[str, str] = {}
+        for one in factors:
+            for path in one.sets:
+                if path in seen:
+                    self.tell(f"{path} is set by `{seen[path]}` too. Keep one of them.", "vary", one.name)
+                seen[path] = one.name
+
+    def _expression(self, text: str, *path: str | int) -> Any:
+        """An expression over signals."""
+        try:
+            found = expression.parse(text)
+        except ScenarioError as error:
+            self.tell(error, *path)
+            return None
+        for one in found.signals:
+            if one.name.partition(".")[0] not in self.catalog:
+                self.tell(f"there is no member `{one.name.partition('.')[0]}`.{nearest(one.name, self.catalog)}", *path)
+        return found
+
+    def _refuse_metrics(self) -> None:
+        """Metrics, expectations and variants that searches name and the scenario lacks."""
+        keys, metrics = self.keys, list(self.scenario.metrics)
+        for i, name in enumerate(keys.metrics):
+            if name not in metrics:
+                self.tell(f"there is no metric `{name}`.{nearest(name, metrics)}", "metrics", i)
+        named = [(one.metric, key) for key, one in (("worst", keys.worst), ("tune", keys.tune)) if one]
+        for name, key in named:
+            if name not in metrics:
+                self.tell(f"there is no metric `{name}`.{nearest(name, metrics)}", key, "metric")
+        for key, one in (("worst", keys.worst), ("tune", keys.tune)):
+            if one and one.variant and one.variant not in self.variants:
+                self.tell(f"there is no variant `{one.variant}`.{nearest(one.variant, self.variants)}", key, "variant")
+        if keys.worst and any(one.levels for one in (f.distribution for f in self._sampled())):
+            self.tell("a factor with `values` cannot be searched. Give it a distribution.", "worst")
+
+    def _sampled(self) -> list[Factor]:
+        """Factors of the file, without telling their problems again."""
+        before = list(self.problems)
+        found = [one for name, keys in self.keys.vary.items() if (one := self._factor(name, keys))]
+        self.problems = before
+        return found
+
+    def _knobs(self) -> list[Knob]:
+        """What is tuned."""
+        found = []
+        for name, one in (self.keys.tune.knobs if self.keys.tune else {}).items():
+            path = ("tune", "knobs", name)
+            sets = tuple(one.sets or [name])
+            try:
+                unit, display = unit_of(sets, self.catalog)
+            except CouplingError as error:
+                self.tell(error, *path)
+                continue
+            low, high = self._number(one.low, unit, *path, "from"), self._number(one.high, unit, *path, "to")
+            if not low < high:
+                self.tell(f"from {short(one.low)} is not below to {short(one.high)}. Swap them.", *path)
+                continue
+            if one.scale == "log" and low <= 0:
+                self.tell(f"from {short(one.low)} is not above zero, as scale: log needs it. Raise it.", *path)
+                continue
+            span = Distribution("log_uniform" if one.scale == "log" else "uniform", (low, high))
+            found.append(Knob(Factor(name, sets, (), span, unit, display, "tuned"), low, high, one.scale == "log"))
+        return found
+
+    def _limits(self) -> list[Limit]:
+        """What a tuning keeps."""
+        found = []
+        for i, one in enumerate(self.keys.tune.limits if self.keys.tune else []):
+            path = ("tune", "limits", i)
+            expectations = [e.name for e in self.scenario.expectations]
+            if bool(one.metric) == bool(one.expectation):
+                self.tell("name a `metric` or an `expectation`, one of them.", *path)
+            elif one.expectation and one.expectation not in expectations:
+                self.tell(
+                    f"there is no expectation `{one.expectation}`.{nearest(one.expectation, expectations)}", *path
+                )
+            elif one.metric and one.metric not in self.scenario.metrics:
+                self.tell(f"there is no metric `{one.metric}`.{nearest(one.metric, self.scenario.metrics)}", *path)
+            elif one.at_most is None and one.at_least is None:
+                self.tell("has no limit. Add at_most or at_least.", *path)
+            else:
+                symbol = self.scenario.metrics[one.metric].unit if one.metric else ""
+                ends = [None if raw is None else si(self._share(raw), symbol) for raw in (one.at_most, one.at_least)]
+                what = one.expectation or f"{one.of} of {one.metric}"
+                text = f"{what} {'at most' if one.at_most is not None else 'at least'} {one.at_most if one.at_most is not None else one.at_least}"
+                found.append(Limit(one.metric, one.expectation, one.of, one.quantile, ends[0], ends[1], text))
+        return found
+
+    @staticmethod
+    def _share(raw: Any) -> Any:
+        """`95 %` as a number."""
+        return (
+            float(raw.rstrip().removesuffix("%")) / 100 if isinstance(raw, str) and raw.rstrip().endswith("%") else raw
+        )
+
+
+def si(raw: Any, symbol: str) -> float:
+    """A limit in SI; a bare number is in SI already."""
+    from twin.results import coherent
+
+    if not isinstance(raw, str):
+        return float(raw)
+    factor, offset = coherent(symbol)
+    return number(raw, symbol, "limit") * factor + offset
+
+
+def wrong_numbers(kind: str, numbers: list[float], low: float, high: float) -> str:
+    """What is wrong with the numbers of a distribution."""
+    if kind == "values":
+        return "" if numbers else "has no values. Give some."
+    first, second = numbers
+    if kind in ("uniform", "log_uniform") and not first < second:
+        return f"{kind} from {first:g} to {second:g} is empty. Swap them."
+    if kind == "log_uniform" and first <= 0:
+        return f"{kind} begins at {first:g}, which has no logarithm. Begin above zero."
+    if kind == "normal" and second <= 0:
+        return f"standard deviation {second:g} is not above zero. Correct it."
+    if kind == "log_normal" and (first <= 0 or second <= 1):
+        return (
+            f"log_normal needs a median above 0 and a geometric standard deviation above 1, not {first:g}, {second:g}."
+        )
+    if not low < high:
+        return f"from {low:g} is not below to {high:g}. Swap them."
+    start, end = Distribution(kind, (first, second), low, high).span
+    return "" if end - start > 1e-9 else "nothing of the distribution is between `from` and `to`. Widen them."
+
+
+class StudyKeysOrNone(StudyKeys):
+    """The same where the scenario is not named, which is told with all else."""
+
+    scenario: Any = ""

@@ -1,0 +1,128 @@
+"""A checked study: what runs in which case, as plain data."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import field
+from typing import TYPE_CHECKING, Any
+
+from twin.dataclass import dataclass
+from twin.scenario import member_seed
+from twin.study.design.request import SAMPLED, Request
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    import numpy as np
+
+    from twin.coupling import Catalog
+    from twin.results import Expression, Metric
+    from twin.scenario import Scenario
+    from twin.study.design.factor import Factor
+    from twin.study.design.keys import StudyKeys
+    from twin.study.design.sampling import Design
+
+    Array = np.ndarray[Any, Any]
+
+
+@dataclass(frozen=True)
+class Knob:
+    """What is tuned, between `low` and `high` in its variable's unit."""
+
+    factor: Factor
+    low: float
+    high: float
+    is_log: bool = False
+
+
+@dataclass(frozen=True)
+class Limit:
+    """What a tuning has to keep, in SI: `statistic` of a metric, or the share of cases in which an expectation holds."""
+
+    metric: str
+    expectation: str
+    statistic: str
+    quantile: float
+    at_most: float | None
+    at_least: float | None
+    text: str
+
+
+@dataclass(frozen=True)
+class Study:
+    """A study file, checked against its scenario."""
+
+    path: Path
+    keys: StudyKeys
+    scenario: Scenario
+    catalogs: dict[str, Catalog]
+    variants: tuple[str, ...]
+    factors: tuple[Factor, ...]
+    correlation: Array | None
+    design: Design
+    bands: dict[str, Expression] = field(default_factory=dict)
+    band_units: dict[str, str] = field(default_factory=dict)
+    knobs: tuple[Knob, ...] = ()
+    limits: tuple[Limit, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name of the file."""
+        return self.path.stem
+
+    @property
+    def title(self) -> str:
+        """Title."""
+        return self.keys.title or f"Study of {self.scenario.title}"
+
+    @property
+    def metrics(self) -> dict[str, Metric]:
+        """Metrics of the scenario that are told of: those that are named, else all that any variant has."""
+        chosen = set(self.variants)
+        if self.keys.metrics:
+            return {name: self.scenario.metrics[name] for name in self.keys.metrics}
+        return {k: one for k, one in self.scenario.metrics.items() if not one.variants or chosen & set(one.variants)}
+
+    @property
+    def all_factors(self) -> tuple[Factor, ...]:
+        """What varies, and the knobs of the tuning."""
+        return (*self.factors, *(one.factor for one in self.knobs))
+
+    def seeds(self, sample: int) -> list[int]:
+        """Seeds of a sample, counted from 1: its own, or those that all samples have."""
+        wanted = self.keys.samples.seeds
+        if wanted == "own":
+            return [member_seed(self.keys.samples.seed, f"{self.name}, sample {sample}")]
+        return list(wanted)
+
+    @property
+    def per_sample(self) -> int:
+        """Cases of each sample."""
+        return len(self.variants) * len(self.seeds(1))
+
+    @property
+    def count(self) -> int:
+        """Cases of all samples."""
+        return len(self.design.values) * self.per_sample
+
+    def requests(self) -> Iterator[Request]:
+        """The cases of all samples, in order."""
+        number = 0
+        for sample, row in enumerate(self.design.values, 1):
+            for variant in self.variants:
+                for seed in self.seeds(sample):
+                    number += 1
+                    values = tuple(float(one) for one in row)
+                    yield Request(number, SAMPLED, sample, variant, seed, values, (float("nan"),) * len(self.knobs))
+
+    def told(self) -> dict[str, Any]:
+        """What decides what comes out, by what it is: hashes that notice a change."""
+        texts = {
+            "study file": json.dumps(
+                self.keys.model_dump(mode="json", exclude={"title", "description"}), sort_keys=True
+            ),
+            "scenario": self.scenario.frozen(),
+        }
+        return {name: hashlib.sha256(text.encode()).hexdigest() for name, text in texts.items()}

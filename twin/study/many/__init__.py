@@ -1,0 +1,40 @@
+"""Many cases: an engine that steps them in one process, processes and clusters that have it, and what is kept of them."""
+
+from typing import TYPE_CHECKING
+
+from twin import late
+from twin.study.many.engine import DONE, FAILED, Engine, Job, Row
+
+if TYPE_CHECKING:
+    from twin.study.many.repeat import Single, place_of, repeat, single
+    from twin.study.many.work import Outcome, Progress, latest, run_study
+
+__getattr__ = late.names(
+    __name__,
+    {
+        "Outcome": "work",
+        "Progress": "work",
+        "Single": "repeat",
+        "latest": "work",
+        "place_of": "repeat",
+        "repeat": "repeat",
+        "run_study": "work",
+        "single": "repeat",
+    },
+)
+
+__all__ = [
+    "DONE",
+    "FAILED",
+    "Engine",
+    "Job",
+    "Outcome",
+    "Progress",
+    "Row",
+    "Single",
+    "latest",
+    "place_of",
+    "repeat",
+    "run_study",
+    "single",
+]

@@ -1,0 +1,75 @@
+"""What a study was made from and by whom: hashes that notice a change, versions, the command."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from twin import compiler, installed
+from twin.component import catalog
+from twin.errors import ScenarioError
+from twin.results import recording, write_text
+from twin.scenario import members
+
+if TYPE_CHECKING:
+    from twin.study.design import Study
+
+NAME = "manifest.json"
+PACKAGES = ("scipy", "SALib", "optuna", "distributed")
+
+
+def inputs(study: Study) -> dict[str, str]:
+    """Name -> hash of everything that decides what comes out: the files, and what each component computes."""
+    found = study.told()
+    for case in study.scenario.variants:
+        for name, spec in case.members.items():
+            made = spec.built or members.component_of(spec)
+            path = getattr(made, "path", made)
+            if isinstance(path, str) and path.endswith(".fmu"):
+                found[name] = hashlib.sha256(Path(path).read_bytes()).hexdigest()
+                continue
+            cls = catalog.component(made) if isinstance(made, str) else made
+            found[f"{name} ({compiler.model_name(cls)})"] = compiler.source_hash(cls, compiler.model_name(cls))  # type: ignore[arg-type]
+    return found
+
+
+def write(folder: Path, **told: Any) -> None:
+    """Write the manifest."""
+    write_text(folder / NAME, json.dumps(told, indent=2, allow_nan=False) + "\n")
+
+
+def read(folder: Path) -> dict[str, Any]:
+    """The manifest of a study. ScenarioError if there is none."""
+    try:
+        found: dict[str, Any] = json.loads((folder / NAME).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ScenarioError(
+            f"{folder}: has no {NAME}. Name the folder of a study, such as runs/thousand_patients/..."
+        ) from None
+    except ValueError:
+        raise ScenarioError(f"{folder / NAME}: is damaged. Run the study again.") from None
+    return found
+
+
+def versions() -> dict[str, str]:
+    """Versions of all that has a part in the results."""
+    found = dict(recording.versions())
+    for name in PACKAGES:
+        if version := installed.version(name):
+            found[name] = version
+    return found
+
+
+def refuse_changed(folder: Path, now: dict[str, str]) -> dict[str, Any]:
+    """The manifest of a study that is to go on. ScenarioError if what it is made from has changed since."""
+    known = read(folder)
+    before = known["inputs"]
+    if changed := [name for name in {**before, **now} if before.get(name) != now.get(name)]:
+        what = ", ".join(changed[:3]) + (f" and {len(changed) - 3} others" if len(changed) > 3 else "")
+        raise ScenarioError(
+            f"{folder}: cannot go on, since it was made from something else: {what} changed. "
+            f"Change that back, or run the study anew without --resume."
+        )
+    return known

@@ -1,0 +1,297 @@
+"""A study from its file to its folder: samples, then what is searched, then what is told of them."""
+
+from __future__ import annotations
+
+import shutil
+import time
+from contextlib import ExitStack
+from dataclasses import field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from twin.dataclass import dataclass
+from twin.errors import ScenarioError, TwinError
+from twin.results import recording, write_text
+from twin.run import silent
+from twin.scenario import Form, members
+from twin.study.design import SAMPLED, Request, Study, load_study, wanted
+from twin.study.many import manifest, table
+from twin.study.many.engine import DONE, Job
+from twin.study.many.journal import NAME as JOURNAL
+from twin.study.many.journal import Journal
+from twin.study.many.pool import Pool, cores, memory_of_each
+from twin.study.many.search import Found, search_worst
+from twin.study.many.tune import Tuned, tune
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from twin.study.many.engine import Row
+    from twin.study.many.pool import Runner
+
+COPY = "study.yaml"
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a study is: cases done and in all, those that failed, cases per second, seconds left."""
+
+    part: str
+    done: int
+    count: int
+    failed: int
+    rate: float
+    left: float
+
+
+class Listener(Protocol):
+    """Hears how far it is."""
+
+    def __call__(self, progress: Progress, /) -> object:
+        """Take note."""
+
+
+def unheard(_progress: Progress) -> None:
+    """Nobody listens."""
+
+
+@dataclass
+class Outcome:
+    """What a study gave."""
+
+    study: Study
+    folder: Path
+    cases: table.Cases
+    status: str
+    seconds: float
+    worst: Found | None = None
+    tuned: Tuned | None = None
+    runs: dict[int, str] = field(default_factory=dict)  # number of a case -> its folder, as from the study's
+    before: int = 0  # cases that were done when it went on
+
+
+class Teller:
+    """Counts rows and tells how far it is."""
+
+    def __init__(self, journal: Journal, count: int, listen: Listener) -> None:
+        self.journal, self.count, self.listen = journal, count, listen
+        self.part = SAMPLED
+        self.failed = sum(row.status != DONE for row in journal.rows.values())
+        self._begin = time.perf_counter()
+        self._new = 0
+
+    def take(self, row: Row) -> None:
+        """One more row."""
+        self._new += 1
+        self.failed += row.status != DONE
+        done = len(self.journal.rows)
+        rate = self._new / max(time.perf_counter() - self._begin, 1e-9)
+        self.listen(Progress(self.part, done, self.count, self.failed, rate, max(self.count - done, 0) / rate))
+
+
+class Cases:
+    """Runs what the journal does not have yet."""
+
+    def __init__(self, runner: Runner, journal: Journal, teller: Teller) -> None:
+        self.runner, self.journal, self.teller = runner, journal, teller
+        self.requests: list[Request] = []
+
+    def run(self, requests: Iterable[Request], part: str) -> list[Row]:
+        """Rows of requests, in their order."""
+        wanted = list(requests)
+        self.requests += wanted
+        self.teller.part = part
+        for row in self.runner.run(one for one in wanted if one.number not in self.journal.rows):
+            self.journal.add(row)
+            self.teller.take(row)
+        return [self.journal.rows[one.number] for one in wanted]
+
+    def known(self, request: Request) -> Row:
+        """The row of a request that was run."""
+        return self.journal.rows[request.number]
+
+
+def run_study(
+    study: Study | str | Path,
+    *,
+    root: Path = Path("runs"),
+    build: Path = Path("build"),
+    workers: int = 0,
+    scheduler: str = "",
+    timeout: float = 0.0,
+    memory: int = 0,
+    resume: Path | None = None,
+    listen: Listener = unheard,
+    command: str = "twin.study.run_study",
+    report: bool = True,
+) -> Outcome:
+    """Run a study. After Ctrl-C what is done is kept; `resume`: the folder of one that goes on.
+
+    `workers`: processes on this machine, by default one per core; `scheduler`: address of a dask scheduler instead.
+    `memory`: of each process [byte], by default an equal part of the machine's; `timeout`: of a case [s].
+    """
+    study = load_study(study) if isinstance(study, str | Path) else study
+    begun = time.perf_counter()
+    workers = workers or cores()
+    folder, told = placed(study, root, resume, command)
+    job = prepared(study, folder / told["frozen"], build)
+    with ExitStack() as stack:
+        journal = stack.enter_context(Journal(folder))
+        before = len(journal.rows)
+        runner = started(job, study.variants, scheduler, workers, memory or memory_of_each(workers), timeout)
+        stack.callback(runner.close)
+        cases = Cases(runner, journal, Teller(journal, expected(study), listen))
+        outcome = Outcome(study, folder, table.together(study, [], journal), "completed", 0.0, before=before)
+        try:
+            every_part(outcome, cases)
+        except KeyboardInterrupt:
+            outcome.status = "interrupted"
+        runner.close()
+        outcome.cases = table.together(study, outcome_requests(study, cases), journal)
+        write_tables(outcome, journal)
+        outcome.seconds = time.perf_counter() - begun
+        manifest.write(folder, **{**told, **ended(outcome, workers, scheduler)})
+    if outcome.status == "completed":
+        (folder / JOURNAL).unlink()
+    if report:
+        if outcome.status == "completed":
+            keep_runs(outcome, build)
+        from twin.study.answers import write_report
+
+        write_report(outcome)
+    return outcome
+
+
+def placed(study: Study, root: Path, resume: Path | None, command: str) -> tuple[Path, dict[str, Any]]:
+    """The study's folder with its files and its manifest, which is given too."""
+    told = about(study, command)
+    if resume is not None:
+        folder = resume
+        told["started"] = manifest.refuse_changed(folder, told["inputs"])["started"]
+    else:
+        folder = recording.folder(root, study.name)
+        shutil.copyfile(study.path, folder / COPY)
+    write_text(folder / told["frozen"], study.scenario.frozen())
+    manifest.write(folder, **{**told, "status": "running"})
+    return folder, told
+
+
+def prepared(study: Study, frozen: Path, build: Path) -> Job:
+    """What a process has to know; what the members are made of is built."""
+    used = [
+        one
+        for case in chosen(study)
+        for spec in case.members.values()
+        if (one := spec.built or members.component_of(spec))
+    ]
+    members.prebuild(used, Form.compiled, build, silent)
+    bands = tuple((name, one.text) for name, one in study.bands.items())
+    options, every = study.scenario.overrides, study.keys.keep.every
+    return Job(frozen.resolve(), options, study.all_factors, bands, every, build.resolve())
+
+
+def every_part(outcome: Outcome, cases: Cases) -> None:
+    """The samples, then the worst case, then the tuning."""
+    study = outcome.study
+    cases.run(study.requests(), SAMPLED)
+    number = study.count
+    if study.keys.worst is not None:
+        outcome.worst = search_worst(study, cases, number)
+        number = outcome.worst.last
+    if study.keys.tune is not None:
+        outcome.tuned = tune(study, cases, number)
+
+
+def outcome_requests(study: Study, cases: Cases) -> list[Request]:
+    """All that was asked for, also what was not reached."""
+    return cases.requests or list(study.requests())
+
+
+def expected(study: Study) -> int:
+    """Cases in all, as far as that is known before."""
+    count = study.count
+    if study.keys.worst is not None:
+        count += study.keys.worst.evaluations
+    if study.keys.tune is not None:
+        count += (study.keys.tune.trials + 1) * len(study.design.values) * len(study.seeds(1))
+    return count
+
+
+def chosen(study: Study) -> list[Any]:
+    """The variants that are run."""
+    return [one for one in study.scenario.variants if one.variant in study.variants]
+
+
+def started(job: Job, variants: tuple[str, ...], scheduler: str, workers: int, memory: int, timeout: float) -> Runner:
+    """Processes here, or on a cluster."""
+    if not scheduler:
+        return Pool(job, workers, memory, timeout)
+    wanted("distributed", "--scheduler")
+    from twin.study.many.cluster import Cluster
+
+    return Cluster(job, scheduler, timeout, variants)
+
+
+def about(study: Study, command: str) -> dict[str, Any]:
+    """What is known of a study before its first case."""
+    return {
+        "study": study.name,
+        "title": study.title,
+        "file": str(study.path.resolve()),
+        "scenario": str(study.scenario.path.resolve()),
+        "frozen": f"{study.scenario.name}_of_study.yaml",
+        "options": list(study.scenario.overrides),
+        "command": command,
+        "started": datetime.now(UTC).astimezone().isoformat(timespec="seconds"),
+        "inputs": manifest.inputs(study),
+        "versions": manifest.versions(),
+        "samples": len(study.design.values),
+        "cases": study.count,
+        "factors": [
+            {"name": one.name, "sets": one.sets, "scales": one.scales, "unit": one.unit, "source": one.source}
+            for one in study.all_factors
+        ],
+    }
+
+
+def ended(outcome: Outcome, workers: int, scheduler: str) -> dict[str, Any]:
+    """What is known after the last one."""
+    rows = outcome.cases.rows
+    return {
+        "status": outcome.status,
+        "done": len(rows),
+        "failed": sum(row.status != DONE for row in rows),
+        "seconds": outcome.seconds,
+        "engine": scheduler or f"{workers} processes",
+    }
+
+
+def write_tables(outcome: Outcome, journal: Journal) -> None:
+    """The table of cases, and samples of signals."""
+    if not outcome.cases.rows:
+        return
+    table.write(outcome.folder, outcome.cases)
+    if outcome.study.bands:
+        table.write_bands(outcome.folder, list(outcome.study.bands), journal)
+
+
+def keep_runs(outcome: Outcome, build: Path) -> None:
+    """Run those cases again with all their signals that are worth looking at: the bits are the same."""
+    from twin.study.answers import noteworthy
+    from twin.study.many.repeat import repeat
+
+    for number in noteworthy(outcome.cases, outcome.study.keys.keep):
+        try:
+            again = repeat(outcome.folder, number, root=outcome.folder / "cases", build=build)
+        except TwinError:  # its folder cannot be written, say: the study is there all the same
+            continue
+        outcome.runs[number] = str(again.folder.relative_to(outcome.folder))
+
+
+def latest(root: Path, name: str) -> Path:
+    """The newest folder of a study. ScenarioError if there is none."""
+    found = sorted(one.parent for one in (root / name).glob(f"*/{manifest.NAME}"))
+    if not found:
+        raise ScenarioError(f"{root / name}: there is no study to go on with. Run it without --resume first.")
+    return found[-1]
