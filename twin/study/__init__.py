@@ -11,9 +11,7 @@ if TYPE_CHECKING:
     from twin.study.design import Study, load_study
     from twin.study.intervals import METHODS
     from twin.study.loading import load
-    from twin.study.many import Outcome as StudyOutcome
-    from twin.study.many import Progress as StudyProgress
-    from twin.study.many import latest, place_of, repeat, run_study, single
+    from twin.study.many import StudyOutcome, StudyProgress, latest, place_of, repeat, run_study, single
     from twin.study.page import html
     from twin.study.work import identify
 
@@ -23,6 +21,8 @@ __getattr__ = late.names(
         "Answers": "answers",
         "METHODS": "intervals",
         "Study": "design",
+        "StudyOutcome": "many",
+        "StudyProgress": "many",
         "html": "page",
         "identify": "work",
         "latest": "many",

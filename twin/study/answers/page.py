@@ -14,13 +14,13 @@ from twin.study.many import manifest, table
 from twin.study.page import style, templates
 
 if TYPE_CHECKING:
-    from twin.study.many.work import Outcome
+    from twin.study.many.work import StudyOutcome
 
 PAGE, ANSWERS = "report.html", "answers.json"
 EXAMPLES = 12  # numbers of cases that are named
 
 
-def write_report(outcome: Outcome) -> None:
+def write_report(outcome: StudyOutcome) -> None:
     """Write what is told of a study; nothing where no case was done."""
     if not outcome.cases.rows:
         return
@@ -30,7 +30,7 @@ def write_report(outcome: Outcome) -> None:
     write_text(outcome.folder / PAGE, html(outcome, answers))
 
 
-def searched(outcome: Outcome) -> dict[str, Any]:
+def searched(outcome: StudyOutcome) -> dict[str, Any]:
     """What searches found, as plain data."""
     found: dict[str, Any] = {}
     if outcome.worst is not None:
@@ -48,7 +48,7 @@ def searched(outcome: Outcome) -> dict[str, Any]:
     return found
 
 
-def html(outcome: Outcome, answers: Answers) -> str:
+def html(outcome: StudyOutcome, answers: Answers) -> str:
     """The page as text."""
     environment = templates()
     study = outcome.study
@@ -62,7 +62,7 @@ def html(outcome: Outcome, answers: Answers) -> str:
     return text
 
 
-def link(outcome: Outcome) -> Any:
+def link(outcome: StudyOutcome) -> Any:
     """How a case is named: with a link where its run was kept."""
 
     def named(number: int) -> str:
@@ -72,7 +72,7 @@ def link(outcome: Outcome) -> Any:
     return named
 
 
-def factors(outcome: Outcome) -> list[dict[str, str]]:
+def factors(outcome: StudyOutcome) -> list[dict[str, str]]:
     """What varies, as the table shows it."""
     values = outcome.cases.values
     found = []
@@ -92,7 +92,7 @@ def factors(outcome: Outcome) -> list[dict[str, str]]:
     return found
 
 
-def pictures(outcome: Outcome, answers: Answers) -> list[tuple[str, str]]:
+def pictures(outcome: StudyOutcome, answers: Answers) -> list[tuple[str, str]]:
     """Titles and plots of metrics and signals."""
     study, cases = outcome.study, outcome.cases
     found = []
@@ -127,7 +127,7 @@ def tornados(answers: Answers) -> list[tuple[str, str]]:
     return found
 
 
-def worst(outcome: Outcome, answers: Answers) -> dict[str, Any] | None:
+def worst(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
     """What the search for the worst case found."""
     one = outcome.worst
     if one is None:
@@ -144,7 +144,7 @@ def worst(outcome: Outcome, answers: Answers) -> dict[str, Any] | None:
     }
 
 
-def tuned(outcome: Outcome, answers: Answers) -> dict[str, Any] | None:
+def tuned(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
     """What the tuning found."""
     own, keys = outcome.tuned, outcome.study.keys.tune
     if own is None or keys is None:

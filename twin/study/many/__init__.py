@@ -7,13 +7,13 @@ from twin.study.many.engine import DONE, FAILED, Engine, Job, Row
 
 if TYPE_CHECKING:
     from twin.study.many.repeat import Single, place_of, repeat, single
-    from twin.study.many.work import Outcome, Progress, latest, run_study
+    from twin.study.many.work import StudyOutcome, StudyProgress, latest, run_study
 
 __getattr__ = late.names(
     __name__,
     {
-        "Outcome": "work",
-        "Progress": "work",
+        "StudyOutcome": "work",
+        "StudyProgress": "work",
         "Single": "repeat",
         "latest": "work",
         "place_of": "repeat",
@@ -28,10 +28,10 @@ __all__ = [
     "FAILED",
     "Engine",
     "Job",
-    "Outcome",
-    "Progress",
     "Row",
     "Single",
+    "StudyOutcome",
+    "StudyProgress",
     "latest",
     "place_of",
     "repeat",

@@ -34,7 +34,7 @@ COPY = "study.yaml"
 
 
 @dataclass(frozen=True)
-class Progress:
+class StudyProgress:
     """How far a study is: cases done and in all, those that failed, cases per second, seconds left."""
 
     part: str
@@ -48,16 +48,16 @@ class Progress:
 class Listener(Protocol):
     """Hears how far it is."""
 
-    def __call__(self, progress: Progress, /) -> object:
+    def __call__(self, progress: StudyProgress, /) -> object:
         """Take note."""
 
 
-def unheard(_progress: Progress) -> None:
+def unheard(_progress: StudyProgress) -> None:
     """Nobody listens."""
 
 
 @dataclass
-class Outcome:
+class StudyOutcome:
     """What a study gave."""
 
     study: Study
@@ -87,7 +87,7 @@ class Teller:
         self.failed += row.status != DONE
         done = len(self.journal.rows)
         rate = self._new / max(time.perf_counter() - self._begin, 1e-9)
-        self.listen(Progress(self.part, done, self.count, self.failed, rate, max(self.count - done, 0) / rate))
+        self.listen(StudyProgress(self.part, done, self.count, self.failed, rate, max(self.count - done, 0) / rate))
 
 
 class Cases:
@@ -125,7 +125,7 @@ def run_study(
     listen: Listener = unheard,
     command: str = "twin.study.run_study",
     report: bool = True,
-) -> Outcome:
+) -> StudyOutcome:
     """Run a study. After Ctrl-C what is done is kept; `resume`: the folder of one that goes on.
 
     `workers`: processes on this machine, by default one per core; `scheduler`: address of a dask scheduler instead.
@@ -142,7 +142,7 @@ def run_study(
         runner = started(job, study.variants, scheduler, workers, memory or memory_of_each(workers), timeout)
         stack.callback(runner.close)
         cases = Cases(runner, journal, Teller(journal, expected(study), listen))
-        outcome = Outcome(study, folder, table.together(study, [], journal), "completed", 0.0, before=before)
+        outcome = StudyOutcome(study, folder, table.together(study, [], journal), "completed", 0.0, before=before)
         try:
             every_part(outcome, cases)
         except KeyboardInterrupt:
@@ -191,7 +191,7 @@ def prepared(study: Study, frozen: Path, build: Path) -> Job:
     return Job(frozen.resolve(), options, study.all_factors, bands, every, build.resolve())
 
 
-def every_part(outcome: Outcome, cases: Cases) -> None:
+def every_part(outcome: StudyOutcome, cases: Cases) -> None:
     """The samples, then the worst case, then the tuning."""
     study = outcome.study
     cases.run(study.requests(), SAMPLED)
@@ -255,7 +255,7 @@ def about(study: Study, command: str) -> dict[str, Any]:
     }
 
 
-def ended(outcome: Outcome, workers: int, scheduler: str) -> dict[str, Any]:
+def ended(outcome: StudyOutcome, workers: int, scheduler: str) -> dict[str, Any]:
     """What is known after the last one."""
     rows = outcome.cases.rows
     return {
@@ -267,7 +267,7 @@ def ended(outcome: Outcome, workers: int, scheduler: str) -> dict[str, Any]:
     }
 
 
-def write_tables(outcome: Outcome, journal: Journal) -> None:
+def write_tables(outcome: StudyOutcome, journal: Journal) -> None:
     """The table of cases, and samples of signals."""
     if not outcome.cases.rows:
         return
@@ -276,7 +276,7 @@ def write_tables(outcome: Outcome, journal: Journal) -> None:
         table.write_bands(outcome.folder, list(outcome.study.bands), journal)
 
 
-def keep_runs(outcome: Outcome, build: Path) -> None:
+def keep_runs(outcome: StudyOutcome, build: Path) -> None:
     """Run those cases again with all their signals that are worth looking at: the bits are the same."""
     from twin.study.answers import noteworthy
     from twin.study.many.repeat import repeat
