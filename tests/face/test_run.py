@@ -125,7 +125,7 @@ def test_plots_by_title_and_by_signals(run, tmp_path):
         figure.savefig(tmp_path / "plot.png")
         assert figure._repr_svg_().startswith("<svg")
     labels = [axis.get_ylabel() for axis in figure.axes]
-    assert labels == ["mm", "part.push [N]"]
+    assert labels == ["length [mm]", "part.push [N]"]
     for names in (("Place",), ("part.plce",), ("part.place + part.push",), ("part.row",), ("part.place +",)):
         with pytest.raises(twin.TwinError):
             run.plot(*names)

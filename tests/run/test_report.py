@@ -17,9 +17,25 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from twin.results import Curve, Evaluation, Expectation, Metric, Plot, Signals, Window, evaluate, expression, plotting
+from twin.results import (
+    Curve,
+    Evaluation,
+    Event,
+    Expectation,
+    Metric,
+    Plot,
+    Signals,
+    Window,
+    evaluate,
+    expression,
+    failures,
+    marks,
+    plotting,
+)
 from twin.results import recording as results
 from twin.run import report
+from twin.run.drawn import drawn
+from twin.run.matrix import matrix
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -145,7 +161,7 @@ def test_piped_output_has_whole_sentences(
 class Tags(HTMLParser):
     """Checks that every tag is closed in order."""
 
-    VOID = frozenset({"meta", "br", "link", "img", "hr"})
+    VOID = frozenset({"meta", "br", "link", "img", "hr", "input"})
 
     def __init__(self) -> None:
         super().__init__()
@@ -229,7 +245,7 @@ def test_envelope_keeps_every_peak(values: list[float], points: int) -> None:
 
 def test_plots_survive_what_is_not_a_number() -> None:
     broken = {("A", 1): Signals(TIME, {"a.force": np.where(TIME > 2, np.nan, np.inf)}, {"a.force": "N"})}
-    assert plotting.draw(PLOTS[0], broken, [1.0]).startswith("<svg")
+    assert plotting.draw(PLOTS[0], broken, [Event(1.0)]).startswith("<svg")
     one = {("A", 1): Signals(TIME[:1], {"a.force": TIME[:1]})}
     assert plotting.draw(PLOTS[0], one).startswith("<svg")
 
@@ -242,6 +258,76 @@ def test_points_are_marked_where_there_are_numbers() -> None:
     curve = Curve(expression.parse("a.y"), "y", expression.parse("a.x"))
     line, points = (plotting.draw(Plot("P", (curve,), points=flag), found) for flag in (False, True))
     assert points.count("<use ") - line.count("<use ") == 3
+
+
+def test_where_an_expectation_failed_is_marked() -> None:
+    """On the curve that was judged; in a plot of its own where none is; nowhere if it holds."""
+    late = Window(2 * 10**9)
+    error = expression.parse("a.force-0.2")
+    limits = [
+        LIMIT,
+        Expectation("far", signal=error, at_most=0.04, unit="N", window=late),
+        Expectation("end", metric="end", at_most=-1.0),
+        Expectation("holds", signal=FORCE, at_most=1.0),
+    ]
+    metrics = {"end": Metric("end", expression.parse("a.x"), "final")}
+    cases = tables()
+    evaluation = evaluate(metrics, limits, cases)
+    found = {one.name: one for one in failures(limits, evaluation, cases)}
+    assert list(found) == ["stays <in> band", "far", "end"]
+    assert list(found["far"].cases) == [("PI", 1), ("PI", 2)]
+
+    force = cases["PI", 1].values["a.force"]
+    bad = found["far"].bad(("PI", 1), TIME, force - 0.2)
+    assert np.array_equal(bad, (TIME >= 2) & (force - 0.2 > 0.04))
+    whole, part = (found["end"].bad(("PI", 1), TIME[:n], cases["PI", 1].values["a.x"][:n]) for n in (5001, 4000))
+    assert np.flatnonzero(whole).tolist() == [5000]
+    assert not part.any()  # a plot that ends earlier shows nothing of it
+
+    shown = drawn(PLOTS[:1], cases, [], list(found.values()))
+    assert [one["title"] for one in shown] == ["Force <per> controller", "Failed: far", "Failed: end"]
+    assert "red: not a.force from 0.1 N to 0.22 N" in shown[0]["note"]
+    assert all(marks.BAD in one["svg"] for one in shown)
+    assert marks.BAD not in plotting.draw(PLOTS[0], cases)
+
+
+def test_events_have_their_names_where_they_happen() -> None:
+    happened = [Event(1.0, "set a.k = 4 N/m", ("PI",)), Event(2.0, "fault one")]
+    svg = plotting.draw(PLOTS[0], tables(), happened)
+    assert labels(svg).count("a.k = 4 N/m") == 1
+    assert labels(svg).count("fault one") == 2
+
+
+@pytest.mark.parametrize(
+    ("unit", "name"), [("mN", "force"), ("mm/s", "velocity"), ("", "value"), ("%", "part"), ("qq", "")]
+)
+def test_several_signals_have_their_quantity_at_the_axis(unit: str, name: str) -> None:
+    assert marks.quantity(unit) == name
+    svg = plotting.draw(Plot("P", (Curve(FORCE, "a"), Curve(FORCE, "b")), unit="mN"), tables())
+    assert "force [mN]" in labels(svg)
+
+
+def test_many_variants_are_a_matrix() -> None:
+    """Each metric of each variant once, with how many expectations failed in it."""
+    cases = {(f"v{i}", 1): Signals(TIME, {"a.force": np.full(5001, 0.1 * i)}, {"a.force": "N"}) for i in range(6)}
+    metrics = {"mean": Metric("mean", FORCE, "mean", unit="mN")}
+    limits = [Expectation("low", metric="mean", at_most=0.45), Expectation("odd", signal=FORCE, at_most=0.35)]
+    evaluation = evaluate(metrics, limits, cases)
+    grid = matrix(evaluation, failures(limits, evaluation, cases))
+    assert grid.worth
+    assert [one.cells[0].text for one in grid.lines] == ["0", "100", "200", "300", "400", "500"]
+    assert [one.failed for one in grid.lines[3:]] == [(), ("odd",), ("low", "odd")]
+    html = report.html(
+        results.summary(results.Run("x"), evaluation, cases), evaluation, cases, expectations=limits, plots=PLOTS[:1]
+    )
+    tags = Tags()
+    tags.feed(html)
+    assert not tags.open
+    assert '<a href="#matrix">Variants</a>' in html
+    assert html.count('<tr class="bad">') == 2
+    assert "src=" not in html
+    few = dict(list(cases.items())[:4])
+    assert not matrix(evaluate(metrics, [], few), []).worth
 
 
 def labels(svg: str) -> list[str]:

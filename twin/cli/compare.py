@@ -25,6 +25,7 @@ def command(first: Path, second: Path, tolerance: float, patterns: tuple[str, ..
     """Compare two runs: signals sample by sample, metrics, verdicts.
 
     Exit code 0 if nothing differs by more than the tolerance, else 1: for a CI that keeps a run as its reference.
+    Signals stand in the order in which they part: what comes first may be the cause.
     Runs with other communication steps are compared by interpolation, and said to be.
 
     \b
@@ -36,9 +37,9 @@ def command(first: Path, second: Path, tolerance: float, patterns: tuple[str, ..
     from twin.results import compared
 
     runs = open_run(first), open_run(second)
-    for one in patterns:
-        if not any(fnmatchcase(name, one) for run in runs for name in run.signals):
-            raise TwinError(f"{one!r}: neither run recorded it. {nearest(one, runs[0].signals)}")
+    for pattern in patterns:
+        if not any(fnmatchcase(name, pattern) for run in runs for name in run.signals):
+            raise TwinError(f"{pattern!r}: neither run recorded it. {nearest(pattern, runs[0].signals)}")
     found = compared((runs[0].folder, runs[1].folder), (runs[0].summary, runs[1].summary), tolerance, patterns)
     for note in found.notes:
         say(f"note: {note}")
@@ -51,11 +52,12 @@ def command(first: Path, second: Path, tolerance: float, patterns: tuple[str, ..
         from rich.text import Text
 
         grid = Table(box=box.SIMPLE_HEAD, pad_edge=False, header_style="bold")
-        for title in ("signal", "case", "difference", "at", "part"):
+        several = len({(one.variant, one.seed) for one in found.signals}) > 1
+        for title in ("signal", *["case"] * several, "difference", "from", "part"):
             grid.add_column(title, justify="left" if title in ("signal", "case") else "right", overflow="fold")
         for one in differing if everything else differing[:LISTED]:
-            texts = (one.name, f"{one.variant}, seed {one.seed}", one.text, f"{one.time:.6g} s", f"{one.part:.2g}")
-            grid.add_row(*map(Text, texts))
+            case = [f"{one.variant}, seed {one.seed}"] * several
+            grid.add_row(*map(Text, (one.name, *case, one.text, f"{one.time:.6g} s", f"{one.part:.2g}")))
         paper().print(grid)
         if len(differing) > LISTED and not everything:
             say(f"and {len(differing) - LISTED} more: --all lists them")

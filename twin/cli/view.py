@@ -1,8 +1,9 @@
-"""`twin view`: an environment as it is drawn, or a run as it moved."""
+"""`twin view`: an environment as it is drawn, a run as it moved, or its signals as a file of other tools."""
 
 from __future__ import annotations
 
 import sys
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ import click
 
 from twin.cli.simulate import Bar
 from twin.cli.terminal import say
-from twin.errors import SceneError
+from twin.errors import SceneError, TwinError, nearest
 
 if TYPE_CHECKING:
     from twin.scene import Environment, Frames
@@ -18,20 +19,23 @@ if TYPE_CHECKING:
 STILL = (".svg", ".png", ".html")
 MOVING = (".html", ".svg", ".gif", ".mp4")
 PICTURES = (".png",)  # of a run: its last instant
+TABLES = (".csv", ".mat")  # of a run: its signals
 
 
 @click.command(name="view")
 @click.argument("what", metavar="ENVIRONMENT|RUN")
 @click.option("--scene", "as_scene", is_flag=True, help="Play a scene of a run's scenario.")
 @click.option("--title", default="", metavar="TITLE", help="With --scene: this one. [default: all that there are]")
-@click.option("--variant", default="", metavar="NAME", help="With --scene: this variant. [default: all]")
-@click.option("--seed", type=int, metavar="N", help="With --scene: this seed. [default: the first]")
+@click.option("--variant", default="", metavar="NAME", help="Of a run: this variant. [default: all]")
+@click.option("--seed", type=int, metavar="N", help="Of a run: this seed. [default: the first; of signals all]")
+@click.option("--signal", "patterns", multiple=True, metavar="NAME",
+              help="Of a run's signals: this alone, such as sensor.*; may be repeated.")  # fmt: skip
 @click.option(
     "--export",
     "-o",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="Where to: .html, .svg, .png; of a run also .gif, .mp4. [default: NAME.svg here, RUN/scene.html]",
+    help="Where to: .html, .svg, .png; of a run also .gif, .mp4; of its signals .csv, .mat. [default: NAME.svg here, RUN/scene.html]",
 )
 @click.option("--rate", type=click.FloatRange(1.0, 60.0), default=25.0, show_default=True, help="Frames a second.")
 @click.option("--speed", type=click.FloatRange(0.001, 1000.0), default=1.0, show_default=True,
@@ -42,11 +46,12 @@ def command(
     title: str,
     variant: str,
     seed: int | None,
+    patterns: tuple[str, ...],
     export: Path | None,
     rate: float,
     speed: float,
 ) -> None:
-    """Draw an environment without running it, or play what a run recorded.
+    """Draw an environment without running it, play what a run recorded, or write its signals for other tools.
 
     ENVIRONMENT is an SVG or GeoJSON file, or a name: two_bends, heart_wall, free_gap, aortic_arch, left_ventricle.
     A scene's page needs no server and nothing else: open it in a browser, or send it.
@@ -55,11 +60,19 @@ def command(
     twin view two_bends
     twin view runs/bench_wall/latest --scene
     twin view runs/bench_wall/latest --scene --variant PI --export force.gif --speed 0.5
+    twin view runs/bench_wall/latest --signal "sensor.*" --export force.csv
     """
-    if as_scene:
+    is_table = export is not None and export.suffix.lower() in TABLES
+    if patterns and not is_table:
+        raise click.UsageError(f"--signal chooses what is written. Add --export FILE, one of {', '.join(TABLES)}.")
+    if is_table and not as_scene and export is not None:
+        write_signals(Path(what), export, patterns, variant, seed)
+    elif as_scene:
         view_run(Path(what), (title, variant, seed), export, rate, speed)
     elif (Path(what) / "summary.json").exists() or Path(what).is_dir() or Path(what).name == "latest":
-        raise click.UsageError(f"{what} is a run. Add --scene to play what it recorded.")
+        raise click.UsageError(
+            f"{what} is a run. Add --scene to play what it recorded. For its signals: --export FILE.csv."
+        )
     elif title or variant or seed is not None:
         raise click.UsageError("--title, --variant and --seed choose from a run. Add --scene.")
     else:
@@ -73,6 +86,38 @@ def checked(target: Path, suffixes: tuple[str, ...]) -> Path:
     if not target.parent.is_dir():
         raise SceneError(f"{target}: there is no folder {target.parent}. Make it first.")
     return target
+
+
+def write_signals(run: Path, target: Path, patterns: tuple[str, ...], variant: str, seed: int | None) -> None:
+    """Write signals of a run as a file of other tools."""
+    from twin.face import open_run
+    from twin.results import export, recorded
+
+    opened = open_run(run)
+    source = opened.folder / "signals.parquet"
+    if not source.is_file():
+        raise TwinError(f"{source}: is not there any more. Run the scenario again.")
+    if not target.parent.is_dir():
+        raise TwinError(f"{target}: there is no folder {target.parent}. Make it first.")
+    variables = recorded(source)
+    for one in patterns:
+        if not any(fnmatchcase(name, one) for name in variables):
+            raise TwinError(f"{run}: {one!r} was not recorded. {nearest(one, list(variables))}")
+    chosen = [
+        one for name, one in variables.items() if not patterns or any(fnmatchcase(name, each) for each in patterns)
+    ]
+    cases = {
+        (one["variant"], one["seed"])
+        for one in opened.summary["cases"]
+        if variant in ("", one["variant"]) and seed in (None, one["seed"])
+    }
+    if not cases:
+        known = ", ".join(f"{name}" for name in opened.variants)
+        raise TwinError(f"{run}: has no such case. Variants: {known}; seeds: {', '.join(map(str, opened.seeds))}.")
+    replaced = target.exists()
+    export(source, target, chosen, cases)
+    say(f"{len(chosen)} signals of {len(cases)} case{'s' * (len(cases) > 1)}")
+    say(f"{target}" + " (replaced)" * replaced)
 
 
 def view_environment(what: str, export: Path | None) -> None:

@@ -9,11 +9,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin import clock
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.face import arrays, notebook
 from twin.face.words import listed
 from twin.results import Curve, Plot, Recorded, dimension, expression, plotting, read_variables, recorded
+from twin.run import events
 from twin.scenario import examine
 
 if TYPE_CHECKING:
@@ -198,8 +198,8 @@ class Run:
             raise TwinError(
                 f"{self.folder}: nothing was run with these variants and seeds. Known: {', '.join(self.variants)}."
             )
-        events = {clock.seconds(event.time_ns) for case in self._checked.variants for event in case.events}
-        figure = plotting.figure(plots, chosen, sorted(events), titled=True)
+        marks = [row.mark for row in events(self._checked.variants)]
+        figure = plotting.figure(plots, chosen, marks, titled=True)
         if figure is None:
             raise TwinError(f"{self.folder}: none of the signals was recorded in these variants. Choose others.")
         return figure

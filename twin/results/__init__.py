@@ -3,9 +3,11 @@
 from typing import TYPE_CHECKING
 
 from twin import late
-from twin.results import dimension, expression, recording, signals
+from twin.results import dimension, expression, marks, recording, signals
 from twin.results.analysis import Analysis
 from twin.results.expression import Expression
+from twin.results.failing import Failure, failures
+from twin.results.marks import Event
 from twin.results.metrics import Curve, Ending, Evaluation, Expectation, Figure, Metric, Outcome, Plot, evaluate, figure
 from twin.results.reading import Recorded, read_variables, recorded
 from twin.results.recording import write_text
@@ -14,17 +16,24 @@ from twin.results.stream import Journal, Stream, column_of, plain_column, unfini
 
 if TYPE_CHECKING:
     from twin.results import calibration, plotting
+    from twin.results.comparison import compared
+    from twin.results.exported import export
     from twin.results.plotting import histogram
 
-__getattr__ = late.names(__name__, {"calibration": "", "histogram": "plotting", "plotting": ""})
+__getattr__ = late.names(
+    __name__,
+    {"calibration": "", "compared": "comparison", "export": "exported", "histogram": "plotting", "plotting": ""},
+)
 
 __all__ = [
     "Analysis",
     "Curve",
     "Ending",
     "Evaluation",
+    "Event",
     "Expectation",
     "Expression",
+    "Failure",
     "Figure",
     "Journal",
     "Metric",
@@ -37,11 +46,15 @@ __all__ = [
     "calibration",
     "coherent",
     "column_of",
+    "compared",
     "dimension",
     "evaluate",
+    "export",
     "expression",
+    "failures",
     "figure",
     "histogram",
+    "marks",
     "plain_column",
     "plotting",
     "read_variables",

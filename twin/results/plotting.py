@@ -11,13 +11,14 @@ import numpy as np
 
 from twin.component import unit as units
 from twin.errors import ScenarioError
-from twin.results import dimension, expression
+from twin.results import dimension, expression, marks
 from twin.results.metrics import Curve, Plot
 from twin.results.signals import coherent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from twin.results.failing import Failure
     from twin.results.signals import Signals
 
     Tables = Mapping[tuple[str, int], Signals]
@@ -134,16 +135,24 @@ def default_plots(tables: Tables, limit: int = 8) -> list[Plot]:
     ]
 
 
-def draw(plot: Plot, tables: Tables, events: Sequence[float] = (), salt: str = "") -> str:
-    """One plot as an SVG element; nothing if none of its signals was recorded. `events`: times to mark [s]."""
+def draw(
+    plot: Plot, tables: Tables, events: Sequence[marks.Event] = (), salt: str = "", failures: Sequence[Failure] = ()
+) -> str:
+    """One plot as an SVG element; nothing if none of its signals was recorded. `failures`: what to mark of them."""
     import matplotlib as mpl
 
     with mpl.rc_context({**STYLE, "svg.hashsalt": f"{plot.title}{salt}"}):
-        drawn = figure([plot], tables, events)
+        drawn = figure([plot], tables, events, failures=failures)
         return as_svg(drawn) if drawn else ""
 
 
-def figure(plots: Sequence[Plot], tables: Tables, events: Sequence[float] = (), titled: bool = False) -> Any:
+def figure(
+    plots: Sequence[Plot],
+    tables: Tables,
+    events: Sequence[marks.Event] = (),
+    titled: bool = False,
+    failures: Sequence[Failure] = (),
+) -> Any:
     """Plots below each other as one figure of matplotlib; None if none of their signals was recorded."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
@@ -156,7 +165,7 @@ def figure(plots: Sequence[Plot], tables: Tables, events: Sequence[float] = (), 
         drawn: Any = Figure((WIDTH, sum(heights)), layout="constrained")
         parts: Any = [drawn] if len(found) == 1 else drawn.subfigures(len(found), 1, height_ratios=heights)
         for part, (plot, panels) in zip(parts, found, strict=True):
-            paint(part, plot, panels, tables, events)
+            paint(part, plot, panels, tables, events, failures)
             if titled and plot.title:
                 part.suptitle(plot.title, x=0.01, horizontalalignment="left", fontsize=11, fontweight="bold")
     drawn._repr_svg_ = partial(displayed, drawn)
@@ -198,7 +207,14 @@ def row_height(plot: Plot, panels: list[list[str]]) -> float:
     return 3.2 if loops(plot) else 1.65 if len(panels) > 1 else 2.9
 
 
-def paint(part: Any, plot: Plot, panels: list[list[str]], tables: Tables, events: Sequence[float]) -> None:
+def paint(
+    part: Any,
+    plot: Plot,
+    panels: list[list[str]],
+    tables: Tables,
+    events: Sequence[marks.Event],
+    failures: Sequence[Failure],
+) -> None:
     """Draw a plot into a figure or a part of one."""
     chosen = {case: signals for case, signals in tables.items() if not plot.variants or case[0] in plot.variants}
     grid = part.subplots(rows(plot, panels), columns(plot, panels), sharex=True, sharey=True, squeeze=False)
@@ -206,14 +222,21 @@ def paint(part: Any, plot: Plot, panels: list[list[str]], tables: Tables, events
     for axis in axes[len(panels) :]:
         axis.set_visible(False)
     for axis, names in zip(axes, panels, strict=False):
-        panel(axis, plot, {case: signals for case, signals in chosen.items() if case[0] in names}, names)
+        panel(axis, plot, {case: signals for case, signals in chosen.items() if case[0] in names}, names, failures)
         if len(panels) > 1:
             axis.set_title(names[0])
         if not loops(plot):
-            mark(axis, plot, events)
+            mark(axis, plot)
+    kinds = {kind(curve, chosen) for curve in plot.curves}
     if not plot.band and not plot.lines and not plot.unit:
-        whole(axes[0], {kind(curve, chosen) for curve in plot.curves})
-    finish(part, grid, plot, loops(plot))
+        whole(axes[0], kinds)
+    finish(part, grid, plot, loops(plot), kinds)
+    if not loops(plot):
+        letters = 72.0 * 0.75 * row_height(plot, panels)  # room for names of events [pt]
+        scale = in_unit(1.0, plot.x_unit, is_difference=True)
+        for axis, names in zip(axes, panels, strict=False):
+            limit(axis, plot, names, failures, scale)
+            marks.events(axis, events, names, scale, letters)
 
 
 def histogram(values: Any, label: str, salt: str = "") -> str:
@@ -290,22 +313,26 @@ def points_of(curve: Curve, plot: Plot, signals: Signals) -> tuple[Any, Any] | N
     return None if across is None else (across[1], found[1])
 
 
-def panel(axis: Any, plot: Plot, tables: Tables, names: Sequence[str]) -> None:
-    """Draw one panel: the first seed in full, the others faint behind it."""
+def placed(points: tuple[Any, Any], curve: Curve, plot: Plot, most: int) -> tuple[Any, Any]:
+    """Points of a curve in the units of the axes, no more than can be seen."""
+    x = in_unit(points[0], plot.x_unit, curve.x is None or dimension.is_difference(curve.x))
+    y = in_unit(points[1], plot.unit, dimension.is_difference(curve.signal))
+    return spots(x, y) if plot.points else (envelope if curve.x is None else thinned)(x, y, most)
+
+
+def panel(axis: Any, plot: Plot, tables: Tables, names: Sequence[str], failures: Sequence[Failure] = ()) -> None:
+    """Draw one panel: the first seed in full, the others faint behind it, what failed upon them."""
     several = len(names) > 1
     single = len(plot.curves) == 1
     seen: set[str] = set()
-    for (variant, _), signals in tables.items():
+    for (variant, seed), signals in tables.items():
         is_first = variant not in seen
         seen.add(variant)
         for number, curve in enumerate(plot.curves):
             points = line(curve, plot, signals)
             if points is None:
                 continue
-            x = in_unit(points[0], plot.x_unit, curve.x is None or dimension.is_difference(curve.x))
-            points_shown = POINTS if is_first else POINTS // 3
-            y = in_unit(points[1], plot.unit, dimension.is_difference(curve.signal))
-            x, y = spots(x, y) if plot.points else (envelope if curve.x is None else thinned)(x, y, points_shown)
+            x, y = placed(points, curve, plot, POINTS if is_first else POINTS // 3)
             color = COLORS[(names.index(variant) if several and single else number) % len(COLORS)]
             label = (variant if single else f"{variant}: {curve.label}") if several else curve.label
             style = STYLES[names.index(variant) % len(STYLES)] if several and not single else "-"
@@ -324,35 +351,37 @@ def panel(axis: Any, plot: Plot, tables: Tables, names: Sequence[str]) -> None:
                 markerfacecolor="none",
                 zorder=3 if is_first else 2,
             )
+            for values in marks.bad(failures, curve.signal, (variant, seed), points) if curve.x is None else ():
+                marks.failed(axis, *placed((points[0], values), curve, plot, POINTS))
 
 
-def mark(axis: Any, plot: Plot, events: Iterable[float]) -> None:
-    """Band, lines and times of events."""
+def mark(axis: Any, plot: Plot) -> None:
+    """Band and lines."""
     if plot.band:
-        axis.axhspan(
-            *(in_unit(edge, plot.unit, plot.is_difference) for edge in plot.band),
-            color="#2a9d6f",
-            alpha=0.10,
-            linewidth=0,
-            zorder=0,
-        )
+        low, high = (in_unit(edge, plot.unit, plot.is_difference) for edge in plot.band)
+        axis.axhspan(low, high, color="#2a9d6f", alpha=0.10, linewidth=0, zorder=0)
     for value in plot.lines:
         height = in_unit(value, plot.unit, plot.is_difference)
         axis.axhline(height, color="#3e4c59", linewidth=0.9, linestyle=(0, (5, 4)), zorder=1)
-    left, right = axis.get_xlim()
-    for time in (in_unit(one, plot.x_unit) for one in events):
-        if left < time < right:
-            axis.axvline(time, color="#e08e0b", linewidth=0.9, linestyle=":", zorder=1)
 
 
-def finish(figure: Any, grid: Any, plot: Plot, is_loop: bool) -> None:
+def limit(axis: Any, plot: Plot, names: Sequence[str], failures: Iterable[Failure], scale: float) -> None:
+    """The limits of what failed."""
+    for one in failures:
+        if set(one.variants) & set(names) and any(one.judges(curve.signal) for curve in plot.curves):
+            heights = [in_unit(value, plot.unit, plot.is_difference) for value in one.limits]
+            marks.limits(axis, one, scale, heights)
+
+
+def finish(figure: Any, grid: Any, plot: Plot, is_loop: bool, kinds: set[str]) -> None:
     """Labels and legend."""
     x_label = axis_label(plot.x_label or (plot.curves[0].x.text if plot.curves[0].x else "time"), plot.x_unit or "s")
     if is_loop and not plot.x_unit:
         x_label = plot.x_label or x_label.removesuffix(" [s]")
     for axis in grid[-1]:
         axis.set_xlabel(x_label)
-    label = axis_label(plot.label or (plot.curves[0].label if len(plot.curves) == 1 else ""), plot.unit)
+    several = "0: false, 1: true" if kinds == {"b"} else marks.quantity(plot.unit)
+    label = axis_label(plot.label or (plot.curves[0].label if len(plot.curves) == 1 else several), plot.unit)
     if len(grid) > 2:
         figure.supylabel(label, fontsize=9.5, color="#3e4c59")
     else:

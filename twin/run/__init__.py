@@ -9,13 +9,14 @@ from twin.run.work import run_scenario
 if TYPE_CHECKING:
     from twin.run.coupled import profile, stability, structure_of
     from twin.run.recovery import recover, resume
-    from twin.run.report import UNLIMITED, table
+    from twin.run.report import UNLIMITED, events, table
     from twin.run.way_back import way_back
 
 __getattr__ = late.names(
     __name__,
     {
         "UNLIMITED": "report",
+        "events": "report",
         "profile": "coupled",
         "stability": "coupled",
         "recover": "recovery",
@@ -32,6 +33,7 @@ __all__ = [
     "Hardware",
     "Outcome",
     "analyzed",
+    "events",
     "happen",
     "prepare",
     "profile",

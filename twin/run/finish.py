@@ -99,5 +99,6 @@ def write(outcome: Outcome, cases: Sequence[Case], report: bool, pictures: Seque
             endings=outcome.endings,
             systems=list(outcome.systems.items())[:SYSTEMS],
             halved=[one.cells for one in outcome.halved],
+            expectations=outcome.scenario.expectations,
         )
         results.write_text(outcome.folder / "report.html", text)

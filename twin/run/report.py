@@ -10,7 +10,9 @@ import numpy as np
 
 from twin import clock
 from twin.dataclass import dataclass
-from twin.results import Ending, Evaluation, Figure, Outcome, Plot, coherent
+from twin.results import Ending, Evaluation, Event, Expectation, Figure, Outcome, Plot, coherent, failures
+from twin.run.drawn import drawn
+from twin.run.matrix import matrix
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -34,6 +36,12 @@ VERDICTS = {  # word in the table, color in the terminal
     "skipped": ("skipped", "dim"),
 }  # fmt: skip
 
+SECTIONS = {  # of report.html, as its table of contents names them
+    "matrix": "Variants", "figures": "Figures", "expectations": "Expectations", "notes": "Notes", "hardware": "Hardware",
+    "plots": "Plots", "half": "Half the step", "system": "System", "events": "Events", "parameters": "Parameters",
+    "versions": "What ran",
+}  # fmt: skip
+
 
 @dataclass(frozen=True)
 class ParameterRow:
@@ -51,11 +59,17 @@ class ParameterRow:
 
 @dataclass(frozen=True)
 class EventRow:
-    """An event as the report shows it."""
+    """An event as the report shows it. `variants`: where, if not in all; `only`: these as names."""
 
     time_ns: clock.Time
     what: str
     variants: str = ""
+    only: tuple[str, ...] = ()
+
+    @property
+    def mark(self) -> Event:
+        """The event as a plot shows it."""
+        return Event(clock.seconds(self.time_ns), self.what, self.only)
 
     @property
     def time(self) -> str:
@@ -263,7 +277,8 @@ def events(cases: Sequence[Case]) -> list[EventRow]:
                 names.append(case.variant)
     count = len({case.variant for case in cases})
     rows = sorted(found.items(), key=lambda item: item[0][0])
-    return [EventRow(time, what, "" if len(names) == count else ", ".join(names)) for (time, what), names in rows]
+    some = ((time, what, () if len(names) == count else tuple(names)) for (time, what), names in rows)
+    return [EventRow(time, what, ", ".join(names), names) for time, what, names in some]
 
 
 def html(
@@ -278,15 +293,14 @@ def html(
     endings: Mapping[tuple[str, int], Ending] = MappingProxyType({}),
     systems: Sequence[tuple[tuple[str, str], Sequence[str]]] = (),
     halved: Sequence[Mapping[str, str]] = (),
+    expectations: Sequence[Expectation] = (),
 ) -> str:
     """report.html as text. `summary` is that of `results.summary`; without `plots` every recorded signal is drawn.
 
     `pictures` are drawn already: title, svg and note; `systems`: drawn, what that does not show, and variants.
-    `halved`: cells of metrics at half the step.
+    `halved`: cells of metrics at half the step. `expectations`: in the order of their outcomes, to mark what failed.
     """
     import jinja2
-
-    from twin.results import plotting
 
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("twin.run", ""),
@@ -295,18 +309,8 @@ def html(
         lstrip_blocks=True,
         undefined=jinja2.StrictUndefined,
     )
-    times = [clock.seconds(row.time_ns) for row in events]
-    drawn = []
-    for number, plot in enumerate(list(plots) or plotting.default_plots(tables)):
-        svg = plotting.draw(plot, tables, times, str(number))
-        drawn.append(
-            {
-                "title": plot.title,
-                "svg": svg,
-                "note": note(plot, tables, any(within(plot, row.time_ns) for row in events)),
-            }
-        )
-    drawn += pictures
+    failed = failures(expectations, evaluation, tables)
+    figures = [*drawn(plots, tables, [row.mark for row in events], failed), *pictures]
     members: dict[str, list[ParameterRow]] = {}
     for row in parameters:
         members.setdefault(row.member, []).append(row)
@@ -314,33 +318,13 @@ def html(
     for one in evaluation.figures:
         groups.setdefault(one.metric.name, []).append(cells(one))
     return environment.get_template("report.html").render(
-        summary=summary, groups=groups, outcomes=evaluation.outcomes, plots=drawn, members=members, events=events,
+        summary=summary, groups=groups, outcomes=evaluation.outcomes, plots=figures, members=members, events=events,
         words={key: word for key, (word, _) in VERDICTS.items()}, named=named,
         endings={f"{variant}, seed {seed}": one for (variant, seed), one in endings.items() if one != Ending()},
         compared=any(one.paper is not None for one in evaluation.figures),
         variants=list(dict.fromkeys(variant for variant, _ in tables)),
         seeds=list(dict.fromkeys(seed for _, seed in tables)),
         systems=[(svg, told, ", ".join(names) * (len(systems) > 1)) for (svg, told), names in systems], halved=halved,
+        matrix=matrix(evaluation, failed), titles=SECTIONS,
         incomplete=[f"{variant}, seed {seed}" for (variant, seed), signals in tables.items() if not signals.complete],
     )  # fmt: skip
-
-
-def within(plot: Plot, time_ns: clock.Time) -> bool:
-    """Whether a time lies in the part of the run that a plot shows."""
-    start, stop = plot.window.start_ns, plot.window.stop_ns
-    return (start is None or start < time_ns) and (stop is None or time_ns < stop)
-
-
-def note(plot: Plot, tables: Mapping[tuple[str, int], Signals], has_events: bool) -> str:
-    """What the eye cannot know about a plot."""
-    parts = []
-    if plot.band:
-        parts.append(f"band: {' to '.join(plot.shown(value) for value in plot.band)}")
-    if plot.lines:
-        parts.append("dashed: " + ", ".join(plot.shown(value) for value in plot.lines))
-    if has_events and plot.curves[0].x is None:
-        parts.append("dotted: events")
-    seeds = list(dict.fromkeys(seed for _, seed in tables))
-    if len(seeds) > 1:
-        parts.append(f"seed {seeds[0]}, the others faint behind it")
-    return "; ".join(parts)

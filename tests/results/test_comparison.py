@@ -1,0 +1,150 @@
+"""Two runs compared, and signals as files of other tools."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from scipy.io import loadmat
+
+from twin.cli.compare import command as compare
+from twin.cli.view import command as view
+from twin.results import Evaluation, Signals, recording
+from twin.results.exported import identifiers
+from twin.results.recording import Column
+
+TIME = np.arange(101) * 0.01
+COLUMNS = [
+    Column("a.force", unit="mN"),
+    Column("a.x", shape=(3,), unit="m"),
+    Column("a.on", np.dtype(bool)),
+]
+
+
+def written(folder: Path, *, force: float = 0.0, every: int = 1, stop: int = 101, on: int = 50) -> Path:
+    """The folder of a run of two variants; `force`: added to one sample of the second [mN]."""
+    folder.mkdir()
+    cases = {}
+    for variant, size in (("PI", 1.0), ("PI+FF", 2.0)):
+        values = {"a.force": size * TIME, "a.x": np.outer(TIME, [1.0, 2.0, 3.0]), "a.on": np.arange(101) >= on}
+        if variant == "PI+FF":
+            values["a.force"] = values["a.force"] + force * (np.arange(101) == 40)
+        part = slice(0, stop, every)
+        cases[variant, 7] = Signals(
+            TIME[part], {name: one[part] for name, one in values.items()}, {"a.force": "mN", "a.x": "m"}
+        )
+    with recording.SignalFile(folder / "signals.parquet", COLUMNS, {}) as file:
+        for (variant, seed), signals in cases.items():
+            file.write(variant, seed, signals)
+    summary = recording.summary(recording.Run("x"), Evaluation(), cases)
+    (folder / "summary.json").write_text(json.dumps(recording.plain(summary)))
+    return folder
+
+
+def called(*words: object) -> tuple[int, str]:
+    done = CliRunner().invoke(compare, [str(word) for word in words])
+    return done.exit_code, done.output
+
+
+def test_equal_runs_agree(tmp_path: Path) -> None:
+    a, b = written(tmp_path / "a"), written(tmp_path / "b")
+    assert called(a, b, "--tolerance", 0) == (
+        0, "6 signals: 6 the same to the bit, 0 within 0, 0 beyond. The runs agree.\n"
+    )  # fmt: skip
+
+
+def test_a_difference_is_found_where_it_is(tmp_path: Path) -> None:
+    a, b = written(tmp_path / "a"), written(tmp_path / "b", force=0.02)
+    code, text = called(a, b)
+    assert code == 1
+    row = next(line for line in text.splitlines() if "a.force" in line)
+    assert row.split() == ["a.force", "PI+FF,", "seed", "7", "0.02", "mN", "0.4", "s", "0.01"]
+    assert "5 the same to the bit, 0 within 1e-09, 1 beyond. The runs differ." in text
+    assert called(a, b, "--tolerance", 0.011)[0] == 0
+    assert called(a, b, "--tolerance", 0.009)[0] == 1
+    assert called(a, b, "--signal", "a.x")[0] == 0
+    code, text = called(a, b, "--signal", "a.y")
+    assert code == 1
+
+
+def test_other_times_are_interpolated_and_said(tmp_path: Path) -> None:
+    """A straight line is the same between samples; a Boolean that switches between them is not."""
+    a, b = written(tmp_path / "a"), written(tmp_path / "b", every=2, stop=100)
+    code, text = called(a, b, "--tolerance", 1e-12)
+    assert code == 0
+    assert "note: PI, seed 7: recorded at other times; compared where both are, by interpolation." in text
+    code, text = called(a, written(tmp_path / "d", stop=81))
+    assert code == 1
+    assert text.count("PI, seed 7: recorded to 1 s and to 0.8 s.") == 1
+    code, text = called(a, written(tmp_path / "c", every=2, on=51), "--signal", "a.on")
+    assert code == 1
+    assert "0.5 s" in text
+
+
+def test_what_is_in_one_run_alone_differs(tmp_path: Path) -> None:
+    a, b = written(tmp_path / "a"), written(tmp_path / "b")
+    summary = json.loads((b / "summary.json").read_text())
+    summary["expectations"] = [{"name": "e", "verdict": "fail", "detail": ""}]
+    summary["status"] = "interrupted"
+    summary["cases"].pop()
+    (b / "summary.json").write_text(json.dumps(summary))
+    code, text = called(a, b)
+    assert code == 1
+    assert "status: completed and interrupted." in text
+    assert "expectation e: is only in the second run." in text
+    assert "case PI+FF, seed 7: is only in the first run." in text
+
+
+def exported(run: Path, target: Path, *words: str) -> str:
+    done = CliRunner().invoke(view, [str(run), "--export", str(target), *words], catch_exceptions=False)
+    assert done.exit_code == 0, done.output
+    return done.output
+
+
+def test_csv(tmp_path: Path) -> None:
+    target = tmp_path / "x.csv"
+    assert "3 signals of 2 cases" in exported(written(tmp_path / "a"), target)
+    lines = target.read_text().splitlines()
+    head = [word.strip('"') for word in lines[0].split(",")]
+    assert head == ["variant", "seed", "time [s]", "a.force [mN]", "a.x[1] [m]", "a.x[2] [m]", "a.x[3] [m]", "a.on"]
+    assert len(lines) == 203
+    last = [word.strip('"') for word in lines[-1].split(",")]
+    assert last[:2] == ["PI+FF", "7"]
+    assert [float(word) for word in last[2:7]] == [1.0, 2.0, 1.0, 2.0, 3.0]
+    assert "(replaced)" in exported(tmp_path / "a", target, "--variant", "PI", "--signal", "a.f*")
+    assert len(target.read_text().splitlines()) == 102
+
+
+def test_mat(tmp_path: Path) -> None:
+    target = tmp_path / "x.mat"
+    exported(written(tmp_path / "a"), target)
+    found = loadmat(target, simplify_cells=True)
+    first, second = found["cases"]
+    assert (first["variant"], second["variant"], second["seed"]) == ("PI", "PI+FF", 7)
+    assert np.array_equal(second["time"], TIME)
+    assert np.array_equal(second["signals"]["a_force"], 2 * TIME)
+    assert second["signals"]["a_x"].shape == (101, 3)
+    assert second["signals"]["a_on"].tolist() == [0] * 50 + [1] * 51
+    assert found["about"]["a_force"]["unit"] == "mN"
+
+
+def test_names_in_matlab() -> None:
+    names = identifiers(["a.x[3]", "a.x_3", "der(x)", "1.y", "m." + 70 * "x", "m." + 71 * "x"])
+    assert list(names.values())[:4] == ["a_x_3", "a_x_3_2", "der_x", "x1_y"]
+    assert len(set(names.values())) == 6
+    assert max(map(len, names.values())) <= 63
+
+
+@pytest.mark.parametrize(
+    ("words", "part"),
+    [(["--signal", "a.q"], "was not recorded"), (["--variant", "Q"], "has no such case"), ([], "is not there")],
+)
+def test_what_cannot_be_exported(tmp_path: Path, words: list[str], part: str) -> None:
+    run = written(tmp_path / "a") if words else tmp_path / "none"
+    done = CliRunner().invoke(view, [str(run), "--export", str(tmp_path / "x.csv"), *words])
+    assert done.exit_code
+    assert part in str(done.exception)
+    assert not (tmp_path / "x.csv").exists()
