@@ -57,10 +57,17 @@ def verdicts(outcome):
 
 @pytest.mark.slow
 def test_the_same_verdicts(run):
-    only = {"variants": ["locked", "observer"], "seeds": [SEED]}
+    only = {"variants": ["locked"], "seeds": [SEED]}
     with_bus = run(load_scenario(SCENARIO), BENCH, **only)
     assert verdicts(with_bus) == verdicts(run(load_scenario(SCENARIO), **only))
     assert with_bus.passed
+
+
+@pytest.mark.slow
+def test_the_observer_asks_for_more_than_the_bench_allows(run):
+    outcome = run(load_scenario(SCENARIO), BENCH, variants=["observer"], seeds=[SEED])
+    assert outcome.run.status == "failed"
+    assert "is above 15 N. All drives stop." in outcome.run.reason
 
 
 @pytest.mark.slow
