@@ -11,6 +11,7 @@ from twin.cli import group
 from twin.component import catalog
 from twin.errors import ScenarioError
 from twin.scenario import shipped
+from twin.study import load_study
 
 
 @pytest.fixture
@@ -39,8 +40,8 @@ def test_all_that_there_is(run):
     code, lines = run("list")
     assert code == 0
     headings = [line.partition(":")[0] for line in lines if line and not line.startswith(" ")]
-    assert headings == ["components", "scenarios", "profiles", "runs"]
-    for name in ("servomotor", "heart_wall_force", "epos4", "cia401"):
+    assert headings == ["components", "scenarios", "studies", "profiles", "runs"]
+    for name in ("servomotor", "heart_wall_force", "thousand_patients", "epos4", "cia401"):
         assert any(line.startswith(f" {name} ") for line in lines)
 
 
@@ -103,6 +104,13 @@ def test_a_scenario_by_its_name_anywhere(run, tmp_path):
     assert twin.load("heart_wall_force").title == "Contact force against a beating wall"
     with pytest.raises(ScenarioError, match="There is no scenario 'heart_wal_force', and no file of this name"):
         shipped.located("heart_wal_force")
+
+
+def test_a_study_by_its_name_anywhere(run):
+    assert load_study("thousand_patients").name == "thousand_patients"
+    assert run("study", "thousand_patient")[0] == (
+        "There is no study 'thousand_patient', and no file of this name. Did you mean 'thousand_patients'?"
+    )
 
 
 def test_own_files_count_first(run, tmp_path):

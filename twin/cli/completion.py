@@ -18,6 +18,13 @@ def scenarios(_: click.Context, __: click.Parameter, begun: str) -> list[Complet
     return beginning(shipped.scenarios(), begun)
 
 
+def studies(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
+    """Studies by name, and files."""
+    from twin.scenario import shipped
+
+    return beginning(shipped.scenarios("study"), begun)
+
+
 def anything(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
     """Components and scenarios by name, and files."""
     from twin.component import catalog

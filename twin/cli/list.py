@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,7 +25,7 @@ Lines = dict[str, str]  # what there is, and what it is, by name
 @click.option("--runs", type=click.Path(file_okay=False, path_type=Path), default=Path("runs"), show_default=True,
               help="Folder of the runs.")  # fmt: skip
 def command(kinds: tuple[str, ...], matching: str, runs: Path) -> None:
-    """List what there is: components, scenarios, profiles (of drives), runs. By default all four.
+    """List what there is: components, scenarios, studies, profiles (of drives), runs. By default all of it.
 
     Nothing is imported or run. Each may be named where a command wants one; `twin describe NAME` tells more.
 
@@ -34,7 +35,8 @@ def command(kinds: tuple[str, ...], matching: str, runs: Path) -> None:
     """
     listings: dict[str, Callable[[], Lines]] = {
         "components": components,
-        "scenarios": scenarios,
+        "scenarios": partial(scenarios, "scenario"),
+        "studies": partial(scenarios, "study"),
         **{kind: installed.load(place) for kind, place in installed.entry_points("twin.listed").items()},
         "runs": lambda: finished(runs),
     }
@@ -70,11 +72,11 @@ def components() -> Lines:
     return {name: catalog.summary(name) for name in catalog.names()}
 
 
-def scenarios() -> Lines:
-    """Scenarios here and those that came with the project, by their titles."""
+def scenarios(kind: str) -> Lines:
+    """Scenarios or studies here and those that came with the project, by their titles."""
     from twin.scenario import shipped
 
-    return {name: shipped.title(path) for name, path in shipped.scenarios().items()}
+    return {name: shipped.title(path) for name, path in shipped.scenarios(kind).items()}
 
 
 def finished(folder: Path) -> Lines:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Self
 
 import click
 
+from twin.cli import completion
 from twin.cli.terminal import bar, paper, say
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ SHOWN = 8  # rows of what fails
 
 
 @click.command(name="study")
-@click.argument("file", type=click.Path(path_type=Path), metavar="STUDY")
+@click.argument("file", type=click.Path(path_type=Path), metavar="STUDY", shell_complete=completion.studies)
 @click.option("--workers", type=click.IntRange(0, 1024), default=0, help="Processes. [default: one per core]")
 @click.option("--scheduler", default="", metavar="ADDRESS", help="A dask scheduler instead, such as tcp://host:8786.")
 @click.option("--resume", is_flag=True, help="Go on with the newest folder of this study.")
@@ -45,7 +46,7 @@ def command(
     Ctrl-C keeps what is done; --resume goes on. Exit code 1 if a case did not come to its end, 130 after Ctrl-C.
 
     \b
-    twin study scenarios/studies/thousand_patients.yaml
+    twin study thousand_patients
     twin run --case thousand_patients:713        one of its cases, with all signals
     """
     from twin.study import Answers, latest, load_study, run_study

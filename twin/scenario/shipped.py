@@ -1,4 +1,4 @@
-"""Scenarios found by their names: those of the folder `scenarios` where one works, then those that came with the project."""
+"""Scenarios and studies found by their names: those of the folder where one works, then those that came with the project."""
 
 from __future__ import annotations
 
@@ -6,22 +6,22 @@ from pathlib import Path
 
 from twin.errors import ScenarioError, nearest
 
-FOLDER = "scenarios"
+FOLDERS = {"scenario": "scenarios", "study": "scenarios/studies"}
 SHARE = "share/catheter-twin"  # where the wheel puts what is no code, below the prefix
 
 
-def folders() -> list[Path]:
-    """Folders of scenarios: of the current directory, of the checkout this code is in, of the installed wheel."""
+def folders(kind: str) -> list[Path]:
+    """Folders of one of `FOLDERS`: of the current directory, of the checkout this code is in, of the installed wheel."""
     import sysconfig
 
     roots = (Path(), Path(__file__).parents[2], Path(sysconfig.get_path("data"), SHARE))
-    return [place for root in roots if (place := root / FOLDER).is_dir()]
+    return [place for root in roots if (place := root / FOLDERS[kind]).is_dir()]
 
 
-def scenarios() -> dict[str, Path]:
-    """Path of each scenario by its name, sorted; the first folder counts."""
+def scenarios(kind: str = "scenario") -> dict[str, Path]:
+    """Path of each scenario, or study, by its name, sorted; the first folder counts."""
     found: dict[str, Path] = {}
-    for folder in folders():
+    for folder in folders(kind):
         for path in sorted(folder.glob("*.yaml")):
             found.setdefault(path.stem, path)
     return dict(sorted(found.items()))
@@ -38,16 +38,14 @@ def title(path: Path) -> str:
     return str(next((entries[key].value for key in ("title", "description") if key in entries), ""))
 
 
-def located(what: str | Path) -> Path:
-    """A path as it is; a bare name that is no file here stands for the scenario of this name. ScenarioError if there is none."""
+def located(what: str | Path, kind: str = "scenario") -> Path:
+    """A path as it is; a bare name that is no file here stands for the scenario or study of this name, or a ScenarioError."""
     path = Path(what)
     if path.suffix or len(path.parts) != 1 or path.is_file():
         return path
-    known = scenarios()
+    known = scenarios(kind)
     if path.name not in known and path.exists():  # a folder, or what is no file: whoever reads it says so
         return path
     if path.name not in known:
-        raise ScenarioError(
-            f"There is no scenario {path.name!r}, and no file of this name. {nearest(path.name, known)}"
-        )
+        raise ScenarioError(f"There is no {kind} {path.name!r}, and no file of this name. {nearest(path.name, known)}")
     return known[path.name]

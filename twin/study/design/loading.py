@@ -11,7 +11,7 @@ import numpy as np
 from twin.errors import CouplingError, ScenarioError
 from twin.results import expression
 from twin.run import prepare
-from twin.scenario import dotted, load_scenario, nearest, number, read, short, validate
+from twin.scenario import dotted, load_scenario, nearest, number, read, shipped, short, validate
 from twin.study.design.distribution import Distribution
 from twin.study.design.factor import Factor, unit_of
 from twin.study.design.keys import FactorKeys, StudyKeys
@@ -32,7 +32,7 @@ DIGITS = re.compile(r"^\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?")
 
 def load_study(path: str | Path) -> Study:
     """Read and check a study file; ScenarioError lists all problems."""
-    return Loader(Path(path)).study()
+    return Loader(shipped.located(path, "study")).study()
 
 
 class Loader:
