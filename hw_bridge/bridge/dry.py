@@ -42,38 +42,47 @@ def rehearse(keys: HardwareKeys, network: Network, rotary: Mapping[str, bool]) -
     line = Line(network, keys.nodes)
     master = Master(keys, network)
     try:
-        if problems := master.identify():
-            raise SimulationError(problems)
-        wide = []
-        for name in keys.nodes:
-            drive = line.drive(name)
-            drive.rotary = rotary[name]
-            wide += list(limits.wider(drive, limits.compare(drive)))
-        if absurd := [text for text, is_absurd in wide if is_absurd]:
-            raise SimulationError(absurd)
-        master.prepare()
-        for node in master.nodes.values():
-            node.goal = State.SWITCHED_ON
-        end = network.now + ON
-        while network.now < end and any(one.state is not State.SWITCHED_ON for one in master.nodes.values()):
-            master.run_cycle()
-        states = {name: f"{one.state}, no power" for name, one in master.nodes.items()}
-        for station in master.stations.values():
-            station.forget()
-        for _ in range(CYCLES):
-            master.exchange()
-            master.timing.synced(network.now, network.now)
-            master.wait(keys.cycle)
-        if problems := [*master.faults(), *filter(None, [master.rival.text])]:
-            raise SimulationError(problems)
-        lost = {name: one.lost for name, one in master.stations.items()}
+        told = without_power(line, master, rotary)
+    except SimulationError as error:
+        master.stop()
+        raise SimulationError([master.in_full(str(error)), *master.notes]) from error
     finally:
         master.stop()
+    return [*told, *master.notes]
+
+
+def without_power(line: Line, master: Master, rotary: Mapping[str, bool]) -> list[str]:
+    """Up to Switched on, and what was seen there."""
+    keys, network = master.keys, master.network
+    if problems := master.identify():
+        raise SimulationError(problems)
+    wide = []
+    for name in keys.nodes:
+        drive = line.drive(name)
+        drive.rotary = rotary[name]
+        wide += list(limits.wider(drive, limits.compare(drive)))
+    if absurd := [text for text, is_absurd in wide if is_absurd]:
+        raise SimulationError(absurd)
+    master.prepare()
+    for node in master.nodes.values():
+        node.goal = State.SWITCHED_ON
+    end = network.now + ON
+    while network.now < end and any(one.state is not State.SWITCHED_ON for one in master.nodes.values()):
+        master.run_cycle()
+    states = {name: f"{one.state}, no power" for name, one in master.nodes.items()}
+    for station in master.stations.values():
+        station.forget()
+    for _ in range(CYCLES):
+        master.exchange()
+        master.timing.synced(network.now, network.now)
+        master.wait(keys.cycle)
+    if problems := [*master.faults(), *filter(None, [master.rival.text])]:
+        raise SimulationError(problems)
     told = [
-        f"{name}: {states.get(name, 'outputs safe')}; {lost[name]} of {CYCLES} process data lost"
-        for name in master.stations
+        f"{name}: {states.get(name, 'outputs safe')}; {one.lost} of {CYCLES} process data lost"
+        for name, one in master.stations.items()
     ]
-    return [*told, *(text for text, _ in wide), *master.notes]
+    return [*told, *(text for text, _ in wide)]
 
 
 @dataclass

@@ -218,7 +218,7 @@ def serve(
     """Run the drive on an interface until a signal ends it."""
     from hw_bridge.command.control import Control
     from hw_bridge.device import Module, Store
-    from hw_bridge.wire import Wire, hasten, opened, refuse_if_taken
+    from hw_bridge.wire import Wire, hasten, left, opened, refuse_if_taken
 
     control: Control | None = None
     slave = made(chosen, node, build)
@@ -242,7 +242,7 @@ def serve(
     finally:
         if control is not None:
             control.close()
-        bus.shutdown()
+        left(bus)
 
 
 def switching(module: Module, other: Callable[[], None]) -> Callable[[], None]:

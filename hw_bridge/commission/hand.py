@@ -88,6 +88,9 @@ class Hand:
                 self.ramp = Ramp(self.node.position, limits.acceleration, limits.acceleration)
                 self.due = self.network.now
                 yield self
+            except SimulationError as error:
+                self.master.stop()
+                raise SimulationError(self.master.in_full(str(error))) from error
             finally:
                 self.master.stop()
 

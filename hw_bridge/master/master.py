@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import MILLISECOND, Frame, bit_count, never
 from hw_bridge.dictionary import Command, Mode, State, cia301, cia402
-from hw_bridge.master import setup
+from hw_bridge.master import setup, words
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import AT_REST, Node
 from hw_bridge.master.rival import Rival
@@ -60,6 +60,7 @@ class Master:
         self._by_number = {station.number: station for station in self.stations.values()}
         self.timing = Timing(self.cycle)
         self.notes: list[str] = []
+        self.said: list[str] = []  # by drives that were in Fault after the stop
         self.running = False
         self._beating = False
         self._beat_due = 0
@@ -204,9 +205,9 @@ class Master:
         end = self.network.now + limit
         while not done():
             if self.network.now > end:
-                raise SimulationError(f"not enabled after {limit / 1e9:g} s: {what()}.{self._told()}")
+                raise SimulationError(f"not enabled after {limit / 1e9:g} s: {what()}.{self._emergencies()}")
             if any(node.state is State.FAULT for node in self.nodes.values()):
-                raise SimulationError(f"{' '.join(self.faults())}{self._told()} {RESET}")
+                raise SimulationError(f"{' '.join(self.faults())}{self._emergencies()} {RESET}")
             if self.rival.text:
                 raise SimulationError(self.rival.text)
             self.run_cycle()
@@ -214,13 +215,12 @@ class Master:
                 if self._lost(one) or one.silent > 4 * SILENT_CYCLES:
                     missing = "heartbeat" if self._lost(one) else "process data"
                     raise SimulationError(
-                        f"{one.name}: no {missing} while it was brought up.{self._told()} Check its power and the bus."
+                        f"{one.name}: no {missing} while it was brought up.{self._emergencies()} Check its power and the bus."
                     )
 
-    def _told(self) -> str:
+    def _emergencies(self) -> str:
         """What the drives said in EMCY messages."""
-        found = [f"{one.name} {code:04X}h" for one in self.stations.values() for _, code in one.emergencies if code]
-        return f" EMCY: {', '.join(found[-4:])}." if found else ""
+        return f" {words.emergencies(self.stations.values())}".rstrip()
 
     def _home(self, node: Node) -> None:
         """Find the reference with the drive's own method."""
@@ -239,9 +239,9 @@ class Master:
 
         def done() -> bool:
             if node.state is not State.ENABLED:
-                raise SimulationError(f"{what} was left: {node.state}.{self._told()}")
+                raise SimulationError(f"{what} was left: {node.state}.{self._emergencies()}")
             if node.word & cia402.BIT_13:
-                raise SimulationError(f"{what} ended with an error.{self._told()}")
+                raise SimulationError(f"{what} ended with an error.{self._emergencies()}")
             return node.word & attained == attained
 
         self._until(done, keys.timeout, lambda: f"{what} did not end")
@@ -336,6 +336,8 @@ class Master:
             try:
                 setup.make_safe(node)
                 state = setup.release(node)
+                if state in (State.FAULT, State.REACTION):
+                    self.said.append(setup.faults(node))
             except SimulationError as error:
                 why = f" {error}"
             if why or state not in AT_REST:
@@ -349,6 +351,10 @@ class Master:
         self._beating = False
         if self.rival.act:
             self.notes.append(f"{self.rival.text} It can enable the drives again.")
+
+    def in_full(self, text: str) -> str:
+        """After the stop: a failure with the drives' own words."""
+        return words.in_full(text, self.rival.text, self.said, self.stations.values())
 
     def _order(self, goal: State) -> None:
         """A goal for all nodes, at once and by SDO too: process data may wait for a SYNC that does not come."""

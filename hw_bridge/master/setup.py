@@ -10,6 +10,7 @@ from hw_bridge.bus import MILLISECOND
 from hw_bridge.dictionary import Mode, State, cia301, cia402, state_of
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.vendor import SPEED, TRANSMIT, receive
+from hw_bridge.master.words import coded
 from hw_bridge.profiles import MODULES, UNFIT, identity
 from twin.errors import SimulationError
 
@@ -112,8 +113,7 @@ def _asked(node: Node, index: int, sub: int = 0) -> int | None:
 def _told(node: Node, index: int, sub: int = 0) -> str:
     """An error code with its meaning, where there is one."""
     code = (_asked(node, index, sub) or 0) & 0xFFFF
-    fault = node.profile.faults.get(code)
-    return f"{code:04X}h" + (f" {fault.meaning}" if fault else "") if code else ""
+    return coded(node, code) if code else ""
 
 
 def reset(node: Node) -> State:

@@ -99,6 +99,8 @@ class Session:
                 if self.running and isinstance(error, SimulationError):
                     self.account.stopped = round(t * 1e9), str(error)
                 self.close()
+                if self.master is not None and isinstance(error, SimulationError):
+                    raise SimulationError(self.master.in_full(str(error))) from error
                 raise
 
     def advance(self, t: int, h: int) -> None:
@@ -166,6 +168,9 @@ class Session:
         if self.master is not None:
             self.master.stop()
             account.notes += self.master.notes
+            if account.stopped is not None:
+                time, reason = account.stopped
+                account.stopped = time, self.master.in_full(reason)
         if self.bench is not None:
             account.look_after(self.bench, self.failed)
         if self.listener is not None:

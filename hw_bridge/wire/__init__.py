@@ -1,6 +1,6 @@
 """Any python-can interface, or trace file of python-can's: the only room that knows it."""
 
-from hw_bridge.wire.adapter import hasten, opened
+from hw_bridge.wire.adapter import hasten, left, opened
 from hw_bridge.wire.files import TraceWriter, read
 from hw_bridge.wire.network import WireNetwork
 from hw_bridge.wire.taken import refuse_if_taken
@@ -11,6 +11,7 @@ __all__ = [
     "Wire",
     "WireNetwork",
     "hasten",
+    "left",
     "opened",
     "read",
     "refuse_if_taken",

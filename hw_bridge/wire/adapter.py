@@ -47,6 +47,28 @@ def opened(interface: str, channel: str, bit_rate: int, options: dict[str, Any])
     return bus
 
 
+def left(bus: can.BusABC) -> None:
+    """Leave the bus; an adapter that is gone cannot be told."""
+    with suppress(Exception):  # its driver raises whatever it meets
+        bus.shutdown()
+
+
+def cause(error: BaseException) -> str:
+    """What a driver met, with what the system told it."""
+    found = [str(one) or type(one).__name__ for one in (error, error.__cause__) if one is not None]
+    return ": ".join(dict.fromkeys(found))
+
+
+def sent(bus: can.BusABC, frame: Frame) -> None:
+    """Hand a frame to the interface; SimulationError if it does not take it."""
+    try:
+        bus.send(to_message(frame))
+    except Exception as error:  # drivers of adapters raise whatever they meet, not least when one is unplugged
+        raise SimulationError(
+            f"bus: does not take frames: {cause(error)}. Check the adapter, wiring, termination and power."
+        ) from error
+
+
 def from_message(message: can.Message) -> Frame | None:
     """The frame of a python-can message; nothing for what CANopen does not use, or what no CAN frame can be."""
     if message.is_error_frame or message.is_extended_id or message.is_fd:
@@ -120,7 +142,7 @@ class Ear:
                 self.failed, self.since = 0, now
             self.failed += 1
             if self.failed > number:
-                raise SimulationError(f"bus: cannot be read: {error}. Check the adapter.") from error
+                raise SimulationError(f"bus: cannot be read: {cause(error)}. Check the adapter.") from error
             if (flush := getattr(self.bus, "flush", None)) is not None:  # slcan would read the same bytes for ever
                 with suppress(Exception):
                     flush()

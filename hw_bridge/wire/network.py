@@ -6,13 +6,12 @@ import gc
 import os
 import time
 from collections import Counter
-from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 import can
 
 from hw_bridge.bus import Condition, Network, never
-from hw_bridge.wire.adapter import Ear, from_message, hasten, opened, to_message
+from hw_bridge.wire.adapter import Ear, from_message, hasten, left, opened, sent
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -46,12 +45,7 @@ class WireNetwork(Network):
 
     def send(self, frame: Frame) -> None:
         """Hand a frame to the interface."""
-        try:
-            self.bus.send(to_message(frame))
-        except Exception as error:  # drivers of adapters raise whatever they meet, not least when one is unplugged
-            raise SimulationError(
-                f"bus: does not take frames: {error}. Check the adapter, wiring, termination and power."
-            ) from error
+        sent(self.bus, frame)
         if self._echoes:
             self._sent[frame] += 1
         self.tell(frame)
@@ -90,9 +84,8 @@ class WireNetwork(Network):
         return self._error_classes and bool(message.arbitration_id & BUS_OFF)
 
     def close(self) -> None:
-        """Leave the bus; an adapter that is gone cannot be told."""
-        with suppress(Exception):
-            self.bus.shutdown()
+        """Leave the bus."""
+        left(self.bus)
         if self._collecting:
             gc.enable()
         if self.real_time:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 import can
 
 from hw_bridge.bus import BUS_OFF, Kind
-from hw_bridge.wire.adapter import Ear, from_message, to_message
+from hw_bridge.wire.adapter import Ear, from_message, sent
+from twin.errors import SimulationError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -82,8 +83,8 @@ class Wire:
 
     def _send(self, frame: Frame) -> None:
         try:
-            self.bus.send(to_message(frame))
-        except (can.CanError, OSError):
+            sent(self.bus, frame)
+        except SimulationError:  # an adapter that is gone is noticed where it is heard
             self.lost += 1
 
     def _heard(self, frame: Frame) -> None:

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 
 import can
 import pytest
@@ -15,6 +16,7 @@ from hw_bridge.bus import never
 from hw_bridge.dictionary import State, state_of
 from hw_bridge.master import SdoClient
 from hw_bridge.wire import WireNetwork
+from tests.hw_bridge import program
 
 LOST_AFTER = 0.1  # [s], of the bench that `hil` writes
 HEARTBEAT, EMERGENCY = 0x77F, 0x081
@@ -49,12 +51,12 @@ def test_the_drive_stops_when_the_program_is_killed(channel, profile, tmp_path, 
     heard = []
     with hil.drive(profile, "udp_multicast", channel, build):
         line = hil.run_line(hil.bench(tmp_path, profile, "udp_multicast", channel), 20.0, tmp_path / "runs", build)
-        process = subprocess.Popen(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        process = program.begun(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         network = WireNetwork("udp_multicast", channel, 1_000_000, hil.options("udp_multicast"))
         try:
             network.hear = lambda frame: heard.append((time.monotonic(), frame))
             network.advance(network.now + 60_000_000_000, lambda: len(syncs(heard)) > 400)
-            process.send_signal(signal.SIGKILL)
+            program.send(process, signal.SIGKILL)
             process.wait()
             killed = time.monotonic()
             network.advance(network.now + 500_000_000, never)
@@ -70,6 +72,28 @@ def test_the_drive_stops_when_the_program_is_killed(channel, profile, tmp_path, 
             assert state(network, heard) not in (State.ENABLED, State.SWITCHED_ON)
         finally:
             process.kill()
+            network.close()
+
+
+def test_the_process_that_simulates_stops_the_drive_when_its_parent_is_killed(channel, tmp_path, build):
+    heard = []
+    with hil.drive("faulhaber_v3", "udp_multicast", channel, build):
+        line = hil.run_line(
+            hil.bench(tmp_path, "faulhaber_v3", "udp_multicast", channel), 20.0, tmp_path / "runs", build
+        )
+        process = program.begun(line, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        network = WireNetwork("udp_multicast", channel, 1_000_000, hil.options("udp_multicast"))
+        try:
+            network.hear = lambda frame: heard.append((time.monotonic(), frame))
+            network.advance(network.now + 60_000_000_000, lambda: len(syncs(heard)) > 400)
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+            network.advance(network.now + 500_000_000, never)
+            assert not [frame for _, frame in heard if frame.id == EMERGENCY and frame.data[:2] == b"\x30\x81"]
+            assert state(network, heard) is State.DISABLED
+        finally:
+            with suppress(ProcessLookupError):
+                program.send(process, signal.SIGKILL)
             network.close()
 
 

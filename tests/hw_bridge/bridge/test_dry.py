@@ -15,6 +15,7 @@ from twin.errors import SimulationError
 from twin.run import run_scenario
 from twin.scenario import load_scenario
 
+SETTLED = 1_500_000_000  # all are in Switched on by then [ns]
 ROTARY = {"servomotor_1": False, "servomotor_2": False, "rotation": True}
 ROOT = Path(__file__).parents[3]
 SCENARIO = """
@@ -72,6 +73,17 @@ def test_an_absurd_limit_is_refused_before_anything_is_switched_on(bus):
     with pytest.raises(SimulationError, match=r"limits.velocity 300 mm/s is above the drive's own 20 mm/s \(6080h\)"):
         rehearse(keys, network, ROTARY)
     assert State.SWITCHED_ON not in states
+
+
+def test_what_the_stop_could_not_confirm_is_told_with_what_failed(bus, monkeypatch):
+    keys, network, drives, _ = bus
+    network.bus.agenda.at(SETTLED, lambda: monkeypatch.setattr(drives[0].sdo, "answer", lambda _: None))
+    with pytest.raises(SimulationError) as failure:
+        rehearse(keys, network, ROTARY)
+    first, second = failure.value.problems
+    assert first.startswith("servomotor_1: node 1: no answer on 6041h.0.")
+    assert second.startswith("servomotor_1: did not confirm that it is disabled (last state: Switch on disabled).")
+    assert drives[0].state is State.DISABLED
 
 
 def dry(tmp_path, build, **values):

@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import subprocess
 import sys
 import time
 
@@ -17,6 +16,7 @@ from hw_bridge.dictionary import State, state_of
 from hw_bridge.fault import Cause, Fault
 from hw_bridge.master import SdoClient
 from hw_bridge.wire.adapter import to_message
+from tests.hw_bridge import program
 
 LOST_AFTER = 0.1  # [s], of the project's bench
 SYNC, HEARTBEAT, EMERGENCIES = 0x080, 0x77F, (0x081, 0x082, 0x083)
@@ -56,7 +56,7 @@ class Scene:
         self.bus = can.Bus(channel=hil.GROUP, interface="udp_multicast", port=port)
         self.syncs, self.client = 0, None
         self.output = (folder / "output.txt").open("w+")
-        self.program = subprocess.Popen(line, stdout=self.output, stderr=self.output, text=True)
+        self.program = program.begun(line, stdout=self.output, stderr=self.output, text=True)
 
     def listen(self, seconds, done=never):
         """Hear messages, with the time when they reached this machine."""
@@ -131,7 +131,7 @@ def scene(port, tmp_path, build):
 
 def test_the_program_is_killed(scene):
     """Each drive stops by itself within its time."""
-    scene.program.send_signal(signal.SIGKILL)
+    program.send(scene.program, signal.SIGKILL)
     scene.program.wait()
     scene.listen(0.6)
     last = max(one.timestamp for one in scene.heard if one.arbitration_id == HEARTBEAT)
@@ -171,10 +171,10 @@ def test_ctrl_c(scene):
 
 def test_the_program_stands_for_a_second(scene):
     """Drives have stopped by then; the program notices and does not go on."""
-    scene.program.send_signal(signal.SIGSTOP)
+    program.send(scene.program, signal.SIGSTOP)
     scene.listen(1.0)
     assert set(scene.told(0x8130)) == set(EMERGENCIES)
-    scene.program.send_signal(signal.SIGCONT)
+    program.send(scene.program, signal.SIGCONT)
     assert scene.end() == 1
     assert "8130h" in scene.summary()["reason"]
     assert not {State.ENABLED, State.SWITCHED_ON, State.QUICK_STOP} & set(scene.states())

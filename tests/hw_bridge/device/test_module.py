@@ -26,6 +26,7 @@ from hw_bridge.profiles import device
 from hw_bridge.session import Session
 from hw_bridge.trace import Decoder
 from hw_bridge.wire import Wire, WireNetwork, read
+from tests.hw_bridge import program
 from twin.errors import ScenarioError, SimulationError
 from twin.run import run_scenario
 from twin.scenario import Form, load_scenario, parse_scenario
@@ -331,7 +332,7 @@ def test_valves_are_safe_when_the_program_is_killed(tmp_path, build):
                 path.read_text() + "modules:\n  valves: {node: 9, outputs: {0: servomotor.limited}, "
                 "safe_outputs: 1, heartbeat: {every: 20 ms, lost_after: 100 ms}}\n"
             )
-            run = subprocess.Popen(
+            run = program.begun(
                 hil.run_line(path, 20.0, tmp_path / "runs", build), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
             )
             try:
@@ -340,7 +341,7 @@ def test_valves_are_safe_when_the_program_is_killed(tmp_path, build):
                 network.advance(
                     network.now + 60_000_000_000, lambda: sum(one.id == 0x080 for one in heard[-(10**6) :]) > 400
                 )
-                run.send_signal(signal.SIGKILL)
+                program.send(run, signal.SIGKILL)
                 run.wait()
                 network.advance(network.now + 500_000_000, never)
             finally:

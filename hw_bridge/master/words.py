@@ -1,0 +1,30 @@
+"""What a failure is told with: the drives' own words (EMCY, 603Fh, 1003h), and another master that may be its cause."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from hw_bridge.master.station import Station
+
+LAST = 4  # so many EMCY messages are told
+
+
+def coded(station: Station, code: int) -> str:
+    """An error code with its meaning, where the profile knows it."""
+    fault = station.profile.faults.get(code)
+    return f"{code:04X}h" + (f" {fault.meaning}" if fault else "")
+
+
+def emergencies(stations: Iterable[Station]) -> str:
+    """The EMCY messages that came, or nothing; 0000h tells the end of an error."""
+    found = [f"{one.name} {coded(one, code)}" for one in stations for _, code in one.emergencies if code]
+    return f"EMCY: {', '.join(found[-LAST:])}." if found else ""
+
+
+def in_full(text: str, rival: str, said: Sequence[str], stations: Iterable[Station]) -> str:
+    """A failure with what it does not tell yet. `said`: by drives in Fault; EMCY counts where none of them could be asked."""
+    told = "" if said or "EMCY" in text else emergencies(stations)
+    return " ".join([text, *(one for one in (rival, *said, told) if one and one not in text)])
