@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -55,10 +56,12 @@ def read(folder: Path) -> dict[str, Any]:
 
 def versions() -> dict[str, str]:
     """Versions of all that has a part in the results."""
+    from importlib.metadata import PackageNotFoundError
+
     found = dict(recording.versions())
     for name in PACKAGES:
-        if version := installed.version(name):
-            found[name] = version
+        with suppress(PackageNotFoundError):  # of an extra
+            found[name] = installed.version(name)
     return found
 
 
