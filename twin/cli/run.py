@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from twin.run import Hardware, Outcome
+    from twin.scenario import Checked, Form, Scenario
 
 ENGINE = Path(__file__).parents[1]
 SHOWN_WITH = ("rich.table", "rich.console", "twin.run.report")  # modules
@@ -128,6 +129,8 @@ def command(
     refuse_together(hardware_file is not None, trace is not None, replay is not None, half_step, dry)
     if (file is None) is not bool(of_study):
         raise click.UsageError("Name a SCENARIO, or a case of a study with --case.")
+    if of_study and (variants or seeds):
+        raise click.UsageError("--case has a variant and a seed of its own: drop --variant and --seed.")
     link = supervise(timeout)  # from here on in a process of its own, before anything heavy is imported
     again = None
     if of_study:
@@ -138,7 +141,7 @@ def command(
     assert file is not None
     with late.beside(partial(revision.ask, ENGINE)):
         from twin.run import resume, run_scenario
-        from twin.scenario import Form, checked
+        from twin.scenario import Form
 
     display = progress_display(of_study or file.stem, not as_json)
     options: dict[str, Any] = {
@@ -153,16 +156,8 @@ def command(
             say("note: --half-step was left out, since the process that ran the scenario had died", err=True)
     else:
         finish_others(runs)
-        if hardware_file is None:
-            hardware = None
-            with working(f"checking {file}"):
-                found = options["known"] = checked(file, overrides, build, Form(form))
-            scenario = found.scenario
-        else:
-            from twin.scenario import load_scenario
-
-            scenario = load_scenario(file, overrides)
-            hardware = load_hardware(hardware_file, arm, build, trace, replay, **({"dry": True} if dry else {}))
+        scenario, options["known"] = read(file, overrides, build, Form(form), hardware_file is None)
+        hardware = load_hardware(hardware_file, arm, build, trace, replay, dry) if hardware_file is not None else None
         display.title = scenario.title
         with display as progress:
             outcome = run_scenario(
@@ -180,6 +175,21 @@ def command(
     if again is not None:
         say(again.compared(outcome), err=True)
     told(outcome, as_json, not no_report)
+
+
+def read(
+    file: Path, overrides: tuple[str, ...], build: Path, form: Form, alone: bool
+) -> tuple[Scenario, Checked | None]:
+    """The scenario; and what is known of its members, unless drives will stand for some of them."""
+    if not alone:
+        from twin.scenario import load_scenario
+
+        return load_scenario(file, overrides), None
+    from twin.scenario import checked
+
+    with working(f"checking {file}"):
+        found = checked(file, overrides, build, form)
+    return found.scenario, found
 
 
 def refuse_together(on_drives: bool, trace: bool, replay: bool, half_step: bool, dry: bool = False) -> None:
@@ -221,13 +231,13 @@ def finish_others(runs: Path) -> None:
 
 
 def load_hardware(
-    file: Path, arm: bool, build: Path, trace: Path | None = None, replay: str | None = None, **more: bool
+    file: Path, arm: bool, build: Path, trace: Path | None = None, replay: str | None = None, dry: bool = False
 ) -> Hardware:
     """Read a hardware file with the package that knows about drives: an entry point of the group `twin.hardware`."""
     points = list(installed.entry_points("twin.hardware").values())
     if not points:
         raise DeclarationError("--hardware: no installed package knows about drives. Run `pip install -e .` again.")
-    hardware: Hardware = installed.load(points[0])(file, arm, build, trace, replay, **more)
+    hardware: Hardware = installed.load(points[0])(file, arm, build, trace, replay, dry)
     return hardware
 
 
