@@ -111,6 +111,7 @@ int main(int argc, char **argv) {
         }
     }
     double took = now() - begin;
+    __asm__ volatile("" : : "r"(rows) : "memory"); /* somebody reads them: else the compiler leaves the recording out */
     printf("%.4f %.17g\n", took / ((double)steps * n), y[n - 1]);
     return 0;
 }

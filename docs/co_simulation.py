@@ -53,7 +53,7 @@ FIXED = {
     "iterative, order 2": Algorithm("iterative", order=2, **NEWTON),
 }
 SHOWN = ("jacobi", "jacobi, order 1", "gauss_seidel, order 1", "energy", "iterative, order 1")  # in the figure
-CHOOSING = {"step_doubling": {"order": 1}, "predictive": {"order": 1}}
+CHOOSING = {"step_doubling": {"order": 1}, "predictive": {"order": 1}, "ecco": {"order": 1}}
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5)
 FIRST = "two masses, force"  # what its left half is of
 WORK = "quarter car, progressive damper, force"  # what the right half of the figure is of
@@ -204,7 +204,7 @@ def draw(errors: dict[str, dict[str, list[float]]]) -> None:
         left.annotate(f"order {power}", (1.0, begin), color="0.4", fontsize=8)
     left.set(xlabel="step [ms]", ylabel="largest error / begin", title=FIRST, ylim=(1e-5, 3.0))
     left.legend(fontsize=8)
-    for marker, (shown, options) in zip("sd", CHOOSING.items(), strict=True):
+    for marker, (shown, options) in zip("sdv", CHOOSING.items(), strict=True):
         pair, exact = PAIRS[WORK], reference(PAIRS[WORK])
         points = [error(pair, Algorithm(shown, tolerance=one, **options), max(pair.steps), exact) for one in TOLERANCES]
         places = [count for _, count in points], [found for found, _ in points]

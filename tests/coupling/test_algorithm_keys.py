@@ -147,7 +147,7 @@ def test_check_names_members_that_cannot_go_back(tmp_path, build):
         "connections: [lag.y -> bomb.u, lag.y -> inside.u]\n"
     )
     problems, _ = examine(str(tmp_path / "s.yaml"))
-    needs = "cannot go back to the begin of a step, which iterative needs. Use jacobi, gauss_seidel, energy, or give it a longer `communication_step`."
+    needs = "cannot go back to the begin of a step, which iterative needs. Use jacobi, gauss_seidel, ecco, energy, or give it a longer `communication_step`."
     assert problems == [f"{tmp_path}/s.yaml:5: bomb: {needs}", f"{tmp_path}/s.yaml:6: inside: {needs}"]
     assert examine(str(tmp_path / "s.yaml"), ("algorithm=jacobi",))[0] == []
     assert (

@@ -2,8 +2,10 @@
 
 import pytest
 
-from tests.fmi.third_party import FMI2, FMI3, native_fmu, python_fmu
-from twin.coupling import Connection, CoSimulation, IsolatedMember, System
+from tests.coupling.test_algorithms import FORCE, masses
+from tests.fmi.third_party import FMI2, FMI3, NATIVE, NATIVE_XML, native_fmu, python_fmu
+from twin import compiler
+from twin.coupling import Connection, CoSimulation, IsolatedMember, RecordMember, System
 from twin.errors import CouplingError
 from twin.fmi import member
 
@@ -95,3 +97,36 @@ def test_what_a_member_says_of_them_is_told(pair, build):
     pair["b"].set = refuse
     with pytest.raises(Exception, match=r"b: failed with ERROR in the step from t = 3 ms.*cannot hear 'AA0,2,'"):
         run(build, pair, RING)
+
+
+STATE = """
+int fmi3GetFMUState(Instance *c, void **s) { if (!*s) *s = malloc(sizeof *c); memcpy(*s, c, sizeof *c); return 0; }
+int fmi3SetFMUState(Instance *c, void *s) { memcpy(c, s, sizeof *c); return 0; }
+int fmi3FreeFMUState(Instance *c, void **s) { free(*s); *s = NULL; return 0; }
+"""
+
+
+@pytest.mark.parametrize("algorithm", ["iterative", "step_doubling", "energy"])
+@pytest.mark.parametrize("isolate", [False, True])
+def test_they_come_back_with_a_step_that_is_taken_back(tmp_path, build, algorithm, isolate):
+    """Every step counts one up in a binary and passes it on; steps that do not stay leave nothing."""
+    counting = NATIVE.replace("*last = end;", "*last = end; c->data[c->length - 1]++;") + STATE
+    path = native_fmu(tmp_path, NATIVE_XML.replace("Size=", 'Size="true" canGetAndSetFMUState=', 1), counting)
+    members = {name: member(name, path, {"data": b"\1\0"}) for name in "cd"}
+    if isolate:
+        members["d"] = IsolatedMember(members["d"], build)
+    for name, part in masses(FORCE).items():
+        members[name] = RecordMember(name, part, compiler.load_component(type(part), build))
+    catalog = {name: one.variables for name, one in members.items()}
+    wires = [Connection(*one.split(" -> ")) for one in [*FORCE, "c.echo -> d.data"]]
+    simulated = CoSimulation(members, System(catalog, wires).links(), 8 * MS, algorithm, build=build, record=[])
+    try:
+        simulated.initialize(0, 80 * MS)
+        simulated.advance(80 * MS)
+        steps, swept = members["c"].get("echo")[-1], int(simulated.state["sweeps"])
+        assert members["d"].get("echo")[-1] - steps == (1 if algorithm == "iterative" else 0)
+        stay = int(simulated.state["accepted"]) * (2 if algorithm == "step_doubling" else 1)
+        assert steps == (stay or 10) % 256
+        assert swept > stay or algorithm == "energy"
+    finally:
+        simulated.terminate()

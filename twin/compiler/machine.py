@@ -86,7 +86,7 @@ def call_access(function: int, instance: int, references: int, count: int, value
 def call_step(function: int, instance: int, t: float, h: float, flags: int) -> int:
     """`fmiNDoStep`, or any `int32 (*)(void *instance, double t, double h)`: arguments it lacks it ignores.
 
-    `flags`: address of five words for FMI 3.0: event handling needed, terminate, early return, last successful time.
+    `flags`: address of four words for FMI 3.0: event handling needed, terminate, early return, last successful time.
     """
     flags = int(flags)
     return int(STEP(int(function))(int(instance), float(t), float(h), 1, flags, flags + 8, flags + 16, flags + 24))

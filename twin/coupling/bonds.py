@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 
     from twin.coupling.system import Link
 
-MEANT = ("W", "J")  # the second with a displacement in the place of its velocity
+POWER, ENERGY = "W", "J"
+MEANT = (POWER, ENERGY)  # the second with a displacement in the place of its velocity
 
 
 def bonds(links: Iterable[Link]) -> dict[str, list[Link]]:
@@ -52,11 +53,39 @@ def fault(links: list[Link]) -> str:
     return ""
 
 
-def is_power(a: Link, b: Link) -> bool:
+def is_power(a: Link, b: Link, meant: tuple[str, ...] = MEANT) -> bool:
     """Whether the product of what two connections bring is a power or an energy; angles count for nothing."""
     both = [unit.describe(one.target.variable.unit).exponents for one in (a, b)]
     found = [x + y for x, y in zip(*both, strict=True)][:-1]
-    return any(found == list(unit.describe(one).exponents)[:-1] for one in MEANT)
+    return any(found == list(unit.describe(one).exponents)[:-1] for one in meant)
+
+
+def powers(links: Iterable[Link]) -> list[list[tuple[Link, Link, float]]]:
+    """Of each bond the connections there and back whose product is a power, and its unit in W.
+
+    CouplingError for a declared bond that has none: with a place instead of a velocity the product is an energy.
+    """
+    found = []
+    for name, own in bonds(links).items():
+        first = own[0].source.member
+        sides = product(*([one for one in own if (one.source.member == first) is there] for there in (True, False)))
+        pairs = [
+            (a, b, in_watt(a) * in_watt(b))
+            for a, b in sides
+            if a.target.size == b.target.size and is_power(a, b, (POWER,))
+        ]
+        if not pairs and own[0].bond:
+            raise CouplingError(
+                f"bond {name}: has a force and a place, but no velocity, so it tells an energy and no power. "
+                "Declare it at the velocity, too, or use predictive or step_doubling."
+            )
+        found += [pairs] if pairs else []
+    return found
+
+
+def in_watt(link: Link) -> float:
+    """The unit of an input in SI."""
+    return unit.describe(link.target.variable.unit).factor
 
 
 def shown(link: Link) -> str:

@@ -16,7 +16,7 @@ from twin.coupling.algorithms import Algorithm
 from twin.coupling.ending import Endings, log_text
 from twin.coupling.event_steps import EventSteps
 from twin.coupling.isolated import IsolatedMember
-from twin.coupling.objects import Objects, refuse_objects
+from twin.coupling.objects import Objects
 from twin.coupling.overrides import Overrides
 from twin.coupling.plan import Key, Plan, view
 from twin.coupling.recorder import Layout, Memory, Recorder
@@ -92,7 +92,6 @@ class CoSimulation(Endings):
         refuse(self.algorithm, members, self._slow)
         self._corrected = self.algorithm.corrected(links)
         continuous.join(members, links, self.periods)
-        refuse_objects(links, self.algorithm)
         outputs = [
             (name, v.name)
             for name, m in members.items()

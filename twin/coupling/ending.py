@@ -149,8 +149,8 @@ class Endings:
         place, rest = divmod(int(self.state["at"]) - rows.ctypes.data, rows.strides[0])
         if rest or not 0 <= place < len(self.plan.accesses):
             return ""
-        function, _, references, *_ = self.plan.accesses[place]
-        names = self.plan.asked.get(references, ())
+        function, instance, references, *_ = self.plan.accesses[place]
+        names = self.plan.asked.get((function, instance, references), ())
         if not names:
             return ""
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
@@ -206,7 +206,7 @@ class Endings:
     def _written(self, begun: float) -> float:
         """How far [s] a step of FMI 3.0's form from `begun` says that it came, of the member that ended the run; no less."""
         rows = [row for row in self._tables.arrays["steps"].tolist() if row[-1] == int(self.state["member"])]
-        return max([begun, *(machine.read_float(flags + 24) for _, _, flags, _ in rows)])
+        return max([begun, *(machine.read_float(flags + 24) for _, _, flags, *_ in rows)])
 
     def _reached(self) -> str:
         """The time at which the simulation ended, for a message; a row beyond that does not count."""

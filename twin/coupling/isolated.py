@@ -44,11 +44,15 @@ class IsolatedMember(Member):
 
     living: ClassVar[list[IsolatedMember]] = []  # of this process
 
+    def __new__(cls, inner: Member, build: Path) -> Self:  # noqa: ARG004
+        """`IsolatedClocks` for a member with clocks."""
+        from twin.coupling.isolated_events import IsolatedClocks
+
+        return super().__new__(IsolatedClocks if inner.clocked else cls)  # type: ignore[return-value]
+
     def __init__(self, inner: Member, build: Path) -> None:
         if not hasattr(os, "fork"):
             raise CouplingError(f"{inner.name}: `isolate` needs fork, which this system lacks. Leave it out.")
-        if inner.clocked:
-            raise CouplingError(f"{inner.name}: has clocks, whose events need it in this process. Leave out `isolate`.")
         self.name, self.variables, self.driven = inner.name, inner.variables, inner.driven
         self.period_ns, self.identity, self.can_restore = inner.period_ns, inner.identity, inner.can_restore
         self.can_roll_back = inner.can_roll_back
@@ -65,14 +69,17 @@ class IsolatedMember(Member):
 
     def _share(self) -> None:
         """Take the memory that both will have: what is not used is never touched."""
-        size = sum(v.size * v.dtype.itemsize + 64 for v in self.variables.values() if v.connectable)
-        self._map = mmap.mmap(-1, HEAD + 4 * (size + 64 * 8 * len(ROW)))
+        self._map = mmap.mmap(-1, self._memory_size())
         self._memory = int(np.frombuffer(self._map, np.uint8).ctypes.data)
         self._used = HEAD
         self._channel = words(self._memory, CHANNEL)[0:1]
         for name in ("read", "write", *(["sched_setaffinity"] if HAS_CORES else [])):
             self._channel[name] = ctypes.cast(getattr(ctypes.CDLL(None), name), ctypes.c_void_p).value
         self._channel["loop_core"] = self._channel["own_core"] = -1
+
+    def _memory_size(self) -> int:
+        size = sum(v.size * v.dtype.itemsize + 64 for v in self.variables.values() if v.connectable)
+        return HEAD + 4 * (size + 64 * 8 * len(ROW))
 
     # processes
 

@@ -12,7 +12,8 @@ member) they are:
 2. members that are due step, over their own period
 3. members whose period ends at k + 1 publish
 
-so a slow member's outputs appear when its step is due, and within a stage nobody sees another's future.
+so a slow member's outputs appear when its step is due, and within a stage nobody sees another's future. Where all members of
+a stage are due at every point, each publishes right after its step, while a cache holds it: inputs have been taken by then.
 """
 
 from __future__ import annotations
@@ -61,7 +62,7 @@ OPERATION = (
 COPY = ("source", "target", "words")
 CONVERT = ("source", "source_kind", "target", "target_kind", "count", "factor", "offset")  # the last two Float64 bits
 ACCESS = ("function", "instance", "references", "count", "values", "size", "member")
-STEP = ("function", "instance", "flags", "member")
+STEP = ("function", "instance", "flags", "gets", "get_count", "member")  # `gets`: rows of accesses that publish at once
 LIMIT = ("address", "kind", "count", "low", "high")  # the last two Float64 bits; not a number is beyond any limit
 
 # how a scalar lies in memory, for conversions
@@ -240,11 +241,22 @@ def run(self: Any) -> int:
                     self.at = row
                     status = call_step(read64(row), read64(row + 8), t, h, flags)
                     if status > 1:
-                        self.member, self.status = read64(row + 24), status
+                        self.member, self.status = read64(row + 40), status
                         return FAILED
                     if read8(flags + 8) != 0:
-                        self.member, self.finished = read64(row + 24), 1
-                    row += 32
+                        self.member, self.finished = read64(row + 40), 1
+                    gets = read64(row + 24)
+                    for _ in range(read64(row + 32)):
+                        references, values = read64(gets + 16), read64(gets + 32)
+                        self.at = gets
+                        status = call_access(
+                            read64(gets), read64(gets + 8), references, read64(gets + 24), values, read64(gets + 40)
+                        )
+                        if status > 1:
+                            self.member, self.status = read64(gets + 48), status
+                            return FAILED
+                        gets += 56
+                    row += 48
             operation += 88
         if hasty_count > 0 and came_back(self, t) != 0:
             return FAILED

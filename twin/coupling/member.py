@@ -172,6 +172,7 @@ class Member(ABC):
     step_function: int = 0  # address of int32 (*)(void *instance, double t, double h, ...)
     step_name: str = "step"  # of that function
     instance: int = 0  # address of the instance
+    writes_flags: bool = True  # whether its step writes what FMI 3.0's does: event, terminate, early return
     log: list[str]  # last lines it logged
     logs: bool = False  # whether it is to log more than what went wrong; told before `instantiate`
     identity: dict[str, str]  # what ran: kind, version, content hash

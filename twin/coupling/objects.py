@@ -1,7 +1,8 @@
 """Strings and binaries between members: moved by Python, at the points where the loop moves numbers.
 
 The loop calls a row of its table, as it calls `fmiNGetXXX`; a system without such connections has none. What a member
-publishes is kept here until it publishes again, so that nobody sees its future.
+publishes is kept here until it publishes again, so that nobody sees its future. An algorithm that takes a step back takes
+this back, too.
 """
 
 from __future__ import annotations
@@ -13,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.compiler import machine
-from twin.errors import CouplingError, TwinError, described
+from twin.coupling.member import Way
+from twin.errors import TwinError, described
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from twin.coupling.algorithms import Algorithm
     from twin.coupling.member import Member
     from twin.coupling.system import Link
 
@@ -35,18 +36,6 @@ def flat(value: Any) -> np.ndarray[Any, Any]:
     found = np.empty(len(elements), object)
     found[:] = elements
     return found
-
-
-def refuse_objects(links: list[Link], algorithm: Algorithm) -> None:
-    """CouplingError where an algorithm goes back: what is kept here does not go with it."""
-    named = [link for link in links if not link.source.variable.connectable]
-    if named and not algorithm.is_plain:
-        source, target = (f"{end.member}.{end.variable.name}" for end in (named[0].source, named[0].target))
-        kind = named[0].source.variable.type
-        raise CouplingError(
-            f"{source} -> {target}: is a {kind} connection, which algorithm {algorithm} cannot take back. "
-            "Use jacobi or gauss_seidel."
-        )
 
 
 class Objects:
@@ -87,6 +76,29 @@ class Objects:
     def sets(self, name: str) -> list[list[int]]:
         """Rows that give a member its inputs."""
         return [self._row(name, "set", partial(self._give, key)) for key in self.inputs if key[0] == name]
+
+    def way(self, count: int) -> Way:
+        """How the loop brings back what is kept here, to any of `count` points."""
+        saved: dict[int, tuple[Any, ...]] = {}  # by the address of their places
+        places = [ctypes.c_void_p() for _ in range(count)]
+
+        def save(_instance: int, place: int, *_: int) -> int:
+            machine.write64(place, place)
+            inputs = {key: values.copy() for key, values in self.inputs.items()}
+            saved[place] = dict(self.published), inputs, dict(self.given)
+            return OK
+
+        def restore(_instance: int, place: int, *_: int) -> int:
+            published, inputs, given = saved[place]
+            self.published, self.given = dict(published), dict(given)
+            for key, values in inputs.items():
+                self.inputs[key][:] = values
+            return OK
+
+        made = machine.ACCESS(save), machine.ACCESS(restore)
+        self._kept += [*made, *places]
+        addresses = [ctypes.cast(one, ctypes.c_void_p).value or 0 for one in made]
+        return Way(get=addresses[0], set=addresses[1], places=tuple(ctypes.addressof(one) for one in places))
 
     def _take(self, key: Key) -> None:
         self.published[key] = flat(self.members[key[0]].get(key[1]))

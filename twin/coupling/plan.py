@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
     from twin.coupling.member import Access, Member, MemberVariable
 
+MOVES = ("copies", "converts", "accesses")  # tables of operations beside that of steps
+FLAGS = 32  # byte that a step writes: event, terminate, early return, last successful time
+
 Key = tuple[str, str]
 Place = tuple[str, int, int, int]
 
@@ -97,7 +100,10 @@ class Plan:
     sets: dict[str, list[list[int]]] = field(default_factory=dict)
     publishes: dict[str, list[list[int]]] = field(default_factory=dict)
     keep: list[Access] = field(default_factory=list)
-    asked: dict[int, tuple[str, ...]] = field(default_factory=dict)  # variables that a call moves, by its references
+    # variables that a call moves, by its function, instance and references
+    asked: dict[tuple[int, int, int], tuple[str, ...]] = field(default_factory=dict)
+    references: dict[bytes, int] = field(default_factory=dict)  # where they lie: equal ones once, which a cache holds
+    no_flags: int = 0  # where those look for flags who write none: all at one place
     functions: dict[int, str] = field(default_factory=dict)  # names of the functions that are called, by address
     objects: Objects | None = None  # what is no number
     events: Events | None = None  # what happens at a communication point when all have published
@@ -179,8 +185,8 @@ class Plan:
             calls.append(access)
             self.functions[access.function] = access.name
             rows = self.sets if write else self.gets
-            references = int(access.references.ctypes.data)
-            self.asked[references] = tuple(
+            references = self.references.setdefault(access.references.tobytes(), int(access.references.ctypes.data))
+            self.asked[access.function, self.members[member].instance, references] = tuple(
                 f"{v.name} (value reference {', '.join(map(str, v.references[:3]))})" for v in variables
             )
             row = [access.function, self.members[member].instance, references, access.count, address, access.size]
@@ -230,10 +236,19 @@ class Plan:
     def _operations(self, slots: list[list[dict[str, Any]]]) -> None:
         """Operations of a stage: all take their inputs, all step, all publish; one slot does the first two in one."""
         if len(slots) == 1:
-            inputs, steps, *publish = slots[0]
-            self.operations += [{**inputs, "steps": steps["steps"]}, *publish]
+            inputs, steps, gets, *more = slots[0]
+            if gets["divider"] == 1:
+                self._publish_at_once(steps["steps"], gets.pop("accesses"))
+            publish = [gets] if any(begin < end for begin, end in (gets.get(one, (0, 0)) for one in MOVES)) else []
+            self.operations += [{**inputs, "steps": steps["steps"]}, *publish, *more]
         else:
             self.operations += [slot[phase] for phase in range(4) for slot in slots if phase < len(slot)]
+
+    def _publish_at_once(self, steps: tuple[int, int], gets: tuple[int, int]) -> None:
+        """Let the steps in these rows be followed by the calls, in those, that read what came of them."""
+        for row in self.steps[slice(*steps)]:
+            own = [i for i in range(*gets) if self.accesses[i][-1] == row[-1]]
+            row[-3:-1] = own[0] if own else 0, len(own)
 
     def _slot(self, divider: int, names: list[str], links: list[Link]) -> list[dict[str, Any]]:
         """Members of a stage with the same divider: what takes their inputs, steps them, and publishes."""
@@ -253,7 +268,7 @@ class Plan:
         order = list(self.members)
         for name in names:
             member = self.members[name]
-            self.steps.append([member.step_function, member.instance, self.memory.take(40), order.index(name)])
+            self.steps.append([member.step_function, member.instance, self._flags(member), 0, 0, order.index(name)])
         accesses, copied, converted = len(self.accesses), len(self.copies), len(self.converts)
         for key in (key for key in self.whole if key[0] in names):
             self._split(key)
@@ -264,6 +279,13 @@ class Plan:
             {**common, "shift": 1, "accesses": (gets, accesses), "copies": (publishes, copied)},
             *([{**common, "shift": 1, **elements}] if any(begin < end for begin, end in elements.values()) else []),
         ]
+
+    def _flags(self, member: Member) -> int:
+        """Where a member's step writes its flags."""
+        if member.writes_flags:
+            return self.memory.take(FLAGS)
+        self.no_flags = self.no_flags or self.memory.take(FLAGS)
+        return self.no_flags
 
     def _split(self, key: Key) -> None:
         """Publish a variable element by element."""

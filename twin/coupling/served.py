@@ -8,13 +8,14 @@ import os
 import sys
 import threading
 from contextlib import suppress
+from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
-from twin import compiler
+from twin import clock, compiler
 from twin.coupling.member import Access, Member
 from twin.errors import SimulationError, TwinError, described
 from twin.process import Lines
@@ -84,8 +85,20 @@ def words(address: int, names: tuple[str, ...]) -> np.ndarray[Any, Any]:
 
 
 def plain(value: Any) -> Any:
-    """A value as a message can hold it; no bit of it is lost."""
-    return np.asarray(value).tolist()
+    """A value as a message can hold it; no bit of it is lost: numpy would drop zeros at the end of bytes."""
+    if isinstance(value, str | bytes):
+        return value
+    return [plain(one) for one in value] if isinstance(value, list) else np.asarray(value).tolist()
+
+
+def to_words(time: clock.Time | None) -> Any:
+    """An exact time as a message can hold it."""
+    return [time.numerator, time.denominator] if isinstance(time, Fraction) else time
+
+
+def from_words(word: Any) -> Any:
+    """What `to_words` was given; all else as it is."""
+    return Fraction(*word) if isinstance(word, list) else word
 
 
 def flush() -> None:
@@ -107,6 +120,7 @@ class Served:
         self.kept: list[Access] = []  # what rows point into
         self.last: np.ndarray[Any, Any] | None = None  # row
         self.saved: Any = None
+        self.objects: dict[str, Any] = {}  # slots of a member with clocks whose values are no numbers
 
     def live(self) -> NoReturn:
         """Serve until nobody is there any more."""
@@ -159,6 +173,24 @@ class Served:
     def get(self, name: str) -> Any:
         """A value as plain data."""
         return plain(self.inner.get(name))
+
+    def slot(self, name: str) -> int:
+        """Where a variable of a member with clocks lies, in memory of both; of what is no number: that it is asked for."""
+        found = self.inner.slot(name)  # type: ignore[attr-defined]
+        if found.variable.connectable:
+            return int(found.values.ctypes.data)
+        self.objects[name] = found
+        return 0
+
+    def event(self, what: str, arguments: list[Any], given: dict[str, list[Any]]) -> tuple[Any, ...]:
+        """A call of `events.Clocked`: its answer, what the member is like then, and its values that are no numbers."""
+        for name, values in given.items():
+            self.objects[name].values[:] = values
+        inner: Any = self.inner
+        answer = getattr(inner, what)(*(from_words(one) for one in arguments))
+        times = [to_words(one) for one in (inner.due, inner.event_time)]
+        outputs = {name: one.values.tolist() for name, one in self.objects.items() if not one.is_input}
+        return answer, *times, inner.ended, inner.has_jumped, outputs
 
     def access(self, names: list[str], write: bool, place: int) -> tuple[int, int, str]:
         """Fill a row; count, size and name of its call."""

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 MONOTONIC = 1  # CLOCK_MONOTONIC of Linux
 STRIDES = (7, 11, 13, 17, 19, 23)  # communication points between two that are looked at: no multiple of a period
 STEP, VALUES, COPIES = "steps", "accesses", "copies"
+GETS, GET_COUNT = loop.STEP.index("gets"), loop.STEP.index("get_count")
 
 
 def clock_address() -> int:
@@ -117,7 +118,11 @@ def apart(operation: np.ndarray[Any, Any], arrays: dict[str, Any]) -> list[tuple
         table = arrays[kind]
         for i in range(count):
             row = address + i * table.strides[0]
-            member = int(table[(row - table.ctypes.data) // table.strides[0], -1])
+            words = table[(row - table.ctypes.data) // table.strides[0]]
+            member = int(words[-1])
             own = [row, 1, 0, 0] if kind == VALUES else [0, 0, row, 1]
             found.append((kind, member, [*head, 0, 0, 0, 0, *own]))
+            if kind == STEP and words[GET_COUNT]:
+                found.append((VALUES, member, [*head, 0, 0, 0, 0, int(words[GETS]), int(words[GET_COUNT]), 0, 0]))
+                words[GET_COUNT] = 0  # those are looked at by themselves
     return found

@@ -28,6 +28,9 @@ class Tables:
                 ("steps", plan.steps), ("records", plan.records),
             )
         }  # fmt: skip
+        gets, steps = self.arrays["accesses"], self.arrays["steps"]
+        if plan.steps:
+            steps[:, -3] = gets.ctypes.data + steps[:, -3] * gets.strides[0]
         self._operations = plan.operation_rows(self.arrays)
 
     def publish(self) -> None:
@@ -52,7 +55,7 @@ class Tables:
         state["record_converts"] = converts.ctypes.data + begin * converts.strides[0]
         state["record_convert_count"] = end - begin
         self.merge_records(state)
-        order, flags = list(self.members), {row[3]: row[2] for row in self.plan.steps}
+        order, flags = list(self.members), {row[-1]: row[2] for row in self.plan.steps}
         rows = [
             [flags[i], bits(clock.seconds(self.plan.periods[name])), i]
             for i, name in enumerate(order)

@@ -217,7 +217,7 @@ class ClockedMember(ClockedFMU):
         if name in self.slots:
             return self.slots[name]
         variable = self.variables[name]
-        room = np.zeros(WORD * variable.size, np.uint8) if variable.connectable else np.full(variable.size, None)
+        room = self.room(WORD * variable.size) if variable.connectable else np.full(variable.size, None)
         held = room.view(variable.dtype)[: variable.size]
         if variable.start is not None:
             held[:] = np.ravel(variable.start)
@@ -234,6 +234,10 @@ class ClockedMember(ClockedFMU):
         if self.is_running and not slot.is_input and not slot.clocks and variable.type != "Clock":
             self.move(slot)
         return slot
+
+    def room(self, size: int) -> np.ndarray[Any, Any]:
+        """Fresh bytes for values."""
+        return np.zeros(size, np.uint8)
 
     def _group(self, slot: Slot) -> list[Slot]:
         if not slot.is_input:

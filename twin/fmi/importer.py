@@ -205,6 +205,7 @@ class FMUMember(Calls, Member):
     def _find_step(self) -> None:
         """Know the function that steps the instance."""
         self.step_function, self.step_name = self._address("DoStep"), f"{self._prefix}DoStep"
+        self.writes_flags = self._unpacked.fmi != "2.0"
 
     def enter_initialization(self, t: float, stop: float | None) -> None:
         experiment = (self.tolerance is not None, self.tolerance or 0.0, t, stop is not None, stop or 0.0)

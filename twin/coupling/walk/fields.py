@@ -9,6 +9,7 @@ INTEGERS = (
     # numbers of elements: those that a sweep cannot know before, that change in it, whose error is looked at
     "torn", "torn_count", "moving", "moving_count", "judged", "judged_count",
     "bonds", "bond_count",  # elements of power bonds
+    "pairs", "pair_count", "energies",  # of them, whose product is a power, and what went through each bond
     "keeps", "keep_count", "states", "state_count",  # what is kept in order to go back
     "elements", "vectors", "course", "past", "weights", "solver",  # memory, see below
     "order", "recalls", "most", "scheme", "control", "trial", "strict",  # `recalls`: earlier points; `trial`: goes back
@@ -26,6 +27,7 @@ INTEGERS = (
 FLOATS = (
     "whole", "now", "until", "begun", "span", "due",  # times [s]: a tick's length, see above, the step at work, an event
     "tolerance", "agreement", "floor", "smoothing", "relaxation", "linear_at", "correction",
+    "wish", "residual",  # length of the next step [s] if it could be any, and how good the last one was
 )  # fmt: skip
 
 # `vectors`: five of `elements` Float64 each, never taken back:
@@ -50,13 +52,15 @@ SCHEMES = ("relaxed", "aitken", "anderson", "newton")
 RELAXED, AITKEN, ANDERSON, NEWTON = range(4)
 DEPTH = 4  # earlier iterations that Anderson's method looks at
 
-FIXED, DOUBLING, PREDICTED = range(3)
+FIXED, DOUBLING, PREDICTED, RESIDUAL = range(4)
 
 # columns
 STAGE = ("links", "direct", "gets", "parts", "part_count")  # the first three: addresses of operations
 PART = ("feeds", "feed_count", "operation", "begin", "length")  # the last two: parts of the step, Float64 bits
 FEED = ("now", "course", "source", "weights", "target", "kind")  # addresses of the element in both memories
 KEEP = ("address", "words", "first", "second")
+# addresses of what an input was fed and of what came, there and back; unit [W], Float64 bits; whether it is the bond's last
+PAIR = ("fed", "came", "fed_back", "came_back", "unit", "is_last")
 STATE = ("get", "set", "instance", "first", "second", "member")
 
 # status of an attempt, behind FMI's

@@ -6,8 +6,9 @@ from typing import Any
 
 from twin.compiler import call_access, read64, read_float, write_float
 from twin.coupling.loop import DONE, FAILED, FINISHED, FULL, NOTICED, ROUNDING, beyond, record
-from twin.coupling.walk.fields import DOUBLING, EARLY, FIXED, SCALE, SEEN, UNSOLVED
+from twin.coupling.walk.fields import DOUBLING, EARLY, FIXED, RESIDUAL, SCALE, SEEN, UNSOLVED
 from twin.coupling.walk.solve import attempt, size_of
+from twin.coupling.walk.steer import steer
 from twin.coupling.walk.sweep import DONE_WITH, bring_back, keep, periodic, tell, transfer
 
 SAFETY = 0.9
@@ -68,6 +69,9 @@ def point(self: Any, position: int) -> float:
 
 def cross(self: Any) -> int:
     """Go to the next tick in one step or several; the status of what failed."""
+    shortens = 0
+    if self.control != FIXED and self.trial != 0:
+        shortens = 1  # what failed may be tried anew
     while self.position < self.divisions and self.finished == 0:
         stride = self.stride
         while self.position > 0 and self.position % stride != 0:
@@ -104,11 +108,11 @@ def cross(self: Any) -> int:
             if bring_back(self, 0) > 1:
                 return int(self.status)
             self.limited = 1
-        elif status == ERROR and self.control != FIXED and 0 < stride < self.passed:
+        elif status == ERROR and shortens != 0 and 0 < stride < self.passed:
             self.least, self.refused = self.passed, 1 + self.member  # longer ones were made
             if shorten(self, self.passed) > 1:
                 return int(self.status)
-        elif status == UNSOLVED or (status == ERROR and self.control != FIXED and stride > self.least):
+        elif status == UNSOLVED or (status == ERROR and shortens != 0 and stride > self.least):
             if shorten(self, stride // 2) > 1:
                 return int(self.status)
         elif status > 1:
@@ -203,6 +207,9 @@ def paired(self: Any, t: float, h: float, is_least: bool) -> int:
 
 def judge(self: Any, stride: int) -> int:
     """Whether a step is good enough, or cannot be shorter; the length of the next."""
+    if self.control == RESIDUAL:
+        steer(self, stride)
+        return 1
     largest, room = 0.0, 1.0
     divisor = 0.0
     for _ in range(self.order + 1):

@@ -22,6 +22,7 @@ from twin.coupling.walk.fields import (
     FIXED,
     NEWTON,
     PREDICTED,
+    RESIDUAL,
     SCALE,
     SEEN,
     UNSOLVED,
@@ -43,7 +44,7 @@ def attempt(self: Any, t: float, h: float, slot: int) -> int:
     begin(self)
     if self.recalls != 0:
         prepare(self, h)
-        if self.control == PREDICTED:
+        if self.control == PREDICTED or self.control == RESIDUAL:
             predict(self, self.vectors + 8 * SEEN * self.elements)
     status = 0
     if self.most == 0:

@@ -53,15 +53,15 @@ def perform(self: Any, operation: int, t: float, h: float) -> int:
         else:
             status = call_step(read64(row), read64(row + 8), t, h, flags)
         if status > 1:
-            self.member, self.status = read64(row + 24), status
+            self.member, self.status = read64(row + 40), status
             return status
         if read8(flags + 8) != 0:
-            self.ending = 1 + read64(row + 24)
+            self.ending = 1 + read64(row + 40)
         if read8(flags + 16) != 0 or (self.trial != 0 and read8(flags + 8) != 0):
             if read_float(flags + 24) < t + h - ROUNDING * h:
-                self.member, self.status, self.until = read64(row + 24), EARLY, read_float(flags + 24)
+                self.member, self.status, self.until = read64(row + 40), EARLY, read_float(flags + 24)
                 return EARLY
-        row += 32
+        row += 48
     return 0
 
 

@@ -9,20 +9,26 @@ import numpy as np
 
 from twin import clock
 from twin.coupling import loop
+from twin.coupling.bonds import powers
 from twin.coupling.plan import bits
 from twin.coupling.walk.derive import Coupling
 from twin.coupling.walk.fields import (
+    BEGIN,
     DEPTH,
     DOUBLING,
     END,
     FEED,
     FIXED,
+    HELD,
     KEEP,
     NEWTON,
     NOW,
+    PAIR,
     PART,
     PREDICTED,
+    RESIDUAL,
     SCALE,
+    SEEN,
     STAGE,
     STATE,
 )
@@ -31,7 +37,7 @@ from twin.coupling.walk.linear import factorize
 if TYPE_CHECKING:
     from twin.coupling.system import Link
     from twin.coupling.tables import Tables
-    from twin.coupling.walk.stages import Stages
+    from twin.coupling.walk.stages import Element, Stages
 
 WORD = 8
 
@@ -60,6 +66,8 @@ class Walk:
         self._operations(tables)
         self._options(step)
         self._elements({id(link) for link in corrected})
+        if self.algorithm.control == RESIDUAL:
+            self._bonds(corrected)
         if self.algorithm.rolls_back:
             self._way_back()
         plan.memory.blocks[:0] = plan.own.blocks  # so that who saves one saves both
@@ -106,7 +114,7 @@ class Walk:
         state["recalls"] = (
             algorithm.order > 0
             or algorithm.iterations > 0
-            or algorithm.control == PREDICTED
+            or algorithm.control in (PREDICTED, RESIDUAL)
             or (algorithm.correction > 0)
         )
         state["agreement"], state["tolerance"], state["floor"] = (
@@ -118,6 +126,9 @@ class Walk:
         state["derives"] = algorithm.iterations > 0 and algorithm.scheme == NEWTON
         state["whole"] = clock.seconds(step)
         state["divisions"] = state["stride"] = algorithm.divisions(step)
+        if algorithm.control == RESIDUAL:
+            state["stride"] = 1  # nothing is known yet, and nothing is taken back
+            state["wish"] = state["whole"] / state["divisions"]
         state["least"] = 1 if algorithm.control != DOUBLING else min(2, algorithm.divisions(step))  # a half, too
 
     def _elements(self, corrected: set[int]) -> None:
@@ -147,6 +158,29 @@ class Walk:
         m = int(state["torn_count"])
         state["solver"] = plan.own.take(WORD * ((3 + 2 * DEPTH + 1) * m + m * m + DEPTH * (DEPTH + 2)))
 
+    def _bonds(self, links: list[Link]) -> None:
+        """Rows of what powers are made of, and room for the energy that went through each bond."""
+        plan, rows = self.plan, []
+        every = [[one for one in own if id(one[0]) in plan.fed and id(one[1]) in plan.fed] for own in powers(links)]
+        told = [own for own in every if own]
+        for own in told:
+            for there, back, size in own:
+                for pair in zip(plan.fed[id(there)], plan.fed[id(back)], strict=True):
+                    ends = [self._fed_and_came(one) for one in pair]
+                    rows.append([*ends[0], *ends[1], bits(size), 0])
+            rows[-1][-1] = 1
+        self._array("pair", rows, len(PAIR))
+        self.state["energies"] = plan.own.take(2 * WORD * max(1, len(told)))
+        if not told:
+            self.state["stride"] = self.state["divisions"]
+            self.state["wish"] = self.state["whole"]
+
+    def _fed_and_came(self, element: Element) -> tuple[int, int]:
+        """Where the end of the course lies that an input was fed, and what its connection gave at the end of the step."""
+        fed = BEGIN if element.source == HELD else SEEN
+        at = self.plan.vectors + WORD * element.number
+        return at + WORD * fed * self.plan.count, at
+
     def _way_back(self) -> None:
         """Rows that keep all that a step changes, and bring it back."""
         plan = self.plan
@@ -163,6 +197,9 @@ class Walk:
                 regions.append((way.address, way.words))
             else:
                 states.append([way.get, way.set, member.instance, way.places[0], way.places[-1], index])
+        if plan.objects is not None and plan.objects.links:
+            way = plan.objects.way(slots)
+            states.append([way.get, way.set, 0, way.places[0], way.places[-1], 0])
         keeps = []
         for address, words in regions:
             first = plan.own.take(WORD * words)

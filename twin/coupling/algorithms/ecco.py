@@ -1,0 +1,58 @@
+"""Steps as long as the energy allows that power bonds make or lose: ECCO, with no way back.
+
+Sadjina, Kyllingstad, Skjong, Pedersen: Energy conservation and power bonds in co-simulations: non-iterative adaptive step
+size control and error estimation, Eng. Comput. 33(3), 2017.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, ClassVar
+
+from twin import clock
+from twin.coupling.algorithms.algorithm import Algorithm, halvings
+from twin.coupling.bonds import bonds, powers
+from twin.coupling.walk.fields import RESIDUAL
+from twin.dataclass import dataclass
+
+if TYPE_CHECKING:
+    from twin.coupling.system import Link
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Ecco(Algorithm):
+    """Members in parallel, each step made once; the scenario's step is the longest, `smallest` [ns] the shortest.
+
+    `tolerance`: of the energy that a bond makes or loses in a step, relative to the largest that went through it, or to
+    `floor` [J]. A step that turns out too long stays; the next one is shorter. `correction` above 0 gives back, as `energy`
+    does, what the last step owed.
+    """
+
+    name: ClassVar[str] = "ecco"
+    control: ClassVar[int] = RESIDUAL
+
+    order: int = 1
+    tolerance: float = 1e-3  # type: ignore[misc]
+    smallest: int = 1_000  # [ns]
+    floor: float = 1e-12  # type: ignore[misc]
+    correction: float = 0.0  # type: ignore[misc]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._limited("tolerance", 0.0, 1.0, above=True)
+        self._limited("smallest", 1, 1e18)
+        self._limited("floor", 0.0, 1e300, above=True)
+        self._limited("correction", 0.0, 1.0)
+
+    def divisions(self, step: clock.Time) -> int:
+        """Down to the smallest one."""
+        return halvings(step, self.smallest)
+
+    def corrected(self, links: list[Link]) -> list[Link]:
+        """Those of all power bonds."""
+        powers(links)  # refused here, before a run
+        return [link for own in bonds(links).values() for link in own]
+
+    def remarks(self, corrected: list[Link]) -> list[str]:
+        """That nothing tells how long steps may be."""
+        advice = "Write `bond: name` at a force and at the velocity back, or take predictive, which needs no bond."
+        return [] if corrected else [f"ecco: no connection is a power bond, so all steps are the longest. {advice}"]
