@@ -57,6 +57,7 @@ class Group(Component):
     reaches: ClassVar[dict[str, frozenset[str]]] = {}  # what follows what at once, where there are equations
     starts: ClassVar[dict[str, Any]] = {}
     text: ClassVar[str] = ""  # the generated source
+    fields: ClassVar[dict[str, str]] = {}  # where its own inputs lie, and what slow members publish
 
     def __init__(self, **values: Any) -> None:
         self.settle(np.zeros(1, self.layout.dtype))
@@ -116,10 +117,16 @@ class Writer:
         """Communication points per step of a member."""
         return self.parts[name].period // self.step
 
+    def place(self, key: Key) -> str:
+        """Where a variable lies in the member's record. A group's own inputs are not its members': it takes them when it steps."""
+        fields = getattr(self.parts[key[0]].component, "fields", {})
+        is_single = key[1] in fields and not self.variable(key).shape
+        return f"self.{key[0]}.{fields.get(key[1], key[1])}{'[0]' if is_single else ''}"
+
     def published(self, key: Key) -> str:
         """Where others read a variable: in the member's record, or a copy made when it is due."""
         if self.divider(key[0]) == 1:
-            return f"self.{key[0]}.{key[1]}"
+            return self.place(key)
         shadow = f"self.{self.shadows.setdefault(key, f'_published{len(self.shadows)}')}"
         return shadow if self.variable(key).shape else f"{shadow}[0]"
 
@@ -129,7 +136,7 @@ class Writer:
 
     def copy(self, link: Link, indent: str = "    ") -> list[str]:
         """Statements that move the values of a connection."""
-        source, target = self.published(link.source.key), f"self.{link.target.member}.{link.target.variable.name}"
+        source, target = self.published(link.source.key), self.place(link.target.key)
         conversion = f" * {link.factor!r} + {link.offset!r}" if (link.factor, link.offset) != (1.0, 0.0) else ""
         if is_real(link.target.variable) and not is_real(link.source.variable):
             conversion = " * 1.0"
@@ -153,7 +160,7 @@ def initialization(writer: Writer, border: list[Variable]) -> list[str]:
     """`initialize(self)`: values go along the connections in the order of dependencies, as in the loop's own."""
     lines = ["def initialize(self, t):", "    self._count[0] = 0"]
     stale = dict.fromkeys(writer.parts, True)
-    lines += [line for i, variable in enumerate(border) for line in take_border(i, variable)]
+    lines += [line for i, variable in enumerate(border) for line in take_border(writer, i, variable)]
     sources: dict[Key, list[Link]] = {}
     for link in writer.links:
         sources.setdefault(link.source.key, []).append(link)
@@ -210,9 +217,10 @@ def settle(writer: Writer, keys: list[Key], sources: dict[Key, list[Link]]) -> l
     ]
 
 
-def take_border(number: int, variable: Variable) -> list[str]:
+def take_border(writer: Writer, number: int, variable: Variable) -> list[str]:
     """The group's own input goes to the member that has it."""
-    place = f"self.{variable.name}"
+    member, _, name = variable.name.partition(".")
+    place = writer.place((member, name))
     return [
         f"    {subscript(place, variable.shape, i)} = {subscript(f'self._border{number}', variable.shape or (1,), i)}"
         for i in range(variable.size)
@@ -226,7 +234,7 @@ def publish(writer: Writer, member: str, name: str) -> list[str]:
     shape = writer.variable((member, name)).shape
     shadow = writer.published((member, name))
     return [
-        f"    {subscript(shadow, shape, i)} = {subscript(f'self.{member}.{name}', shape, i)}"
+        f"    {subscript(shadow, shape, i)} = {subscript(writer.place((member, name)), shape, i)}"
         for i in range(int(np.prod(shape, dtype=int)))
     ]
 
@@ -237,7 +245,7 @@ def stepping(writer: Writer, border: list[Variable], stages: list[list[str]]) ->
     by_member = {name: [v for v in border if v.name.split(".")[0] == name] for name in writer.parts}
     for stage in stages:
         for name in stage:
-            body = [line for v in by_member[name] for line in take_border(border.index(v), v)]
+            body = [line for v in by_member[name] for line in take_border(writer, border.index(v), v)]
             body += [line for link in writer.links if link.target.member == name for line in writer.copy(link)]
             lines += when(body, writer.divider(name), "tick")
         for name in stage:
@@ -278,7 +286,7 @@ def compose(
         writer.published(key)
     source = initialization(writer, border) + stepping(writer, border, stages)
     if has_equations:
-        taken = [line for i, variable in enumerate(border) for line in take_border(i, variable)]
+        taken = [line for i, variable in enumerate(border) for line in take_border(writer, i, variable)]
         source += group_equations.source(writer, taken)
     place = group_layout(writer, variables, border)
     text = "\n".join(source)
@@ -289,6 +297,8 @@ def compose(
         "__module__": __name__,
         "parts": parts,
         "text": text,
+        "fields": {v.name: f"_border{i}" for i, v in enumerate(border)}
+        | {".".join(k): s for k, s in writer.shadows.items()},
         "flows": group_equations.follows(parts, links, variables),
     }
     if has_equations:
