@@ -6,7 +6,8 @@ import pytest
 from click.testing import CliRunner
 
 import twin
-from tests.fmi.third_party import NATIVE, NATIVE_XML, native_fmu
+from tests.fmi.clock_parts import described
+from tests.fmi.third_party import NATIVE_XML, archive
 from twin.cli import group
 from twin.component import catalog
 from twin.errors import ScenarioError
@@ -79,11 +80,35 @@ def test_a_component(run):
     assert any(line.startswith(" local ") for line in run("describe", "servomotor", "--all")[1])
 
 
-def test_an_fmu(run, tmp_path):
-    native_fmu(tmp_path, NATIVE_XML, NATIVE)
+@pytest.mark.parametrize(
+    ("files", "made"),
+    [
+        ({}, "for no platform"),
+        ({"binaries/x86_64-windows/Native.dll": b"", "binaries/x86_64-linux/a.so": b""},
+         "for x86_64-linux, x86_64-windows"),
+        ({"binaries/aarch64-darwin/Native.dylib": b"", "sources/a.c": b""}, "for aarch64-darwin, C sources"),
+    ],
+)  # fmt: skip
+def test_an_fmu_of_any_platform(run, tmp_path, files, made):
+    archive(tmp_path / "Native.fmu", {"modelDescription.xml": NATIVE_XML.encode(), **files})
     code, lines = run("describe", "Native.fmu")
-    assert (code, lines[0]) == (0, "Native.fmu: FMU")
+    assert (code, lines[0]) == (0, "Native.fmu: FMU, FMI 3.0, Co-Simulation")
+    assert lines[1] == f"made by a tool it does not name, {made}"
     assert any(line.startswith(" mode ") for line in lines)
+
+
+def test_clocks_of_an_fmu(run, tmp_path):
+    archive(tmp_path / "Kinds.fmu", {"modelDescription.xml": described("Kinds").encode()})
+    _, lines = run("describe", "Kinds.fmu")
+    kinds = {line.split()[0]: line.split("clock, ")[1].rstrip() for line in lines if "clock, " in line}
+    assert kinds["constant"] == "constant of 200 ms, first after 100 ms"
+    assert (kinds["countdown"], kinds["alarm"]) == ("countdown", "triggered")
+
+
+def test_what_is_no_fmu(run, tmp_path):
+    (tmp_path / "any.fmu").write_text("no archive")
+    assert run("describe", "any.fmu")[0].startswith("any.fmu: is not a zip archive")
+    assert run("describe", "other.fmu")[0] == "other.fmu: is not there. Give the path of an .fmu file."
 
 
 def test_a_scenario(run):

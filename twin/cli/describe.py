@@ -14,10 +14,11 @@ from twin.cli.terminal import paper, say, working
 from twin.errors import TwinError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping
 
     from twin.component import Component, Variable
     from twin.coupling import MemberVariable
+    from twin.fmi.clocks import Clock
     from twin.results import Expectation
     from twin.scenario import Scenario
 
@@ -44,7 +45,6 @@ def command(what: str, everything: bool, matching: str) -> None:
 
     path = Path(what)
     if path.suffix == ".fmu":
-        say(f"{path.name}: FMU")
         show_fmu(path, everything, matching)
     elif ":" in what or what in catalog.names():
         cls = catalog.component(what)
@@ -86,17 +86,31 @@ def show_component(cls: type[Component], everything: bool, matching: str) -> Non
 
 
 def show_fmu(path: Path, everything: bool, matching: str) -> None:
-    """The variables of an FMU."""
-    from twin.scenario import members
+    """What an FMU says of itself, of any platform; its variables."""
+    from twin.fmi import outline
 
+    found = outline.outline(path)
+    say(f"{path.name}: FMU, FMI {found.fmi}, {' and '.join(found.interfaces)}")
+    say_lines(found.about)
+    say(f"made by {found.generator or 'a tool it does not name'}, for {', '.join(found.platforms) or 'no platform'}")
     chosen = [
-        one
-        for one in members.variables(str(path)).values()
-        if (everything or one.causality not in HIDDEN) and matching in one.name
+        one for one in found.variables.values() if (everything or one.causality not in HIDDEN) and matching in one.name
     ]
     for causality in dict.fromkeys(one.causality for one in chosen):
-        rows = [(called(one), start(one), bounds(one), one.description) for one in chosen if one.causality == causality]
+        rows = [
+            (called(one), start(one), bounds(one), what_it_is(one, found.clocks))
+            for one in chosen
+            if one.causality == causality
+        ]
         table(causality, rows)
+
+
+def what_it_is(one: MemberVariable, clocks: Mapping[str, Clock]) -> str:
+    """The description of an FMU's variable; of a clock also when it ticks."""
+    from twin.fmi import outline
+
+    kind = outline.told(clocks[one.name]) if one.name in clocks else ""
+    return ": ".join(filter(None, (kind, one.description)))
 
 
 def show_scenario(path: Path) -> None:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from twin import late
 
 if TYPE_CHECKING:
-    from twin.fmi import archive, built, driven, exporter, markup, pythonic, tables
+    from twin.fmi import archive, built, driven, exporter, markup, outline, pythonic, tables
     from twin.fmi.archive import unpack
     from twin.fmi.exchange_sensitivity import watched
     from twin.fmi.importer import FMUMember
@@ -23,6 +23,7 @@ __all__ = [
     "left",
     "markup",
     "member",
+    "outline",
     "plan",
     "pythonic",
     "simulate",
@@ -43,6 +44,7 @@ __getattr__ = late.names(
         "left": "simulate",
         "member": "interface",
         "markup": "",
+        "outline": "",
         "plan": "simulate",
         "pythonic": "",
         "simulate": "simulate",

@@ -13,11 +13,12 @@ import numpy as np
 
 from twin.coupling import Access, Member, MemberVariable, Way
 from twin.errors import CouplingError, FMUError, SimulationError
-from twin.fmi import binary, clocks, units, values
+from twin.fmi import binary, values
 from twin.fmi import declared as declarations
 from twin.fmi.archive import share
 from twin.fmi.calls import Calls
 from twin.fmi.functions import MissingFunctionError
+from twin.fmi.outline import variables
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -71,7 +72,6 @@ class FMUMember(Calls, Member):
         description = unpacked.description
         self._declared = {declared.name: declared for declared in description.variables}
         self._items = {name: declarations.items(declared, where) for name, declared in self._declared.items()}
-        self._dependencies = description.dependencies
         self.capabilities = description.capabilities
         self.can_get_and_set_state = self.capabilities["canGetAndSetFMUState"]
         # those of others often say so and cannot, or it takes them long
@@ -95,19 +95,12 @@ class FMUMember(Calls, Member):
             "file": unpacked.path.name,
         }
         self._structural: dict[str, np.ndarray[Any, Any]] = {}
-        self._units = units.names(description.units)
         self.variables = self._variables({})
         self._start = self._start_values(start_values)
 
     def _variables(self, sizes: dict[int, int]) -> dict[str, MemberVariable]:
-        types = declarations.FMI2_TYPES if self._unpacked.fmi == "2.0" else declarations.FMI3_TYPES
-        where, places = str(self._unpacked.path), self._unpacked.terminals
-        found = {
-            name: declarations.variable(declared, types, sizes, self._dependencies, where, places.get(name, ()))
-            for name, declared in self._declared.items()
-        }
-        named = {name: units.named(one, self._units) for name, one in found.items()}
-        return clocks.shown(named, self._unpacked.description.clocks, self.capabilities)
+        unpacked = self._unpacked
+        return variables(unpacked.description, unpacked.fmi, str(unpacked.path), sizes, unpacked.terminals)
 
     def _start_values(self, given: dict[str, Any]) -> dict[str, np.ndarray[Any, Any]]:
         """Convert the start values; structural parameters come first since they change the shapes of others."""

@@ -1,0 +1,86 @@
+"""What an FMU says of itself: read from its archive alone, so of any platform; nothing is unpacked or loaded."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from twin import clock
+from twin.dataclass import dataclass
+from twin.errors import FMUError
+from twin.fmi import archive, clocks, declared, markup, units
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from twin.coupling import MemberVariable, TerminalMember
+    from twin.fmi.clocks import Clock
+    from twin.fmi.model import Model
+
+
+@dataclass(frozen=True)
+class Outline:
+    """`about`: its own description; `interfaces` in words; `platforms`: folders of its libraries, `C sources` if it has them."""
+
+    fmi: str
+    name: str
+    about: str
+    generator: str
+    interfaces: tuple[str, ...]
+    platforms: tuple[str, ...]
+    variables: Mapping[str, MemberVariable]
+    clocks: Mapping[str, Clock]
+
+
+def outline(path: str | Path) -> Outline:
+    """Read an FMU's description; FMUError in one line for what is none, or makes no sense."""
+    path = Path(path)
+    archive.digest(path)
+    try:
+        with path.open("rb") as file, archive.open_archive(path, file) as opened:
+            entries = archive.check_entries(path, opened)
+            found = archive.read_description(path, opened, entries, "")
+        model = archive.described(path, found)
+        return Outline(
+            found.fmi,
+            found.tree.get("modelName", ""),
+            found.tree.get("description", ""),
+            model.generator,
+            tuple(text for tag, text in markup.INTERFACES.items() if found.tree.find(tag) is not None),
+            platforms(entries),
+            variables(model, found.fmi, str(path), {}, {}),
+            {one.name: one for one in model.clocks.every},
+        )
+    except FMUError:
+        raise
+    except Exception as error:  # damaged archives make zipfile raise nearly anything
+        raise FMUError(f"{path}: cannot be read ({markup.one_line(error)}). Get or build it once more.") from None
+
+
+def platforms(entries: Mapping[str, object]) -> tuple[str, ...]:
+    """Where its libraries run, as its folders say."""
+    folders = sorted({found[1] for name in entries if (found := re.fullmatch(r"binaries/([^/]+)/[^/]+", name))})
+    return (*folders, "C sources") if any(name.startswith("sources/") for name in entries) else tuple(folders)
+
+
+def variables(
+    model: Model, fmi: str, where: str, sizes: dict[int, int], places: Mapping[str, tuple[TerminalMember, ...]]
+) -> dict[str, MemberVariable]:
+    """The variables of a description. `sizes`: structural parameters by value reference; `places`: terminals by variable."""
+    types = declared.FMI2_TYPES if fmi == "2.0" else declared.FMI3_TYPES
+    known = units.names(model.units)
+    found = {
+        one.name: units.named(
+            declared.variable(one, types, sizes, model.dependencies, where, places.get(one.name, ())), known
+        )
+        for one in model.variables
+    }
+    return clocks.shown(found, model.clocks, model.capabilities)
+
+
+def told(one: Clock) -> str:
+    """What kind a clock is, for people."""
+    every = f" of {clock.text(one.interval)}" if one.interval is not None else ""
+    after = f", first after {clock.text(one.shift)}" if one.shift else ""
+    return f"clock, {one.variability}{every}{after}"
