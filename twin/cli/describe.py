@@ -14,11 +14,10 @@ from twin.cli.terminal import paper, say, working
 from twin.errors import TwinError, nearest
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable
 
     from twin.component import Component, Variable
     from twin.coupling import MemberVariable
-    from twin.fmi.clocks import Clock
     from twin.results import Expectation
     from twin.scenario import Scenario
 
@@ -98,19 +97,11 @@ def show_fmu(path: Path, everything: bool, matching: str) -> None:
     ]
     for causality in dict.fromkeys(one.causality for one in chosen):
         rows = [
-            (called(one), start(one), bounds(one), what_it_is(one, found.clocks))
+            (called(one), start(one), bounds(one), ": ".join(filter(None, (found.kind(one.name), one.description))))
             for one in chosen
             if one.causality == causality
         ]
         table(causality, rows)
-
-
-def what_it_is(one: MemberVariable, clocks: Mapping[str, Clock]) -> str:
-    """The description of an FMU's variable; of a clock also when it ticks."""
-    from twin.fmi import outline
-
-    kind = outline.told(clocks[one.name]) if one.name in clocks else ""
-    return ": ".join(filter(None, (kind, one.description)))
 
 
 def show_scenario(path: Path) -> None:

@@ -32,6 +32,15 @@ class Outline:
     variables: Mapping[str, MemberVariable]
     clocks: Mapping[str, Clock]
 
+    def kind(self, name: str) -> str:
+        """What kind of clock a variable is, for people; empty if it is none."""
+        one = self.clocks.get(name)
+        if one is None:
+            return ""
+        every = f" of {clock.text(one.interval)}" if one.interval is not None else ""
+        after = f", first after {clock.text(one.shift)}" if one.shift else ""
+        return f"clock, {one.variability}{every}{after}"
+
 
 def outline(path: str | Path) -> Outline:
     """Read an FMU's description; FMUError in one line for what is none, or makes no sense."""
@@ -77,10 +86,3 @@ def variables(
         for one in model.variables
     }
     return clocks.shown(found, model.clocks, model.capabilities)
-
-
-def told(one: Clock) -> str:
-    """What kind a clock is, for people."""
-    every = f" of {clock.text(one.interval)}" if one.interval is not None else ""
-    after = f", first after {clock.text(one.shift)}" if one.shift else ""
-    return f"clock, {one.variability}{every}{after}"
