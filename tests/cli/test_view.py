@@ -1,6 +1,8 @@
 """`twin view`: what is written where, and what is told."""
 
 import os
+import re
+import shutil
 
 import pytest
 
@@ -71,14 +73,53 @@ def test_a_run_is_played(view, folder):
         assert (folder / name).stat().st_size > 1000
 
 
+def test_signals_become_a_page(view, folder):
+    code, told, _ = view(
+        "runs/swing/latest", "--signals", "swing.t*", "--signal", "abs(swing.travel)", "--export", "a.html"
+    )
+    first, second = told.splitlines()
+    assert (code, second) == (0, "a.html (replaced)" if "replaced" in second else "a.html")
+    names = re.findall(r'"signal":"([^"]+)","case"', (folder / "a.html").read_text())
+    assert "swing.travel" in names
+    assert "abs(swing.travel)" in names
+    assert first.startswith(f"signals: {len(names)}, curves: {len(names)}, 0.")
+
+
+def test_a_format_alone_is_a_file_of_the_scenarios_name(view, folder):
+    for ending in ("mcap", "csv"):
+        code, told, _ = view("runs/swing/latest", "--export", ending, "--signal", "swing.travel")
+        assert (code, told) == (0, f"1 signal of 1 case\nswing.{ending}\n")
+        assert (folder / f"swing.{ending}").stat().st_size > 1000
+
+
+def test_a_case_of_a_study_that_was_kept(view, folder):
+    (run,) = (folder / "runs/swing").iterdir()
+    study = folder / "runs/hearts_713/2026-11-22_10-00-00"
+    shutil.copytree(run, study / "cases/swing/2026-11-22_10-00-01")
+    (study / "cases.parquet").touch()
+    (study / "manifest.json").write_text('{"runs": {"713": "cases/swing/2026-11-22_10-00-01"}}')
+    assert view("hearts_713:713", "--signal", "swing.travel", "-o", "case.html")[0] == 0
+    code, _, told = view("hearts_713:3", "-o", "case.html")
+    assert code == 1
+    assert (
+        "hearts_713:3: the study did not keep this case's signals. Kept: 713. Run it again: twin run --case hearts_713:3"
+        in told
+    )
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [
         (("two_bens",), "There is no environment 'two_bens'. Did you mean 'two_bends'?"),
         (("two_bends", "-o", "a.pdf"), "a.pdf: cannot be written. Use .svg, .png, .html."),
         (("two_bends", "-o", "nowhere/a.svg"), "nowhere/a.svg: there is no folder nowhere. Make it first."),
-        (("runs/swing/latest",), "runs/swing/latest is a run. Add --scene to play what it recorded."),
-        (("two_bends", "--seed", "1"), "--title, --variant and --seed choose from a run. Add --scene."),
+        (("two_bends", "--seed", "1"), "--signal, --title, --variant and --seed choose from a run; this is none."),
+        (("runs/swing/latest", "-o", "a.png"), "a.png: signals go to .html, .csv, .mat, .mcap. For pictures of a run add"),
+        (("runs/swing/latest", "--signal", "swing.trave", "-o", "a.html"), "'swing.trave' was not recorded. Did you mean"),
+        (("runs/swing/latest", "--seed", "9", "-o", "a.html"), "has no such case. Variants: base; seeds: 0."),
+        (("runs/swing/latest", "runs/swing/latest", "-o", "a.csv"), ".csv holds one run, not 2. Name one."),
+        (("runs/swin/latest",), "runs/swin: holds no finished run. Did you mean 'swing'?"),
+        (("hearts:3",), "hearts:3: no study hearts has run in runs."),
         (("runs/swing/latest", "--scene", "--variant", "PI"), "there is no variant 'PI'. Known: base."),
         (("runs/swing/latest", "--scene", "-o", "a.avi"), "a.avi: cannot be written. Use .html, .svg, .gif, .mp4, .png."),
         (("swing.yaml",), "swing.yaml: cannot be read. Expected .svg, .geojson, .json, or the name of an environment."),

@@ -1,4 +1,4 @@
-"""`twin view`: an environment as it is drawn, a run as it moved, or its signals as a file of other tools."""
+"""`twin view`: runs in the browser or as a page, as they moved, as files of other tools; an environment as it is drawn."""
 
 from __future__ import annotations
 
@@ -19,29 +19,36 @@ if TYPE_CHECKING:
 STILL = (".svg", ".png", ".html")
 MOVING = (".html", ".svg", ".gif", ".mp4")
 PICTURES = (".png",)  # of a run: its last instant
-TABLES = (".csv", ".mat")  # of a run: its signals
+TABLES = (".csv", ".mat", ".mcap")  # of a run: its signals
+PAGE = ".html"  # of runs: their signals, to be looked at
+FORMATS = ("csv", "mat", "mcap", "html")  # that may stand for a file of the scenario's name
 
 
 @click.command(name="view")
-@click.argument("what", metavar="ENVIRONMENT|RUN")
+@click.argument("what", metavar="ENVIRONMENT|RUN...", nargs=-1, required=True)
 @click.option("--scene", "as_scene", is_flag=True, help="Play a scene of a run's scenario.")
 @click.option("--title", default="", metavar="TITLE", help="With --scene: this one. [default: all that there are]")
 @click.option("--variant", default="", metavar="NAME", help="Of a run: this variant. [default: all]")
-@click.option("--seed", type=int, metavar="N", help="Of a run: this seed. [default: the first; of signals all]")
-@click.option("--signal", "patterns", multiple=True, metavar="NAME",
-              help="Of a run's signals: this alone, such as sensor.*; may be repeated.")  # fmt: skip
+@click.option("--seed", type=int, metavar="N", help="Of a run: this seed. [default: the first; of CSV, MAT, MCAP all]")
+@click.option("--signal", "--signals", "patterns", multiple=True, metavar="NAME",
+              help="Of a run: this alone, such as sensor.*; a page shows expressions too; may be repeated.")  # fmt: skip
 @click.option(
     "--export",
     "-o",
     type=click.Path(dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="Where to: .html, .svg, .png; of a run also .gif, .mp4; of its signals .csv, .mat. [default: NAME.svg here, RUN/scene.html]",
+    help="Where to. Of runs: .html, a page of their signals; .csv, .mat, .mcap. With --scene: .html, .svg, .png, .gif, .mp4. "
+    "Of an environment: .html, .svg, .png. [default: the browser; RUN/scene.html; NAME.svg here]",
 )
 @click.option("--rate", type=click.FloatRange(1.0, 60.0), default=25.0, show_default=True, help="Frames a second.")
 @click.option("--speed", type=click.FloatRange(0.001, 1000.0), default=1.0, show_default=True,
               help="Times real time of .gif, .mp4 and .svg.")  # fmt: skip
+@click.option("--port", type=click.IntRange(1, 65535), help="Of the browser's page. [default: a free one]")
+@click.option("--no-open", is_flag=True, help="Say the page's address, and open no browser.")
+@click.option("--runs", type=click.Path(file_okay=False, path_type=Path), default=Path("runs"), show_default=True,
+              help="Folder in which studies are looked for.")  # fmt: skip
 def command(
-    what: str,
+    what: tuple[str, ...],
     as_scene: bool,
     title: str,
     variant: str,
@@ -50,33 +57,108 @@ def command(
     export: Path | None,
     rate: float,
     speed: float,
+    port: int | None,
+    no_open: bool,
+    runs: Path,
 ) -> None:
-    """Draw an environment without running it, play what a run recorded, or write its signals for other tools.
+    """Look at runs in the browser: signals, overlays, differences, spectra, where what was expected failed.
 
-    ENVIRONMENT is an SVG or GeoJSON file, or a name: two_bends, heart_wall, free_gap, aortic_arch, left_ventricle.
-    A scene's page needs no server and nothing else: open it in a browser, or send it.
+    Several runs are laid over each other. STUDY:713 is a case of a study that was kept with its signals.
+    With --export FILE.html all of it is one page that needs nothing else: open it in a browser, or send it.
+    Also: play a scene of a run, write its signals for other tools, draw an ENVIRONMENT without running it:
+    an SVG or GeoJSON file, or a name: two_bends, heart_wall, free_gap, aortic_arch, left_ventricle.
 
     \b
+    twin view runs/heart_wall_force/latest
+    twin view reference runs/heart_wall_force/latest --signal sensor.force
+    twin view runs/heart_wall_force/latest --signal "sensor.*" --export force.html
+    twin view runs/heart_wall_force/latest --signal "sensor.*" --export mcap
+    twin view runs/bench_wall/latest --scene --variant PI --export force.gif
     twin view two_bends
-    twin view runs/bench_wall/latest --scene
-    twin view runs/bench_wall/latest --scene --variant PI --export force.gif --speed 0.5
-    twin view runs/bench_wall/latest --signal "sensor.*" --export force.csv
     """
-    is_table = export is not None and export.suffix.lower() in TABLES
-    if patterns and not is_table:
-        raise click.UsageError(f"--signal chooses what is written. Add --export FILE, one of {', '.join(TABLES)}.")
-    if is_table and not as_scene and export is not None:
-        write_signals(Path(what), export, patterns, variant, seed)
+    if len(what) > 1 or is_run(what[0]):
+        folders = [case_of_study(one, runs) or Path(one) for one in what]
+        target = named(export, folders[0])
+        if as_scene:
+            view_run(alone(folders, "--scene plays"), (title, variant, seed), target, rate, speed)
+        elif target is not None and target.suffix.lower() in TABLES:
+            write_signals(alone(folders, f"{target.suffix} holds"), target, patterns, variant, seed)
+        elif target is not None and target.suffix.lower() != PAGE:
+            raise click.UsageError(
+                f"{target}: signals go to {', '.join((PAGE, *TABLES))}. For pictures of a run add --scene."
+            )
+        else:
+            view_signals(folders, patterns, variant, seed, target, (port, not no_open))
     elif as_scene:
-        view_run(Path(what), (title, variant, seed), export, rate, speed)
-    elif (Path(what) / "summary.json").exists() or Path(what).is_dir() or Path(what).name == "latest":
-        raise click.UsageError(
-            f"{what} is a run. Add --scene to play what it recorded. For its signals: --export FILE.csv."
-        )
-    elif title or variant or seed is not None:
-        raise click.UsageError("--title, --variant and --seed choose from a run. Add --scene.")
+        view_run(Path(what[0]), (title, variant, seed), export, rate, speed)
+    elif export is not None and export.suffix.lower() in TABLES:
+        write_signals(Path(what[0]), export, patterns, variant, seed)
+    elif patterns or title or variant or seed is not None:
+        raise click.UsageError("--signal, --title, --variant and --seed choose from a run; this is none.")
     else:
-        view_environment(what, export)
+        view_environment(what[0], export)
+
+
+def is_run(text: str) -> bool:
+    """Whether something is a run, or a case of a study, rather than an environment."""
+    path = Path(text)
+    return (
+        (path / "summary.json").exists() or path.is_dir() or path.name == "latest" or path.parts[:1] == ("runs",)
+        or (text.rpartition(":")[2].isdigit() and not path.exists())
+    )  # fmt: skip
+
+
+def case_of_study(text: str, runs: Path) -> Path | None:
+    """The folder of `STUDY:713`, if something is that; TwinError if its signals were not kept."""
+    if Path(text).exists() or not text.rpartition(":")[2].isdigit():
+        return None
+    from twin.study import kept
+
+    return kept(text, runs)
+
+
+def named(export: Path | None, folder: Path) -> Path | None:
+    """Where to: of a bare `csv` the scenario's name with that ending, here."""
+    if export is None or str(export) not in FORMATS:
+        return export
+    from twin.face import open_run
+
+    return Path(f"{open_run(folder).summary['scenario']['name']}.{export}")
+
+
+def alone(folders: list[Path], what: str) -> Path:
+    """The one run of several that there may be."""
+    if len(folders) > 1:
+        raise click.UsageError(f"{what} one run, not {len(folders)}. Name one.")
+    return folders[0]
+
+
+def view_signals(
+    folders: list[Path],
+    patterns: tuple[str, ...],
+    variant: str,
+    seed: int | None,
+    target: Path | None,
+    place: tuple[int | None, bool],
+) -> None:
+    """Signals of runs in the browser, or as a page."""
+    from twin.face import open_run
+    from twin.results import write_text
+    from twin.viewer import Runs, chosen_cases, chosen_signals, of_samples, serve
+
+    replaced = target is not None and checked(target, (PAGE,)).exists()
+    shown = Runs([open_run(one) for one in folders])
+    cases = chosen_cases(shown, variant, seed) if target or variant or seed is not None else ()
+    signals = chosen_signals(shown, patterns) if target or patterns else ()
+    if target is None:
+        port, opened = place
+        serve(shown, port, say, opened=opened, signals=signals, cases=cases)
+        return
+    page = of_samples(shown, signals, cases)
+    write_text(target, page.text)
+    thinned = f"; of {page.thinned} only the smallest and largest of every part" * bool(page.thinned)
+    say(f"signals: {len(signals)}, curves: {page.curves}, {len(page.text) / 1e6:.2g} MB{thinned}")
+    say(f"{target}" + " (replaced)" * replaced)
 
 
 def checked(target: Path, suffixes: tuple[str, ...]) -> Path:
@@ -116,7 +198,7 @@ def write_signals(run: Path, target: Path, patterns: tuple[str, ...], variant: s
         raise TwinError(f"{run}: has no such case. Variants: {known}; seeds: {', '.join(map(str, opened.seeds))}.")
     replaced = target.exists()
     export(source, target, chosen, cases)
-    say(f"{len(chosen)} signals of {len(cases)} case{'s' * (len(cases) > 1)}")
+    say(f"{len(chosen)} signal{'s' * (len(chosen) > 1)} of {len(cases)} case{'s' * (len(cases) > 1)}")
     say(f"{target}" + " (replaced)" * replaced)
 
 

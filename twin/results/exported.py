@@ -1,4 +1,4 @@
-"""Recorded signals as files of other tools: CSV, and MAT of MATLAB and Octave. Units go with them."""
+"""Recorded signals as files of other tools: CSV, MAT of MATLAB and Octave, MCAP of Foxglove. Units go with them."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from twin.component import unit
 from twin.errors import TwinError
+from twin.results.foxglove import mcap
 from twin.results.reading import read_variables
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ def identifiers(names: Sequence[str]) -> dict[str, str]:
     return result
 
 
-FORMATS: dict[str, Callable[[Path, Path, Sequence[Recorded], Cases], None]] = {".csv": csv, ".mat": mat}
+FORMATS: dict[str, Callable[[Path, Path, Sequence[Recorded], Cases], None]] = {".csv": csv, ".mat": mat, ".mcap": mcap}
 
 
 def export(source: Path, target: Path, variables: Sequence[Recorded], cases: Cases) -> None:

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from twin.study.design import Study, load_study
     from twin.study.intervals import METHODS
     from twin.study.loading import load
-    from twin.study.many import StudyOutcome, StudyProgress, latest, place_of, repeat, run_study, single
+    from twin.study.many import StudyOutcome, StudyProgress, kept, latest, place_of, repeat, run_study, single
     from twin.study.page import html
     from twin.study.work import identify
 
@@ -25,6 +25,7 @@ __getattr__ = late.names(
         "StudyProgress": "many",
         "html": "page",
         "identify": "work",
+        "kept": "many",
         "latest": "many",
         "load": "loading",
         "load_study": "design",
@@ -48,6 +49,7 @@ __all__ = [
     "command_line",
     "html",
     "identify",
+    "kept",
     "latest",
     "load",
     "load_study",

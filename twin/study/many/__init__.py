@@ -6,7 +6,7 @@ from twin import late
 from twin.study.many.engine import DONE, FAILED, Engine, Job, Row
 
 if TYPE_CHECKING:
-    from twin.study.many.repeat import Single, place_of, repeat, single
+    from twin.study.many.repeat import Single, kept, place_of, repeat, single
     from twin.study.many.work import StudyOutcome, StudyProgress, latest, run_study
 
 __getattr__ = late.names(
@@ -15,6 +15,7 @@ __getattr__ = late.names(
         "StudyOutcome": "work",
         "StudyProgress": "work",
         "Single": "repeat",
+        "kept": "repeat",
         "latest": "work",
         "place_of": "repeat",
         "repeat": "repeat",
@@ -32,6 +33,7 @@ __all__ = [
     "Single",
     "StudyOutcome",
     "StudyProgress",
+    "kept",
     "latest",
     "place_of",
     "repeat",

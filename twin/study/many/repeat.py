@@ -64,6 +64,18 @@ def place_of(text: str, root: Path) -> tuple[Path, int]:
     return found[-1], int(digits)
 
 
+def kept(text: str, root: Path) -> Path:
+    """Folder of the run of a case that a study has kept with its signals; ScenarioError if it has not."""
+    folder, number = place_of(text, root)
+    runs = manifest.read(folder).get("runs", {})
+    if str(number) not in runs:
+        known = f"Kept: {', '.join(runs)}. " if runs else ""
+        raise ScenarioError(
+            f"{text}: the study did not keep this case's signals. {known}Run it again: twin run --case {text}"
+        )
+    return folder / str(runs[str(number)])
+
+
 def single(folder: Path, number: int) -> Single:
     """A case as a scenario with the options that make it what it was."""
     row = table.single(folder, number)

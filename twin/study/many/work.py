@@ -157,6 +157,7 @@ def run_study(
     if report:
         if outcome.status == "completed":
             keep_runs(outcome, build)
+            manifest.write(folder, **{**manifest.read(folder), "runs": outcome.runs})
         from twin.study.answers import write_report
 
         write_report(outcome)

@@ -1,0 +1,102 @@
+"""Take the pictures of docs/how-to/viewer.md: runs made now, in the viewer, in chromium.
+
+python docs/viewer.py
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from PIL import Image
+from playwright.sync_api import Browser, sync_playwright
+
+from twin.run import run_scenario
+from twin.scenario import load_scenario
+
+ROOT = Path(__file__).parents[1]
+FIGURES = ROOT / "docs" / "figures"
+SERVER = "import sys; sys.argv = sys.argv[1:]; from twin.cli import main; main()"
+COLORS = 200  # of a picture, which is half as large then
+DRAWN = """() => { const { chart } = document.getElementById("chart");
+    return chart && !chart.stale && !chart.asking && chart.panes.flatMap((one) => one.curves).every((one) => chart.data[one.name]); }"""
+
+
+def item(signal: str, minus: str | None = None) -> dict[str, Any]:
+    """A signal of a pane."""
+    return {"signal": signal, "minus": minus}
+
+
+FORCE = {"kind": "time", "items": [item("sensor.measured_force")]}
+VIEWS: dict[str, dict[str, Any]] = {
+    "viewer_failed": {},  # as it opens
+    "viewer_runs": {
+        "panes": [
+            FORCE,
+            {"kind": "time", "items": [item("sheath.tip_position", "A")]},
+            {"kind": "spectrum", "items": [item("sensor.measured_force")]},
+            {"kind": "xy", "items": [item("sheath.tip_position")], "x": "servomotor.position"},
+        ],
+        "cases": [3, 6, 12, 15], "window": [12, 18], "cursors": [13.05, 14.05], "offsets": [0, 0],
+    },
+}  # fmt: skip
+
+
+def runs(folder: Path) -> list[Path]:
+    """The force experiment as it is, and with a heart that moves more than twice as far: then the force leaves its range."""
+    found = []
+    for place, overrides in (("as published", ()), ("large", ("heart.scale=2.2",))):
+        scenario = load_scenario(ROOT / "scenarios" / "heart_wall_force.yaml", overrides)
+        found.append(run_scenario(scenario, root=folder / place, build=ROOT / "build", report=False).folder)
+    return found
+
+
+def picture(browser: Browser, address: str, name: str, width: int, scheme: str) -> None:
+    """One view as docs/figures/NAME.png."""
+    context = browser.new_context(viewport={"width": width, "height": 600}, color_scheme=scheme)  # type: ignore[arg-type]
+    page = context.new_page()
+    view = VIEWS[name.removesuffix("_narrow")]
+    page.goto(f"{address}#{quote(json.dumps(view))}" if view else address)
+    page.wait_for_function(DRAWN, timeout=60_000)
+    page.wait_for_timeout(500)
+    target = FIGURES / f"{name}.png"
+    page.screenshot(path=target, full_page=width > 600)
+    with Image.open(target) as taken:
+        taken.convert("RGB").quantize(COLORS).save(target, optimize=True)
+    context.close()
+
+
+def main() -> None:
+    """Take all pictures."""
+    os.chdir(ROOT)
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as one:
+        first, large = runs(Path(folder))
+        browser = one.chromium.launch(
+            executable_path=shutil.which("chromium"), args=["--headless", "--no-sandbox", "--disable-gpu"]
+        )
+        for shown, views in {
+            (large,): (("viewer_failed", 1280, "light"), ("viewer_failed_narrow", 400, "light")),
+            (first, large): (("viewer_runs", 1280, "dark"),),
+        }.items():
+            server = subprocess.Popen(
+                [sys.executable, "-c", SERVER, "twin", "view", *map(str, shown), "--no-open"],
+                stdout=subprocess.PIPE, text=True,
+            )  # fmt: skip
+            assert server.stdout is not None
+            address = server.stdout.readline().strip()
+            for name, width, scheme in views:
+                picture(browser, address, name, width, scheme)
+            server.terminate()
+            server.wait()
+        browser.close()
+
+
+if __name__ == "__main__":
+    main()

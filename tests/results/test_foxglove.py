@@ -1,0 +1,75 @@
+"""MCAP as its own package reads it: topics by member, units in the schema, the samples to the bit."""
+
+import json
+
+import numpy as np
+import pytest
+
+from tests.viewer.recorded import COUNT, FORCE, PLACE, SHAPE, TOUCH, folder_of, wave
+from twin.errors import TwinError
+from twin.results import export, recorded
+
+reader = pytest.importorskip("mcap.reader")
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory):
+    time, force = wave(100.0, 0.5)
+    strange = force.copy()
+    strange[3] = np.nan
+    own = {"sensor.force": strange, "tip.position": 1e-3 * force, "tip.shape": np.stack([force, -force], 1),
+           "tip.touches": force > 1, "tip.count": np.arange(50)}  # fmt: skip
+    cases = {("PI", 1): (time, own), ("PI", 2): (time, {"sensor.force": force})}
+    return (
+        folder_of(tmp_path_factory.mktemp("mcap") / "run", cases, [FORCE, PLACE, SHAPE, TOUCH, COUNT])
+        / "signals.parquet"
+    )
+
+
+def written(source, target, cases):
+    export(source, target, list(recorded(source).values()), cases)
+    with target.open("rb") as file:
+        read = reader.make_reader(file)
+        messages = [
+            (channel.topic, message.log_time, json.loads(message.data)) for _, channel, message in read.iter_messages()
+        ]
+        summary = read.get_summary()
+        return messages, summary
+
+
+def test_messages_are_the_samples(source, tmp_path):
+    messages, summary = written(source, tmp_path / "a.mcap", {("PI", 1)})
+    time, force = wave(100.0, 0.5)
+    sensor = [(when, one) for topic, when, one in messages if topic == "/sensor"]
+    tip = [one for topic, _, one in messages if topic == "/tip"]
+    assert [when for when, _ in sensor] == [round(t * 1e9) for t in time]
+    assert sensor[3][1] == {"force": None}
+    assert [one["force"] for i, (_, one) in enumerate(sensor) if i != 3] == np.delete(force, 3).tolist()
+    assert tip[7] == {
+        "position": 1e-3 * force[7],
+        "shape": [force[7], -force[7]],
+        "touches": bool(force[7] > 1),
+        "count": 7,
+    }
+    schemas = {one.name: json.loads(one.data) for one in summary.schemas.values()}
+    assert schemas["sensor"]["properties"]["force"] == {
+        "type": ["number", "null"], "description": "contact <force> [N]", "unit": "N"
+    }  # fmt: skip
+    tip_types = {name: one["type"] for name, one in schemas["tip"]["properties"].items()}
+    assert tip_types == {"position": ["number", "null"], "shape": "array", "touches": "boolean", "count": "integer"}
+
+
+def test_each_case_has_topics_of_its_own(source, tmp_path):
+    messages, summary = written(source, tmp_path / "a.mcap", {("PI", 1), ("PI", 2)})
+    topics = {one.topic for one in summary.channels.values()}
+    assert topics == {"/PI/seed_1/sensor", "/PI/seed_1/tip", "/PI/seed_2/sensor"}  # what was not recorded has none
+    assert len(messages) == 150
+
+
+def test_without_the_package_the_extra_is_named(source, tmp_path, monkeypatch):
+    import sys
+
+    monkeypatch.setitem(sys.modules, "mcap.writer", None)
+    with pytest.raises(TwinError, match=r"pip install 'catheter-twin\[mcap\]'"):
+        export(source, tmp_path / "a.mcap", list(recorded(source).values()), {("PI", 1)})
+    assert list(tmp_path.iterdir()) == []

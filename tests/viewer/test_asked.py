@@ -1,0 +1,88 @@
+"""What comes from the network is checked before anything is done with it."""
+
+import json
+from contextlib import suppress
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tests.viewer.recorded import FORCE, folder_of, runs, wave
+from twin.viewer.asked import AskedError, content, lines, values
+
+CURVE = {"signal": "sensor.force", "case": 0, "window": [0, 1]}
+
+
+@pytest.fixture(scope="module")
+def opened(tmp_path_factory):
+    time, force = wave(1000.0, 1.0)
+    cases = {("base", 1): (time, {"sensor.force": force})}
+    return runs(folder_of(tmp_path_factory.mktemp("asked") / "run", cases, [FORCE]))
+
+
+@pytest.mark.parametrize(
+    ("told", "why"),
+    [
+        ({}, "points: expected a whole number from 16 to 8000."),
+        ({"points": True, "curves": []}, "points: expected a whole number"),
+        ({"points": 1e9, "curves": []}, "points: expected a whole number"),
+        ({"points": 100, "curves": {}}, "curves: expected a list of at most 200."),
+        ({"points": 100, "curves": [CURVE] * 201}, "curves: expected a list of at most 200."),
+        ({"points": 100, "curves": ["sensor.force"]}, "curves: expected objects."),
+        ({"points": 100, "curves": [CURVE | {"case": 1}]}, "case: expected a whole number from 0 to 0."),
+        ({"points": 100, "curves": [CURVE | {"case": -1}]}, "case: expected"),
+        ({"points": 100, "curves": [CURVE | {"minus": "A"}]}, "minus: expected"),
+        ({"points": 100, "curves": [CURVE | {"kind": "__class__"}]}, "kind: expected one of time, xy, spectrum."),
+        ({"points": 100, "curves": [CURVE | {"signal": "x" * 401}]}, "signal: expected a text of at most 400 letters."),
+        ({"points": 100, "curves": [CURVE | {"signal": None}]}, "signal: expected a text"),
+        ({"points": 100, "curves": [CURVE | {"window": [0, float("nan")]}]}, "window: expected a number."),
+        ({"points": 100, "curves": [CURVE | {"window": "01"}]}, "window: expected two times."),
+        ({"points": 100, "curves": [CURVE | {"shift": "1"}]}, "shift: expected a number."),
+    ],
+)
+def test_what_no_page_sends_is_refused(opened, told, why):
+    with pytest.raises(AskedError, match=why.replace(".", r"\.")):
+        lines(told, opened)
+
+
+@pytest.mark.parametrize("body", [b"", b"[]", b"\xff", b"[" * 100_000, b"{" + b" " * (1 << 18)])
+def test_what_is_no_request_is_refused(body):
+    with pytest.raises(AskedError):
+        content(body)
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=8),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from([*CURVE, "points", "curves", "times"]), inner)
+    ),
+    max_leaves=8,
+)
+
+
+@given(
+    told=st.dictionaries(st.sampled_from(["points", "curves", "times"]), JSON),
+    one=st.fixed_dictionaries({}, optional=dict.fromkeys([*CURVE, "x", "kind", "minus"], JSON)),
+)
+def test_nothing_but_a_refusal_comes_of_it(opened, told, one):
+    for answer in (lines, values):
+        for asked in (told, {"points": 100, "curves": [CURVE | one], "times": [[0.5]]}):
+            with suppress(AskedError):
+                assert answer(asked, opened)
+
+
+def test_an_answer_is_as_the_chart_reads_it(opened):
+    time, force = wave(1000.0, 1.0)
+    answer = lines({"points": 4000, "curves": [CURVE]}, opened)
+    length = int.from_bytes(answer[:4], "little")
+    head = json.loads(answer[8 : 8 + length])
+    assert head["counts"] == [1000]
+    assert head["heads"][0] | {"count": 0} == {
+        "count": 0, "unit": "N", "x_unit": "s", "real": True, "truth": False, "key": "sensor.force"
+    }  # fmt: skip
+    data = np.frombuffer(answer[8 + -(-length // 8) * 8 :])
+    np.testing.assert_array_equal(data, np.concatenate([time, force]))
+    assert values({"curves": [CURVE], "times": [[0.25, 9.0]]}, opened) == {
+        "values": [[pytest.approx(force[250]), None]]
+    }  # fmt: skip

@@ -1,0 +1,288 @@
+"""The page in a browser, as a person uses it: served, and as a file without any network."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from urllib.parse import unquote
+
+import numpy as np
+import pytest
+
+from tests.viewer.recorded import BEATS, beats, runs
+from twin.viewer import of_samples
+from twin.viewer.runs import Curve, at
+
+pytest.importorskip("nicegui")
+MINUS = "\N{MINUS SIGN}"
+
+
+@pytest.fixture(scope="module")
+def folders(tmp_path_factory):
+    """A and B: two hearts, and the same half as far."""
+    places = [tmp_path_factory.mktemp(name) for name in ("a", "b")]
+    half = BEATS.replace("blend_in: 0 s", "blend_in: 0 s, scale: 0.5")
+    return beats(places[0]), beats(places[1], half)
+
+
+@pytest.fixture(scope="module")
+def address(folders):
+    """Where `twin view A B` says that it is; at the end Ctrl-C is answered with a sentence."""
+    words = ["twin", "view", *map(str, folders), "--no-open"]
+    server = subprocess.Popen(
+        [sys.executable, "-c", "import sys; sys.argv = sys.argv[1:]; from twin.cli import main; main()", *words],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    yield server.stdout.readline().strip()
+    server.send_signal(signal.SIGINT)
+    out, err = server.communicate(timeout=20)
+    assert (out, err, server.returncode) == ("The viewer is closed.\n", "", 0)
+
+
+class Page:
+    """A page with what it asked for, and what went wrong in it."""
+
+    def __init__(self, context, address):
+        self.asked, self.wrong = [], []
+        context.set_default_timeout(60_000)  # where many tests share few cores
+        self.page = context.new_page()
+        self.page.on("request", lambda one: self.asked.append(one.url))
+        self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
+        self.page.on("console", lambda said: self.wrong.append(said.text) if said.type == "error" else None)
+        self.page.goto(address)
+        self.drawn()
+
+    def drawn(self):
+        """Wait until nothing is asked any more and all curves are there."""
+        self.page.wait_for_function("""() => { const { chart } = document.getElementById("chart");
+            return chart && !chart.stale && !chart.asking && chart.panes.flatMap((one) => one.curves).every((one) => chart.data[one.name]); }""")
+
+    @property
+    def state(self):
+        """What the address keeps; it is written a moment later."""
+        self.page.wait_for_function("""() => { const { chart } = document.getElementById("chart"), own = (one) => JSON.stringify(one);
+            try { const kept = JSON.parse(decodeURIComponent(location.hash.slice(1)));
+                  return own(kept.window) === own(chart.window) && own(kept.cursors) === own(chart.cursors); } catch { return false; } }""")
+        return json.loads(unquote(self.page.url.partition("#")[2]))
+
+    def place(self, part, pane=0):
+        """Where a part of the time axis is on the screen."""
+        return self.page.evaluate(
+            """([part, pane]) => { const { chart, canvas = chart.canvas } = document.getElementById("chart"), box = chart.boxes[pane];
+            const { left, top } = canvas.getBoundingClientRect(), [from, to] = chart.axis();
+            return [left + box.across(from + part * (to - from)), top + box.top + box.height / 2]; }""", [part, pane])  # fmt: skip
+
+    def drag(self, begin, end):
+        """Drag over the first pane."""
+        mouse = self.page.mouse
+        mouse.move(*self.place(begin))
+        mouse.down()
+        mouse.move(*self.place(end), steps=3)
+        mouse.up()
+        self.drawn()
+
+    def curves(self):
+        """Title, unit and points of every pane."""
+        self.page.wait_for_timeout(60)
+        self.drawn()
+        return self.page.evaluate("""() => { const { chart } = document.getElementById("chart");
+            return chart.panes.map(({ title, unit, curves, spans, limits }) => ({ title, unit, spans, limits,
+              curves: curves.map(({ name, label }) => ({ label, x: [...chart.data[name].x], y: [...chart.data[name].y] })) })); }""")
+
+
+@pytest.fixture
+def open_page(browser, address):
+    opened = []
+
+    def one(where="", **options):
+        context = browser.new_context(viewport={"width": 1280, "height": 900}, **options)
+        opened.append((context, Page(context, address + where)))
+        return opened[-1][1]
+
+    yield one
+    for context, page in opened:
+        context.close()
+        assert page.wrong == []
+
+
+def test_only_this_server_is_asked_and_only_with_the_token(open_page, address):
+    page = open_page()
+    base = re.match(r"http://127\.0\.0\.1:\d+/", address)[0]
+    assert {one for one in page.asked if not one.startswith(("data:", "blob:"))} <= {
+        address,
+        f"{base}lines",
+        f"{base}values",
+    }
+    assert page.page.title() == "Two hearts"
+    for path, data in (("", None), ("lines", b"{}")):
+        with pytest.raises(urllib.error.HTTPError, match="403"):
+            urllib.request.urlopen(f"{base}{path}", data)
+    refused = page.page.evaluate(
+        "async () => { const one = await fetch('/lines', {method: 'POST', body: '[1]'}); return [one.status, await one.text()]; }"
+    )
+    assert refused == [400, "expected a JSON object."]
+    page.wrong.clear()  # the browser reports the refusal
+
+
+def test_what_failed_is_shown_first_and_shaded(open_page, folders):
+    page = open_page()
+    (pane,) = page.curves()
+    assert (pane["title"], pane["unit"]) == ("heart.position", "mm")
+    opened = runs(*folders)
+    recording = opened.runs[0].recording
+    time, position = (recording.column(("fast", 1), name) for name in ("time", "heart.position"))
+    first = time[(position > 4e-3) & (time >= 0.5)][0]
+    assert pane["spans"][0]["from"] == first
+    assert pane["limits"][0]["y"] == 4.0
+    page.page.get_by_text("A: it stays near").click()
+    page.drawn()
+    window = page.state["window"]
+    assert window[0] < first < window[1] < first + 0.5
+
+
+def test_signals_are_found_picked_and_dragged(open_page):
+    page = open_page()
+    search = page.page.get_by_label("search signals")
+    search.fill("wall speed mm/s")
+    assert page.page.locator("#count").inner_text() == "1 of 3"
+    page.page.locator(".leaf").click()
+    titles = [(one["title"], one["unit"]) for one in page.curves()]
+    assert titles == [("heart.position", "mm"), ("heart.velocity", "mm/s")]
+    search.fill("beats")
+    page.page.locator(".leaf").drag_to(page.page.locator("#chart canvas"), target_position={"x": 400, "y": 60})
+    titles = [one["title"] for one in page.curves()]
+    assert titles == ["heart.position", "heart.beats", "heart.velocity"]  # of another unit: in a pane below
+    page.page.locator(".leaf").click()
+    assert [one["title"] for one in page.curves()] == ["heart.position", "heart.velocity"]
+    page.page.get_by_label("add an expression").fill("abs(heart.position) + ")
+    page.page.get_by_role("button", name="Add").first.click()
+    page.drawn()
+    assert "is not an expression" in page.page.locator("#told").inner_text()
+
+
+def test_panes_zoom_together_and_the_address_keeps_it(open_page, address):
+    page = open_page()
+    page.page.locator("#tree summary").click()
+    page.page.locator(".leaf", has_text="velocity").click()
+    page.drawn()
+    page.drag(0.25, 0.75)
+    kept = page.state
+    assert kept["window"] == pytest.approx([0.5, 1.5], abs=0.01)
+    panes = page.curves()
+    assert all(curve["x"][1] > 0.48 and curve["x"][-2] < 1.52 for pane in panes for curve in pane["curves"])
+    again = open_page("#" + page.page.url.partition("#")[2])
+    assert again.state == kept
+    assert [one["title"] for one in again.curves()] == [one["title"] for one in panes]
+    page.page.keyboard.press("ArrowRight")
+    assert page.state["window"] == pytest.approx([0.7, 1.7], abs=0.01)
+    page.page.locator("#all").click()
+    assert page.state["window"] is None
+    page.page.evaluate("for (const one of ['%7B', 'null', '%7B%22panes%22:%5B%7B%7D%5D%7D']) location.hash = one")
+    assert [one["title"] for one in page.curves()] == [one["title"] for one in panes]
+
+
+def test_two_cursors_and_their_differences(open_page, folders):
+    page = open_page()
+    for part in (0.25, 0.5):
+        page.page.mouse.click(*page.place(part))
+    a, b = page.state["cursors"]
+    rows = page.page.locator("#cursors tr")
+    rows.nth(2).wait_for()
+    time = rows.nth(1).locator("td").all_inner_texts()
+    assert [float(text.split()[0]) for text in time[1:]] == pytest.approx([a, b, b - a, 1 / (b - a)], rel=1e-5)
+    opened = runs(*folders)
+    number = page.state["cases"][0]
+    own = at(np.array([a, b]), opened.samples(Curve("heart.position", number)))
+    page.page.wait_for_function("document.querySelector('#cursors tr:nth-child(3)')?.innerText.includes('mm')")
+    told = rows.nth(2).locator("td").all_inner_texts()
+    assert [float(text.split()[0]) for text in told[1:4]] == pytest.approx([*own, own[1] - own[0]], rel=1e-4, abs=1e-5)
+
+
+def test_difference_spectrum_and_x_y_from_the_menu(open_page):
+    page = open_page()
+
+    def choose(text):
+        page.page.locator("#chart .menu summary").first.click()
+        page.page.locator("#chart .menu[open]").get_by_text(text).click()
+        page.drawn()
+
+    choose("Difference from run A, case by case")
+    choose("Spectrum of what is in view")
+    page.page.locator("#chart .menu summary").first.click()
+    page.page.get_by_placeholder("over a signal").first.fill("heart.velocity")
+    page.page.keyboard.press("Enter")
+    titles = [(one["title"], one["unit"]) for one in page.curves()]
+    assert titles == [
+        ("heart.position", "mm"), ("heart.position over heart.velocity", "mm"),
+        ("Spectrum of heart.position", "mm²/Hz"), (f"heart.position {MINUS} A", "mm"),
+    ]  # fmt: skip
+    whole, _, _, less = page.curves()
+    own = {one["label"]: one for one in whole["curves"]}
+    assert less["curves"]
+    for one in less["curves"]:
+        case = one["label"].removesuffix(f" {MINUS} A")
+        expected = np.array(own[case]["y"]) - own[case.replace("B:", "A:")]["y"]
+        np.testing.assert_allclose(one["y"], expected, atol=1e-9)
+
+
+def test_runs_are_moved_in_time(open_page):
+    page = open_page()
+    page.page.get_by_title("by how much the run is moved").nth(1).fill("0.5")
+    page.page.keyboard.press("Enter")
+    (pane,) = page.curves()
+    first = {one["label"][0]: one["x"][0] for one in pane["curves"]}
+    assert first == {"A": 0.0, "B": 0.5}
+
+
+@pytest.mark.parametrize(("width", "scheme"), [(1280, "dark"), (400, "light")])
+def test_dark_and_narrow(browser, address, width, scheme):
+    context = browser.new_context(viewport={"width": width, "height": 800}, color_scheme=scheme)
+    page = Page(context, address).page
+    paper = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    assert (sum(map(int, re.findall(r"\d+", paper)[:3])) < 200) == (scheme == "dark")
+    assert page.evaluate("document.documentElement.scrollWidth") == width
+    context.close()
+
+
+def test_a_page_of_a_file_needs_no_network(browser, folders, tmp_path):
+    opened = runs(*folders)
+    target = tmp_path / "page.html"
+    target.write_text(of_samples(opened, ["heart.position", "abs(heart.velocity)"], [2, 6]).text)
+    context = browser.new_context(offline=True)
+    page = Page(context, target.as_uri())
+    assert [one for one in page.asked if not one.startswith(("data:", "blob:"))] == [target.as_uri()]
+    first, second = page.curves()
+    assert (first["title"], first["unit"], second["unit"]) == ("heart.position", "mm", "mm/s")
+    expected = opened.samples(Curve("heart.position", 2))
+    np.testing.assert_allclose(first["curves"][0]["y"], expected.shown(expected.y))
+    assert (first["spans"] != [], first["limits"][0]["y"]) == (True, 4.0)
+    assert page.page.evaluate("document.getElementById('chart').chart.marks") == [
+        {"at": 1, "text": "heart.scale = 0.5"}
+    ]
+    page.drag(0.5, 0.6)
+    assert page.state["window"] == pytest.approx([1.0, 1.2], abs=0.01)
+    page.page.mouse.click(*page.place(0.5))
+    page.page.wait_for_function("document.querySelector('#cursors tr:nth-child(3)')?.innerText.includes('mm')")
+    page.page.locator("#chart .menu summary").first.click()
+    page.page.locator("#chart .menu[open]").get_by_text("Difference from run A, case by case").click()
+    less = page.curves()[1]
+    own = {one["label"]: np.array(one["y"]) for one in page.curves()[0]["curves"]}
+    np.testing.assert_allclose(less["curves"][0]["y"], own["B: fast, seed 1"] - own["A: fast, seed 1"], atol=1e-9)
+    assert page.wrong == []
+    context.close()
+
+
+def test_without_the_extra_a_sentence_names_it(folders):
+    code = "import sys; sys.modules['nicegui'] = None; sys.argv = sys.argv[1:]; from twin.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "twin", "view", str(folders[0])], capture_output=True, text=True, check=False,
+        env=dict(os.environ),
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert done.stderr == (
+        "error: twin view: pages in the browser need a package more. Install it with: pip install 'catheter-twin[console]'.\n"
+    )

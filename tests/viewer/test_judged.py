@@ -1,0 +1,95 @@
+"""What the scenario says of its signals: limits, where they failed, events; without its components too."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from tests.viewer.recorded import beats, runs
+from twin.errors import TwinError
+from twin.results import Event
+from twin.viewer import chosen_cases, chosen_signals
+from twin.viewer.about import about
+from twin.viewer.judged import Verdicts, spans, together
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return beats(tmp_path_factory.mktemp("beats"))
+
+
+@pytest.fixture(scope="module")
+def opened(folder):
+    return runs(folder)
+
+
+def test_an_expectation_is_shaded_where_its_samples_fail(opened):
+    near, never = Verdicts(opened.runs[0]).expectations()
+    assert (near.verdict, near.signal, near.high, near.low, near.begin) == ("fail", "heart.position", 4.0, None, 0.5)
+    assert set(near.spans) == {("fast", 1), ("fast", 2)}  # the slow one is not there before it becomes small
+    for case, own in near.spans.items():
+        recording = opened.runs[0].recording
+        time, position = recording.column(case, "time"), recording.column(case, "heart.position")
+        bad = (position > 4e-3) & (time >= 0.5 - 1e-9)
+        shaded = np.any([(time >= begin) & (time <= end) for begin, end in own], axis=0)
+        np.testing.assert_array_equal(shaded, bad)
+    assert (never.verdict, never.spans, never.low) == ("pass", None, 0.0)
+
+
+def test_spans_of_very_many_failures_are_few():
+    time = np.arange(100_000) / 1000.0
+    found = spans(time, np.arange(100_000) % 2 == 0)
+    assert len(found) == 400
+    assert (found[0][0], found[-1][1]) == (0.0, time[-2])
+    assert spans(time[:6], np.array([1, 1, 0, 0, 1, 0], bool)) == [(0.0, 0.001), (0.004, 0.004)]
+
+
+def test_events_have_names_and_a_joystick_is_one(opened):
+    assert Verdicts(opened.runs[0]).events() == [{"time": 1.0, "name": "heart.scale = 0.5", "variants": []}]
+    stick = [Event(0.03 * i, f"set command.speed = {i}") for i in range(40)] + [Event(5.0, "set command.speed = 0")]
+    assert [(one["time"], one["name"]) for one in together(stick)] == [
+        (0.0, "command.speed, 40 times until 1.17 s"), (5.0, "command.speed = 0")
+    ]  # fmt: skip
+
+
+def test_about_tells_what_there_is(opened):
+    told = about(opened)
+    assert [(one["variant"], one["seed"], one["samples"]) for one in told["cases"]] == [
+        ("slow", 1, 401), ("slow", 2, 401), ("fast", 1, 401), ("fast", 2, 401)
+    ]  # fmt: skip
+    position = next(one for one in told["signals"] if one["name"] == "heart.position")
+    assert position == {
+        "name": "heart.position", "unit": "mm", "about": "wall position, positive away from the instrument", "cases": "all"
+    }  # fmt: skip
+    assert told["plots"][0]["band"] == [-5.0, 4.0]
+    assert set(told["expectations"][0]["spans"]) == {"2", "3"}
+
+
+def test_a_folder_alone_is_enough_and_stays_as_it_is(tmp_path):
+    """Its component is a person's own, and gone; what a share bears is read, and nothing is written."""
+    (tmp_path / "own_hearts.py").write_text("from fmus.instruments.heart.model import Heart\n")
+    place = tmp_path / "made"
+    place.mkdir()
+    folder = shutil.copytree(beats(place), tmp_path / "share")
+    text = (folder / "scenario.yaml").read_text()
+    assert "component: heart" in text
+    (folder / "scenario.yaml").write_text(text.replace("component: heart", "component: not_here.model:Heart"))
+    before = {one: one.stat().st_mtime_ns for one in folder.rglob("*")}
+    near, _ = about(runs(folder))["expectations"]
+    assert (near["signal"], near["high"], len(near["spans"])) == ("heart.position", 4.0, 2)
+    assert {one: one.stat().st_mtime_ns for one in folder.rglob("*")} == before
+    (folder / "scenario.yaml").write_text("members: [")
+    told = about(runs(folder))
+    assert "events and limits are not shown" in told["runs"][0]["trouble"]
+    assert [one["verdict"] for one in told["expectations"]] == ["fail", "pass"]
+
+
+def test_signals_and_cases_are_chosen(opened):
+    assert chosen_signals(opened, ("heart.p*", "abs(heart.velocity)")) == ["heart.position", "abs(heart.velocity)"]
+    assert chosen_signals(opened, ()) == ["heart.position"]
+    with pytest.raises(TwinError, match=r"'heart\.positio' was not recorded\. Did you mean 'heart\.position'\?"):
+        chosen_signals(opened, ("heart.positio",))
+    assert chosen_cases(opened, "", None) == [0, 2]
+    assert chosen_cases(opened, "fast", 2) == [3]
+    with pytest.raises(TwinError, match=r"has no such case\. Variants: slow, fast; seeds: 1, 2\."):
+        chosen_cases(opened, "", 7)

@@ -1,0 +1,119 @@
+"""The page of the viewer: the same whether a server answers it, or all samples are in it."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import zlib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
+
+import numpy as np
+
+from twin.dataclass import dataclass
+from twin.errors import TwinError
+from twin.viewer.about import about
+from twin.viewer.asked import head
+from twin.viewer.drawn import over_time
+from twin.viewer.runs import Curve
+from twin.web import STATIC
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from twin.viewer.runs import Runs
+
+    Array = np.ndarray[Any, Any]
+
+HERE = Path(__file__).parent
+BASE = ("scale.js", "chart.js")
+OWN = ("sources.js", "view.js", "panels.js")
+MODULE = re.compile(r"^import .*$|^export ", re.MULTILINE)
+SAMPLES = 50_000  # of a curve in a page: of more, the extremes
+LARGEST = 60_000_000  # letters of a page
+
+
+def html(told: dict[str, Any], packed: Sequence[str] = (), note: str = "") -> str:
+    """The page as text; `packed`: arrays of its samples."""
+    import jinja2
+    import markupsafe
+
+    script = "".join(MODULE.sub("", (STATIC / one).read_text(encoding="utf-8")) for one in BASE)
+    script += "".join((HERE / one).read_text(encoding="utf-8") for one in OWN)
+    style = (STATIC / "style.css").read_text(encoding="utf-8") + (HERE / "view.css").read_text(encoding="utf-8")
+    # what closes a script, or begins a comment in one, never stands in the data
+    data = json.dumps(told, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+    template = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined).from_string(
+        (HERE / "page.html").read_text(encoding="utf-8")
+    )
+    safe = markupsafe.Markup
+    return template.render(
+        title=told["title"], note=note, icon=quote((STATIC / "favicon.svg").read_text(encoding="utf-8")),
+        style=safe(style), about=safe(data), packed=packed, script=safe(script),
+    )  # fmt: skip
+
+
+def of_server(runs: Runs, signals: Sequence[str] = (), cases: Sequence[int] = ()) -> str:
+    """The page that asks a server for samples; it begins with signals and cases, else with what is worth it."""
+    told = about(runs)
+    told |= {"title": title(told), "kept": None, "shown": list(cases), "shown_signals": list(signals)}
+    return html(told, note=described(told))
+
+
+@dataclass(frozen=True)
+class Written:
+    """A page in which the samples are. `thinned`: curves of which it has the extremes alone."""
+
+    text: str
+    curves: int
+    samples: int
+    thinned: int
+
+
+def of_samples(runs: Runs, signals: Sequence[str], cases: Sequence[int]) -> Written:
+    """A page that needs nothing: signals or expressions of some cases."""
+    told = about(runs)
+    packed: dict[bytes, tuple[int, str]] = {}
+    kept, thinned, samples = [], 0, 0
+    recorded = {one["name"]: one["cases"] for one in told["signals"]}
+    for signal in signals:
+        for number in cases:
+            if signal in recorded and recorded[signal] != "all" and number not in recorded[signal]:
+                continue
+            curve = Curve(signal, number)
+            line = over_time(runs, curve, (-np.inf, np.inf), SAMPLES)
+            thinned += line.count > len(line.x)
+            samples += len(line.x)
+            places = [place(packed, one) for one in (line.x, line.y)]
+            kept.append({"signal": signal, "case": number, "x": places[0], "y": places[1], "head": head(line, curve)})
+    if not kept:
+        raise TwinError(f"{signals[0]}: none of these cases has recorded it. Choose others with --variant and --seed.")
+    told["signals"] = [one for one in told["signals"] if one["name"] in signals]
+    told |= {"title": title(told), "kept": kept, "shown": list(cases), "shown_signals": list(signals)}
+    text = html(told, [text for _, text in packed.values()], described(told))
+    if len(text) > LARGEST:
+        raise TwinError(
+            f"{len(kept)} curves make a page of {len(text) / 1e6:.0f} MB; a browser bears {LARGEST / 1e6:.0f}. "
+            "Choose fewer with --signal, --variant and --seed."
+        )
+    return Written(text, len(kept), samples, thinned)
+
+
+def place(packed: dict[bytes, tuple[int, str]], values: Array) -> int:
+    """The number of an array in the page; one that several curves have, such as their times, is there once."""
+    data = np.ascontiguousarray(values, "<f8").tobytes()
+    if data not in packed:
+        packed[data] = (len(packed), base64.b64encode(zlib.compress(data, 9)).decode())
+    return packed[data][0]
+
+
+def title(told: dict[str, Any]) -> str:
+    """What is looked at."""
+    return ", ".join(dict.fromkeys(one["title"] for one in told["runs"]))
+
+
+def described(told: dict[str, Any]) -> str:
+    """Which runs."""
+    return "; ".join(f"{one['name']}, {one['started'][:16].replace('T', ' ')}" for one in told["runs"])

@@ -1,0 +1,213 @@
+"""The runs that are looked at, their cases in one list, and any expression over one of them as samples."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from string import ascii_uppercase
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.component import unit as units
+from twin.dataclass import dataclass
+from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
+from twin.results import Signals, coherent, dimension, expression
+from twin.viewer.recording import Recording, Room
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from twin.face import Run
+    from twin.results import Expression, Recorded
+
+    Array = np.ndarray[Any, Any]
+
+MOST = len(ascii_uppercase)  # runs
+
+
+@dataclass(frozen=True)
+class Case:
+    """One case of one run; `begin`, `end`: of what it recorded [s]."""
+
+    run: int
+    variant: str
+    seed: int
+    begin: float
+    end: float
+    samples: int
+
+    @property
+    def key(self) -> tuple[str, int]:
+        """As a recording names it."""
+        return self.variant, self.seed
+
+
+@dataclass(frozen=True)
+class Curve:
+    """What is drawn as one line: an expression in a case, less the same in case `minus`, over time or over `x`.
+
+    `shift`: by how much later the times of `minus` are taken [s], where runs are aligned.
+    """
+
+    signal: str
+    case: int
+    minus: int | None = None
+    shift: float = 0.0
+    x: str = ""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """All values of a curve: `y` over `time` [s] or over `x`. To be shown as `factor * y + offset`, in `unit`.
+
+    `is_real`: else it stays what it was until the next sample, as whole numbers and Booleans do.
+    """
+
+    time: Array
+    y: Array
+    unit: str = ""
+    factor: float = 1.0
+    offset: float = 0.0
+    is_real: bool = True
+    is_truth: bool = False
+
+    def shown(self, values: Array) -> Array:
+        """Values as they are shown, Float64."""
+        values = np.asarray(values, np.float64)
+        return values if (self.factor, self.offset) == (1.0, 0.0) else values * self.factor + self.offset
+
+
+class Viewed:
+    """One run, opened: what it recorded and what its summary says."""
+
+    def __init__(self, run: Run, room: Room) -> None:
+        self.run, self.folder, self.summary = run, run.folder, run.summary
+        path = run.folder / "signals.parquet"
+        if not path.is_file():
+            raise TwinError(f"{path}: is not there any more. Run the scenario again.")
+        self.recording = Recording(path, room)
+        self.variables: dict[str, Recorded] = self.recording.variables
+
+    def parsed(self, text: str) -> Expression:
+        """An expression over what was recorded; a name of a column that is no expression, such as `der(x)`, is one of its own."""
+        found = expression.parse(text)
+        for signal in found.signals:
+            if signal.name not in self.variables:
+                raise UnknownNameError(f"{signal.name!r} was not recorded. {nearest(signal.name, self.variables)}")
+        shapes = {signal.name: self.variables[signal.name].shape for signal in found.signals}
+        try:
+            problem = found.array_problem(shapes)
+        except IndexError as error:
+            raise UnknownNameError(f"{error} has no such element. Elements are counted from 1.") from None
+        if problem:
+            raise ScenarioError(problem)
+        return found
+
+    def unit(self, parsed: Expression) -> str:
+        """The unit that an expression is shown in; ScenarioError if it adds what does not fit."""
+        own = {signal.name: self.variables[signal.name] for signal in parsed.signals}
+        found = dimension.of(parsed, {name: one.unit for name, one in own.items()})
+        return dimension.preferred(
+            found, {name: one.unit for name, one in own.items()}, {name: one.display_unit for name, one in own.items()}
+        )
+
+    def samples(self, case: tuple[str, int], text: str) -> Samples:
+        """All samples of a column, or of an expression in a case; a plain signal is never copied."""
+        time = self.recording.column(case, "time")
+        if text in self.recording.places:
+            return self._column(case, text, time)
+        parsed = self.parsed(text)
+        for signal in parsed.signals:
+            if not self.recording.has(case, self.variables[signal.name].columns[0]):
+                raise UnknownNameError(f"{case[0]}, seed {case[1]} has not recorded {signal.name}.")
+
+        def make() -> tuple[Array, ...]:
+            own = {signal.name: self.variables[signal.name] for signal in parsed.signals}
+            values = {name: self.recording.values(case, name) for name in own}
+            found = Signals(time, values, {name: one.unit for name, one in own.items()}).evaluate(parsed)
+            assert found is not None
+            return (np.asarray(found[1]),)
+
+        (value,) = self.recording.room.take((self.recording.path, case, parsed.text), make)
+        shown = self.unit(parsed)
+        factor, offset = coherent(shown, dimension.is_difference(parsed))
+        return Samples(time, value, units.shown(shown), 1 / factor, -offset / factor)
+
+    def _column(self, case: tuple[str, int], name: str, time: Array) -> Samples:
+        if not self.recording.has(case, name):
+            raise UnknownNameError(f"{case[0]}, seed {case[1]} has not recorded {name}.")
+        values = self.recording.column(case, name)
+        one = self.variables.get(name) or self.variables[name.partition("[")[0]]
+        shown = one.display_unit or one.unit
+        (factor, offset), (own, beyond) = coherent(shown), coherent(one.unit)
+        kind = self.recording.file.schema_arrow.field(name).type
+        scale = (1.0, 0.0) if shown == one.unit else (own / factor, (beyond - offset) / factor)
+        return Samples(time, values, units.shown(shown), *scale, values.dtype.kind == "f", str(kind) == "bool")
+
+
+class Runs:
+    """All runs that are looked at, A, B, C in the order in which they were named."""
+
+    def __init__(self, opened: Sequence[Run], room: Room | None = None) -> None:
+        if len(opened) > MOST:
+            raise TwinError(f"{len(opened)} runs: at most {MOST} are viewed together. Name fewer.")
+        self.room = room or Room()
+        self.runs = [Viewed(one, self.room) for one in opened]
+        if not self.cases:
+            raise TwinError(f"{opened[0].folder}: nothing was recorded. Run the scenario again.")
+
+    @cached_property
+    def cases(self) -> list[Case]:
+        """The cases of all runs in order."""
+        return [
+            Case(number, *key, *one.recording.span(key), one.recording.samples(key))
+            for number, one in enumerate(self.runs)
+            for key in one.recording.cases
+        ]
+
+    def of(self, case: Case) -> Viewed:
+        """The run of a case."""
+        return self.runs[case.run]
+
+    def told(self, case: Case) -> str:
+        """`A: PI, seed 1`, the letter where there are several runs."""
+        letter = f"{ascii_uppercase[case.run]}: " if len(self.runs) > 1 else ""
+        return f"{letter}{case.variant}, seed {case.seed}"
+
+    def samples(self, curve: Curve, text: str = "") -> Samples:
+        """All samples of a curve; UnknownNameError, ScenarioError if they cannot be had."""
+        case = self.cases[curve.case]
+        own = self.of(case).samples(case.key, text or curve.signal)
+        if curve.minus is None:
+            return own
+        return self._difference(curve, own, text or curve.signal)
+
+    def _difference(self, curve: Curve, own: Samples, text: str) -> Samples:
+        """A curve less the same of another case, at the first one's times as far as both go."""
+        assert curve.minus is not None
+        case, other = self.cases[curve.case], self.cases[curve.minus]
+        less = self.of(other).samples(other.key, text)
+        if own.unit != less.unit:
+            raise ScenarioError(
+                f"{text}: in {own.unit or 'no unit'} and in {less.unit or 'no unit'}. Compare quantities of one unit."
+            )
+
+        def make() -> tuple[Array, ...]:
+            when = own.time - curve.shift
+            both = (when >= other.begin) & (when <= other.end) if len(less.time) else np.zeros(len(when), bool)
+            when = when[both]
+            y = own.shown(own.y[both]) - at(when, less)
+            return own.time[both], y
+
+        key = (self.of(case).folder, case.key, text, self.of(other).folder, other.key, curve.shift)
+        time, y = self.room.take(key, make)
+        return Samples(time, y, own.unit, is_real=own.is_real)
+
+
+def at(when: Array, samples: Samples) -> Array:
+    """The shown values at other times: between samples on a line, of whole numbers and Booleans the last one."""
+    if not len(samples.time):
+        return np.full(np.shape(when), np.nan)
+    if samples.is_real:
+        return samples.shown(np.interp(when, samples.time, samples.y))
+    return samples.shown(samples.y[np.clip(np.searchsorted(samples.time, when, side="right") - 1, 0, None)])

@@ -1,0 +1,103 @@
+// Where samples come from: a server that reads them from the runs' folders, or the page itself. Both have:
+//
+//   lines(specs, points)   -> [{x, y, head}]; a spec is {kind, signal, case, minus, shift, x, window: [from, to]} in the run's own time
+//   values(specs, times)   -> [[value, ...], ...], null where there is none
+
+class Served {
+  async asked(path, told) {
+    const answer = await fetch(path, { method: "POST", body: JSON.stringify(told), headers: { "content-type": "application/json" } });
+    if (!answer.ok) throw new Error(await answer.text());
+    return answer;
+  }
+
+  async lines(curves, points) {
+    const found = decode(await (await this.asked("/lines", { curves, points })).arrayBuffer());
+    return found.curves.map((one, k) => ({ ...one, head: found.heads[k] }));
+  }
+
+  async values(curves, times) {
+    return (await (await this.asked("/values", { curves, times })).json()).values;
+  }
+}
+
+// The samples are in the page: little-endian Float64, deflated, base64, one script element for each array.
+class Kept {
+  constructor(about) {
+    this.curves = new Map(about.kept.map((one) => [`${one.case} ${one.signal}`, one]));
+    this.arrays = [...document.querySelectorAll("script.packed")].map(() => null);
+  }
+
+  async array(place) {
+    if (!this.arrays[place]) {
+      const text = document.querySelectorAll("script.packed")[place].textContent;
+      const bytes = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+      const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+      this.arrays[place] = new Float64Array(await new Response(stream).arrayBuffer());
+    }
+    return this.arrays[place];
+  }
+
+  async samples(signal, number) {
+    const one = this.curves.get(`${number} ${signal}`);
+    if (!one) throw new Error(`${signal}: is not in this page.`);
+    return { x: await this.array(one.x), y: await this.array(one.y), head: one.head };
+  }
+
+  async whole(spec) {
+    const own = await this.samples(spec.signal, spec.case);
+    if (spec.minus === null || spec.minus === undefined) return own;
+    const less = await this.samples(spec.signal, spec.minus), x = [], y = [];
+    own.x.forEach((time, k) => {
+      const value = valueAt(less, time - spec.shift);
+      if (value !== null) { x.push(time); y.push(own.y[k] - value); }
+    });
+    return { x: Float64Array.from(x), y: Float64Array.from(y), head: own.head };
+  }
+
+  async lines(specs, points) {
+    return Promise.all(specs.map(async (spec) => {
+      try {
+        const { x, y, head } = await this.whole(spec);
+        const begin = Math.max(before(x, spec.window[0]), 0), end = Math.min(before(x, spec.window[1]) + 2, x.length);
+        if (spec.kind === "time") return { ...extremes(x, y, begin, end, points), head };
+        const across = await this.whole({ ...spec, signal: spec.x });
+        const times = [...x.slice(begin, end)].filter((_, k, all) => k % Math.max(Math.ceil(all.length / points), 1) === 0);
+        const of = (one) => Float64Array.from(times, (time) => valueAt(one, time) ?? NaN);
+        return { x: of(across), y: of({ x, y, head }), head: { ...head, x_unit: across.head.unit } };
+      } catch (error) {
+        return { x: [], y: [], head: { error: error.message } };
+      }
+    }));
+  }
+
+  async values(specs, times) {
+    return Promise.all(specs.map(async (spec, k) => {
+      try { const own = await this.whole(spec); return times[k].map((time) => valueAt(own, time)); } catch { return times[k].map(() => null); }
+    }));
+  }
+}
+
+// between samples on a line; what is no real number stays until the next sample
+function valueAt({ x, y, head }, time) {
+  const k = before(x, time);
+  if (k < 0 || time > x[x.length - 1]) return null;
+  const value = !head.real || k === x.length - 1 || x[k + 1] === x[k] ? y[k] : y[k] + ((y[k + 1] - y[k]) * (time - x[k])) / (x[k + 1] - x[k]);
+  return Number.isFinite(value) ? value : null;
+}
+
+// of equal parts the smallest and the largest sample, each at its time
+function extremes(x, y, begin, end, points) {
+  if (end - begin <= points) return { x: x.subarray(begin, end), y: y.subarray(begin, end) };
+  const kept = [], size = (2 * (end - begin)) / points;
+  for (let part = begin; Math.ceil(part) < end; part += size) {
+    let low = -1, high = -1;
+    for (let k = Math.ceil(part); k < Math.min(part + size, end); k++) {
+      if (!(y[k] === y[k])) continue;
+      if (low < 0 || y[k] < y[low]) low = k;
+      if (high < 0 || y[k] > y[high]) high = k;
+    }
+    if (low < 0) kept.push(Math.ceil(part)); // a gap stays one
+    else kept.push(Math.min(low, high), ...(low === high ? [] : [Math.max(low, high)]));
+  }
+  return { x: Float64Array.from(kept, (k) => x[k]), y: Float64Array.from(kept, (k) => y[k]) };
+}

@@ -1,0 +1,96 @@
+"""A chart on a page: panes of curves over time, which ask the server for what is seen of them."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from nicegui.element import Element
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+COLORS = 8  # `--line-0` to `--line-7` of the style
+PANE_HEIGHT = 150  # [px]
+
+
+@dataclass
+class Curve:
+    """A line of a pane: `name` as the source knows it; `color` is a number of the palette; `step`: held between samples."""
+
+    name: str
+    label: str = ""
+    color: int = 0
+    step: bool = False
+
+
+@dataclass
+class Pane:
+    """Curves over one axis. `own`: not over time, but over `x` ({label, unit}); `log`: axes that are ("x", "y", "xy")."""
+
+    title: str = ""
+    unit: str = ""
+    curves: list[Curve] = field(default_factory=list)
+    band: tuple[float, float] | None = None
+    lines: list[float] = field(default_factory=list)
+    own: bool = False
+    log: str = ""
+    x: dict[str, str] | None = None
+
+
+class Chart(Element, component="static/chart_element.js"):
+    """Panes with a common axis of time, zoomed and moved together.
+
+    `url`: a route made with `frames.route`. `follow`: shows the last `span` seconds, 30 times a second. What a person does
+    is told to `on_window`, `on_cursors`, `on_drop` and `on_remove`.
+    """
+
+    def __init__(self, url: str, panes: list[Pane], *, span: float = 10.0, follow: bool = False) -> None:
+        super().__init__()
+        self.panes = panes
+        self._props.update(url=url, span=span, follow=follow, marks=[], spans=[], panes=[asdict(one) for one in panes])
+
+    def show_panes(self) -> None:
+        """Draw `panes` as they are now."""
+        self._props["panes"] = [asdict(one) for one in self.panes]
+        self.update()
+
+    def show_marks(self, marks: list[dict[str, Any]], spans: list[dict[str, Any]] | None = None) -> None:
+        """Draw events ({at, text}) and shade spans ({from, to})."""
+        self._props["marks"], self._props["spans"] = marks, spans or []
+        self.update()
+
+    def show(self, start: float | None, stop: float | None) -> None:
+        """Show a window of time, or all of it."""
+        self.run_method("show", start, stop)
+
+    def show_last(self, span: float) -> None:
+        """Follow the last seconds."""
+        self.run_method("followed", span)
+
+    def add(self, name: str, unit: str, label: str = "", *, pane: int | None = None, step: bool = False) -> None:
+        """Add a curve to a pane, or to the first with its unit, or to a new one. One that is there stays."""
+        if any(curve.name == name for one in self.panes for curve in one.curves):
+            return
+        used = [curve.color for one in self.panes for curve in one.curves]
+        color = min(range(COLORS), key=lambda one: (used.count(one), one))
+        curve = Curve(name, label, color, step)
+        fitting = [one for one in self.panes if one.unit == unit and not one.own] if pane is None else []
+        if pane is not None and 0 <= pane < len(self.panes):
+            fitting = [self.panes[pane]]
+        if fitting:
+            fitting[0].curves.append(curve)
+        else:
+            self.panes.append(Pane(unit=unit, curves=[curve]))
+        self.show_panes()
+
+    def take_away(self, name: str) -> None:
+        """Take a curve away, and a pane that is empty then."""
+        for one in self.panes:
+            one.curves = [curve for curve in one.curves if curve.name != name]
+        self.panes = [one for one in self.panes if one.curves]
+        self.show_panes()
+
+    def on_told(self, event: str, told: Callable[[dict[str, Any]], object]) -> None:
+        """Call when a person did something: window, cursors, drop, remove. What comes is checked by who is called."""
+        self.on(event, lambda said: told(said.args if isinstance(said.args, dict) else {}))

@@ -1,0 +1,157 @@
+"""What a chart is given: of each curve as many points as the screen shows, minima and maxima kept, in one binary answer.
+
+    uint32 length of the header, uint32 0, header as JSON filled up to 8 bytes, then for each curve x and y as Float64
+
+A request names curves, a window (`from`, `to`; or the last `span` seconds; or all) and how many points: see `Request`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from starlette.datastructures import QueryParams
+    from starlette.requests import Request as Asked
+    from starlette.responses import Response
+
+Floats = NDArray[np.float64]
+MOST_CURVES = 64
+POINTS = (16, 4000)  # for each curve
+LONGEST = 1e9  # [s], of any time
+
+
+class Source(Protocol):
+    """Where curves come from: a run that goes on, a recording."""
+
+    def names(self) -> Collection[str]:
+        """What may be asked for."""
+        ...
+
+    def span(self) -> tuple[float, float]:
+        """First and last time that there is [s]."""
+        ...
+
+    def read(self, name: str, start: float, stop: float, points: int) -> tuple[Floats, Floats]:
+        """Times [s] and values in the unit that is shown, of a window; `decimated` already."""
+        ...
+
+
+@dataclass(frozen=True)
+class Request:
+    """A checked request: `start` and `stop` are None for all, `last` is above zero for the last so many seconds."""
+
+    names: tuple[str, ...]
+    start: float | None
+    stop: float | None
+    last: float
+    points: int
+
+
+def checked(query: QueryParams, known: Collection[str]) -> Request:
+    """A request from the network; ValueError says in one line what is wrong with it."""
+    names = tuple(query.getlist("name"))
+    if not 0 < len(names) <= MOST_CURVES:
+        raise ValueError(f"name: {len(names)} curves. Ask for 1 to {MOST_CURVES}.")
+    for one in names:
+        if one not in known:
+            raise ValueError(f"name: {one[:80]!r} is not known.")
+    given = {key: _time(query, key) for key in ("from", "to", "span")}
+    start, stop, last = given["from"], given["to"], given["span"]
+    if (start is None) != (stop is None) or (start is not None and stop is not None and stop <= start):
+        raise ValueError("from, to: give both, the first below the second.")
+    if last is not None and last <= 0.0:
+        raise ValueError("span: expected a time above zero.")
+    points = query.get("points", "1000")
+    if not points.isascii() or not points.isdigit() or not POINTS[0] <= int(points[:9]) <= POINTS[1]:
+        raise ValueError(f"points: expected {POINTS[0]} to {POINTS[1]}, not {points[:20]!r}.")
+    return Request(names, start, stop, last or 0.0, int(points))
+
+
+def _time(query: QueryParams, key: str) -> float | None:
+    text = query.get(key)
+    if text is None:
+        return None
+    try:
+        value = float(text[:40])
+    except ValueError:
+        value = math.nan
+    if not abs(value) <= LONGEST:
+        raise ValueError(f"{key}: expected a time in s, not {text[:20]!r}.")
+    return value
+
+
+def answer(source: Source, asked: Request) -> bytes:
+    """A frame."""
+    first, newest = source.span()
+    start, stop = (first, newest) if asked.start is None or asked.stop is None else (asked.start, asked.stop)
+    if asked.last:
+        start, stop = max(newest, first + asked.last) - asked.last, max(newest, first + asked.last)
+    curves = [source.read(name, start, stop, asked.points) for name in asked.names]
+    header = {"from": start, "to": max(stop, start + 1e-9), "last": newest, "counts": [len(x) for x, _ in curves]}
+    text = json.dumps(header, allow_nan=False).encode()
+    parts = [len(text).to_bytes(4, "little"), bytes(4), text, bytes(-len(text) % 8)]
+    for x, y in curves:
+        parts += [np.ascontiguousarray(x, "<f8").tobytes(), np.ascontiguousarray(y, "<f8").tobytes()]
+    return b"".join(parts)
+
+
+def route(app: Any, path: str, found: Callable[[Asked], Source | None]) -> None:
+    """Serve frames at a path of a FastAPI or Starlette app; `found` gives the source of a request, or None."""
+    from starlette.responses import PlainTextResponse, Response
+
+    async def frame(asked: Asked) -> Response:
+        source = found(asked)
+        if source is None:
+            return PlainTextResponse("nothing runs.", 404)
+        try:
+            return Response(
+                answer(source, checked(asked.query_params, source.names())), media_type="application/octet-stream"
+            )
+        except ValueError as error:
+            return PlainTextResponse(str(error), 400)
+
+    app.add_route(path, frame, methods=["GET"])
+
+
+def decimated(x: Floats, y: Floats, points: int, first: int = 0) -> tuple[Floats, Floats]:
+    """Of equal stretches of samples the least and the largest, each at its time: what a line on `points` pixels shows.
+
+    `first`: number of the first sample. Stretches are powers of two, counted from sample 0: a window that moves shows the
+    same points, and nothing flickers.
+    """
+    count = len(x)
+    stretch = 1 << max(math.ceil(math.log2(max(count, 1) / max(points, 1))), 0)
+    if stretch <= 2:
+        return x, y
+    begin = min(-first % stretch, count)
+    end = begin + (count - begin) // stretch * stretch
+    middle = _extremes(y[begin:end], stretch) + begin
+    kept = np.concatenate([_ends(y, 0, begin), middle, _ends(y, end, count)])
+    return x[kept], y[kept]
+
+
+def _extremes(y: Floats, stretch: int) -> NDArray[np.int64]:
+    """Where the least and the largest of each stretch are, in order of time."""
+    from tsdownsample import MinMaxDownsampler
+
+    if len(y) == 0:
+        return np.empty(0, np.int64)
+    found = MinMaxDownsampler().downsample(  # type: ignore[no-untyped-call]
+        np.ascontiguousarray(y), n_out=len(y) // stretch * 2
+    )
+    return np.asarray(found, np.int64)
+
+
+def _ends(y: Floats, begin: int, end: int) -> NDArray[np.int64]:
+    """The same of what is less than a stretch, with its first and last sample."""
+    if end - begin <= 4:
+        return np.arange(begin, end)
+    part = y[begin:end]
+    return np.unique([begin, begin + int(np.argmin(part)), begin + int(np.argmax(part)), end - 1])

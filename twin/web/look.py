@@ -1,0 +1,46 @@
+"""How pages look: one style sheet, light and dark, a line on top."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from nicegui import ui
+
+DARK = "() => { const dark = !Quasar.Dark.isActive; Quasar.Dark.set(dark); localStorage.setItem('twin-dark', dark ? '1' : '0'); }"
+REMEMBERED = """<script>
+addEventListener("load", () => { const kept = localStorage.getItem("twin-dark");
+  const set = () => window.Quasar ? Quasar.Dark.set(kept === "1") : setTimeout(set, 20); if (kept !== null) set(); });
+</script>"""
+
+
+def styled() -> None:
+    """Give a page the style; light or dark as the system has it, until a person chooses."""
+    ui.add_head_html('<link rel="stylesheet" href="/web/style.css">' + REMEMBERED)
+    ui.colors(
+        primary="#1f6f8b",
+        secondary="#49656f",
+        accent="#c46a1b",
+        positive="#2e8b57",
+        negative="#c0392b",
+        warning="#c98a00",
+    )
+    ui.query(".nicegui-content").classes("p-0 gap-0")
+
+
+@contextmanager
+def framed(title: str, links: dict[str, str] | None = None, here: str = "") -> Iterator[ui.row]:
+    """A page with a line on top: its title, links to other pages, what is put into the row, light or dark."""
+    styled()
+    ui.page_title(title)
+    with ui.header(elevated=False).classes("twin-top row items-center no-wrap"):
+        ui.html('<img src="/web/favicon.svg" alt="" width="22" height="22">', sanitize=False)
+        ui.label(title).classes("twin-title ellipsis")
+        for name, place in (links or {}).items():
+            ui.link(name, place).classes("twin-link" + " twin-here" * (name == here))
+        ui.space()
+        row = ui.row().classes("items-center no-wrap gap-2")
+        ui.button(icon="contrast").props("flat round dense aria-label='light or dark'").on(
+            "click", js_handler=DARK
+        ).tooltip("light or dark")
+    yield row

@@ -1,0 +1,126 @@
+"""A server for the browser of this machine: one port, one token, one sentence at its end.
+
+What is asked for: pages, which `register` adds with NiceGUI's decorators before the server starts, and routes of `app`.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import webbrowser
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from twin.errors import TwinError
+from twin.web import gate
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from types import FrameType
+
+    from fastapi import FastAPI
+    from uvicorn import Server
+
+STATIC = Path(__file__).parent / "static"
+CLOSING = 1  # so long open connections are waited for at the end [s]
+LARGEST = 1 << 16  # a message of the page's own socket [byte]
+PORTS = range(8300, 8400)  # the first free one: an address that stays the same is easier to live with
+
+
+def needed(command: str) -> None:
+    """TwinError where the package of the pages is missing."""
+    try:
+        import nicegui  # noqa: F401
+    except ImportError:
+        raise TwinError(
+            f"{command}: pages in the browser need a package more. "
+            "Install it with: pip install 'catheter-twin[console]'."
+        ) from None
+
+
+def listening(port: int | None) -> socket.socket:
+    """A socket of this machine alone, at a port or at the first free one; TwinError if it is taken."""
+    for one in PORTS if port is None else [port]:
+        sock = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            sock.bind(("127.0.0.1", one))
+            sock.listen(64)
+        except OSError as error:
+            sock.close()
+            if port is not None:
+                raise TwinError(
+                    f"--port {port}: {error.strerror}. Take another, or none: a free one is found."
+                ) from None
+        else:
+            return sock
+    raise TwinError(f"ports {PORTS.start} to {PORTS.stop - 1}: all are taken. Name another with --port.")
+
+
+@dataclass
+class Site:
+    """What is served. `start` (a path) is opened; `stop` is called at once at Ctrl-C or SIGTERM, before anything is waited for."""
+
+    title: str
+    register: Callable[[FastAPI], None]
+    start: str = "/"
+    stop: Callable[[], None] = lambda: None
+    said: Callable[[str], None] = print
+    port: int | None = None
+    opened: bool = True
+    over: str = "Closed."
+    tasks: list[Callable[[], Any]] = field(default_factory=list)  # begun with the server
+
+    def serve(self) -> None:
+        """Serve until Ctrl-C; the address is said first."""
+        import uvicorn
+        from fastapi import FastAPI
+        from nicegui import app as pages
+        from nicegui import ui
+
+        sock = listening(self.port)
+        port, token = sock.getsockname()[1], gate.token()
+        app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+        self.register(app)
+        pages.add_static_files("/web", STATIC, max_cache_age=0)
+        ui.run_with(
+            app,
+            title=self.title,
+            dark=None,
+            favicon=STATIC / "favicon.svg",
+            show_welcome_message=False,
+            gzip_middleware_factory=None,  # nobody is far away
+            reconnect_timeout=30.0,  # a busy machine answers late; what moves does not hang on this
+        )
+        for task in self.tasks:
+            pages.on_startup(task)
+        config = uvicorn.Config(
+            gate.Gate(app, token, port),
+            log_level="critical",
+            access_log=False,
+            lifespan="on",
+            ws_max_size=LARGEST,
+            timeout_graceful_shutdown=CLOSING,
+        )
+        address = f"http://127.0.0.1:{port}{self.start}{'&' if '?' in self.start else '?'}token={token}"
+        self.said(address)
+        if self.opened:
+            webbrowser.open(address)
+        with suppress(KeyboardInterrupt):  # uvicorn hands the signal on when it has ended
+            _stopping(self.stop)(config).run(sockets=[sock])
+        self.said(self.over)
+
+
+def _stopping(stop: Callable[[], None]) -> type[Server]:
+    """A server that calls `stop` at the signal itself, not after its connections have ended."""
+    import uvicorn
+
+    class Stopping(uvicorn.Server):
+        def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+            if not self.should_exit:
+                asyncio.get_running_loop().call_soon_threadsafe(stop)
+            super().handle_exit(sig, frame)
+
+    return Stopping

@@ -1,0 +1,32 @@
+import { Chart } from "/web/chart.js";
+import { decode } from "/web/scale.js";
+
+// Vue watches what it is given to the last element: the chart gets a copy, in which it may note what it likes
+const copy = (panes) => JSON.parse(JSON.stringify(panes));
+
+export default {
+  template: "<div></div>",
+  props: { panes: Array, url: String, span: Number, follow: Boolean, marks: Array, spans: Array },
+  mounted() {
+    const source = async ({ names, ...wanted }) => {
+      const query = new URLSearchParams(wanted);
+      names.forEach((name) => query.append("name", name));
+      const answer = await fetch(`${this.url}?${query}`);
+      return answer.ok ? decode(await answer.arrayBuffer()) : null;
+    };
+    const told = (event, detail) => { if (event !== "drawn") this.$emit(event, detail); };
+    this.chart = new Chart(this.$el, { panes: copy(this.panes), span: this.span, follow: this.follow, marks: this.marks, spans: this.spans, source, told });
+    this.$el.chart = this.chart;  // for tests, and for the console of the browser
+  },
+  unmounted() { this.chart.close(); },
+  watch: {
+    panes: { deep: true, handler(panes) { this.chart.setPanes(copy(panes)); } },
+    marks: { deep: true, handler() { this.chart.setMarks(this.marks, this.spans); } },
+    spans: { deep: true, handler() { this.chart.setMarks(this.marks, this.spans); } },
+  },
+  methods: {
+    show(from, to) { this.chart.setWindow(from, to); },
+    followed(span) { this.chart.setFollow(span); },
+    cursors(list) { this.chart.setCursors(list); },
+  },
+};

@@ -1,0 +1,68 @@
+// Ticks and numbers of axes.
+
+export function ticks(low, high, count) {
+  const span = high - low;
+  if (!(span > 0) || !isFinite(span)) return { at: [low], step: 0 };
+  const raw = span / Math.max(count, 1), power = Math.pow(10, Math.floor(Math.log10(raw)));
+  const step = power * [1, 2, 5, 10].find((one) => one * power >= raw * 0.999);
+  const at = [];
+  for (let k = Math.ceil(low / step - 1e-9); k * step <= high + step * 1e-9; k++) at.push(k * step);
+  return { at, step };
+}
+
+export function decades(low, high) {
+  const at = [];
+  if (!(low > 0) || !isFinite(high)) return { at, step: 0 };
+  for (let k = Math.ceil(Math.log10(low)); k <= Math.floor(Math.log10(high) + 1e-9); k++) at.push(Math.pow(10, k));
+  return { at: at.length > 8 ? at.filter((_, k) => k % Math.ceil(at.length / 8) === 0) : at, step: 0 };
+}
+
+// as many places as the step of the axis shows
+export function number(value, step) {
+  if (!isFinite(value)) return "–";
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  if (size >= 1e6 || size < 1e-4 || (step > 0 && step < 1e-4)) return value.toExponential(2).replace(/\.?0+e/, "e").replace("e+", "e");
+  if (!step) return String(+value.toPrecision(4));
+  const text = value.toFixed(Math.min(Math.max(0, -Math.floor(Math.log10(step) + 1e-9)), 9));
+  return +text === 0 ? "0" : text;
+}
+
+// extent of what is seen, with a margin, never empty
+export function extent(series, from, to, extra) {
+  let low = Infinity, high = -Infinity;
+  for (const { x, y } of series) {
+    for (let k = 0; k < x.length; k++) {
+      if (x[k] < from || x[k] > to) continue;
+      const value = y[k];
+      if (value < low) low = value;
+      if (value > high) high = value;
+    }
+  }
+  for (const one of extra) { if (one < low) low = one; if (one > high) high = one; }
+  if (low > high) return [0, 1];
+  const size = Math.max(Math.abs(low), Math.abs(high), 1e-12);
+  if (high - low < size * 1e-6) return [low - size * 0.05, high + size * 0.05];
+  const margin = (high - low) * 0.06;
+  return [low - margin, high + margin];
+}
+
+// index of the last x that is not above
+export function before(x, at) {
+  let low = 0, high = x.length;
+  while (low < high) { const middle = (low + high) >> 1; if (x[middle] <= at) low = middle + 1; else high = middle; }
+  return low - 1;
+}
+
+// A frame of the server: length and text of a header, then x and y of each curve, as float64.
+export function decode(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 8, length)));
+  let place = 8 + Math.ceil(length / 8) * 8;
+  header.curves = header.counts.map((count) => {
+    const x = new Float64Array(buffer, place, count), y = new Float64Array(buffer, place + 8 * count, count);
+    place += 16 * count;
+    return { x, y };
+  });
+  return header;
+}

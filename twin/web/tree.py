@@ -1,0 +1,109 @@
+"""A tree of signals: groups by member, with units and descriptions, searched as one types, picked by a click or dragged."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from nicegui import ui
+
+HEADER = """
+<div class="twin-leaf row items-baseline no-wrap full-width" :draggable="!props.node.children" :title="props.node.about"
+     @dragstart="(event) => event.dataTransfer.setData('text/plain', props.node.id)">
+  <span class="ellipsis">{{ props.node.label }}</span><span class="twin-unit q-ml-xs">{{ props.node.unit }}</span>
+</div>
+"""
+SEARCHED = 2000  # from so many signals on, groups are made only where they match: a browser is slow with more
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """A signal: `name` as the source knows it, under groups such as (run, member)."""
+
+    name: str
+    groups: tuple[str, ...]
+    label: str
+    unit: str = ""
+    about: str = ""
+
+
+class Tree:
+    """The tree on a page. `told` is called with the name of a signal that was picked or let go, and whether it is shown."""
+
+    def __init__(self, leaves: Iterable[Leaf], told: Callable[[str, bool], object], shown: Iterable[str] = ()) -> None:
+        self._leaves = {one.name: one for one in leaves}
+        self._told = told
+        self._shown = {one for one in shown if one in self._leaves}
+        with ui.column().classes("twin-tree full-width no-wrap gap-1"):
+            ui.input(
+                placeholder="search: name, unit, description", on_change=lambda said: self._search(said.value)
+            ).props("dense outlined clearable debounce=150 aria-label='search signals'").classes("full-width")
+            self._count = ui.label().classes("twin-soft")
+            self._tree = ui.tree([], on_tick=lambda said: self._ticked(said.value), tick_strategy="leaf")
+            self._tree.props("dense no-connectors no-transition").classes("full-width").add_slot(
+                "default-header", HEADER
+            )
+        self._search("")
+
+    def show(self, shown: Iterable[str]) -> None:
+        """Tick those that are shown now."""
+        self._shown = {one for one in shown if one in self._leaves}
+        self._tree.props["ticked"] = sorted(self._shown)
+
+    def _search(self, text: str | None) -> None:
+        words = (text or "").casefold().split()
+        found = [one for one in self._leaves.values() if all(word in _text(one) for word in words)]
+        some = found[:SEARCHED]
+        self._tree.props["nodes"] = _nodes(some)
+        self._tree.props["ticked"] = sorted(self._shown)
+        self._tree.props["expanded"] = _groups(some) if words and len(found) <= 200 else []
+        more = f", the first {len(some)} are shown" if len(some) < len(found) else ""
+        self._count.text = f"{len(found)} of {len(self._leaves)} signals{more}"
+
+    def _ticked(self, ticked: Any) -> None:
+        now = {one for one in ticked or () if one in self._leaves}
+        listed = {one["id"] for one in _walk(self._tree.props["nodes"])}
+        for name in sorted(now - self._shown):
+            self._shown.add(name)
+            self._told(name, True)
+        for name in sorted((self._shown & listed) - now):
+            self._shown.discard(name)
+            self._told(name, False)
+
+
+def _text(leaf: Leaf) -> str:
+    return " ".join((*leaf.groups, leaf.label, leaf.unit, leaf.about)).casefold()
+
+
+def _groups(leaves: Iterable[Leaf]) -> list[str]:
+    return sorted({_key(one, k) for one in leaves for k in range(len(one.groups))})
+
+
+def _key(leaf: Leaf, level: int) -> str:
+    """The id of a group: with a line break for each level, which no signal's name has."""
+    return "\n".join(("", *leaf.groups[: level + 1]))
+
+
+def _nodes(leaves: Iterable[Leaf]) -> list[dict[str, Any]]:
+    """Quasar's nodes."""
+    roots: list[dict[str, Any]] = []
+    made: dict[str, dict[str, Any]] = {}
+    for leaf in leaves:
+        children = roots
+        for k in range(len(leaf.groups)):
+            key = _key(leaf, k)
+            if key not in made:
+                made[key] = {"id": key, "label": leaf.groups[k], "children": [], "noTick": True, "about": ""}
+                children.append(made[key])
+            children = made[key]["children"]
+        children.append({"id": leaf.name, "label": leaf.label, "unit": leaf.unit, "about": leaf.about})
+    return roots
+
+
+def _walk(nodes: list[dict[str, Any]]) -> Iterable[dict[str, Any]]:
+    for one in nodes:
+        if "children" in one:
+            yield from _walk(one["children"])
+        else:
+            yield one
