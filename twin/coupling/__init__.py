@@ -24,14 +24,21 @@ from twin.coupling.system import (
 from twin.coupling.walk.back import cannot_go_back, trial, unfaithful
 
 if TYPE_CHECKING:
-    from twin.coupling.group import Part, compose
+    from twin.coupling.group import compose
+    from twin.coupling.group_writer import Part
     from twin.coupling.stability import Growth, growth
     from twin.coupling.stopwatch import Stopwatch
 
 # what no run of FMUs needs
 __getattr__ = late.names(
     __name__,
-    {"Growth": "stability", "Part": "group", "Stopwatch": "stopwatch", "compose": "group", "growth": "stability"},
+    {
+        "Growth": "stability",
+        "Part": "group_writer",
+        "Stopwatch": "stopwatch",
+        "compose": "group",
+        "growth": "stability",
+    },
 )
 
 __all__ = [

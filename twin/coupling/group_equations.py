@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from twin.component import Variable
-    from twin.coupling.group import Part, Writer
+    from twin.coupling.group_writer import Part, Writer
     from twin.coupling.system import Link
 
 Key = tuple[str, str]
