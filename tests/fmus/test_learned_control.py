@@ -104,7 +104,8 @@ def test_a_sensor_that_stays_away_ends_in_pi_without_a_jump(loop):
     loop.run(13.0, sensor=lambda _: np.nan)
     assert loop.states[-1] == PI_ALONE
     assert abs(loop.velocities[-1]) < 1e-9
-    assert np.abs(np.diff(loop.velocities[1800:])).max() < 0.02
+    steps = np.abs(np.diff(loop.velocities))
+    assert steps[1800:].max() <= 1.1 * steps[1400:1800].max()  # no more than the beat asked for before
     loop.run(24.0)
     assert loop.states[-1] == LOCKED
 
@@ -123,6 +124,26 @@ def test_what_does_not_repeat_is_left_to_pi(native, cls):
     assert np.std(loop.error(6.0)) < 1.3 * np.std(alone.error(6.0))
 
 
+def test_the_demand_changes_no_faster_than_the_motor_may(native, cls):
+    wild = np.random.default_rng(3).normal(0.2, 0.2, 4000)
+    loop = Loop(native(cls, delay=DELAY)).run(9.0, sensor=lambda force: wild[round(1e3 * abs(force)) % 4000])
+    steps = np.abs(np.diff(loop.velocities))
+    assert steps.max() == pytest.approx(10.0 * PERIOD)
+
+
+def test_a_large_error_is_gone_sooner_than_by_pi_and_without_swinging(native, cls):
+    def heart(t):
+        return beat(t) + (5e-3 if t > 12.0 else 0.0)
+
+    rests = []
+    for beyond in (0.0, 1.5):
+        loop = Loop(native(cls, delay=DELAY, proportional_beyond=beyond), heart, noise=0.0).run(12.3)
+        error = loop.error(12.0 + 2 * DELAY)
+        rests.append(np.sum(error**2))
+        assert error.max() < 0.012
+    assert rests[1] < 0.8 * rests[0]
+
+
 def test_it_fades_out_when_it_is_told(loop):
     loop.control.enable = False
     loop.run(10.5)
@@ -137,6 +158,22 @@ def test_a_beat_that_stops_is_given_up(native, cls):
     assert np.abs(loop.error(13.0)).max() < 0.1
     loop.run(22.0)
     assert np.abs(loop.error(21.0)).max() < 0.02
+
+
+def early(t):
+    """One beat in the eighteenth comes 0.3 of a beat early, within 0.1 of one; a full compensatory pause makes up for it."""
+    u = 1.2 * t - 18.0
+    ahead = np.interp(u, [0.6, 0.7, 2.0], [0.0, 0.3, 0.0], left=0.0, right=0.0)
+    return beat(t + ahead / 1.2)
+
+
+@pytest.mark.parametrize("cls", [PhaseLockedControl], indirect=True)
+def test_the_pause_after_an_early_beat_is_foreseen(native, cls):
+    loop = Loop(native(cls, delay=DELAY), early).run(15.65)
+    assert loop.control.rate < 1.1  # of what it is ahead by, not of the usual rate
+    loop.run(19.0)
+    assert loop.control.rate == pytest.approx(1.2, rel=0.02)
+    assert np.abs(loop.error(15.7)).max() < 0.02
 
 
 @pytest.mark.parametrize("cls", [PhaseLockedControl], indirect=True)

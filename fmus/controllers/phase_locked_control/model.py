@@ -1,8 +1,8 @@
 """Force control that learns the gripper's trajectory over the phase of the beat."""
 
-from math import pi
+from math import floor, pi
 
-from fmus.beat_search import RING, TREND, BeatSearch, fit, forget, remember, scan
+from fmus.beat_search import REFINED, RING, TREND, BeatSearch, fit, forget, remember, scan
 from fmus.learned_control import (
     FOLLOWING,
     LEAVING,
@@ -35,8 +35,9 @@ from fmus.phase_filter import (
     required,
 )
 
-from twin.component import Boolean, local, output, parameter
+from twin.component import Boolean, Int64, local, output, parameter
 
+NEAR = 0.08  # part of a rate within which others are tried, over the last two beats
 CLEAR = 0.25  # rest of the search with which to begin
 PASSING = 0.1  # [s] over which the strain is averaged
 STRAINED, RELAXED, CAP = 1.0, 0.5, 25.0  # strain of a beat that is not as learned, and is again; a third is usual
@@ -44,6 +45,9 @@ GATE = 3.0  # innovation in standard deviations from which the filter takes no s
 SHIFTS = 32  # phases around the circle that are compared
 WINDOW = 0.02  # [s] over which they are: four samples
 CLEARLY, FITTING = 0.3, 1e-3  # what a new phase leaves, as part of what the old one does, and at most [m]
+UNLIKELY = 4.0  # times better has a phase to explain them that no early beat leads to
+EARLIEST = 0.5  # beats by which one may be early: of half a length
+NO_LEAP = 0.05  # beats that are no early beat
 AFTER = 0.05  # doubt of the rate after a leap, as part of it: a leap of the phase is not one of the rate
 YOUNG = 6.0  # beats of learning before which every beat differs from what was learned
 PAUSE = 1.5  # beats for which nothing is learned after an unrest: an early beat and its pause last 1.3 to 1.6
@@ -58,16 +62,31 @@ class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
     """
 
     phase = output("rad", "phase of the first harmonic, from 0 to 2 pi")
-    strain = output("", "squared innovation over its variance, averaged; a third is usual, above one the beat is not as learned")
+    strain = output(
+        "", "squared innovation over its variance, averaged; a third is usual, above one the beat is not as learned"
+    )
 
-    noise = parameter(0.5e-3, "m", "standard deviation of a sample", display_unit="mm", minimum=1e-6,
-                      source="estimate: 3 mN of the sensor over the stiffness, and as much again for friction")
+    noise = parameter(
+        0.5e-3,
+        "m",
+        "standard deviation of a sample",
+        display_unit="mm",
+        minimum=1e-6,
+        source="estimate: 3 mN of the sensor over the stiffness, and as much again for friction",
+    )
 
     unrest = local(0.0, "", "squared innovation over its variance, averaged")
     off = local(0.0, "m", "latest innovation", display_unit="mm")
     calm = local(0.0, "", "beats since the model last failed to explain the force")
     rate_mean = local(0.0, "rad/s", "rate of the last beats")
-    misfit = local(0.0, "m^2", "mean square of what phases around the circle leave of the last samples", shape=(SHIFTS,))
+    rhythm = local(0.0, "rad", "phase that the beat would have without early ones")
+    pause = local(0.0, "", "beats that are left of the pause after an early one")
+    nearby = local(-1, "", "rate near the one found whose turn it is; -1: none is found yet", type=Int64)
+    nearest = local(0.0, "Hz", "the best of these")
+    rest_least = local(0.0, "m^2", "mean square that it leaves")
+    misfit = local(
+        0.0, "m^2", "mean square of what phases around the circle leave of the last samples", shape=(SHIFTS,)
+    )
     off_beat = local(False, "", "whether the beat is not as learned", type=Boolean)
 
     def initialize(self) -> None:
@@ -78,14 +97,17 @@ class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
         self.unrest = RELAXED
         self.off_beat = False
         self.off = 0.0
+        forget(self)
         start_search(self)
         publish(self)
 
     def step(self, t: float, h: float) -> None:
         seen = sense(self, h)
         place = place_wanted(self, h)
+        if seen and remember(self, t, 0.0, 0.0, place):
+            self.along[self.head] = self.ring[self.head, 2]
         if self.mode == SEARCHING:
-            search(self, t, place)
+            search(self)
         else:
             follow(self, place, seen, h)
         command(self, forward(self, h), h)
@@ -93,26 +115,43 @@ class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
 
 
 def start_search(self: PhaseLockedControl) -> None:
-    """Forget the beat."""
-    forget(self)
+    """Forget the beat, but not the last seconds: a new search may begin at once."""
+    self.candidate = 0
     clear_profile(self)
     self.mean[PHASE] = 0.0
     self.mean[RATE] = 0.0
+    self.nearby = -1
     self.mode = SEARCHING
 
 
-def search(self: PhaseLockedControl, t: float, place: float) -> None:
-    """Fill the ring, then try a rate at each call; begin with the one that explains most of the motion."""
-    if remember(self, t, 0.0, 0.0, place):
-        self.along[self.head] = self.ring[self.head, 2]
-    if not self.enable or self.count < RING or not scan(self) or self.beat_rest > CLEAR:
+def search(self: PhaseLockedControl) -> None:
+    """With a full ring, try a rate at each call; begin with the one that explains most of the last two beats."""
+    if not self.enable or self.count < RING:
         return
-    fit(self, self.beat_rate, HARMONICS, 2.0 / self.beat_rate)
-    begin_filter(self, self.fitted, TREND, self.beat_rate)
+    if self.nearby < 0:
+        if scan(self) and self.beat_rest <= CLEAR:
+            self.nearby = 0
+    elif self.nearby < REFINED:
+        rate = self.beat_rate * (1.0 + NEAR * (2.0 * self.nearby / (REFINED - 1.0) - 1.0))
+        rest = fit(self, rate, HARMONICS, 2.0 / self.beat_rate)
+        if self.nearby == 0 or rest < self.rest_least:
+            self.rest_least = rest
+            self.nearest = rate
+        self.nearby += 1
+    else:
+        fit(self, self.nearest, HARMONICS, 2.0 / self.nearest)
+        begin(self)
+
+
+def begin(self: PhaseLockedControl) -> None:
+    """Follow the beat that was fitted last."""
+    begin_filter(self, self.fitted, TREND, self.nearest)
     self.unrest = RELAXED
     self.off_beat = False
     self.calm = PAUSE
     self.rate_mean = self.mean[RATE]
+    self.rhythm = self.mean[PHASE]
+    self.pause = 0.0
     for j in range(SHIFTS):
         self.misfit[j] = 0.0
     self.mode = FOLLOWING
@@ -132,9 +171,8 @@ def follow(self: PhaseLockedControl, place: float, seen: bool, h: float) -> None
         compare(self, place, h)
         if young or ratio <= GATE * GATE:
             correct(self, self.off, variance)
-        turn = self.mean[RATE] * h / (2.0 * pi)
-        self.rate_mean += turn / LONG_RUN * (self.mean[RATE] - self.rate_mean)
-        self.calm = 0.0 if self.off_beat else self.calm + turn
+        self.calm = 0.0 if self.off_beat else self.calm + self.mean[RATE] * h / (2.0 * pi)
+        keep_rhythm(self, h)
         if self.off_beat:
             realign(self)
         if young or self.calm >= PAUSE:
@@ -154,26 +192,62 @@ def compare(self: PhaseLockedControl, place: float, h: float) -> None:
         self.misfit[j] += h / WINDOW * (rest * rest - self.misfit[j])
 
 
+def keep_rhythm(self: PhaseLockedControl, h: float) -> None:
+    """Rate and phase of the beats that are as learned; an early one changes neither. After its pause they hold again."""
+    turn = self.mean[RATE] * h / (2.0 * pi)
+    if self.calm >= PAUSE or self.lessons < YOUNG:
+        self.rate_mean += turn / LONG_RUN * (self.mean[RATE] - self.rate_mean)
+        self.rhythm = self.mean[PHASE]
+    else:
+        self.rhythm += h * self.rate_mean
+    if self.pause > 0.0:
+        self.pause -= turn
+        if self.pause <= 0.0:
+            set_rate(self, self.rate_mean)
+
+
+def set_rate(self: PhaseLockedControl, rate: float) -> None:
+    """The rate is another one [rad/s] from now on, and not well known."""
+    self.mean[RATE] = rate
+    renew(self, RATE, AFTER * rate)
+
+
 def realign(self: PhaseLockedControl) -> None:
     """Leap to the phase that explains the last samples, if one does and the filter's does not."""
+    ahead = (self.mean[PHASE] - self.rhythm) / (2.0 * pi)
     best = 0
+    least = self.misfit[0]
     for j in range(1, SHIFTS):
-        if self.misfit[j] < self.misfit[best]:
+        lead = ahead + j / SHIFTS
+        lead -= floor(lead + 0.1)
+        odds = 1.0 if lead < EARLIEST else UNLIKELY
+        if odds * self.misfit[j] < least:
+            least = odds * self.misfit[j]
             best = j
-    least = self.misfit[best]
-    if least > CLEARLY * self.misfit[0] or least > FITTING * FITTING:
+    if best == 0 or least > CLEARLY * self.misfit[0] or least > FITTING * FITTING:
         return
     self.mean[PHASE] += 2.0 * pi * best / SHIFTS
     if self.mean[PHASE] > 2.0 * pi:
         self.mean[PHASE] -= 2.0 * pi
     self.mean[COLOR] = 0.0
     renew(self, PHASE, 2.0 * pi / SHIFTS)
-    self.mean[RATE] = self.rate_mean
-    renew(self, RATE, AFTER * self.mean[RATE])
+    expect_pause(self)
     for j in range(SHIFTS):
         self.misfit[j] = least
     self.unrest = RELAXED
     self.off_beat = False
+
+
+def expect_pause(self: PhaseLockedControl) -> None:
+    """The sinus rhythm goes on under an early beat: what that is ahead by, the pause after it makes up for in one beat."""
+    lead = (self.mean[PHASE] - self.rhythm) / (2.0 * pi)
+    lead -= floor(lead + 0.5)
+    self.pause = 0.0
+    slower = 1.0
+    if lead > NO_LEAP and self.lessons >= YOUNG:
+        self.pause = 1.0
+        slower = 1.0 / (1.0 + lead)
+    set_rate(self, slower * self.rate_mean)
 
 
 def forward(self: PhaseLockedControl, h: float) -> float:
