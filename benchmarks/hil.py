@@ -1,6 +1,8 @@
 """Hardware in the loop without hardware: scenarios and simulated drives, each a process of its own, in real time.
 
     python -m benchmarks.hil [SECONDS]     prints `name: value` lines; 60 s for each interface if nothing is said
+    python -m benchmarks.hil beside ...    a busy host, beside a bare loop in C: benchmarks/stalls.py
+    python -m benchmarks.hil where ...     what a cycle's time goes to: the same file
 
 The force scenario's variant PI+FF+BW with one drive, and the whole rig with three, at a cycle of 5 ms, over udp_multicast
 and over slcan on pseudo-terminals with a process between them that carries the lines; the rig on slcan at 10 ms. Jitter:
@@ -28,10 +30,17 @@ ROOT = Path(__file__).parents[1]
 SCENARIO = ROOT / "scenarios" / "heart_wall_force.yaml"
 RIG = ROOT / "scenarios" / "racs.yaml"
 RIG_BENCH = ROOT / "hw_bridge" / "benches" / "multicast_racs.yaml"
+RIDING = {
+    "policy": "hold",
+    "at_most": "100 ms",
+    "rpdo_timeout": False,
+}  # an EPOS4 would end a stall of 15 ms with 8250h
 RIG_DRIVES = ("faulhaber_v3", "faulhaber_v3", "epos4")
 GROUP = "239.74.163.77"
-PORT = 43177  # groups of one port are not kept apart on one machine
-FIGURES = ("jitter_std", "jitter_median", "jitter_99", "jitter_max")
+PORT = (
+    40_000 + os.getpid() % 20_000
+)  # groups of one port are not kept apart on one machine, nor are two of these programs
+FIGURES = ("jitter_std", "jitter_median", "jitter_99", "jitter_999", "jitter_max")
 
 BENCH = """interface: {interface}
 channel: {channel}
@@ -86,9 +95,18 @@ def bench(folder: Path, profile: str, interface: str, channel: str) -> Path:
 def rig_bench(
     folder: Path, interface: str, channel: str, profiles: tuple[str, ...] = RIG_DRIVES, cycle: str = "5 ms"
 ) -> Path:
-    """The project's bench of three drives on another bus. An MCLM has no outputs, and homes by switches only."""
+    """The project's bench of three drives on another bus, which rides through stalls.
+
+    An MCLM has no outputs, and homes by switches only.
+    """
     keys = yaml.safe_load(RIG_BENCH.read_text())
-    keys |= {"interface": interface, "channel": channel, "options": options(interface), "cycle": cycle}
+    keys |= {
+        "interface": interface,
+        "channel": channel,
+        "options": options(interface),
+        "cycle": cycle,
+        "late_cycle": RIDING,
+    }
     for node, profile in zip(keys["nodes"].values(), profiles, strict=True):
         node["profile"] = profile
         if profile == "mclm":
@@ -277,5 +295,19 @@ def tell(name: str, found: dict[str, Any]) -> None:
                 print(f"{name}_{key}_ms: {1e3 * case[key]:.3f}")
 
 
+def main(words: Sequence[str]) -> None:
+    """What the command line asks for."""
+    if words and words[0] in ("beside", "where"):
+        from benchmarks import stalls
+
+        seconds = float(words[1]) if len(words) > 1 else 60.0
+        if words[0] == "where":
+            stalls.where(seconds)
+        else:
+            stalls.beside(seconds, int(words[2]) if len(words) > 2 else 10)
+    else:
+        show(float(words[0]) if words else 60.0)
+
+
 if __name__ == "__main__":
-    show(float(sys.argv[1]) if len(sys.argv) > 1 else 60.0)
+    main(sys.argv[1:])

@@ -73,8 +73,8 @@ def without_power(line: Line, master: Master, rotary: Mapping[str, bool]) -> lis
     for station in master.stations.values():
         station.forget()
     for _ in range(CYCLES):
-        master.exchange()
-        master.timing.synced(network.now, network.now)
+        synced = master.exchange()
+        master.timing.synced(synced, synced)
         master.wait(keys.cycle)
     if problems := [*master.faults(), *filter(None, [master.rival.text])]:
         raise SimulationError(problems)
@@ -171,6 +171,8 @@ class DryHardware(Hardware):
     def notes(self) -> list[str]:
         """What the bus said without power, then what would have been sent."""
         bus = "simulated bus" if self.real.simulated else f"{self.real.interface} {self.real.channel}"
-        return [f"dry run on {bus}, power never on: {one.rstrip('.')}." for one in self.seen] + [
-            f"would have been sent: {one}" for one in super().notes()
+        return [
+            *(f"dry run on {bus}, power never on: {one.rstrip('.')}." for one in self.seen),
+            *self.bounds(),
+            *(f"would have been sent: {one}" for one in super().notes()),
         ]

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hw_bridge.bridge import summary
+from hw_bridge.bridge import status, summary
 from hw_bridge.bridge.axis import KEPT, DriveAxis, OutputModule
 from hw_bridge.bridge.fitting import Fitting, replaced
-from hw_bridge.hardware import planned
+from hw_bridge.hardware import late, planned
 from hw_bridge.session import Company, Session, outputs
 from hw_bridge.shadow import shadows
 from hw_bridge.trace import Watch
@@ -27,7 +27,7 @@ from twin.scenario import ConnectionSpec, MemberSpec
 if TYPE_CHECKING:
     from hw_bridge.hardware import FaultKeys, HardwareKeys
     from twin.component import Component
-    from twin.scenario import Case, Scenario
+    from twin.scenario import Case, FaultSpec, Scenario
 
 CONTACT = "contact_force"
 ROOM = "hw_bridge.bridge"  # as whose the components appear
@@ -45,8 +45,20 @@ class Hardware:
         self.path, self.keys, self.arm, self.build, self.trace = path, keys, arm, build, trace
         self.fitting = Fitting(path, keys)
         self.faults: dict[str, list[FaultKeys]] = {}  # of a scenario's variants
+        self.rotary: dict[str, bool] = {}  # of the members that drives stand for
         self.sessions: list[Session] = []
         self.present: Session | None = None
+        self.load: status.Load | None = None  # of the present bus, once somebody watches
+
+    @property
+    def wall_clock(self) -> bool:
+        """Whether the drives keep the time."""
+        return not self.keys.simulated
+
+    @property
+    def cycle(self) -> int:
+        """Between two targets that the drives are sent [ns]."""
+        return self.keys.cycle
 
     @property
     def takes_faults(self) -> bool:
@@ -72,7 +84,9 @@ class Hardware:
         members, connections, forced = dict(case.members), list(case.connections), self.fitting.forced(case)
         for name, node in self.keys.nodes.items():
             spec = members[name]
-            made = self._component(name, replaced(spec), case.variant)
+            cls = replaced(spec)
+            self.rotary[name] = "angle" in {one.name for one in cls.variables}
+            made = self._component(name, cls, case.variant)
             made.forced = name in forced
             own = f"{ROOM}:{name}"
             # finite: what a drive cannot tell is NaN
@@ -148,6 +162,26 @@ class Hardware:
     def notes(self) -> list[str]:
         """What the person who runs this has to know."""
         return summary.notes(self.sessions)
+
+    def status(self) -> dict[str, Any]:
+        """What a person who watches over the drives sees while they run, in SI."""
+        master = self.present.master if self.present is not None else None
+        if master is not None and (self.load is None or self.load.master is not master):
+            self.load = status.Load(master)
+        return status.status(self, self.load)
+
+    def strike(self, fault: FaultSpec) -> None:
+        """Let a fault happen to simulated drives, at a time of the scenario that has not come yet."""
+        found, problems = planned([fault], self.keys)
+        session = self.present
+        if problems or session is None or session.bench is None or not session.running:
+            raise ScenarioError(problems or [f"{fault.where}: the drives are not up yet. Let it go first."])
+        session.faults = [*session.faults, *found]
+        session.bench.plan(found, session.origin)
+
+    def bounds(self) -> list[str]:
+        """What a late cycle can do at most, once it is known what the drives stand for."""
+        return late.bounds(self.keys, self.rotary) if self.rotary else []
 
     def jitter(self) -> np.ndarray[Any, Any]:
         """Periods between SYNCs minus the cycle, of all cases on the wall clock [s]."""

@@ -88,6 +88,10 @@ class Replay(Hardware):
         """What happened has happened."""
         return False
 
+    def bounds(self) -> list[str]:
+        """Nothing moves."""
+        return []
+
     def ending(self) -> Ending:
         """A trace stops nobody."""
         return Ending()

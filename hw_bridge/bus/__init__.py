@@ -4,7 +4,7 @@ from hw_bridge.bus.agenda import MILLISECOND, NEVER, Agenda, Timer
 from hw_bridge.bus.bus import BIT_RATES, BUS_OFF, Bus
 from hw_bridge.bus.disturbance import Disturbance, Kind, Medium
 from hw_bridge.bus.frame import Frame, bit_count
-from hw_bridge.bus.network import Condition, Network, SimulatedNetwork, never
+from hw_bridge.bus.network import Condition, Network, SimulatedNetwork, Spent, never
 from hw_bridge.bus.observer import Listener, Observer, Override
 from hw_bridge.bus.recorder import Recorder
 from hw_bridge.bus.station import Device, Station, unconnected
@@ -28,6 +28,7 @@ __all__ = [
     "Override",
     "Recorder",
     "SimulatedNetwork",
+    "Spent",
     "Station",
     "Timer",
     "bit_count",

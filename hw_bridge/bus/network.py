@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from hw_bridge.bus.agenda import MILLISECOND, NEVER
@@ -24,6 +25,22 @@ def never() -> bool:
     return False
 
 
+@dataclass
+class Spent:
+    """Where the time of a master's program went [ns]; the rest of it is that of the loop, which is not the network's."""
+
+    wait: int = 0
+    send: int = 0
+    receive: int = 0  # from the interface until there are frames
+    decode: int = 0  # what the master, traces and shadows make of them
+
+    def since(self, before: Spent, elapsed: int, cycles: int) -> dict[str, float]:
+        """Of each cycle in a time [ns]: seconds for each of these, and for the loop."""
+        parts = {name: value - getattr(before, name) for name, value in vars(self).items()}
+        parts["loop"] = elapsed - sum(parts.values())
+        return {name: value / 1e9 / max(cycles, 1) for name, value in parts.items()}
+
+
 class Network(ABC):
     """What a master stands on. `now` [ns] counts from when the network was opened; `hear` gets every frame."""
 
@@ -33,6 +50,7 @@ class Network(ABC):
     def __init__(self) -> None:
         self.hear: Callable[[Frame], None] = unconnected
         self.observers: list[Hearing] = []
+        self.spent = Spent()
 
     def observe(self, observer: Hearing) -> None:
         """Tell an observer all frames, those that this program sends too."""
@@ -55,6 +73,13 @@ class Network(ABC):
     @abstractmethod
     def advance(self, until: int, done: Condition = never) -> None:
         """Hear frames until a time [ns], or until a condition holds."""
+
+    def send_at(self, frame: Frame, time: int) -> int:
+        """Hear frames until a time, then hand a frame to the bus. When that was [ns]."""
+        self.advance(time)
+        now = self.now
+        self.send(frame)
+        return now
 
     @abstractmethod
     def close(self) -> None:

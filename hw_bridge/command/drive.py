@@ -41,6 +41,8 @@ if TYPE_CHECKING:
 )
 @click.option("--store", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Keep there what 1010h "
               "stores, also after the process.")  # fmt: skip
+@click.option("--extrapolate", type=click.IntRange(0, 100), default=0, metavar="N", help="In csp, go on at the last speed "
+              "for N periods of 60C2h when a target is late; then hold.")  # fmt: skip
 @click.option("--control", type=click.IntRange(0, 65535), metavar="PORT", help="Take faults of twin drive inject there; "
               "0: any free port.")  # fmt: skip
 @click.option("--build", type=click.Path(file_okay=False, path_type=Path), default=Path("build"), show_default=True,
@@ -57,6 +59,7 @@ def command(
     eds: Path | None,
     write_eds: Path | None,
     store: Path | None,
+    extrapolate: int,
     control: int | None,
     build: Path,
 ) -> None:
@@ -91,6 +94,8 @@ def command(
             chosen = replace(chosen, objects=entries)
         for warning in warnings:
             say(f"warning: {warning}", err=True)
+    if extrapolate and isinstance(chosen, Profile):
+        chosen = replace(chosen, extrapolation=extrapolate)
     serve(chosen, node, interface, channel, bitrate, build, control, store, named(options))
 
 
@@ -218,7 +223,7 @@ def serve(
     """Run the drive on an interface until a signal ends it."""
     from hw_bridge.command.control import Control
     from hw_bridge.device import Module, Store
-    from hw_bridge.wire import Wire, hasten, left, opened, refuse_if_taken
+    from hw_bridge.wire import Wire, left, link, opened, refuse_if_taken, settle
 
     control: Control | None = None
     slave = made(chosen, node, build)
@@ -226,15 +231,16 @@ def serve(
         slave.remember(Store(store, chosen.name, node))
     bus = opened(interface, channel, bitrate, options or {})
     try:
-        refuse_if_taken(bus, node)
-        wire = Wire(slave, bus)
+        ends = link(bus, interface)
+        refuse_if_taken(ends, node)
+        wire = Wire(slave, ends)
         if port is not None:
             control = Control(port, slave, wire)
             wire.look = control.look
         if isinstance(slave, Module):
             wire.look = switching(slave, wire.look)
         _stop_on_signals(wire.stop)
-        hasten()
+        settle()
         takes = f" Faults: --control {control.port}." if control is not None else ""
         say(f"{chosen.title}: node {node} on {interface} {channel}.{takes} Ctrl-C ends it.")
         wire.run()

@@ -58,6 +58,7 @@ class Axis:
         self.demand = 0.0  # position demand
         self.speed = 0.0  # speed demand
         self.holds_position = False  # whether the demand is a position
+        self.told = 0  # when the last target came [ns]
         self.windows: dict[int, int] = {}
         self.off()
         self.measure()

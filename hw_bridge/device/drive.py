@@ -334,7 +334,7 @@ class Drive(Slave):
     def data_received(self, mapped: list[Entry]) -> None:
         """If targets came the silence is over."""
         if any(entry.index in TARGETS for entry in mapped):
-            self.heard = self.port.agenda.now
+            self.heard = self.axis.told = self.port.agenda.now
 
     def nmt_changed(self) -> None:
         """Stopped and a reset end the connection, as CiA 402 has it; Pre-operational does not."""

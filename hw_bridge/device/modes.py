@@ -225,13 +225,14 @@ class ProfileVelocity(ModeOfOperation):
 class CyclicPosition(ModeOfOperation):
     """csp: follows 607Ah at once; with 60C2h it interpolates linearly over the period between targets.
 
-    60B0h is added to the target; 60B1h and 60B2h are fed forward into the loops of speed and current.
+    A target that is late leaves it where the last one was, or lets it go on at the same speed for as many periods as the
+    profile has; then it holds, and whether that is an error is the profile's. 60B0h is added to the target; 60B1h and 60B2h are fed forward into the loops of speed and current.
     """
 
     def begin(self) -> None:
         """Follow what the target says: a host that did not set it to the actual position makes the motor jump."""
         self.target = self.origin = self._target()
-        self.since = self.axis.agenda.now
+        self.since, self.told = self.axis.agenda.now, self.axis.told
 
     def _target(self) -> float:
         return (self.dictionary.get(0x607A) + self.dictionary.get(cia402.POSITION_OFFSET)) * self.axis.units.position
@@ -244,11 +245,12 @@ class CyclicPosition(ModeOfOperation):
     def cycle(self) -> None:
         """Take over a new target, go on to it."""
         now, period = self.axis.agenda.now, self.period()
-        target = self._target()
-        if target != self.target:
-            self.origin, self.target, self.since = self.axis.demand, target, now
-        share = 1.0 if not period else min((now - self.since + MILLISECOND) / period, 1.0)
-        speed = (self.target - self.origin) / (period / 1e9) if period and share < 1.0 else 0.0
+        target, beyond = self._target(), self.axis.profile.extrapolation
+        if target != self.target or (beyond and self.told != self.axis.told):  # who goes on has to know that it stays
+            self.origin, self.target, self.since, self.told = self.axis.demand, target, now, self.axis.told
+        end = 1.0 + beyond
+        share = 1.0 if not period else min((now - self.since + MILLISECOND) / period, end)
+        speed = (self.target - self.origin) / (period / 1e9) if period and share < end else 0.0
         units, dictionary = self.axis.units, self.dictionary
         offset = dictionary.get(cia402.VELOCITY_OFFSET) * units.velocity
         current = dictionary.get(cia402.TORQUE_OFFSET) * units.torque

@@ -1,6 +1,6 @@
 """The hardware file: its keys, and every problem of it as a line."""
 
-from hw_bridge.hardware import plausible
+from hw_bridge.hardware import late, plausible
 from hw_bridge.hardware.events import planned
 from hw_bridge.hardware.file import load, overloaded
 from hw_bridge.hardware.keys import (
@@ -8,6 +8,7 @@ from hw_bridge.hardware.keys import (
     FaultKeys,
     FollowKeys,
     HardwareKeys,
+    LateKeys,
     LimitKeys,
     ModuleKeys,
     NodeKeys,
@@ -20,10 +21,12 @@ __all__ = [
     "FaultKeys",
     "FollowKeys",
     "HardwareKeys",
+    "LateKeys",
     "LimitKeys",
     "ModuleKeys",
     "NodeKeys",
     "ShadowKeys",
+    "late",
     "load",
     "overloaded",
     "planned",

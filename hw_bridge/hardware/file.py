@@ -18,6 +18,7 @@ from hw_bridge.hardware.keys import (
     HardwareKeys,
     HeartbeatKeys,
     HomingKeys,
+    LateKeys,
     LimitKeys,
     ModuleKeys,
     NodeKeys,
@@ -173,6 +174,7 @@ def line(root: Node, error: Any, model: type[Keys] | None = None) -> str:
 KEYS: dict[str, type[Keys]] = {
     "limits": LimitKeys,
     "heartbeat": HeartbeatKeys,
+    "late_cycle": LateKeys,
     "homing": HomingKeys,
     "follow": FollowKeys,
     "contact": ContactKeys,

@@ -25,7 +25,7 @@ LARGEST = 1e6  # of any quantity, in SI: more is a mistake, and no drive could c
 
 
 EXAMPLES = {"m": "30 mm", "m/s": "300 mm/s", "m/s^2": "10 m/s^2", "N": "15 N", "N/A": "11.64 N/A", "A": "60 mA",
-            "1/s": "50 1/s"}  # fmt: skip
+            "1/s": "50 1/s", "N/m": "200 N/m"}  # fmt: skip
 
 
 def without_unit(value: Any) -> bool:
@@ -308,6 +308,23 @@ class ModuleKeys(Keys):
     description: Text = ""
 
 
+class LateKeys(Keys):
+    """What is done when a cycle comes later than a whole one, because the host was stalled.
+
+    `hold`: the scenario goes on from there. `slow_down`: and for a second at half speed. `stop`: the run ends. One that is
+    later than `at_most` ends it in any case; without it, the shortest `lost_after` of the heartbeats, after which drives
+    have stopped by themselves. Where it is given, process data of a drive may stay away as long, else for five cycles.
+    `stiffness` [N/m]: of what is pressed against, for the bound that is told. `rpdo_timeout`:
+    whether drives that have one (8250h of an EPOS4) watch for late targets, as long as 60C2h says. Without, 60C2h is 0:
+    no interpolation either, and the heartbeat alone bounds what a dead host leaves moving.
+    """
+
+    policy: Literal["hold", "slow_down", "stop"] = "hold"
+    at_most: Lapse | None = None
+    stiffness: Annotated[float, quantity("N/m"), Field(gt=0)] | None = None
+    rpdo_timeout: Annotated[bool, Field(strict=True)] = True
+
+
 class HardwareKeys(Keys):
     """A hardware file. `simulated`: drives and bus are part of the run, in simulated time."""
 
@@ -319,6 +336,7 @@ class HardwareKeys(Keys):
     bit_rate: Annotated[int, Field(strict=True)] = 1_000_000
     options: dict[str, Any] = Field(default={})
     cycle: Milliseconds = 5 * MILLISECOND
+    late_cycle: LateKeys = LateKeys()
     master: Annotated[int, Field(strict=True, ge=1, le=127)] = 127
     nodes: Annotated[dict[str, NodeKeys], Field(min_length=1)]
     modules: dict[str, ModuleKeys] = Field(default={})

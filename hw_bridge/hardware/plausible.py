@@ -44,6 +44,7 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
         problems.append(
             f"{place}: cycle: {keys.cycle / 1e6:g} ms is more than 255 ms, which drives can count. Shorten it."
         )
+    problems += _late(keys, root)
     for name, node in keys.nodes.items():
         problems += [
             f"{root.find(('nodes', name, *path)).place}: nodes.{name}.{'.'.join(path)}: {text}"
@@ -54,6 +55,19 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
         if one.at < 0:
             problems.append(f"{where}: a time is below zero. Count from the beginning of the scenario.")
     return problems
+
+
+def _late(keys: HardwareKeys, root: Node) -> list[str]:
+    """A late cycle that would come too late, or none."""
+    given = keys.late_cycle.at_most
+    silence = min(one.heartbeat.lost_after for _, _, one in keys.stations())
+    if given is None or keys.cycle < given <= silence:
+        return []
+    place = root.find(("late_cycle", "at_most")).place
+    if given <= keys.cycle:
+        return [f"{place}: late_cycle.at_most: {given / 1e6:g} ms is not more than a cycle. Use `policy: stop`."]
+    text = f"after {silence / 1e6:g} ms without a heartbeat drives have stopped by themselves. Shorten it."
+    return [f"{place}: late_cycle.at_most: {text}"]
 
 
 def _node(node: NodeKeys, simulated: bool) -> list[tuple[tuple[str, ...], str]]:

@@ -1,6 +1,6 @@
 """The master side of the bus: what makes a drive do what a member of the co-simulation says."""
 
-from hw_bridge.master import setup
+from hw_bridge.master import setup, words
 from hw_bridge.master.master import Master
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import Node, constant_of
@@ -22,4 +22,5 @@ __all__ = [
     "constant_of",
     "receive",
     "setup",
+    "words",
 ]

@@ -6,18 +6,18 @@ Call sequence: `begin` once, then `exchange` at every cycle with `wait` in betwe
 
 from __future__ import annotations
 
-import struct
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from math import copysign
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import MILLISECOND, Frame, bit_count, never
-from hw_bridge.dictionary import Command, Mode, State, cia301, cia402
+from hw_bridge.dictionary import Mode, State, cia301, cia402
 from hw_bridge.master import setup, words
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import AT_REST, Node
 from hw_bridge.master.rival import Rival
 from hw_bridge.master.sdo import SilentError
+from hw_bridge.master.stop import ALONE, SILENT_CYCLES, Stop
 from hw_bridge.master.timing import Timing
 from hw_bridge.master.undisturbed import undisturbed
 from hw_bridge.profiles import device, profile
@@ -33,9 +33,10 @@ if TYPE_CHECKING:
 ALIVE = 0x05  # the state that this program's heartbeat tells: Operational
 BOOT = 500 * MILLISECOND  # longest time that a drive takes to answer after power-on [ns]
 RAMP_UP = 2_000 * MILLISECOND  # longest time to Operation enabled
-STANDSTILL = 2_000 * MILLISECOND  # longest time of a quick stop
 SETTLE = 200 * MILLISECOND  # after an approach
-SILENT_CYCLES = 5  # so many cycles without process data are the end of a drive
+LEEWAY = (
+    400_000  # at least, of the targets before SYNC by the wall clock: as long as waking up and orders may take [ns]
+)
 # In simulated time cycles begin here in those of the drives [ns], so that results do not depend on how long the set-up
 # took. At 1 Mbit/s targets act 1.0 ms later; real drives have any phase.
 CONTROL_CYCLE, PHASE = MILLISECOND, 990_000
@@ -59,6 +60,8 @@ class Master:
         self.stations: dict[str, Node | ModuleNode] = {**self.nodes, **self.modules}
         self._by_number = {station.number: station for station in self.stations.values()}
         self.timing = Timing(self.cycle)
+        # so many cycles without process data end a run: a drive, or what carries its frames, may be as late as this program
+        self.patience = max(SILENT_CYCLES, (keys.late_cycle.at_most or 0) // self.cycle)
         self.notes: list[str] = []
         self.said: list[str] = []  # by drives that were in Fault after the stop
         self.running = False
@@ -66,9 +69,14 @@ class Master:
         self._beat_due = 0
         self._exchanged = 0  # when the last targets went out [ns]
         self.rival = Rival(keys.master, {one.number: name for name, one in self.stations.items()})
-        bits = sum(bit_count(frame) for one in self.stations.values() for frame in one.frames()) * 1_000_000_000
-        # SYNC leaves after all targets are on the wire: its identifier would win against theirs
-        self.window = bits // keys.bit_rate + 100_000
+        bits = [bit_count(frame) for one in self.stations.values() for frame in one.frames()]
+        # SYNC leaves after all targets are on the wire, and after the last one where this program was slower than the
+        # wire: its identifier would win against theirs
+        self.window = sum(bits) * 1_000_000_000 // keys.bit_rate + 100_000
+        self._tail = max(bits, default=0) * 1_000_000_000 // keys.bit_rate
+        self.lead = self.window  # of the plan before SYNC
+        if network.wall_clock:  # as long for what delays targets before SYNC as for what delays the answers after it
+            self.lead = max(self.window + LEEWAY, self.cycle // 2)
         network.hear = self._hear
 
     # ------------------------------------------------------------------------------------------------------- frames
@@ -98,17 +106,22 @@ class Master:
         """An NMT command, to all nodes if none is named."""
         self.network.send(Frame(0, bytes([command, number])))
 
-    def exchange(self) -> None:
-        """Targets of all drives, then SYNC."""
+    def exchange(self, planned: int | None = None) -> int:
+        """Targets of all drives, then SYNC: when it left [ns]. `planned`: when the cycle was to begin.
+
+        SYNC keeps to the plan, by the wall clock a little after the targets: what delays them a little does not move it.
+        """
         elapsed, self._exchanged = self.network.now - self._exchanged, self.network.now
+        due = self._exchanged + self.window
+        if planned is not None:
+            due = max(due, planned + self.lead)
         for node in self.nodes.values():
             node.follow(self.cycle, elapsed)
         for station in self.stations.values():
             station.account()
             for frame in station.frames():
                 self.network.send(frame)
-        self.network.advance(self.network.now + self.window)
-        self.network.send(Frame(cia301.SYNC))
+        return self.network.send_at(Frame(cia301.SYNC), max(due, self.network.now + self._tail))
 
     def run_cycle(self) -> None:
         """One cycle outside of a run: while drives are brought up or stopped."""
@@ -151,7 +164,8 @@ class Master:
         for node in self.nodes.values():
             self.nmt(cia301.PRE_OPERATIONAL, node.number)
             with self.asking(node):
-                setup.configure(node, self.cycle, self.keys.master)
+                watched = self.keys.late_cycle.rpdo_timeout or not node.profile.rpdo_timeout
+                setup.configure(node, self.cycle if watched else 0, self.keys.master)
         for module in self.modules.values():
             self.nmt(cia301.PRE_OPERATIONAL, module.number)
             with self.asking(module):
@@ -212,8 +226,8 @@ class Master:
                 raise SimulationError(self.rival.text)
             self.run_cycle()
             for one in self.stations.values():
-                if self._lost(one) or one.silent > 4 * SILENT_CYCLES:
-                    missing = "heartbeat" if self._lost(one) else "process data"
+                if self.lost(one) or one.silent > 4 * SILENT_CYCLES:
+                    missing = "heartbeat" if self.lost(one) else "process data"
                     raise SimulationError(
                         f"{one.name}: no {missing} while it was brought up.{self._emergencies()} Check its power and the bus."
                     )
@@ -279,7 +293,7 @@ class Master:
                 return f"{node.name}: EMCY {code:04X}h{f', {fault.meaning}' if fault else ''}."
         if now - node.heard_at > node.keys.heartbeat.lost_after:
             return f"{node.name}: no heartbeat for {(now - node.heard_at) / 1e6:.0f} ms. Check its power and the bus."
-        if node.silent >= SILENT_CYCLES:
+        if node.silent >= self.patience:
             return f"{node.name}: no process data for {node.silent} cycles. Check the bus."
         return f"{node.name}: started anew by itself. Check its supply." if node.boots else ""
 
@@ -312,77 +326,20 @@ class Master:
         self.running = False
         with undisturbed():
             try:
-                self._bring_down()
+                Stop(self).carry_out()
             except Exception as error:
-                self.notes.append(
-                    f"stop: {error} The drives stop by themselves when this program's heartbeat is missing."
-                )
+                self.notes.append(f"stop: {error} {ALONE}")
             finally:
+                self._beating = False
                 self.network.close()
-
-    def _bring_down(self) -> None:
-        for node in self.nodes.values():
-            node.homing = False
-            if node.silent >= SILENT_CYCLES:  # perhaps it is Stopped, where it takes no SDO either
-                self.nmt(cia301.PRE_OPERATIONAL, node.number)
-        self._order(State.QUICK_STOP)
-        self._cycles_until(lambda node: node.state in (*AT_REST, State.QUICK_STOP) and self._stands(node))
-        self._order(State.DISABLED)
-        for module in self.modules.values():  # not before the drives stand
-            module.resting = True
-        self._cycles_until(lambda node: node.state in AT_REST)
-        for node in self.nodes.values():
-            state, why = node.state, ""
-            try:
-                setup.make_safe(node)
-                state = setup.release(node)
-                if state in (State.FAULT, State.REACTION):
-                    self.said.append(setup.faults(node))
-            except SimulationError as error:
-                why = f" {error}"
-            if why or state not in AT_REST:
-                self.notes.append(
-                    f"{node.name}: did not confirm that it is disabled (last state: {state}).{why} "
-                    f"Check it before you touch it."
-                )
-        self.notes += [text for module in self.modules.values() if (text := module.release())]
-        self.nmt(cia301.PRE_OPERATIONAL)
-        self.wait(self.cycle)
-        self._beating = False
-        if self.rival.act:
-            self.notes.append(f"{self.rival.text} It can enable the drives again.")
 
     def in_full(self, text: str) -> str:
         """After the stop: a failure with the drives' own words."""
         return words.in_full(text, self.rival.text, self.said, self.stations.values())
 
-    def _order(self, goal: State) -> None:
-        """A goal for all nodes, at once and by SDO too: process data may wait for a SYNC that does not come."""
-        for node in self.nodes.values():
-            node.goal = goal
-            word = 0 if goal is State.DISABLED else cia402.TYPICAL[Command.QUICK_STOP]
-            self.network.send(Frame(cia301.SDO_REQUEST + node.number, struct.pack("<BHBHxx", 0x2B, 0x6040, 0, word)))
-
-    def _lost(self, node: Node | ModuleNode) -> bool:
+    def lost(self, node: Node | ModuleNode) -> bool:
+        """Whether its heartbeat is missing."""
         return self.network.now - node.heard_at > node.keys.heartbeat.lost_after
-
-    def _stands(self, node: Node) -> bool:
-        return abs(node.velocity) < 0.01 * node.keys.limits.velocity
-
-    def _cycles_until(self, done: Callable[[Node], bool]) -> None:
-        """Cycles until it holds for every node that still lives, or too long."""
-        end = self.network.now + STANDSTILL
-        while self.network.now < end and not all(done(node) or self._lost(node) for node in self.nodes.values()):
-            self.run_cycle()
-            for node in self.nodes.values():
-                if node.silent >= SILENT_CYCLES and not self._lost(node):
-                    self._ask(node)
-
-    def _ask(self, node: Node) -> None:
-        """State and speed by SDO, of a drive whose process data stays away."""
-        with suppress(SimulationError):
-            node.word = setup.read(node, 0x6041)
-            node.raw_velocity = setup.read(node, 0x606C)
 
     def report(self) -> dict[str, Any]:
         """Statistics of the run."""

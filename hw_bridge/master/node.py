@@ -69,6 +69,7 @@ class Node(Station):
         self.mode = Mode.CSV
         self.target_position = self.target_velocity = self.target_force = 0.0
         self.aimed: float | None = None  # target position of the cycle before; None: there was none [m]
+        self._left = 0.0  # where this cycle's way to it begins [m]
         self.speed = self.offset = 0.0  # of this target position, and what of it is fed forward in csp [m/s]
         self.told_force = False  # whether process data have room for a force
         self.outputs = self.safe_outputs = keys.safe_outputs or 0  # 60FEh.1, and what it is at rest
@@ -156,12 +157,24 @@ class Node(Station):
 
     def aim(self, position: float, cycle: int) -> None:
         """The target position of this cycle [m]. Its speed is that of the way on which the drive interpolates."""
+        self._left = position if self.aimed is None else self.aimed
         self.speed = 0.0 if self.aimed is None else (position - self.aimed) / cycle * 1e9
         self.aimed = self.target_position = position
 
     def lose_aim(self) -> None:
         """No target position in this cycle: the next one has no speed."""
         self.aimed, self.speed, self.offset = None, 0.0, 0.0
+
+    def halve(self) -> None:
+        """Targets of this cycle at half speed: the first half of the way."""
+        self.target_velocity, self.offset = 0.5 * self.target_velocity, 0.5 * self.offset
+        if self.aimed is not None:
+            self.target_position = 0.5 * (self._left + self.aimed)
+
+    def complete(self) -> None:
+        """The second half."""
+        if self.aimed is not None:
+            self.target_position = self.aimed
 
     @property
     def goes_to(self) -> float:

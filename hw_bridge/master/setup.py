@@ -147,8 +147,11 @@ def written(node: Node) -> list[tuple[int, int]]:
     return own + [one for one in common if one[1] in entries.get(one[0], {})]
 
 
-def configure(node: Node, cycle: int, master: int) -> None:
-    """All parameters of a run. The node is in Pre-operational; its power stage goes off first."""
+def configure(node: Node, period: int, master: int) -> None:
+    """All parameters of a run. The node is in Pre-operational; its power stage goes off first.
+
+    `period` [ns]: of interpolation; 0: none, and no watch on late targets where a drive has one.
+    """
     node.sdo.write(0x6040, 0, b"\0\0")
     offered = read(node, 0x6502)
     if node.told_force and not offered >> (Mode.CST - 1) & 1:
@@ -167,8 +170,8 @@ def configure(node: Node, cycle: int, master: int) -> None:
         if 0 in entries.get(index, {}) and len(entries[index]) == 1:
             read(node, index)
     node.use_units()
-    if 0x60C2 in entries:  # 0 means no interpolation on an EPOS4
-        write(node, 0x60C2, 1, cycle // MILLISECOND)
+    if 0x60C2 in entries:
+        write(node, 0x60C2, 1, period // MILLISECOND)
         write(node, 0x60C2, 2, -3)
     forget_offsets(node)
     make_safe(node)

@@ -10,13 +10,12 @@ LONGEST = 2_000_000  # cycles that are kept: nearly three hours at 5 ms
 
 
 class Timing:
-    """Times of SYNC against the plan; `overruns` are cycles that came later than a whole cycle."""
+    """Times of SYNC against the plan."""
 
     def __init__(self, cycle: int) -> None:
         self.cycle = cycle
         self.lateness: list[int] = []  # of each SYNC [ns]
         self.sent: list[int] = []  # time of each SYNC [ns]
-        self.overruns = 0
 
     def synced(self, now: int, due: int) -> None:
         """A SYNC was sent."""
@@ -34,10 +33,10 @@ class Timing:
         jitter = np.abs(self.jitter)
         late = np.array(self.lateness, np.int64) / 1e9
         if not len(jitter):
-            return {"cycles": len(late), "overruns": self.overruns}
+            return {"cycles": len(late)}
         return {
-            "cycles": len(late), "cycle": self.cycle / 1e9, "overruns": self.overruns,
+            "cycles": len(late), "cycle": self.cycle / 1e9,
             "jitter_std": float(np.std(self.jitter)), "jitter_median": float(np.median(jitter)),
-            "jitter_99": float(np.quantile(jitter, 0.99)), "jitter_max": float(np.max(jitter)),
+            "jitter_99": float(np.quantile(jitter, 0.99)), "jitter_999": float(np.quantile(jitter, 0.999)), "jitter_max": float(np.max(jitter)),
             "lateness_99": float(np.quantile(late, 0.99)), "lateness_max": float(np.max(late)),
         }  # fmt: skip

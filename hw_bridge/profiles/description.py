@@ -95,6 +95,7 @@ class Profile:
     limits_off_when_zero: bool = False  # 607Dh with both limits 0 means none
     power_stage_bit: bool = False  # statusword bit 4 shows the power stage instead of the supply
     rpdo_timeout: bool = False  # 8250h when cyclic targets stay away
+    extrapolation: int = 0  # so many periods of 60C2h a late target position is gone on to; then it holds
     deviation: Callable[[Dictionary], tuple[float, int]] | None = None  # of speed: window [device units], time [ms]
     gains: dict[tuple[int, int], dict[str, int]] = field(default_factory=dict)  # what a gain does to the motor's: power
     twins: dict[int, int] = field(default_factory=dict)  # targets in increments: object, the one in user units

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
+from hw_bridge.bus import Spent
 from hw_bridge.master import Master
 from hw_bridge.plant import beginning, set_up
 from hw_bridge.session.account import Account
 from hw_bridge.session.contact import ContactWatch
 from hw_bridge.session.orders import Orders
+from hw_bridge.session.pace import Pace
 from hw_bridge.session.showing import shown
 from twin.errors import SimulationError
 
@@ -55,6 +57,7 @@ class Session:
         self.company = company
         self.orders = Orders(keys)
         self.account = Account()
+        self.pace = Pace(keys)
         self.bench: Bench | None = None
         self.listener: Listener | None = None
         self.master: Master | None = None
@@ -67,6 +70,8 @@ class Session:
         self.stepped: set[str] = set()
         self.origin = 0  # time of the network at the scenario's zero [ns]
         self.start = 0
+        self.before = Spent(), 0  # on the bringing up, until when [ns]
+        self.spent: dict[str, float] = {}  # of a cycle by the wall clock, by what it went to [s]
 
     def join(self, name: str, axis: Component, forced: bool = False) -> None:
         """A member that stands for a drive; `forced`: it is told a force."""
@@ -116,15 +121,16 @@ class Session:
         for name, watch in self.watches.items():
             watch.look(t, float(self.orders.axes[name].views["contact_force"]))
         if (t - self.start) % self.keys.cycle == 0:
-            self.keep_pace(t)
+            self.origin += self.pace.judge(master.network.now - (self.origin + t), master.network.now)
             if problem := master.check():
                 raise SimulationError(f"{problem} All drives stop.")
             if t > self.start:
                 for observer in self.observers.values():
                     observer.look(t)
             self.orders.give(master, self.watches)
-            master.exchange()
-            master.timing.synced(master.network.now, self.origin + t + master.window)
+            if self.pace.slow(master.network.now):
+                self.half(t)
+            self.exchange(t)
         master.wait_until(self.origin + t + h)
         for view, value in self.outputs:
             view[...] = value()
@@ -148,16 +154,29 @@ class Session:
         for name, contact in self.contacts.items():
             self.watches[name] = ContactWatch(name, contact, master.nodes[name], t)
         self.outputs = shown(master.nodes, orders.axes, self.bench)
+        self.before = replace(master.network.spent), master.network.now
         self.running = True
 
-    def keep_pace(self, t: int) -> None:
-        """A loop that came too late goes on from here instead of hurrying after."""
+    def half(self, t: int) -> None:
+        """Half of the way to the targets of a cycle: the drives take a cycle for it, the scenario waits meanwhile."""
         master = self.master
         assert master is not None
-        late = master.network.now - (self.origin + t)
-        if self.wall_clock and late > self.keys.cycle:
-            master.timing.overruns += 1
-            self.origin += late
+        for node in master.nodes.values():
+            node.halve()
+        self.exchange(t)
+        self.origin += self.keys.cycle
+        master.wait_until(self.origin + t)
+        if problem := master.check():
+            raise SimulationError(f"{problem} All drives stop.")
+        for node in master.nodes.values():
+            node.complete()
+
+    def exchange(self, t: int) -> None:
+        """Targets and SYNC of the cycle at t [ns]."""
+        master = self.master
+        assert master is not None
+        synced = master.exchange(self.origin + t)
+        master.timing.synced(synced, self.origin + t + master.lead)
 
     def close(self) -> None:
         """Stop everything; once."""
@@ -166,6 +185,10 @@ class Session:
         self.closed = True
         account = self.account
         if self.master is not None:
+            if self.running and self.wall_clock:
+                network, (spent, since) = self.master.network, self.before
+                cycles = len(self.master.timing.sent)
+                self.spent = network.spent.since(spent, network.now - since, cycles)
             self.master.stop()
             account.notes += self.master.notes
             if account.stopped is not None:
@@ -187,7 +210,8 @@ class Session:
     def report(self) -> dict[str, Any]:
         """Statistics of the case."""
         assert self.master is not None
-        found = self.master.report() | {"real_time_priority": self.real_time}
+        found = self.master.report() | self.pace.report() | {"real_time_priority": self.real_time}
+        found |= {"spent": self.spent} if self.spent else {}
         if self.observers:
             found["shadow"] = {name: observer.report() for name, observer in self.observers.items()}
         if self.listener is not None:

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import logging
-import os
-import time
+import sys
 from collections import deque
 from contextlib import suppress
 from typing import Any
@@ -15,19 +14,13 @@ from hw_bridge.bus import Frame
 from twin.errors import SimulationError
 
 # python-can's slcan looks at the time only after each wait for a byte, which is 1 ms long by default
-OPTIONS: dict[str, dict[str, Any]] = {"slcan": {"timeout": 0.0002}}
+OPTIONS: dict[str, dict[str, Any]] = {
+    "slcan": {"timeout": 0.0002},
+    # the kernel keeps frames with 29-bit identifiers away, which CANopen has not; others filter in Python: no gain
+    "socketcan": {"can_filters": [{"can_id": 0, "can_mask": 0, "extended": False}]},
+}
 HIGHEST, LONGEST = 0x7FF, 8  # identifier of CAN 2.0A, bytes of a frame
-UNREADABLE = 20, 0.05  # so many failed reads within this time [s] are the end of an interface; fewer are garbage
-PRIORITY = 10  # of SCHED_FIFO: above everything ordinary, below what the kernel's own threads have
-
-
-def hasten() -> bool:
-    """Go before ordinary processes, where the system has that and allows it; a loop that always waits may."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(PRIORITY))
-    except (AttributeError, OSError):
-        return False
-    return True
+BUS_OFF = 0x40  # CAN_ERR_BUSOFF of linux/can/error.h
 
 
 def opened(interface: str, channel: str, bit_rate: int, options: dict[str, Any]) -> can.BusABC:
@@ -42,7 +35,7 @@ def opened(interface: str, channel: str, bit_rate: int, options: dict[str, Any])
         raise SimulationError(
             f"{interface} {channel}: cannot be opened: {what}. Check the interface's name, its driver and the adapter."
         ) from error
-    if interface == "slcan":
+    if interface == "slcan" and sys.platform != "linux":  # there it is read without python-can
         bus.serialPortOrig = Gulps(bus.serialPortOrig)  # type: ignore[attr-defined]
     return bus
 
@@ -57,16 +50,6 @@ def cause(error: BaseException) -> str:
     """What a driver met, with what the system told it."""
     found = [str(one) or type(one).__name__ for one in (error, error.__cause__) if one is not None]
     return ": ".join(dict.fromkeys(found))
-
-
-def sent(bus: can.BusABC, frame: Frame) -> None:
-    """Hand a frame to the interface; SimulationError if it does not take it."""
-    try:
-        bus.send(to_message(frame))
-    except Exception as error:  # drivers of adapters raise whatever they meet, not least when one is unplugged
-        raise SimulationError(
-            f"bus: does not take frames: {cause(error)}. Check the adapter, wiring, termination and power."
-        ) from error
 
 
 def from_message(message: can.Message) -> Frame | None:
@@ -122,30 +105,3 @@ class Gulps:
         """Forget what was not read."""
         self.bytes.clear()
         self.port.reset_input_buffer()
-
-
-class Ear:
-    """Hears a python-can bus. What cannot be read is passed over; SimulationError where nothing can any more."""
-
-    def __init__(self, bus: can.BusABC) -> None:
-        self.bus = bus
-        self.failed, self.since = 0, 0.0  # reads in a row, since when [s]
-
-    def message(self, timeout: float) -> can.Message | None:
-        """What comes next, or nothing within `timeout` [s]."""
-        try:
-            message = self.bus.recv(timeout)
-        except Exception as error:  # garbage on a serial line, or what a driver meets when its adapter is unplugged
-            number, time_span = UNREADABLE
-            now = time.monotonic()
-            if now - self.since > time_span:
-                self.failed, self.since = 0, now
-            self.failed += 1
-            if self.failed > number:
-                raise SimulationError(f"bus: cannot be read: {cause(error)}. Check the adapter.") from error
-            if (flush := getattr(self.bus, "flush", None)) is not None:  # slcan would read the same bytes for ever
-                with suppress(Exception):
-                    flush()
-            return None
-        self.failed = 0
-        return message

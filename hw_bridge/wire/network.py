@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import gc
-import os
 import time
 from collections import Counter
+from time import sleep
 from typing import TYPE_CHECKING, Any
 
-import can
-
 from hw_bridge.bus import Condition, Network, never
-from hw_bridge.wire.adapter import Ear, from_message, hasten, left, opened, sent
+from hw_bridge.wire.adapter import left, opened
+from hw_bridge.wire.direct import link
+from hw_bridge.wire.haste import MASTER, Haste
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
     from hw_bridge.bus import Frame
+    from hw_bridge.wire.link import Arrival
 
+ALONE = 300_000  # so long before a frame is due nothing is heard any more: it would delay the frame [ns]
 PATIENCE = 20_000_000  # longest time that frames which came late are heard [ns]
-BUS_OFF = 0x40  # CAN_ERR_BUSOFF of linux/can/error.h
 
 
 class WireNetwork(Network):
@@ -29,14 +29,12 @@ class WireNetwork(Network):
     def __init__(self, interface: str, channel: str, bit_rate: int, options: dict[str, Any]) -> None:
         super().__init__()
         self.bus = opened(interface, channel, bit_rate, options)
-        self.ear = Ear(self.bus)
+        self.link = link(self.bus, interface)
         self._echoes = interface == "udp_multicast"  # what is sent comes back
-        self._error_classes = interface == "socketcan"
         self._sent: Counter[Frame] = Counter()  # what has not come back yet
         self._begin = time.monotonic_ns()
-        self._collecting = gc.isenabled()
-        gc.disable()  # its pauses are longer than a cycle
-        self.real_time = hasten()
+        self._haste = Haste(MASTER)
+        self.real_time = self._haste.real_time
 
     @property
     def now(self) -> int:
@@ -45,10 +43,23 @@ class WireNetwork(Network):
 
     def send(self, frame: Frame) -> None:
         """Hand a frame to the interface."""
-        sent(self.bus, frame)
+        begin = time.monotonic_ns()
+        self.link.send(frame)
+        self.spent.send += time.monotonic_ns() - begin
         if self._echoes:
             self._sent[frame] += 1
         self.tell(frame)
+
+    def send_at(self, frame: Frame, time: int) -> int:
+        """The same as in simulated time, to some microseconds: the last wait is for the clock alone."""
+        self.advance(time - ALONE)
+        left = time - self.now
+        if left > 0:
+            sleep(left / 1e9)
+            self.spent.wait += left
+        now = self.now
+        self.send(frame)
+        return now
 
     def advance(self, until: int, done: Condition = never) -> None:
         """Hear frames until a time, or until a condition holds.
@@ -56,37 +67,37 @@ class WireNetwork(Network):
         What came before that time is heard too, however late it is: but not for longer than `PATIENCE`, or a bus full of
         foreign frames would keep this program for ever.
         """
+        spent, clock = self.spent, time.monotonic_ns
         end = max(until, self.now) + PATIENCE
         while True:
-            left = until - self.now
-            message = self.ear.message(max(left / 1e9, 0.0))
-            if message is not None:
-                self._take(message)
-            if self.now > end or (message is None and left <= 0) or (done is not never and done()):
+            begin, idle = clock(), self.link.idle
+            left = until - (begin - self._begin)
+            arrivals = self.link.hear(max(left / 1e9, 0.0))
+            read = clock()
+            idle = self.link.idle - idle
+            for one in arrivals:
+                self._take(one)
+            spent.wait += idle
+            spent.receive += read - begin - idle
+            spent.decode += clock() - read
+            if self.now > end or (not arrivals and left <= 0) or (done is not never and done()):
                 return
 
-    def _take(self, message: can.Message) -> None:
-        if message.is_error_frame and (self.bus.state is can.BusState.ERROR or self._tells_bus_off(message)):
+    def _take(self, arrival: Arrival) -> None:
+        if arrival.bus_off:
             raise SimulationError("bus: bus-off. Check bit rate, wiring and termination.")
-        if (frame := from_message(message)) is not None:
-            if frame in self._sent:
-                self._sent[frame] -= 1
-                if not self._sent[frame]:
-                    del self._sent[frame]
-                return
+        frame = arrival.frame
+        if frame is None:
+            self.tell(None)
+        elif frame in self._sent:
+            self._sent[frame] -= 1
+            if not self._sent[frame]:
+                del self._sent[frame]
+        else:
             self.tell(frame)
             self.hear(frame)
-        elif message.is_error_frame:
-            self.tell(None)
-
-    def _tells_bus_off(self, message: can.Message) -> bool:
-        """SocketCAN has no state, but error frames with its class in the identifier."""
-        return self._error_classes and bool(message.arbitration_id & BUS_OFF)
 
     def close(self) -> None:
         """Leave the bus."""
         left(self.bus)
-        if self._collecting:
-            gc.enable()
-        if self.real_time:
-            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        self._haste.end()

@@ -5,31 +5,24 @@ from __future__ import annotations
 import struct
 import time
 
-import can
-
 from hw_bridge.bus import Frame
-from hw_bridge.wire.adapter import Ear, sent
+from hw_bridge.wire.link import Link
 from twin.errors import SimulationError
 
 LISTENING = 0.5  # [s] how long another node may take to be heard
 IDENTITY = ((0x1000, 0), (0x1018, 1), (0x1018, 2))  # what it is asked, and asked for in vain
 
 
-def refuse_if_taken(bus: can.BusABC, node: int) -> None:
+def refuse_if_taken(link: Link, node: int) -> None:
     """Listen, then ask for device type and identity; whoever is heard on this ID is another node."""
     own = {0x80 + node, 0x580 + node, 0x700 + node} | {0x180 + 0x100 * n + node for n in range(4)}
-    ear = Ear(bus)
     for index, sub in IDENTITY:
-        sent(bus, Frame(0x600 + node, struct.pack("<BHB4x", 0x40, index, sub)))
+        link.send(Frame(0x600 + node, struct.pack("<BHB4x", 0x40, index, sub)))
         until = time.monotonic() + LISTENING / len(IDENTITY)
         while (left := until - time.monotonic()) > 0:
-            message = ear.message(left)
-            if message is not None and not message.is_extended_id and message.arbitration_id in own:
-                raise SimulationError(
-                    f"node {node}: another node answers on this ID ({_told(message)}). "
-                    f"Choose another ID, or an interface without real drives."
-                )
-
-
-def _told(message: can.Message) -> str:
-    return f"{message.arbitration_id:03X}#{bytes(message.data).hex().upper()}"
+            for frame, *_ in link.hear(left):
+                if frame is not None and frame.id in own:
+                    raise SimulationError(
+                        f"node {node}: another node answers on this ID ({frame}). "
+                        f"Choose another ID, or an interface without real drives."
+                    )

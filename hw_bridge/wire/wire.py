@@ -7,10 +7,7 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
-import can
-
 from hw_bridge.bus import BUS_OFF, Kind
-from hw_bridge.wire.adapter import Ear, from_message, sent
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -18,11 +15,11 @@ if TYPE_CHECKING:
 
     from hw_bridge.bus import Disturbance, Frame
     from hw_bridge.device import Slave
+    from hw_bridge.wire.link import Link
 
 PATIENCE = 0.05  # longest wait [s] before a look at the request to stop
 RECOVERY = 2_000_000  # from bus-off to the return [ns]: 128 x 11 bits at 1 Mbit/s and a little more
 LATE = 10_000_000  # the wall clock this far ahead counts as an overrun [ns]
-OLDEST = 1.0  # a frame cannot have waited longer for this process: its time stamp is of another clock [s]
 
 
 def nothing() -> None:
@@ -36,8 +33,8 @@ class Wire:
     there a destroyed frame is seen once it gets through, or never.
     """
 
-    def __init__(self, slave: Slave, bus: can.BusABC) -> None:
-        self.slave, self.bus, self.ear = slave, bus, Ear(bus)
+    def __init__(self, slave: Slave, link: Link) -> None:
+        self.slave, self.link = slave, link
         self.stop = threading.Event()
         self.overruns = 0
         self.lost = 0  # frames that the interface did not take
@@ -83,7 +80,7 @@ class Wire:
 
     def _send(self, frame: Frame) -> None:
         try:
-            sent(self.bus, frame)
+            self.link.send(frame)
         except SimulationError:  # an adapter that is gone is noticed where it is heard
             self.lost += 1
 
@@ -99,26 +96,21 @@ class Wire:
         """Let simulated time follow the monotonic clock.
 
         A frame acts at the time when it reached this machine. A process that the system lets wait would else find its
-        timeouts expired before it has read what came in the meantime, which no drive does.
+        timeouts expired before it has read what came in the meantime, which no drive does; so do frames that came while it
+        was stalled between a look and what follows from it.
         """
         slave, late = self.slave, False
         begin = time.monotonic_ns() - slave.port.agenda.now
         while not self.stop.is_set():
             self.look()
             wait = (slave.next_time() - (time.monotonic_ns() - begin)) / 1e9
-            message = self.ear.message(min(max(wait, 0.0), PATIENCE))
+            arrivals = self.link.hear(min(max(wait, 0.0), PATIENCE))
             now, before = time.monotonic_ns() - begin, late
             late = now - slave.next_time() > LATE
             self.overruns += late and not before
-            frame = from_message(message) if message is not None else None
-            if message is None or frame is None:
-                slave.advance(now)
-            else:
-                slave.advance(max(now - waited(message), slave.port.agenda.now))
-                self._heard(frame)
-
-
-def waited(message: can.Message) -> int:
-    """How long a frame has been on this machine [ns]; 0 where its interface tells the time of another clock."""
-    age = time.time() - message.timestamp
-    return round(age * 1e9) if 0.0 < age < OLDEST else 0
+            for frame, waited, _ in arrivals:
+                if frame is not None:
+                    slave.advance(max(now - waited, slave.port.agenda.now))
+                    self._heard(frame)
+            if not arrivals:
+                slave.advance(max(min(now, self.link.looked - begin), slave.port.agenda.now))

@@ -60,7 +60,7 @@ def command(
             problems, good = examine(file, overrides, hardware, not no_import)
         for problem in problems:
             say(problem)
-        for note in notes(file):
+        for note in [*notes(file), *(hardware.bounds() if hardware is not None and not problems else ())]:
             say(f"note: {note}")
         if coupling and not problems:
             problems = unstable(file, overrides)

@@ -38,6 +38,9 @@ class Hardware(Protocol):
     def apply(self, scenario: Scenario) -> Scenario:
         """The scenario with other members; ScenarioError lists what does not fit."""
 
+    def bounds(self) -> list[str]:
+        """What it can do at most where the program that drives it is late or dead, known before a run."""
+
     def report(self) -> dict[str, Any]:
         """What is worth keeping of a run, for its summary."""
 
@@ -186,7 +189,8 @@ def columns(scenario: Scenario, catalogs: dict[str, Catalog]) -> list[results.Co
             variable = find(path, catalog).variable
             kind = variable.dtype.kind
             is_bit = variable.type in ("Boolean", "Clock")
-            dtype = np.dtype(np.float64 if kind == "f" else np.bool_ if is_bit else np.int64)
+            whole = np.uint64 if variable.type == "UInt64" else np.int64
+            dtype = np.dtype(np.float64 if kind == "f" else np.bool_ if is_bit else whole)
             found.setdefault(
                 path,
                 results.Column(

@@ -105,9 +105,12 @@ def test_what_would_have_been_sent_and_how_near_the_limits(tmp_path, build):
         notes[0]
         == f"dry run on simulated bus, power never on: servomotor: Switched on, no power; 0 of {CYCLES} process data lost."
     )
-    assert "servomotor in csp: target_position 0.00 mm to " in notes[1]
-    assert "of 20.00 mm/s (" in notes[1]
-    assert 20 < float(notes[1].partition("20.00 mm/s (")[2].partition(" %")[0]) < 60
+    assert notes[1].startswith(
+        "servomotor: late_cycle hold, up to 60 ms: at 20 mm/s at most 1.2 mm; a program that dies: "
+    )
+    assert "servomotor in csp: target_position 0.00 mm to " in notes[2]
+    assert "of 20.00 mm/s (" in notes[2]
+    assert 20 < float(notes[2].partition("20.00 mm/s (")[2].partition(" %")[0]) < 60
     assert (tmp_path / "sent.log").read_text().count(" 201#") > 150  # targets, every 5 ms
 
 

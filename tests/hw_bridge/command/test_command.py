@@ -21,6 +21,7 @@ from hw_bridge.device import Drive, Motor
 from hw_bridge.profiles import profile
 from hw_bridge.wire import Wire
 from hw_bridge.wire.adapter import from_message, to_message
+from hw_bridge.wire.link import AnyLink
 from hw_bridge.wire.taken import refuse_if_taken
 from twin import cli, installed
 from twin.errors import SimulationError
@@ -49,7 +50,9 @@ def test_it_refuses_where_another_node_answers(build, talks):
     channel = uuid.uuid4().hex
     chosen = profile("mclm")
     with can.Bus(channel, interface="virtual") as theirs, can.Bus(channel, interface="virtual") as ours:
-        wire = Wire(Drive(chosen, NODE if talks else NODE + 1, Motor(chosen.motor, build=build)), theirs)
+        wire = Wire(
+            Drive(chosen, NODE if talks else NODE + 1, Motor(chosen.motor, build=build)), AnyLink(theirs, "virtual")
+        )
         thread = threading.Thread(target=wire.run)
         thread.start()
         try:
@@ -58,9 +61,9 @@ def test_it_refuses_where_another_node_answers(build, talks):
                 pass
             if talks:
                 with pytest.raises(SimulationError, match="another node answers on this ID"):
-                    refuse_if_taken(ours, NODE)
+                    refuse_if_taken(AnyLink(ours, "virtual"), NODE)
             else:
-                refuse_if_taken(ours, NODE)
+                refuse_if_taken(AnyLink(ours, "virtual"), NODE)
         finally:
             wire.stop.set()
             thread.join()

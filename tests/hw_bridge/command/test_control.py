@@ -16,7 +16,7 @@ from hw_bridge.device import Drive, Motor
 from hw_bridge.fault import Cause, Fault, problem
 from hw_bridge.profiles import profile
 from hw_bridge.wire import Wire
-from hw_bridge.wire.adapter import from_message
+from hw_bridge.wire.link import Arrival
 from tests.hw_bridge.command.test_command import multicast  # noqa: F401 - a fixture
 from twin.errors import SimulationError
 
@@ -29,8 +29,8 @@ class Line:
     def __init__(self):
         self.sent = []
 
-    def send(self, message):
-        self.sent.append(from_message(message))
+    def send(self, frame):
+        self.sent.append(frame)
 
 
 @pytest.fixture
@@ -43,9 +43,9 @@ def wire(build):
 
 def beats(wire, milliseconds=100):
     """Heartbeats that get out."""
-    wire.bus.sent.clear()
+    wire.link.sent.clear()
     wire.slave.advance(wire.now + milliseconds * MILLISECOND)
-    return sum(one.id == 0x700 + NODE for one in wire.bus.sent)
+    return sum(one.id == 0x700 + NODE for one in wire.link.sent)
 
 
 def test_frames_on_a_wire_are_disturbed(wire):
@@ -65,10 +65,10 @@ def test_frames_on_a_wire_are_disturbed(wire):
         Disturbance(Kind.DELAY, 0x603, 0x603, delay=MILLISECOND),
     ]
     for answers in (0, 1):
-        wire.bus.sent.clear()
+        wire.link.sent.clear()
         wire._heard(Frame(0x603, bytes([0x40, 0, 0x10, 0, 0, 0, 0, 0])))
         wire.slave.advance(wire.now + 5 * MILLISECOND)
-        assert sum(one.id == 0x583 for one in wire.bus.sent) == answers
+        assert sum(one.id == 0x583 for one in wire.link.sent) == answers
 
 
 def test_a_request_acts_or_says_why_not(wire):
@@ -179,24 +179,24 @@ def test_odd_numbers_on_the_command_line(words):
 
 def test_frames_act_when_they_came(wire):
     """A process that had to wait finds heartbeats from the meantime, and no timeout."""
-    slave, messages, timeout = wire.slave, [], 60
+    slave, arrivals, timeout = (
+        wire.slave,
+        [[Arrival(Frame(0x77F, b"\x05"), 20 * k * MILLISECOND)] for k in range(10)],
+        60,
+    )
     slave.dictionary.download(0x1016, 1, (0x7F << 16 | timeout).to_bytes(4, "little"))
     wire._heard(Frame(0x77F, b"\x05"))
     assert slave.active == {}
 
-    def stall(_timeout):
-        begin = time.time()
-        time.sleep(0.2)
-        messages.extend(
-            can.Message(arbitration_id=0x77F, data=[5], is_extended_id=False, timestamp=begin + 0.02 * k)
-            for k in range(10)
-        )
-        wire.bus.recv = lambda _timeout: messages.pop(0) if messages else wire.stop.set()
-        return messages.pop(0)
+    def hear(_timeout):
+        if len(arrivals) == 10:
+            time.sleep(0.2)
+        wire.link.looked = time.monotonic_ns()
+        return arrivals.pop() if arrivals else wire.stop.set() or []
 
-    wire.bus.recv = stall
+    wire.link.hear = hear
     wire.run()
-    assert not messages
+    assert not arrivals
     assert slave.active == {}
     wire.slave.advance(wire.now + (timeout + 20) * MILLISECOND)
     assert 0x8130 in slave.active

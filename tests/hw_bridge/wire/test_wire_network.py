@@ -12,8 +12,7 @@ from hw_bridge.bus import Frame
 from hw_bridge.hardware import HardwareKeys
 from hw_bridge.master import Master
 from hw_bridge.plant import bench_network
-from hw_bridge.wire import WireNetwork
-from hw_bridge.wire import network as wire
+from hw_bridge.wire import WireNetwork, haste
 from twin.errors import SimulationError
 
 
@@ -64,8 +63,8 @@ def test_without_permission_for_priority(monkeypatch):
     def refused(*_):
         raise PermissionError
 
-    monkeypatch.setattr(wire.os, "sched_setscheduler", refused, raising=False)
-    assert not wire.hasten()
+    monkeypatch.setattr(haste.os, "sched_setscheduler", refused, raising=False)
+    assert not haste.hasten(haste.DRIVE)
 
 
 def test_an_interface_that_cannot_be_opened():
@@ -95,7 +94,7 @@ def test_bus_off_of_the_interface(pair, monkeypatch):
 
 def test_bus_off_of_socketcan_is_in_the_identifier(pair):
     network, other = pair
-    network._error_classes = True
+    network.link._error_classes = True
     other.send(can.Message(arbitration_id=0x40, is_extended_id=False, is_error_frame=True))
     with pytest.raises(SimulationError, match="bus-off"):
         network.advance(network.now + 50_000_000)
@@ -171,7 +170,7 @@ def test_an_adapter_that_is_unplugged(pair, monkeypatch):
     network, _ = pair
     real = network.bus
     monkeypatch.setattr(network, "bus", Unplugged())
-    network.ear.bus = network.bus
+    network.link.bus = network.bus
     with pytest.raises(SimulationError, match=r"bus: does not take frames: .* Check the adapter"):
         network.send(Frame(0x123))
     with pytest.raises(SimulationError, match=r"bus: cannot be read: handle is gone\. Check the adapter"):
@@ -189,7 +188,7 @@ def test_a_stop_without_an_adapter_ends_with_a_note(build):
     master = Master(keys, bench_network(keys, build))
     master.running = True
     master.network.bus.shutdown()
-    master.network.bus = master.network.ear.bus = Unplugged()
+    master.network.bus = master.network.link.bus = Unplugged()
     master.stop()
     (note,) = master.notes
     assert note.startswith("stop: bus: does not take frames: ")

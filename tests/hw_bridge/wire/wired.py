@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 from hw_bridge.device import Drive, Motor
 from hw_bridge.profiles import profile
-from hw_bridge.wire import Wire, left, opened
+from hw_bridge.wire import Wire, left, link, opened
 from tests.hw_bridge.axis import Rig, node
 from twin.errors import SimulationError
 
@@ -27,7 +27,7 @@ def wired(interface, channel, build, options=None):
     known = profile("faulhaber_v3")
     drive = Drive(known, 1, Motor(known.motor, build=build))
     bus = opened(interface, channel, 1_000_000, options or {})
-    wire = Wired(drive, bus)
+    wire = Wired(drive, link(bus, interface))
 
     def run():
         try:

@@ -1,0 +1,155 @@
+"""Shorter ways past python-can's messages, on what it has opened: its sockets and serial ports, read until they are empty.
+
+Of a cycle with three drives most was the making of messages; `python -m benchmarks.hil where` measures both.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import struct
+import sys
+import time
+from typing import TYPE_CHECKING, Any
+
+import msgpack  # type: ignore[import-untyped]
+
+from hw_bridge.bus import Frame
+from hw_bridge.wire.adapter import HIGHEST, LONGEST
+from hw_bridge.wire.link import AnyLink, Arrival, Link, age
+
+if TYPE_CHECKING:
+    import can
+
+AT_ONCE = 4096  # bytes read from a serial port
+PROMPT = 50_000  # a wait shorter than this was none [ns]
+STAMP = struct.Struct("@ll")  # SO_TIMESTAMPNS: seconds, nanoseconds
+FOREIGN = ("is_extended_id", "is_fd")  # what CANopen does not use
+MESSAGE = {  # python-can's form of a frame in a datagram
+    "timestamp": 0.0, "arbitration_id": 0, "is_extended_id": False, "is_remote_frame": False, "is_error_frame": False,
+    "channel": None, "dlc": 0, "data": b"", "is_fd": False, "bitrate_switch": False, "error_state_indicator": False,
+}  # fmt: skip
+
+
+class UdpLink(Link):
+    """Datagrams of `udp_multicast`."""
+
+    def __init__(self, bus: can.BusABC) -> None:
+        super().__init__(bus)
+        multicast = bus._multicast  # type: ignore[attr-defined]
+        self._socket: socket.socket = multicast._socket
+        self._group: tuple[str, int] = multicast._send_destination
+        self._beside = multicast.received_ancillary_buffer_size
+
+    def take(self, timeout: float) -> list[Arrival]:
+        """All datagrams that are there; garbage among them is nothing."""
+        found = self._all()
+        if found or timeout <= 0.0:
+            return found
+        begin = time.monotonic_ns()
+        select.select([self._socket], [], [], timeout)
+        self.idle += time.monotonic_ns() - begin
+        return self._all()
+
+    def _all(self) -> list[Arrival]:
+        found: list[Arrival] = []
+        while True:
+            self.looked = time.monotonic_ns()
+            try:
+                data, beside, _, _ = self._socket.recvmsg(AT_ONCE, self._beside, socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                return found
+            if (arrival := _datagram(data, beside)) is not None:
+                found.append(arrival)
+
+    def put(self, frame: Frame) -> None:
+        """As a datagram."""
+        dlc = frame.length if frame.remote else len(frame.data)
+        message = MESSAGE | {
+            "arbitration_id": frame.id, "is_remote_frame": frame.remote, "dlc": dlc, "data": frame.data,
+        }  # fmt: skip
+        self._socket.sendto(msgpack.packb(message), self._group)
+
+
+def _datagram(data: bytes, beside: list[tuple[int, int, bytes]]) -> Arrival | None:
+    """A frame, or nothing for what no CANopen frame can be."""
+    waited = 0
+    if beside:
+        seconds, nanoseconds = STAMP.unpack(beside[0][2])
+        waited = age(seconds * 1_000_000_000 + nanoseconds)
+    try:
+        message: dict[str, Any] = msgpack.unpackb(data)
+        if message["is_error_frame"]:
+            return Arrival(None)
+        if any(message[one] for one in FOREIGN):
+            return None
+        remote, length = message["is_remote_frame"], message["dlc"]
+        frame = Frame(message["arbitration_id"], b"" if remote else bytes(message["data"]), remote, length * remote)
+    except (ValueError, TypeError, KeyError, msgpack.UnpackException):
+        return None
+    return Arrival(frame, waited) if 0 <= frame.id <= HIGHEST and len(frame.data) <= LONGEST else None
+
+
+class SlcanLink(Link):
+    """Lines of a serial adapter, in ASCII: python-can's wants each byte by itself and waits until all are sent.
+
+    A serial port does not tell when bytes came. What was there before anybody waited for it, or when a wait was over long
+    ago, came evenly since the look before: a process that was stalled does not take all of it for new.
+    """
+
+    def __init__(self, bus: can.BusABC) -> None:
+        super().__init__(bus)
+        self._port = bus.serialPortOrig  # type: ignore[attr-defined]
+        self._begun = b""  # a line that is not complete
+
+    def take(self, timeout: float) -> list[Arrival]:
+        """All lines that are complete; garbage among them is nothing."""
+        port: int = self._port.fileno()
+        begin = time.monotonic_ns()
+        ready = select.select([port], [], [], max(timeout, 0.0))[0]
+        now = time.monotonic_ns()
+        self.idle += now - begin
+        data = os.read(port, AT_ONCE) if ready else b""
+        if ready and not data:
+            raise OSError("it is gone")  # what a system says of it differs
+        before, self.looked = self.looked, now if ready else begin + round(max(timeout, 0.0) * 1e9)
+        *lines, self._begun = (self._begun + data).replace(b"\a", b"\r").split(b"\r")
+        self._begun = self._begun[-AT_ONCE:]
+        frames = [frame for one in lines if (frame := _line(one)) is not None]
+        waited = max(now - before, 0) if not PROMPT < now - begin < timeout * 1e9 + PROMPT else 0
+        return [Arrival(frame, waited * (len(frames) - place) // len(frames)) for place, frame in enumerate(frames)]
+
+    def put(self, frame: Frame) -> None:
+        """As a line."""
+        if frame.remote:
+            text = f"r{frame.id:03X}{frame.length:d}\r"
+        else:
+            text = f"t{frame.id:03X}{len(frame.data):d}{frame.data.hex().upper()}\r"
+        self._port.write(text.encode())
+
+
+def _line(line: bytes) -> Frame | None:
+    """A frame, or nothing for an answer of the adapter, for garbage, and for what CANopen does not use."""
+    kind = line[:1]
+    try:
+        if kind == b"t":
+            length = int(line[4:5])
+            data = bytes.fromhex(line[5 : 5 + 2 * length].decode())
+            frame = Frame(int(line[1:4], 16), data)
+            return frame if len(data) == length <= LONGEST and frame.id <= HIGHEST else None
+        if kind == b"r":
+            return Frame(int(line[1:4], 16) & HIGHEST, remote=True, length=int(line[4:5]))
+    except ValueError:
+        pass
+    return None
+
+
+DIRECT: dict[str, type[UdpLink | SlcanLink]] = {"udp_multicast": UdpLink, "slcan": SlcanLink}
+
+
+def link(bus: can.BusABC, interface: str) -> Link:
+    """The shortest way to a bus that there is."""
+    if interface in DIRECT and sys.platform == "linux":
+        return DIRECT[interface](bus)
+    return AnyLink(bus, interface)

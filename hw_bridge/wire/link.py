@@ -1,0 +1,114 @@
+"""How frames get to an interface and from it: what all of python-can's have, and shorter ways where time matters."""
+
+from __future__ import annotations
+
+import time
+from abc import ABC, abstractmethod
+from contextlib import suppress
+from typing import TYPE_CHECKING, NamedTuple
+
+import can
+
+from hw_bridge.wire.adapter import BUS_OFF, cause, from_message, to_message
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from hw_bridge.bus import Frame
+
+UNREADABLE = 20, 0.05  # so many failed reads within this time [s] are the end of an interface; fewer are garbage
+OLDEST = 1_000_000_000  # a frame cannot have waited longer: its time stamp is of another clock [ns]
+
+
+class Arrival(NamedTuple):
+    """What came: a frame, or an error frame where there is none. `waited`: how long it has been on this machine [ns]."""
+
+    frame: Frame | None
+    waited: int = 0
+    bus_off: bool = False
+
+
+class Link(ABC):
+    """Both directions of a python-can bus. What cannot be read is passed over; SimulationError where nothing can any more.
+
+    `idle`: time spent waiting for something to come [ns]. `looked`: when there was nothing more, by the monotonic clock:
+    what a process that is stalled right after a look does not know yet has come later [ns].
+    """
+
+    def __init__(self, bus: can.BusABC) -> None:
+        self.bus = bus
+        self.idle = 0
+        self.looked = time.monotonic_ns()
+        self._failed, self._since = 0, 0.0  # reads in a row, since when [s]
+
+    @abstractmethod
+    def take(self, timeout: float) -> list[Arrival]:
+        """What has come, all of it; if there is nothing, what comes within `timeout` [s]."""
+
+    @abstractmethod
+    def put(self, frame: Frame) -> None:
+        """Hand a frame to the interface."""
+
+    def hear(self, timeout: float) -> list[Arrival]:
+        """What came, or nothing within `timeout` [s]."""
+        try:
+            found = self.take(timeout)
+        except Exception as error:  # garbage on a serial line, or what a driver meets when its adapter is unplugged
+            number, time_span = UNREADABLE
+            now = time.monotonic()
+            if now - self._since > time_span:
+                self._failed, self._since = 0, now
+            self._failed += 1
+            if self._failed > number:
+                raise SimulationError(f"bus: cannot be read: {cause(error)}. Check the adapter.") from error
+            if (flush := getattr(self.bus, "flush", None)) is not None:  # slcan would read the same bytes for ever
+                with suppress(Exception):
+                    flush()
+            return []
+        self._failed = 0
+        return found
+
+    def send(self, frame: Frame) -> None:
+        """Hand a frame to the interface; SimulationError if it does not take it."""
+        try:
+            self.put(frame)
+        except Exception as error:  # drivers of adapters raise whatever they meet, not least when one is unplugged
+            raise SimulationError(
+                f"bus: does not take frames: {cause(error)}. Check the adapter, wiring, termination and power."
+            ) from error
+
+
+class AnyLink(Link):
+    """Through python-can's messages, one at a time: 20 to 60 us for each, on whatever interface."""
+
+    def __init__(self, bus: can.BusABC, interface: str) -> None:
+        super().__init__(bus)
+        self._error_classes = interface == "socketcan"
+
+    def take(self, timeout: float) -> list[Arrival]:
+        """The next message."""
+        begin = time.monotonic_ns()
+        message = self.bus.recv(timeout)
+        if message is None or timeout > 0.0:  # which part of it was waiting only the driver knows
+            self.idle += time.monotonic_ns() - begin
+        if message is None:
+            self.looked = begin + round(max(timeout, 0.0) * 1e9)
+            return []
+        if message.is_error_frame:
+            off = self.bus.state is can.BusState.ERROR or self._tells_bus_off(message)
+            return [Arrival(None, bus_off=off)]
+        frame = from_message(message)
+        return [] if frame is None else [Arrival(frame, age(round(message.timestamp * 1e9)))]
+
+    def put(self, frame: Frame) -> None:
+        """As a message."""
+        self.bus.send(to_message(frame))
+
+    def _tells_bus_off(self, message: can.Message) -> bool:
+        """SocketCAN has no state, but error frames with its class in the identifier."""
+        return self._error_classes and bool(message.arbitration_id & BUS_OFF)
+
+
+def age(stamp: int) -> int:
+    """How long ago a time of the wall clock was [ns]; 0 where it is of another clock."""
+    passed = time.time_ns() - stamp
+    return passed if 0 < passed < OLDEST else 0

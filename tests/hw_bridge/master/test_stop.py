@@ -1,0 +1,76 @@
+"""The stop: what an interface does not take for one drive is no end for the others, and is told once."""
+
+import pytest
+
+from hw_bridge.bus import Frame
+from hw_bridge.dictionary import State, cia301
+from tests.hw_bridge.axis import Rig, node
+from twin.errors import SimulationError
+
+FULL = "bus: does not take frames: No buffer space available. Check the adapter, wiring, termination and power."
+
+
+@pytest.fixture
+def rig(build):
+    """Two drives that move at 20 mm/s."""
+    made = Rig(build, {"first": node(), "second": node(number=2)})
+    made.set(target_velocity=0.02)
+    made.axes["second"].views["target_velocity"][...] = 0.02
+    made.go(100)
+    return made
+
+
+def refuse(rig, monkeypatch, which, times=10**9):
+    """The interface does not take some frames."""
+    send, left = rig.master.network.send, [times]
+
+    def refusing(frame):
+        if which(frame) and left[0] > 0:
+            left[0] -= 1
+            raise SimulationError(FULL)
+        send(frame)
+
+    monkeypatch.setattr(rig.master.network, "send", refusing)
+
+
+def states(rig):
+    return [plant.drive.state for plant in rig.session.bench.plants.values()]
+
+
+def test_a_frame_that_is_refused_once_is_sent_again(rig, monkeypatch):
+    refuse(rig, monkeypatch, lambda frame: frame.id == cia301.SDO_REQUEST + 1, 2)
+    rig.session.close()
+    assert states(rig) == [State.DISABLED, State.DISABLED]
+    assert rig.master.notes == []
+
+
+def test_a_drive_whose_frames_are_refused_is_no_end_for_the_other(rig, monkeypatch):
+    refuse(rig, monkeypatch, lambda frame: frame.id == cia301.SDO_REQUEST + 1)
+    rig.session.close()
+    assert states(rig) == [State.DISABLED, State.DISABLED], "the first by its process data"
+    assert rig.session.bench.plants["second"].drive.dictionary.get(0x1016, 1) == 0, "the second was released"
+    (note,) = rig.master.notes  # the one frame; later ones by SDO were refused too, and follow from it
+    assert note.startswith(f"stop: {FULL}")
+
+
+def test_an_interface_that_takes_nothing_is_told_once(rig, monkeypatch):
+    """Time passes meanwhile, so that the stop ends; the drives miss the heartbeat."""
+    refuse(rig, monkeypatch, lambda frame: isinstance(frame, Frame))
+    bus, before = rig.session.bench.bus, rig.master.network.now
+    rig.session.failed = True
+    rig.session.close()
+    assert bus.now - before < 1_500_000_000
+    assert rig.master.notes == [f"stop: {FULL} The drives stop by themselves when this program's heartbeat is missing."]
+    assert State.ENABLED not in states(rig)
+
+
+def test_what_is_not_at_rest_is_not_told_as_a_note_too(rig):
+    account = rig.session.account
+
+    class Silent:
+        def restless(self, _failed, unconfirmed):
+            return list(unconfirmed)
+
+    account.notes = ["first: did not confirm."]
+    account.look_after(Silent(), failed=True)
+    assert (account.notes, account.unsafe) == ([], ["first: did not confirm."])

@@ -1,0 +1,211 @@
+"""The short ways to an interface carry what python-can's messages carry, and take as little of what is none."""
+
+import itertools
+import os
+import sys
+import time
+import uuid
+
+import can
+import msgpack
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from hw_bridge.bus import Frame
+from hw_bridge.wire import left, opened
+from hw_bridge.wire.direct import SlcanLink, UdpLink, link
+from hw_bridge.wire.link import AnyLink, Arrival
+from twin.errors import SimulationError
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the short ways are for Linux")
+FRAMES = [
+    Frame(0),
+    Frame(0x080),
+    Frame(0x201, bytes(range(8))),
+    Frame(0x7FF, b"\xff"),
+    Frame(0x701, remote=True, length=1),
+]
+INTERFACES = ("udp_multicast", "slcan")
+
+
+def carried(one, other):
+    """What a cable does: all bytes of one end to the other."""
+    os.write(other, os.read(one, 4096))
+
+
+class Pair:
+    """Two ends of a bus: the first past python-can, the second as `kind` says."""
+
+    def __init__(self, interface, kinds):
+        import pty
+        import tty
+
+        self.masters = []
+        if interface == "slcan":
+            pairs = [pty.openpty() for _ in kinds]
+            for end in itertools.chain(*pairs):
+                tty.setraw(end)
+            self.masters, slaves = [one[0] for one in pairs], [one[1] for one in pairs]
+            channels, options = [os.ttyname(one) for one in slaves], {"sleep_after_open": 0}
+            self.open = [*self.masters, *slaves]
+        else:
+            pid, channels, options, self.open = os.getpid(), [], {"port": 43999}, []
+            channels = [f"239.74.{pid >> 8 & 0xFF}.{pid & 0xFF}"] * len(kinds)
+        self.buses = [opened(interface, channel, 1_000_000, options) for channel in channels]
+        self.links = [kind(bus) for kind, bus in zip(kinds, self.buses, strict=True)]
+        for end in self.masters:  # what opening said
+            os.read(end, 4096)
+
+    def send(self, frames):
+        for frame in frames:
+            self.links[0].send(frame)
+        if self.masters:
+            carried(*self.masters)
+
+    def heard(self, count):
+        found = []
+        end = time.monotonic() + 2.0
+        while len(found) < count and time.monotonic() < end:
+            found += [one.frame for one in self.links[1].hear(0.05)]
+        return found
+
+    def close(self):
+        for bus in self.buses:
+            left(bus)
+        for end in self.open:
+            os.close(end)
+
+
+def plain(interface):
+    return lambda bus: AnyLink(bus, interface)
+
+
+@pytest.mark.parametrize("interface", INTERFACES)
+@pytest.mark.parametrize("ways", ["direct to direct", "direct to python-can", "python-can to direct"])
+def test_frames_cross(interface, ways):
+    kinds = [
+        plain(interface) if way == "python-can" else lambda bus: link(bus, interface) for way in ways.split(" to ")
+    ]
+    try:
+        pair = Pair(interface, kinds)
+    except SimulationError as error:
+        pytest.skip(f"no multicast: {error}")
+    try:
+        pair.send(FRAMES)
+        found = pair.heard(len(FRAMES))
+        if interface == "udp_multicast" and not found:
+            pytest.skip("multicast does not reach this machine itself")
+        assert found == FRAMES
+        assert pair.links[1].hear(0.0) == []
+    finally:
+        pair.close()
+
+
+def test_others_have_the_long_way():
+    with can.Bus(uuid.uuid4().hex, interface="virtual") as bus:
+        assert isinstance(link(bus, "virtual"), AnyLink)
+
+
+class Port:
+    """A serial port at the end of a pipe."""
+
+    def __init__(self):
+        self.out, self.into = os.pipe()
+
+    def fileno(self):
+        return self.out
+
+
+class Serial:
+    def __init__(self):
+        self.serialPortOrig = Port()
+
+
+@pytest.fixture(scope="module")
+def serial():
+    bus = Serial()
+    yield bus.serialPortOrig.into, SlcanLink(bus)
+    for end in (bus.serialPortOrig.into, bus.serialPortOrig.out):
+        os.close(end)
+
+
+def test_a_line_in_pieces(serial):
+    into, ours = serial
+    for part in (b"t1", b"8111", b"F\rt0", b"800\r"):
+        os.write(into, part)
+        found = ours.hear(0.0)
+        if part == b"F\rt0":
+            assert [one.frame for one in found] == [Frame(0x181, b"\x1f")]
+    assert [one.frame for one in found] == [Frame(0x080)]
+
+
+@given(st.binary(max_size=40))
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_garbage_on_a_line_is_nothing(serial, garbage):
+    """And the next line is read as it is."""
+    into, ours = serial
+    os.write(into, garbage + b"\rt18121122\r")
+    found = [one.frame for one in ours.hear(0.0)]
+    assert found[-1] == Frame(0x181, b"\x11\x22")
+    assert all(one.id <= 0x7FF and len(one.data) <= 8 for one in found)
+
+
+@given(
+    st.one_of(
+        st.binary(max_size=60), st.dictionaries(st.text(max_size=8), st.integers(-5, 5), max_size=4).map(msgpack.packb)
+    )
+)
+@settings(max_examples=200, deadline=None)
+def test_garbage_in_a_datagram_is_nothing(data):
+    from hw_bridge.wire import direct
+
+    found = direct._datagram(data, [])
+    assert found is None or isinstance(found, Arrival)
+
+
+def test_bytes_that_waited_came_evenly_meanwhile(serial):
+    """A port does not tell when: a process that was stalled for 40 ms does not take four cycles for one moment."""
+    into, ours = serial
+    ours.hear(0.0)
+    os.write(into, b"t0800\r" * 4)
+    time.sleep(0.04)
+    waited = [one.waited / 1e6 for one in ours.hear(0.0)]
+    assert len(waited) == 4
+    assert waited == sorted(waited, reverse=True)
+    assert waited[0] >= 40
+    assert waited[0] - waited[-1] == pytest.approx(0.75 * waited[0], rel=0.01)
+
+
+def test_what_is_waited_for_is_new(serial):
+    import threading
+
+    into, ours = serial
+    ours.hear(0.0)
+    threading.Timer(0.03, lambda: os.write(into, b"t0800\r")).start()
+    (one,) = ours.hear(5.0)
+    assert one == Arrival(Frame(0x080))
+
+
+def test_a_port_that_is_gone_is_said():
+    bus = Serial()
+    ours = SlcanLink(bus)
+    os.close(bus.serialPortOrig.into)
+    with pytest.raises(SimulationError, match=r"bus: cannot be read: it is gone\. Check the adapter"):
+        for _ in range(30):
+            ours.hear(0.0)
+    os.close(bus.serialPortOrig.out)
+
+
+def test_datagrams_are_taken_together():
+    pair = Pair("udp_multicast", [UdpLink, UdpLink])
+    try:
+        pair.send(FRAMES)
+        time.sleep(0.05)
+        found = pair.links[1].hear(0.0)
+        if not found:
+            pytest.skip("multicast does not reach this machine itself")
+        assert len(found) == len(FRAMES)
+        assert all(20e6 < one.waited < 5e9 for one in found), "by the kernel's stamp"
+    finally:
+        pair.close()
