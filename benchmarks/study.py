@@ -1,10 +1,12 @@
 """A study's cases beside the loop alone, FMPy in a process pool, and a shell that calls `twin run`.
 
     python -m benchmarks.study [40] [10000]     prints `name: value` lines: cases, and cases of the memory test
+    python -m benchmarks.study beside [60]      by the clock alone: seconds
 
 All on the force scenario with PI, 22 s each. What counts is processor time, so that others on the machine do not: of the
 loop alone (`advance`, nothing else) beside that of a whole case in the engine, one after the other; and of all of a
-study's processes from their start to their end. FMPy gets the whole scenario as one FMU, extracted once, without any
+study's processes from their start to their end. By the clock on the wall a study's processes run beside as many that do
+nothing but the loop, for a minute: whatever else keeps the machine busy slows both. FMPy gets the whole scenario as one FMU, extracted once, without any
 metric: more than fair. `twin run` starts a process per case. Memory is that of the engine's process, with runs of 10 ms.
 """
 
@@ -18,8 +20,9 @@ import sys
 import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from twin.coupling import Memory
 from twin.fmi import exporter
@@ -29,6 +32,9 @@ from twin.study import load_study
 from twin.study.design import Request
 from twin.study.many import Engine, Job
 from twin.study.many.pool import Pool, cores
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 BUILD = Path("build").resolve()
 SCENARIO = Path("scenarios/heart_wall_force.yaml").resolve()
@@ -45,6 +51,7 @@ SLICE = 20  # cases between two looks at the memory
 ALONE = 12  # rounds of loop and case
 THEIRS = 6  # cases of FMPy
 SHELL = 3  # calls of `twin run`
+WINDOW = 60.0  # in which a study runs beside the loop alone [s]
 
 
 def studied(folder: Path, count: int, options: str = "{}") -> tuple[Any, Job]:
@@ -57,17 +64,58 @@ def studied(folder: Path, count: int, options: str = "{}") -> tuple[Any, Job]:
     return study, Job(frozen, study.scenario.overrides, study.factors, (), 50_000_000, BUILD)
 
 
-def loop_alone() -> float:
-    """Processor time of the loop of one case [s]."""
-    scenario = load_scenario(SCENARIO)
-    case = scenario.cases(["PI"], [1])[0]
-    simulated = simulation(case, prepare(scenario)["PI"], Form.compiled, BUILD, Memory(1 << 20))
+def loop_alone(clock: Callable[[], float] = time.process_time) -> float:
+    """Time of the loop of one case [s], by default of the processor."""
+    if not _loaded:
+        scenario = load_scenario(SCENARIO)
+        _loaded.extend((scenario.cases(["PI"], [1])[0], prepare(scenario)["PI"]))
+    case, catalog = _loaded
+    simulated = simulation(case, catalog, Form.compiled, BUILD, Memory(1 << 20))
     simulated.initialize(case.start_ns, case.stop_ns)
-    begin = time.process_time()
+    begin = clock()
     simulated.advance(case.stop_ns)
-    took = time.process_time() - begin
+    took = clock() - begin
     simulated.terminate()
     return took
+
+
+_loaded: list[Any] = []  # the case and its catalog
+
+
+def loops_until(end: float) -> float:
+    """Loops per second of the clock until a time of `time.time`, all in this process."""
+    loop_alone()
+    taken = []
+    while time.time() < end:
+        taken.append(loop_alone(time.perf_counter))
+    return len(taken) / sum(taken)
+
+
+def measure_beside(folder: Path, window: float = WINDOW) -> None:
+    """Print what a study does by the clock, in parts of what as many processes do that know nothing but the loop."""
+    study, job = studied(folder, 1024)
+    begun = time.perf_counter()
+    with Pool(job, cores(), 0) as pool, ProcessPoolExecutor(cores(), get_context("spawn")) as others:
+        rows = pool.run(study.requests())
+        for _ in range(2 * cores()):
+            next(rows)
+        ready = time.perf_counter() - begun
+        end = time.time() + window
+        loops = [others.submit(loops_until, end) for _ in range(cores())]
+        time.sleep(0.1 * window)  # until all of them are at it
+        first = time.perf_counter()
+        spent = []
+        while time.time() < end:
+            spent.append(next(rows).seconds)
+            last = time.perf_counter()
+        speed = sum(one.result() for one in loops)
+    print(f"study_ready_s: {ready:.1f}  # its start, and the first {2 * cores()} cases")
+    print(f"study_beside_cases: {len(spent)}")
+    print(f"study_beside_wall_to_loops: {len(spent) / (last - first) / speed:.3f}")
+    print(
+        f"study_beside_busy: {sum(spent) / (last - first) / cores():.3f}  # the rest is waiting for the next case",
+        flush=True,
+    )
 
 
 def measure_engine(folder: Path, rounds: int = ALONE) -> float:
@@ -193,10 +241,15 @@ def main(count: int = 40, memory: int = 10_000) -> None:
         folder = Path(name)
         alone = measure_engine(folder)
         own = measure_pool(folder, count, alone)
+        measure_beside(folder)
         for other, measured in (("fmpy", measure_fmpy(folder)), ("twin_run", measure_shell())):
             print(f"study_{other}_to_study: {measured / own:.2f}")
         measure_memory(folder, memory)
 
 
 if __name__ == "__main__":
-    main(*(int(one) for one in sys.argv[1:]))
+    if sys.argv[1:2] == ["beside"]:
+        with tempfile.TemporaryDirectory() as name:
+            measure_beside(Path(name), *map(float, sys.argv[2:]))
+    else:
+        main(*(int(one) for one in sys.argv[1:]))

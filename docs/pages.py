@@ -1,7 +1,8 @@
 """Build the site of all documents: `python docs/pages.py`, then open build/site/index.html. Needs the extra `docs`.
 
 Pages of docs/ as they are; one for each component, from its declaration, its README and its reference trajectory; one for
-each scenario, from its file and, with --run, from a run made now. A link that leads nowhere ends it.
+each scenario, from its file and, with --run, from a run made now (`--run all`: of every one). Pages that are notebooks are
+executed, unless --no-notebooks. A link that leads nowhere ends it.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import notebooks
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -54,15 +56,16 @@ def main() -> None:
     reader.add_argument(
         "--run", nargs="+", default=[], metavar="SCENARIO", help="run these, and show plots and verdicts"
     )
-    runs = reader.parse_args().run
+    reader.add_argument("--no-notebooks", action="store_true", help="leave the cells of notebooks as they are")
+    asked = reader.parse_args()
     shutil.rmtree(SOURCE, ignore_errors=True)
-    documents()
+    documents(execute=not asked.no_notebooks)
     for name in catalog.names():
         write(f"components/{name}.md", component_page(name))
     write("components/index.md", index("Components", {n: catalog.summary(n) for n in catalog.names()}))
     own = {name: path for name, path in shipped.scenarios().items() if path.resolve().is_relative_to(ROOT)}
     for name, path in own.items():
-        write(f"scenarios/{name}.md", scenario_page(path, name in runs))
+        write(f"scenarios/{name}.md", scenario_page(path, name in asked.run or "all" in asked.run))
     write("scenarios/index.md", index("Scenarios", {n: shipped.title(path) for n, path in own.items()}))
     write("reference/api.md", "# API\n\nFrom the docstrings.\n\n" + "\n".join(f"::: {name}\n" for name in API))
     build()
@@ -96,14 +99,21 @@ def write(place: str, text: str) -> None:
     path.write_text(text)
 
 
-def documents() -> None:
-    """Pages that people wrote, with their links as they are in the site."""
+def documents(*, execute: bool) -> None:
+    """Pages that people wrote, with their links as they are in the site; `execute`: those that are notebooks."""
     for folder in FOLDERS:
         for path in sorted((ROOT / "docs" / folder).iterdir()):
             if path.suffix == ".md":
-                write(f"{folder}/{path.name}", moved(path.read_text()))
+                text, place = path.read_text(), SOURCE / folder / path.name
+                if execute and notebooks.is_notebook(text):
+                    place.parent.mkdir(parents=True, exist_ok=True)
+                    text = notebooks.page(notebooks.executed(text), place)
+                write(f"{folder}/{path.name}", moved(text))
             elif path.suffix == ".svg":
                 write(f"{folder}/{path.name}", path.read_text())
+            elif path.suffix == ".png":
+                (SOURCE / folder).mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(path, SOURCE / folder / path.name)
     titles = {
         path.stem: path.read_text().partition("\n")[0].lstrip("# ") for path in (SOURCE / "decisions").glob("*.md")
     }
@@ -112,6 +122,7 @@ def documents() -> None:
     write("index.md", moved((ROOT / "README.md").read_text()))
     write("contributing.md", moved((ROOT / "CONTRIBUTING.md").read_text()))
     write("changelog.md", (ROOT / "CHANGELOG.md").read_text())
+    write("notebooks.css", (ROOT / "docs" / "notebooks.css").read_text())
     for name, path in (("license", "LICENSE"), ("citation", "CITATION.cff")):
         write(f"{name}.md", f"# {path}\n\n```text\n{(ROOT / path).read_text()}```\n")
 

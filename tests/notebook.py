@@ -19,7 +19,7 @@ def run(cells: list[str]) -> None:
         if isinstance(last, ast.Expr):
             value = eval(compile(ast.Expression(last.value), name, "eval"), scope)
             ways = (getattr(value, name, None) for name in ("_repr_svg_", "_repr_html_", "__repr__"))
-            assert value is None or next(way for way in ways if way)(), text
+            assert value is None or any(way() for way in ways if way), text
 
 
 if __name__ == "__main__":

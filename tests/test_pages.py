@@ -1,5 +1,7 @@
 """The site of all documents is built without a warning: a link that leads nowhere would be one."""
 
+import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -16,7 +18,7 @@ ROOT = Path(__file__).parent.parent
 
 @pytest.fixture(scope="module")
 def site():
-    for package in ("mkdocs", "material", "mkdocstrings"):
+    for package in ("mkdocs", "material", "mkdocstrings", "nbclient", "ipykernel"):
         pytest.importorskip(package, reason="the extra `docs` is not installed")
     done = subprocess.run([sys.executable, ROOT / "docs" / "pages.py", "--run", "linear_grip"], cwd=ROOT, check=False,
                           capture_output=True, text=True)  # fmt: skip
@@ -42,6 +44,18 @@ def test_a_scenario_that_was_run_shows_what_came_out(site):
     page = (site / "scenarios" / "linear_grip.html").read_text()
     assert "What came out" in page
     assert page.count("<td>pass</td>") > 0
+
+
+@pytest.mark.parametrize(("name", "pictures"), [("python", 1), ("controller", 2), ("study", 3)])
+def test_a_notebook_shows_what_its_cells_gave(site, name, pictures):
+    page = (site / "tutorial" / f"{name}.html").read_text()
+    assert page.count('class="output"') > 5
+    drawn = re.findall(rf'src="({name}-\d+\.\w+)"', page)
+    assert len(drawn) == pictures
+    assert all((site / "tutorial" / one).stat().st_size > 1000 for one in drawn)
+    cells = json.loads((site / "tutorial" / f"{name}.ipynb").read_text())["cells"]
+    assert all(cell["execution_count"] for cell in cells if cell["cell_type"] == "code")
+    assert not any(one["output_type"] == "error" for cell in cells for one in cell.get("outputs", ()))
 
 
 def test_the_api_is_that_of_the_docstrings(site):

@@ -1,6 +1,7 @@
 """What a study tells: intervals that are known, causes that are put in, pages that stand alone."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from scipy import stats
 from tests.study.patients import STUDY, study_file
 from twin.cli import group
 from twin.study import Answers, load_study, percent
-from twin.study.answers import sensitivity
+from twin.study.answers import plots, sensitivity, tables
 from twin.study.answers.statistics import quantile, wilson
 from twin.study.many.engine import Row
 from twin.study.many.table import Cases
@@ -102,6 +103,27 @@ def test_a_part_is_never_rounded_to_all_of_it():
     assert [percent(one) for one in (1.0, 0.9999, 0.999, 0.5, 0.0)] == ["100 %", "99.99 %", "99.9 %", "50 %", "0 %"]
 
 
+def test_pictures_mark_what_fails_and_what_was_expected(tmp_path):
+    cases = made(tmp_path, "latin_hypercube", 100, lambda u: 3.0 * u[0] + 1.0 * u[1])
+    svg = plots.histograms(cases, "force_max")
+    assert plots.BAD in svg
+    assert plots.limits_of(cases.study, "plain", "force_max") == pytest.approx([0.09])
+    fine = [replace(one, holds=(True, *one.holds[1:])) for one in cases.rows]
+    calm = plots.histograms(Cases(cases.study, cases.requests, fine), "force_max")
+    assert calm != svg
+
+
+def test_a_large_study_lists_the_cases_it_names_and_some_that_fail(tmp_path):
+    cases = made(tmp_path, "latin_hypercube", 500, lambda u: 3.0 * u[0] + 1.0 * u[1])
+    answers = Answers(cases)
+    listed = tables.named(answers, 12, [77])
+    assert len(answers.shares[0].failing) <= len(listed) <= tables.MOST
+    assert {77, *answers.shares[0].failing[:12], answers.spreads[0].most[0]} <= set(listed)
+    told = tables.singles(answers, listed, {77: "cases/x"})
+    assert [row["number"] for row in told["rows"]] == listed
+    assert [row["run"] for row in told["rows"] if row["run"]] == ["cases/x"]
+
+
 def test_the_command_runs_a_study_and_one_of_its_cases_again(tmp_path, build):
     path = study_file(tmp_path, STUDY.replace("keep: {", "keep: {failed: 1, "))
     runner, folders = CliRunner(), ["--runs", str(tmp_path / "runs"), "--build", str(build)]
@@ -117,7 +139,13 @@ def test_the_command_runs_a_study_and_one_of_its_cases_again(tmp_path, build):
     assert "http://" not in page.replace("http://www.w3.org", "")
     assert page.count("<svg") >= 5
     failing = next(one["failing"] for one in told["expectations"] if one["failing"])
-    assert f'report.html">{failing[0]}</a>' in page  # its run was kept
+    row = re.search(rf'<tr id="case-{failing[0]}" class="bad">.*?</tr>', page, re.DOTALL)[0]
+    assert 'report.html">its run</a>' in row  # that one was kept
+    assert f'href="#case-{failing[0]}"' in page
+    assert f"twin run --case {folder}:" in page
+    sections = re.findall(r'<section id="(\w+)">', page)
+    assert {"variants", "shares", "spreads", "clusters", "pictures", "cases", "factors"} <= set(sections)
+    assert all(f'href="#{name}"' in page for name in sections)
     again = runner.invoke(group, ["run", "--case", f"patients:{failing[0]}", "--no-report", *folders])
     assert again.exit_code == 1, again.output  # as it failed in the study
     assert "to the bit" in again.output

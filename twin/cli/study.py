@@ -24,7 +24,9 @@ SHOWN = 8  # rows of what fails
 
 @click.command(name="study")
 @click.argument("file", type=click.Path(path_type=Path), metavar="STUDY", shell_complete=completion.studies)
-@click.option("--workers", type=click.IntRange(0, 1024), default=0, help="Processes. [default: one per core]")
+@click.option(
+    "--workers", type=click.IntRange(0, 1024), default=0, metavar="N", help="Processes. [default: one per core]"
+)
 @click.option("--scheduler", default="", metavar="ADDRESS", help="A dask scheduler instead, such as tcp://host:8786.")
 @click.option("--resume", is_flag=True, help="Go on with the newest folder of this study.")
 @click.option("--timeout", type=click.FloatRange(0.0), default=0.0, metavar="S",
@@ -47,7 +49,7 @@ def command(
 
     \b
     twin study thousand_patients
-    twin run --case thousand_patients:713        one of its cases, with all signals
+    twin run --case thousand_patients:713     one of its cases, all signals
     """
     from twin.study import Answers, latest, load_study, run_study
 

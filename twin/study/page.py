@@ -47,9 +47,19 @@ def templates() -> Any:
 
 def style(environment: Any) -> str:
     """The look of reports, from their template."""
+    return part(environment, "style")
+
+
+def script(environment: Any) -> str:
+    """What makes tables of reports sort and filter, from their template."""
+    return part(environment, "script")
+
+
+def part(environment: Any, tag: str) -> str:
+    """What the template of runs has in a tag."""
     source = environment.loader.get_source(environment, "report.html")[0]
-    found = re.search(r"<style>(.*?)</style>", source, re.DOTALL)
-    assert found, "report.html has a style"
+    found = re.search(rf"<{tag}>(.*?)</{tag}>", source, re.DOTALL)
+    assert found, f"report.html has a {tag}"
     return found[1]
 
 

@@ -8,16 +8,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.results import write_text
-from twin.study.answers import plots
+from twin.study.answers import plots, tables
 from twin.study.answers.told import Answers, cleaned, percent
 from twin.study.many import manifest, table
-from twin.study.page import style, templates
+from twin.study.page import script, style, templates
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from twin.study.many.work import StudyOutcome
 
 PAGE, ANSWERS = "report.html", "answers.json"
 EXAMPLES = 12  # numbers of cases that are named
+TITLES = {
+    "variants": "Variants", "shares": "Expectations", "spreads": "Distributions", "clusters": "Failures", "worst": "Worst case",
+    "tuned": "Tuning", "tornados": "One at a time", "drivers": "Drivers", "pictures": "Pictures", "cases": "Cases",
+    "factors": "What varies", "versions": "What ran",
+}  # fmt: skip
 
 
 def write_report(outcome: StudyOutcome) -> None:
@@ -52,22 +59,33 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
     """The page as text."""
     environment = templates()
     study = outcome.study
+    searched = [] if outcome.worst is None else [outcome.worst.number]
+    listed = tables.named(answers, EXAMPLES, [*outcome.runs, *searched])
+    metrics = {name: one.unit for name, one in study.scenario.metrics.items()}
     text: str = environment.get_template("study.html").render(
-        style=style(environment), outcome=outcome, study=study, answers=answers, percent=percent, pictures=pictures(outcome, answers),
-        parts=[percent(one) for one in study.keys.quantiles], link=link(outcome), examples=EXAMPLES,
-        factors=factors(outcome), worst=worst(outcome, answers), tuned=tuned(outcome, answers),
-        told=manifest.read(outcome.folder), drivers=[(one, plots.effects(one)) for one in answers.drivers],
-        tornados=tornados(answers),
+        style=style(environment), script=script(environment), outcome=outcome, study=study, answers=answers, percent=percent,
+        parts=[percent(one) for one in study.keys.quantiles], link=link(set(listed)), examples=EXAMPLES, metrics=metrics,
+        factors=factors(outcome), worst=worst(outcome, answers), tuned=tuned(outcome, answers), pictures=pictures(outcome, answers),
+        told=manifest.read(outcome.folder), tornados=tornados(answers), titles=TITLES, variants=tables.variants(answers),
+        cases=tables.singles(answers, listed, outcome.runs),
+        drivers=together((one.metric, one, plots.effects(one, metrics[one.metric])) for one in answers.drivers),
     )  # fmt: skip
     return text
 
 
-def link(outcome: StudyOutcome) -> Any:
-    """How a case is named: with a link where its run was kept."""
+def together(found: Iterable[tuple[str, Any, str]]) -> dict[str, list[tuple[Any, str]]]:
+    """What belongs to each name, in order."""
+    groups: dict[str, list[tuple[Any, str]]] = {}
+    for name, one, svg in found:
+        groups.setdefault(name, []).append((one, svg))
+    return groups
+
+
+def link(listed: set[int]) -> Any:
+    """How a case is named: with a link to its row in the list."""
 
     def named(number: int) -> str:
-        place = outcome.runs.get(number)
-        return f'<a href="{place}/report.html">{number}</a>' if place else str(number)
+        return f'<a href="#case-{number}">{number}</a>' if number in listed else str(number)
 
     return named
 
@@ -92,23 +110,23 @@ def factors(outcome: StudyOutcome) -> list[dict[str, str]]:
     return found
 
 
-def pictures(outcome: StudyOutcome, answers: Answers) -> list[tuple[str, str]]:
-    """Titles and plots of metrics and signals."""
+def pictures(outcome: StudyOutcome, answers: Answers) -> list[tuple[str, str, str]]:
+    """Titles, notes and plots of metrics and signals."""
     study, cases = outcome.study, outcome.cases
     found = []
-    if study.design.method != "one_at_a_time":
-        found += [(f"{one.metric}", plots.histograms(cases, one.metric)) for one in first_of(answers)]
     for index, name in enumerate(study.bands):
         if (outcome.folder / table.BANDS).exists():
-            found.append(
-                (f"{name}: median, quarters, 5 to 95 %, ends", plots.bands(outcome.folder, cases, name, index))
-            )
+            note = "median, quarters, 5 to 95 %, ends; red: beyond what is expected"
+            found.append((f"{name} over time", note, plots.bands(outcome.folder, cases, name, index)))
+    if study.design.method != "one_at_a_time":
+        note = f"dotted: {', '.join(map(percent, study.keys.quantiles))}; red: cases in which anything fails"
+        found += [(one.metric, note, plots.histograms(cases, one.metric)) for one in first_of(answers)]
     if study.design.method not in ("one_at_a_time", "grid") and study.factors:
         for one in first_of(answers)[:2]:
             for variant in study.variants:
                 if any(item.metric == one.metric and item.variant == variant for item in answers.spreads):
-                    title = f"{one.metric}, {variant}: every case a line; red where something fails"
-                    found.append((title, plots.parallel(cases, one.metric, variant)))
+                    note = "every case a line; red: cases in which anything fails"
+                    found.append((f"{one.metric}, {variant}", note, plots.parallel(cases, one.metric, variant)))
     return found
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import ast
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin import clock
 from twin.results import coherent, plotting
 from twin.study.design import SAMPLED
 from twin.study.many.engine import DONE
@@ -15,6 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from twin.study.answers.sensitivity import Change, Drivers
+    from twin.study.design import Study
     from twin.study.many.table import Cases
     from twin.study.many.tune import Tuned
 
@@ -41,25 +44,25 @@ def parallel(cases: Cases, metric: str, variant: str) -> str:
     study = cases.study
     places = cases.where(SAMPLED, variant)
     every = max(1, -(-len(places) // LINES))
-    holds = cases.holds
-    failing = [i for i in places if cases.rows[i].status != DONE or False in holds[i]]
-    shown = sorted(set(places[::every]) | set(failing[:LINES]))
+    is_bad = failing(cases)
+    failed = [i for i in places if is_bad[i]]
+    shown = sorted(set(places[::every]) | set(failed[:LINES]))
     own, axes_of = cases.values, [(one.name, k, 1.0, one.unit) for k, one in enumerate(study.factors)]
     columns = [own[shown, k] for _, k, _, _ in axes_of]
     unit = study.scenario.metrics[metric].unit
     factor, offset = coherent(unit)
     columns.append((cases.metric(metric)[shown] - offset) / factor)
     labels = [(name, one) for name, _, _, one in axes_of] + [(metric, unit)]
-    bad = set(failing)
+    bad = set(failed)
 
     def paint(grid: Any) -> None:
         axis = grid[0, 0]
         spans = [(np.nanmin(c), np.nanmax(c)) if np.isfinite(c).any() else (0.0, 1.0) for c in columns]
         scaled = np.array([(c - low) / ((high - low) or 1.0) for c, (low, high) in zip(columns, spans, strict=True)])
-        for is_bad in (False, True):
-            lines = [k for k, i in enumerate(shown) if (i in bad) is is_bad]
+        for of_bad in (False, True):
+            lines = [k for k, i in enumerate(shown) if (i in bad) is of_bad]
             if lines:
-                style = {"color": BAD, "alpha": 0.5} if is_bad else {"color": GOOD, "alpha": 0.12}
+                style = {"color": BAD, "alpha": 0.5} if of_bad else {"color": GOOD, "alpha": 0.12}
                 axis.plot(scaled[:, lines], linewidth=0.8, **style)
         for k, (low, high) in enumerate(spans):
             axis.axvline(k, color="#52606d", linewidth=0.8)
@@ -79,27 +82,39 @@ def parallel(cases: Cases, metric: str, variant: str) -> str:
     return drawn((9.2, 4.2), f"parallel {metric} {variant}", paint)
 
 
+def failing(cases: Cases) -> list[bool]:
+    """Whether something of each case is not as expected."""
+    return [row.status != DONE or False in holds for row, holds in zip(cases.rows, cases.holds, strict=True)]
+
+
+def limits_of(study: Study, variant: str, metric: str) -> list[float]:
+    """What is expected of a metric of a variant, SI."""
+    own = [one for one in study.scenario.expectations if one.metric == metric and not one.ordered]
+    own = [one for one in own if variant in (one.variants or (variant,))]
+    return [limit for one in own for limit in (one.at_least, one.at_most) if limit is not None]
+
+
 def histograms(cases: Cases, metric: str) -> str:
-    """How a metric is distributed, the variants below each other on one axis."""
+    """How a metric is distributed, the variants below each other on one axis; red: cases that fail in anything."""
     study = cases.study
     unit = study.scenario.metrics[metric].unit
     factor, offset = coherent(unit)
-    values = cases.metric(metric)
-    own = {}
-    for variant in study.variants:
-        found = values[cases.where(SAMPLED, variant)]
-        found = found[np.isfinite(found)]
-        if len(found):
-            own[variant] = (found - offset) / factor
+    values, is_bad = (cases.metric(metric) - offset) / factor, np.array(failing(cases))
+    places = {variant: np.array(cases.where(SAMPLED, variant), int) for variant in study.variants}
+    own = {variant: at for variant, every in places.items() if len(at := every[np.isfinite(values[every])])}
     if not own:
         return ""
-    whole = np.concatenate(list(own.values()))
+    whole = np.concatenate([values[at] for at in own.values()])
     low, high = float(whole.min()), float(np.quantile(whole, 0.995))
     edges = np.linspace(low, high if high > low else low + abs(low) + 1e-12, 61)
 
     def paint(grid: Any) -> None:
-        for axis, (variant, found) in zip(grid[:, 0], own.items(), strict=True):
-            axis.hist(np.minimum(found, edges[-1]), bins=edges, color=GOOD)
+        for axis, (variant, at) in zip(grid[:, 0], own.items(), strict=True):
+            found, bad = values[at], is_bad[at]
+            kinds = [np.minimum(one, edges[-1]) for one in (found[~bad], found[bad])]
+            axis.hist(kinds, bins=edges, color=[GOOD, BAD], stacked=True)
+            for limit in limits_of(study, variant, metric):
+                axis.axvline((limit - offset) / factor, color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5)))
             for part in study.keys.quantiles:
                 axis.axvline(np.quantile(found, part), color="#1f2933", linewidth=0.8, linestyle=":")
             axis.set_title(variant, fontsize=9)
@@ -140,6 +155,13 @@ def bands(folder: Path, cases: Cases, name: str, index: int) -> str:
             for k, alpha in ((0, 0.12), (1, 0.25), (2, 0.45)):
                 axis.fill_between(time, ends[k], ends[5 - k], color=GOOD, alpha=alpha, linewidth=0)
             axis.plot(time, np.median((found - offset) / factor, axis=0), color="#1f2933", linewidth=0.8)
+            for limit, sign, inside in expected(study, variant, name, time):
+                height, outer = (limit - offset) / factor, ends[5 if sign > 0 else 0]
+                axis.plot(
+                    time[inside], np.full(inside.sum(), height), color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5))
+                )
+                beyond = inside & (sign * (outer - height) > 0.0)
+                axis.fill_between(time, height, outer, where=beyond, color=BAD, alpha=0.5, linewidth=0)
             axis.set_title(variant, fontsize=9)
             axis.set_ylabel(plotting.axis_label(name, unit))
         grid[-1, 0].set_xlabel("time [s]")
@@ -147,21 +169,41 @@ def bands(folder: Path, cases: Cases, name: str, index: int) -> str:
     return drawn((9.2, 0.6 + 1.6 * len(own)), f"bands {name} {index}", paint, nrows=len(own), sharex=True)
 
 
-def effects(one: Drivers) -> str:
-    """Bars of what drives a metric, with their intervals."""
+def expected(study: Study, variant: str, name: str, time: Array) -> list[tuple[float, float, Array]]:
+    """Limits on a signal over time, SI: value, 1 for an upper and -1 for a lower one, and when it is asked for."""
+    signal, found = ast.dump(study.bands[name].tree), []
+    for one in study.scenario.expectations:
+        if one.signal is None or ast.dump(one.signal.tree) != signal or variant not in (one.variants or (variant,)):
+            continue
+        start, stop = one.window.start_ns, one.window.stop_ns
+        inside = time >= (clock.seconds(start) if start is not None else -np.inf)
+        inside &= time <= (clock.seconds(stop) if stop is not None else np.inf)
+        limits = ((one.at_most, 1.0), (one.at_least, -1.0))
+        found += [(limit, sign, inside) for limit, sign in limits if limit is not None]
+    return found
+
+
+def effects(one: Drivers, unit: str) -> str:
+    """Bars of what drives a metric, with their intervals; `unit`: the metric's."""
     names = [effect.factor for effect in one.effects]
     kinds = {
         "sobol": [("first order", "first", "first_half"), ("total", "total", "total_half")],
-        "morris": [("mean absolute effect [SI]", "first", "first_half")],
-        "rank": [("rank correlation", "first", "first_half")],
+        "morris": [("", "first", "first_half")],
+        "rank": [("", "first", "first_half")],
     }[one.kind]
+    quantity = {
+        "sobol": f"part of the variance of {one.metric}",
+        "morris": plotting.axis_label(f"mean absolute effect on {one.metric}", unit),
+        "rank": f"rank correlation with {one.metric}",
+    }[one.kind]
+    factor = coherent(unit)[0] if one.kind == "morris" else 1.0
 
     def paint(grid: Any) -> None:
         axis = grid[0, 0]
         height = 0.8 / len(kinds)
         for k, (label, value, half) in enumerate(kinds):
-            found = [getattr(effect, value) for effect in one.effects]
-            errors = np.nan_to_num([getattr(effect, half) for effect in one.effects])
+            found = np.array([getattr(effect, value) for effect in one.effects]) / factor
+            errors = np.nan_to_num([getattr(effect, half) for effect in one.effects]) / factor
             places = np.arange(len(names)) + (k - (len(kinds) - 1) / 2) * height
             axis.barh(places, found, xerr=errors, height=height, label=label, color=(GOOD, "#9a6100")[k],
                       error_kw={"linewidth": 0.8})  # fmt: skip
@@ -171,8 +213,7 @@ def effects(one: Drivers) -> str:
         axis.axvline(0.0, color="#1f2933", linewidth=0.8)
         if len(kinds) > 1:
             axis.legend(frameon=False, fontsize=8)
-        else:
-            axis.set_xlabel(kinds[0][0])
+        axis.set_xlabel(quantity)
 
     return drawn((9.2, 0.9 + 0.3 * len(names) * len(kinds)), f"effects {one.metric} {one.variant}", paint)
 

@@ -1,0 +1,106 @@
+"""Tables of a study's page that sort and filter: variants by metrics and expectations, and the cases that are named."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.component import unit
+from twin.results import coherent
+from twin.study.answers.told import percent
+from twin.study.many.engine import DONE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from twin.study.answers.statistics import Spread
+    from twin.study.answers.told import Answers
+
+ALL = 200  # cases of a study that is shown in whole
+MOST = 200  # cases of a larger one: those that the page names, then others that fail
+
+
+def cell(text: str = "", value: float = float("nan"), kind: str = "", more: str = "") -> dict[str, Any]:
+    """A cell; what it is sorted by is nothing where there is no value. `kind`: good, bad; `more`: in smaller letters."""
+    return {"text": text, "value": float(value) if np.isfinite(value) else None, "kind": kind, "more": more}
+
+
+def bare(answers: Answers, name: str, value: float) -> str:
+    """A value of a metric without the unit, which stands above it."""
+    return answers.metric(name, value).removesuffix(unit.shown(answers.study.scenario.metrics[name].unit)).rstrip()
+
+
+def in_unit(answers: Answers, name: str, value: float) -> float:
+    """A value of a metric as a number in its unit."""
+    factor, offset = coherent(answers.study.scenario.metrics[name].unit)
+    return (value - offset) / factor
+
+
+def columns(answers: Answers) -> list[tuple[str, str, str]]:
+    """Name, unit and meaning of each metric."""
+    metrics = answers.study.metrics.values()
+    return [(one.name, unit.shown(one.unit), one.description or one.signal.text) for one in metrics]
+
+
+def variants(answers: Answers) -> dict[str, Any]:
+    """A row for each variant: quantiles of each metric, and how often each expectation holds."""
+    study = answers.study
+    spreads = {(one.variant, one.metric): one for one in answers.spreads}
+    shares = {(one.variant, one.name): one for one in answers.shares}
+    judged = list(dict.fromkeys(one.name for one in answers.shares if one.variant in study.variants))
+    rows = []
+    for variant in study.variants:
+        cells = [quantiles(answers, spreads.get((variant, name))) for name in study.metrics]
+        for name in judged:
+            own = shares.get((variant, name))
+            cells.append(cell(percent(own.part), own.part, "pass" if own.part == 1.0 else "fail") if own else cell())
+        rows.append({"name": variant, "cells": cells, "bad": any(one["kind"] == "fail" for one in cells)})
+    heads = [*columns(answers), *((name, "holds in", "") for name in judged)]
+    return {"columns": heads, "rows": rows, "worth": len(rows) > 1 and bool(answers.spreads)}
+
+
+def quantiles(answers: Answers, spread: Spread | None) -> dict[str, Any]:
+    """The quantile in the middle, and below it the first and the last."""
+    if spread is None or not spread.quantiles:
+        return cell()
+    values = [one.value for one in spread.quantiles]
+    middle, ends = values[len(values) // 2], [bare(answers, spread.metric, one) for one in (values[0], values[-1])]
+    more = " to ".join(ends) if len(values) > 1 else ""
+    return cell(bare(answers, spread.metric, middle), in_unit(answers, spread.metric, middle), "", more)
+
+
+def named(answers: Answers, examples: int, more: Iterable[int]) -> list[int]:
+    """Numbers of the cases that are listed: all of a small study, else those that the page names and that fail."""
+    numbers = [one.number for one in answers.cases.requests]
+    if len(numbers) <= ALL:
+        return numbers
+    known = {number for one in answers.shares for number in one.failing[:examples]}
+    known |= {end[0] for one in answers.spreads for end in (one.least, one.most)}
+    known |= {one.cases[0] for one in answers.clusters} | {one.number for one in answers.changes} | set(more)
+    failing = [
+        n for n, row in zip(numbers, answers.cases.rows, strict=True) if row.status != DONE or False in row.holds
+    ]
+    known |= set(failing[: max(MOST - len(known), 0)])
+    return sorted(known & set(numbers))
+
+
+def singles(answers: Answers, numbers: Iterable[int], runs: dict[int, str]) -> dict[str, Any]:
+    """A row for each of some cases: metrics, what failed, and its run, if that was kept."""
+    cases, metrics = answers.cases, list(answers.study.metrics)
+    names = [one.name or one.metric or f"{k + 1}" for k, one in enumerate(answers.study.scenario.expectations)]
+    values = {name: cases.metric(name) for name in metrics}
+    wanted, rows = set(numbers), []
+    for i, (request, row) in enumerate(zip(cases.requests, cases.rows, strict=True)):
+        if request.number not in wanted:
+            continue
+        own = [float(values[name][i]) for name in metrics]
+        cells = [cell(bare(answers, name, x), in_unit(answers, name, x)) for name, x in zip(metrics, own, strict=True)]
+        broken = [name for name, holds in zip(names, row.holds, strict=False) if holds is False]
+        rows.append(
+            {
+                "number": request.number, "variant": request.variant, "seed": request.seed, "cells": cells,
+                "failed": row.why if row.status != DONE else ", ".join(broken), "run": runs.get(request.number, ""),
+            }
+        )  # fmt: skip
+    return {"columns": columns(answers), "rows": rows, "of": len(cases.rows)}
