@@ -48,6 +48,9 @@ LOG = "log.txt"
 ABOUT = ("name", "title", "source", "description", "path", "step_ns", "algorithm")  # of a run, as they are
 
 
+Course = Callable[["Case", "CoSimulation", Progress], object]  # takes a case from start to end
+
+
 def unheard(_line: str) -> None:
     """Nobody listens."""
 
@@ -69,6 +72,7 @@ def run_scenario(
     half_step: bool = False,
     logged: Sequence[str] = (),
     hear: Callable[[str], object] = unheard,
+    course: Course = run_case,
 ) -> Outcome:
     """Run a scenario and write its folder; a failing member or Ctrl-C ends it early, with what there is written.
 
@@ -79,6 +83,7 @@ def run_scenario(
     own log goes to log.txt and, line by line, to `hear`.
 
     `link`: to the process that watches this one (`twin.process.supervise`); without it the run records by itself.
+    `course`: what takes each case from its start to its end, where that is not its stop time.
     """
     refuse_faults(scenario.cases(variants, seeds), hardware)
     if hardware is not None:
@@ -94,7 +99,19 @@ def run_scenario(
     link, journal = link or Link(), Journal(outcome.folder)
     journal.begin(header(outcome, cases, report), link.owners)
     work = Work(
-        outcome, cases, form, build, progress, report, hardware, link, journal, (*WRITERS, *needed), logged, hear
+        outcome,
+        cases,
+        form,
+        build,
+        progress,
+        report,
+        hardware,
+        link,
+        journal,
+        (*WRITERS, *needed),
+        logged,
+        hear,
+        course,
     )
     try:
         with Stop(last=work.link.watched) as work.stop:
@@ -171,6 +188,7 @@ class Work:
     needed: Sequence[str] = WRITERS  # modules
     logged: Sequence[str] = ()  # patterns of members' names
     hear: Callable[[str], object] = unheard
+    course: Course = run_case
     stop: Stop = None  # type: ignore[assignment]  # while the run goes on
 
     def told(self, name: str, part: float) -> None:
@@ -217,7 +235,7 @@ class Work:
             begin = time.perf_counter()
             try:
                 with self.stop.armed(), late.ahead(*(self.needed if self.hardware is None else ())):
-                    run_case(case, simulated, self.told)
+                    self.course(case, simulated, self.told)
             finally:
                 took = time.perf_counter() - begin
             complete = True

@@ -6,7 +6,9 @@ from twin import late
 
 if TYPE_CHECKING:
     from twin.scenario import kept, members, package, shipped
+    from twin.scenario.alone import alone
     from twin.scenario.check import check_against, event_problems
+    from twin.scenario.console import Control, connected, controls_of
     from twin.scenario.dimensions import displayed
     from twin.scenario.grouping import group, part
     from twin.scenario.kept import Checked, checked
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from twin.scenario.spec import (
         Case,
         ConnectionSpec,
+        ControlSpec,
         EventSpec,
         FaultSpec,
         MemberSpec,
@@ -30,12 +33,16 @@ if TYPE_CHECKING:
     )
     from twin.scenario.tree import read
     from twin.scenario.value import duration, nanoseconds, number, resolve, short
+    from twin.scenario.written import Dumper
 
 __all__ = [
     "Built",
     "Case",
     "Checked",
     "ConnectionSpec",
+    "Control",
+    "ControlSpec",
+    "Dumper",
     "EventSpec",
     "FaultSpec",
     "Form",
@@ -50,9 +57,12 @@ __all__ = [
     "Text",
     "Time",
     "Value",
+    "alone",
     "changed",
     "check_against",
     "checked",
+    "connected",
+    "controls_of",
     "displayed",
     "dotted",
     "duration",
@@ -90,6 +100,9 @@ __getattr__ = late.names(
         "Case": "spec",
         "Checked": "kept",
         "ConnectionSpec": "spec",
+        "Control": "console",
+        "ControlSpec": "spec",
+        "Dumper": "written",
         "EventSpec": "spec",
         "FaultSpec": "spec",
         "Form": "members",
@@ -104,9 +117,12 @@ __getattr__ = late.names(
         "Text": "model",
         "Time": "model",
         "Value": "model",
+        "alone": "alone",
         "changed": "load",
         "check_against": "check",
         "checked": "kept",
+        "connected": "console",
+        "controls_of": "console",
         "displayed": "dimensions",
         "dotted": "message",
         "duration": "value",

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from twin import clock
 from twin.errors import CouplingError, ScenarioError
 from twin.scenario import value
+from twin.scenario.console import check_console, check_controls
 from twin.scenario.dimensions import check_units
 from twin.scenario.model import NAME
 from twin.scenario.names import find, inside, matching, nearest, no_element
@@ -50,7 +51,7 @@ def check(scenario: Scenario, keys: ScenarioKeys, tree: Node, trees: dict[str, N
                 place = tree.find(("groups", group, index)).place
                 problems.append(f"{place}: group `{group}`: there is no member `{name}`.{nearest(name, members)}")
     members |= {one.name for one in scenario.analyses}
-    problems += check_sets(tree, trees)
+    problems += check_sets(tree, trees) + check_console(scenario)
     for where, name in references(scenario, keys, tree):
         member = name.partition(".")[0]
         if "*" not in member and member not in members:
@@ -200,6 +201,7 @@ def check_against(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[s
         return [*problems, *error.problems]
     problems += check_names(scenario, every) + check_units(scenario, every)
     problems += check_arrays(scenario, every) if scenario.scenes else []
+    problems += check_controls(scenario, catalogs)
     return list(dict.fromkeys(problems))
 
 

@@ -31,7 +31,7 @@ from twin.results import Curve, Expectation, Expression, Metric, Plot, Window, e
 from twin.scenario.members import Built, Form, as_built, communication, component_of
 from twin.scenario.node import Node, Place
 from twin.scenario.shipped import located
-from twin.scenario.spec import Case, ConnectionSpec, EventSpec, Exchange, MemberSpec, RecordSpec, Scenario
+from twin.scenario.spec import Case, ConnectionSpec, ControlSpec, EventSpec, Exchange, MemberSpec, RecordSpec, Scenario
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
@@ -46,7 +46,7 @@ KNOWN = {"twin", "numpy", *sys.stdlib_module_names}  # modules whose changes are
 KINDS: dict[str, Any] = {
     one.__name__: one
     for one in (
-        *(Scenario, Case, MemberSpec, ConnectionSpec, EventSpec, Exchange, RecordSpec, Node, Place, Built),
+        *(Scenario, Case, MemberSpec, ConnectionSpec, ControlSpec, EventSpec, Exchange, RecordSpec, Node, Place, Built),
         *(Metric, Expectation, Plot, Curve, Window, MemberVariable, TerminalMember),
     )
 }

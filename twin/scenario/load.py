@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.coupling import Algorithm
 from twin.errors import ScenarioError
-from twin.scenario import check, figures, merge, nested
+from twin.scenario import check, console, figures, merge, nested
 from twin.scenario.lookup import look_up
 from twin.scenario.message import validate
 from twin.scenario.node import Node, Place
@@ -107,7 +107,7 @@ def assembled(written: Node, path: Path, overrides: Sequence[str], imports: bool
         tuple(keys.seeds), tuple(variants.values()), record, analyses, metrics, expectations, plots,
         {name: tuple(members) for name, members in keys.groups.items()}, tuple(overrides),
         not any(touches(option) for option in effective) and not changes_the_papers(root, str(path)), root, written,
-        pictures,
+        pictures, console.controls(keys, kept),
     )  # fmt: skip
     problems += check.check(scenario, keys, kept, trees)
     cases = tuple(replace(case, record=record) for case in scenario.variants)

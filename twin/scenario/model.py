@@ -319,6 +319,31 @@ class SceneKeys(WindowKeys):
     variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
 
 
+class ControlKeys(Keys):
+    """What a person at the console moves an input by, and how far: at full deflection `range`, let go `rest`.
+
+    `along`: inputs that get a value while it is held. `stick`: an axis of the joystick on the screen; `keys`: towards the
+    upper end and towards the lower one, as the browser names them (`KeyboardEvent.code`); `axis`, `reverse`, `buttons`: of a
+    gamepad.
+    """
+
+    input: Reference
+    label: Text = ""
+    description: Text = ""
+    range: Value | None = None
+    rest: Value | None = None
+    dead_zone: Annotated[float, BeforeValidator(fraction), Field(lt=1.0)] = 0.0
+    along: dict[Reference, Value] = {}
+    stick: Literal["", "x", "y", "x2", "y2"] = ""
+    keys: Annotated[list[Text], BeforeValidator(one_or_more), Field(max_length=2)] = []
+    axis: Annotated[int, Field(strict=True, ge=0, lt=32)] | None = None
+    reverse: bool = False
+    buttons: Annotated[
+        list[Annotated[int, Field(strict=True, ge=0, lt=64)]], BeforeValidator(one_or_more), Field(max_length=2)
+    ] = []
+    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+
+
 class RunKeys(Keys):
     """What a variant may change."""
 
@@ -349,3 +374,4 @@ class ScenarioKeys(RunKeys):
     plots: list[PlotKeys] = []
     scenes: list[SceneKeys] = []
     groups: dict[str, Annotated[list[Text], BeforeValidator(one_or_more), Field(min_length=1)]] = {}
+    console: list[ControlKeys] = []

@@ -146,6 +146,29 @@ class FaultSpec:
 
 
 @dataclass(frozen=True)
+class ControlSpec:
+    """By what a person moves an input. `range` and `rest` as written: one value for both ways, a pair, or nothing.
+
+    `keys` and `buttons`: towards the upper end, then towards the lower one. No `variants`: all that have the input free.
+    """
+
+    input: str
+    label: str = ""
+    description: str = ""
+    range: Any = None
+    rest: Any = None
+    dead_zone: float = 0.0  # part of the deflection
+    along: dict[str, Any] = field(default_factory=dict)  # inputs that have a value while it is held
+    stick: str = ""
+    keys: tuple[str, ...] = ()
+    axis: int | None = None
+    reverse: bool = False
+    buttons: tuple[int, ...] = ()
+    variants: tuple[str, ...] = ()
+    where: str = field(default="", compare=False)
+
+
+@dataclass(frozen=True)
 class RecordSpec:
     """What is recorded: patterns (none: all outputs), and whatever metrics and plots read; `every_ns` or each step."""
 
@@ -279,6 +302,7 @@ class Scenario:
     tree: Node = field(repr=False, compare=False)
     written: Node = field(repr=False, compare=False)  # the tree before `overrides`
     scenes: tuple[Scene, ...] = ()
+    console: tuple[ControlSpec, ...] = ()
     text: str = field(default="", repr=False, compare=False)  # of `frozen`, where it is known
 
     def cases(self, variants: Sequence[str] = (), seeds: Sequence[int] = ()) -> list[Case]:

@@ -19,8 +19,8 @@ from twin.scenario.node import Node, Place
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-MAX_BYTES = 2_000_000
-MAX_NODES = 50_000
+MAX_BYTES = 20_000_000  # an hour in somebody's hands, 30 events a second
+MAX_NODES = 1_000_000
 MAX_DEPTH = 24
 
 FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")

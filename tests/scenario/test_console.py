@@ -1,0 +1,103 @@
+"""`console:` of a scenario: what a person moves inputs by."""
+
+import pytest
+
+from twin.errors import ScenarioError
+from twin.live.process import endless
+from twin.run import prepare
+from twin.scenario import alone, controls_of, parse_scenario
+
+HEAD = """
+stop_time: 1 s
+members:
+  command: {component: operator_command, parameters: {live: true}}
+  servomotor: {component: servomotor, parameters: {mode_of_operation: 9}}
+connections: [command.catheter_velocity -> servomotor.target_velocity]
+variants: {one: {}, other: {members: {servomotor: null}}}
+console:
+"""
+
+
+def controls(text, variant="one"):
+    scenario = parse_scenario(f"{HEAD}{text}")
+    catalogs = prepare(scenario)
+    case = next(one for one in scenario.variants if one.variant == variant)
+    return controls_of(scenario, case, catalogs[variant])
+
+
+def test_units_and_ranges():
+    both, upward, pressed = controls(
+        '- {input: "command.live_speed[1]", range: 20 mm/s, dead_zone: 8 %, stick: y, keys: [KeyW, KeyS], axis: 1}\n'
+        '- {input: "command.live_turn[2]", range: [-10 deg/s, 0.5], rest: 5 deg/s, buttons: 3}\n'
+        "- {input: command.pressed, rest: true, label: the switch}\n"
+    )
+    assert (both.low, both.high, both.rest, both.spec.dead_zone) == (-0.02, 0.02, 0.0, 0.08)
+    assert (both.spec.keys, both.spec.label) == (("KeyW", "KeyS"), "command.live_speed[1]")
+    assert (upward.low, upward.high) == (pytest.approx(-0.17453, rel=1e-4), 0.5)
+    assert upward.rest == pytest.approx(0.087266, rel=1e-4)
+    assert (upward.spec.buttons, pressed.low, pressed.high, pressed.rest) == ((3,), 0.0, 1.0, 1.0)
+
+
+WRONG = {
+    "an unknown input": ("command.nothing, range: 1", "command has no variable `nothing`."),
+    "an output": ("command.catheter_velocity, range: 1", "command.catheter_velocity is output, not an input."),
+    "a parameter": ("servomotor.mass, range: 1", "servomotor.mass is parameter, not an input."),
+    "what is connected": ("servomotor.target_velocity, range: 1", "servomotor.target_velocity is connected"),
+    "an array": ("command.live_speed, range: 1", "command.live_speed is an array of 2. Name one element,"),
+    "no range": ('"command.live_speed[1]"', "command.live_speed[1]: `range` is missing."),
+    "another unit": ('"command.live_speed[1]", range: 1 N', "`1 N` does not convert to m/s."),
+    "three ends": ('"command.live_speed[1]", range: [1, 2, 3]', "range: expected one value or two"),
+    "no way": ('"command.live_speed[1]", range: 0 mm/s', "rest 0 mm/s is not inside 0 mm/s to 0 mm/s."),
+    "rest outside": ('"command.live_speed[1]", range: [1, 2]', "rest 0 mm/s is not inside 1000 mm/s to 2000 mm/s."),
+    "beyond the input": ("command.live_held, range: 7", "command.live_held: range: -7 is below the minimum."),
+    "a range of a bit": ("command.pressed, range: 1", "command.pressed is true or false. Leave `range` out."),
+    "along what is none": ("command.pressed, along: {command.held: 1}", "command.held is output, not an input."),
+    "along nonsense": ("command.pressed, along: {command.live: 1}", "command.live: expected true or false, not 1."),
+    "three keys": ("command.pressed, keys: [a, b, c]", "console[1].keys"),
+    "a stick": ("command.pressed, stick: z", "console[1].stick: `z` is not known."),
+    "a dead zone": ("command.pressed, dead_zone: 100 %", "console[1].dead_zone"),
+    "an unknown key": ("command.pressed, gain: 2", "console[1]: unknown key `gain`."),
+    "a variant": ("command.pressed, variants: [three]", "console: there is no variant `three`."),
+    "missing elsewhere": ("servomotor.target_position, range: 1, variants: [one, other]", "there is no member"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_says_what_is_wrong(what):
+    text, told = WRONG[what]
+    with pytest.raises(ScenarioError) as caught:
+        controls(f"- {{input: {text}}}")
+    (line,) = caught.value.problems
+    assert told in line
+    assert line.startswith("scenario.yaml:9: ")
+
+
+def test_a_key_has_one_meaning():
+    with pytest.raises(ScenarioError, match=r"key KeyW moves command\.pressed too"):
+        controls("- {input: command.pressed, keys: KeyW}\n- {input: command.live, keys: KeyW}\n")
+    assert controls(
+        "- {input: command.pressed, keys: KeyW, variants: one}\n- {input: command.live, keys: KeyW, variants: other}\n"
+    )[0].spec.input == "command.pressed"  # fmt: skip
+
+
+def test_a_control_without_variants_is_there_where_its_input_is():
+    text = "- {input: servomotor.target_position, range: 1 mm}\n- {input: command.pressed}\n"
+    assert [one.spec.input for one in controls(text, "one")] == ["servomotor.target_position", "command.pressed"]
+    assert [one.spec.input for one in controls(text, "other")] == ["command.pressed"]
+
+
+def test_one_variant_alone_is_a_scenario_without_what_judges_it():
+    scenario = parse_scenario(
+        HEAD.replace("console:", "") + "metrics: {far: {signal: servomotor.position, reduce: max}}\n"
+        "expect: [{metric: far, at_most: 1 mm}]\n"
+        "plots: [{title: A, signals: [servomotor.position], from: 0.5 s, variants: [one]}]\n"
+        "events: [{at: 0.1 s, set: {command.pressed: true}}]\n"
+    )
+    texts = {case.variant: alone(scenario, case, ["command.held"]) for case in scenario.variants}
+    one = endless(texts["one"], scenario.variants[0], scenario.path)
+    assert (one.metrics, one.expectations, one.seeds, len(one.plots)) == ({}, (), (0,), 1)
+    assert one.plots[0].window.start_ns is None
+    assert [event.variable for event in one.variants[0].events] == ["command.pressed"]
+    other = parse_scenario(f"stop_time: 1 s\n{texts['other']}")
+    assert (list(other.variants[0].members), other.plots) == (["command"], ())
+    assert other.record.patterns == ("command.held",)

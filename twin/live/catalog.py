@@ -1,0 +1,130 @@
+"""What of a session can be seen and done: signals, controls, events, first plots; made by the loop, sent as plain data."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, field, fields
+from typing import TYPE_CHECKING, Any
+
+from twin.dataclass import dataclass
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+@dataclass(frozen=True)
+class Signal:
+    """A variable. Values are in `unit`; shown = factor * value + offset, in `display_unit`. Arrays are whole.
+
+    `settable`: a person may set it; `held`: it moves only while a person holds it.
+    """
+
+    name: str  # member.variable
+    member: str
+    kind: str  # output, input, parameter or local
+    type: str  # FMI's
+    shape: tuple[int, ...] = ()
+    unit: str = ""
+    display_unit: str = ""
+    factor: float = 1.0
+    offset: float = 0.0
+    description: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    start: Any = None
+    items: Mapping[str, int] = field(default_factory=dict)  # of an enumeration
+    recorded: bool = False
+    settable: bool = False
+    held: bool = False
+
+
+@dataclass(frozen=True)
+class Control:
+    """By what a person moves an input: `low` and `high` at full deflection, `rest` when it is let go, in its unit.
+
+    `kind`: hold, or press for what is true or false. `stick`: x, y, x2 or y2 of the joystick on the screen, or nothing.
+    `keys`, `buttons`: towards the upper end, then towards the lower one. `axis`, `reverse`, `buttons`: of a gamepad.
+    """
+
+    name: str
+    input: str
+    label: str
+    description: str
+    low: float
+    high: float
+    rest: float
+    dead_zone: float  # part of the deflection
+    unit: str
+    display_unit: str
+    factor: float
+    offset: float
+    kind: str
+    stick: str = ""
+    keys: tuple[str, ...] = ()
+    axis: int | None = None
+    reverse: bool = False
+    buttons: tuple[int, ...] = ()
+
+    def value(self, deflection: float) -> float | bool:
+        """What the input gets at a deflection, -1 to 1."""
+        if self.kind == "press":
+            return deflection > 0.5
+        way = max(abs(min(max(deflection, -1.0), 1.0)) - self.dead_zone, 0.0) / (1.0 - self.dead_zone)
+        return self.rest + way * ((self.high if deflection > 0.0 else self.low) - self.rest)
+
+
+@dataclass(frozen=True)
+class Event:
+    """What the scenario has prepared. `own`: it happens by itself at `at` [s]; the others are of other variants."""
+
+    key: str
+    kind: str
+    text: str
+    description: str = ""
+    at: float | None = None
+    own: bool = True
+
+
+@dataclass(frozen=True)
+class Catalog:
+    """Everything, for a page. `every`: time between two recorded rows [s]; `wall_clock`: drives keep the time."""
+
+    scenario: str
+    title: str
+    description: str
+    path: str
+    variant: str
+    seed: int
+    step: float
+    start: float
+    every: float
+    hardware: bool
+    wall_clock: bool
+    members: Mapping[str, str]  # name -> its component's class, or an FMU's file
+    signals: Mapping[str, Signal]
+    controls: tuple[Control, ...]
+    events: tuple[Event, ...]
+    plots: tuple[tuple[str, str, tuple[str, ...]], ...]  # title, unit, signals
+    bands: Mapping[str, tuple[float, float]]  # of plots
+
+    def plain(self) -> dict[str, Any]:
+        """As JSON has it."""
+        return {one.name: getattr(self, one.name) for one in fields(self)} | {
+            "signals": [asdict(one) for one in self.signals.values()],
+            "controls": [asdict(one) for one in self.controls],
+            "events": [asdict(one) for one in self.events],
+        }
+
+    @classmethod
+    def of(cls, told: dict[str, Any]) -> Catalog:
+        """From plain data."""
+        signals = [Signal(**{**one, "shape": tuple(one["shape"])}) for one in told["signals"]]
+        controls = [Control(**{**one, "keys": tuple(one["keys"]), "buttons": tuple(one["buttons"])})
+                    for one in told["controls"]]  # fmt: skip
+        return cls(**{
+            **told,
+            "signals": {one.name: one for one in signals},
+            "controls": tuple(controls),
+            "events": tuple(Event(**one) for one in told["events"]),
+            "plots": tuple((title, unit, tuple(names)) for title, unit, names in told["plots"]),
+            "bands": {title: (low, high) for title, (low, high) in told["bands"].items()},
+        })  # fmt: skip

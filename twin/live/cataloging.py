@@ -1,0 +1,154 @@
+"""The catalog of a session, from its case and its members."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock
+from twin.component import catalog as components
+from twin.component import unit
+from twin.errors import CouplingError
+from twin.live.catalog import Catalog, Control, Event, Signal
+from twin.scenario import EventSpec, connected, controls_of, event_problems, short
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from twin.coupling import Catalog as Variables
+    from twin.coupling import CoSimulation, MemberVariable
+    from twin.scenario import Case, FaultSpec, MemberSpec, Scenario
+
+SMALL = 16  # elements of an array that is recorded without being asked for
+LARGEST = 64  # elements of an array whose start value is told
+KINDS = {"output": "output", "input": "input", "parameter": "parameter", "structuralParameter": "parameter"}
+DONE = {"set": "set to", "override": "overridden by", "release": "released"}
+
+
+def recorded_names(case: Case, catalog: Variables, more: tuple[str, ...]) -> list[str]:
+    """Names of what a session records: what the scenario does, `more`, small outputs, and all free inputs."""
+    targets = connected(case, catalog)
+    wanted = replace(case.record, patterns=(*case.record.patterns, *more)).select(catalog)
+    small = [
+        f"{member}.{name}"
+        for member, variables in catalog.items()
+        for name, one in variables.items()
+        if one.connectable and one.size <= SMALL and one.type != "Clock"
+        and (one.causality == "output" or (one.causality == "input" and f"{member}.{name}" not in targets))
+    ]  # fmt: skip
+    return list(dict.fromkeys([*wanted, *small]))
+
+
+def shown(one: MemberVariable) -> tuple[str, float, float]:
+    """Display unit, and factor and offset to it."""
+    if one.display_unit and one.unit:
+        with suppress(CouplingError):  # an FMU may have any text for a unit
+            return one.display_unit, *unit.conversion(one.unit, one.display_unit, one.name)
+    return one.unit, 1.0, 0.0
+
+
+def catalog_of(
+    scenario: Scenario, variant: str, case: Case, simulated: CoSimulation, events: Mapping[str, Event],
+    drives: bool, wall_clock: bool,
+) -> Catalog:  # fmt: skip
+    """Everything that can be seen and done. `drives`: members are drives; `wall_clock`: and keep the time."""
+    variables = {name: member.variables for name, member in simulated.members.items()}
+    targets, recorded = connected(case, variables), set(simulated.recorded)
+    controls = [control(one) for one in controls_of(scenario, case, variables)]
+    held = {one.input.partition("[")[0] for one in controls}
+    signals = {}
+    for member, own in variables.items():
+        for name, one in own.items():
+            if not one.connectable:
+                continue
+            path = f"{member}.{name}"
+            is_free = one.causality == "input" and path not in targets
+            is_held = is_free and (path in held or wall_clock)
+            tunable = one.causality == "parameter" and one.variability == "tunable"
+            display, factor, offset = shown(one)
+            signals[path] = Signal(
+                path, member, KINDS.get(one.causality, "local"), one.type, one.shape, one.unit, display, factor, offset,
+                one.description, one.minimum, one.maximum, start(case, member, one), dict(one.items),
+                (member, name) in recorded, (is_free and not is_held) or tunable, is_free,
+            )  # fmt: skip
+    plots = [
+        (one.title, one.unit, tuple(curve.signal.text for curve in one.curves))
+        for one in scenario.plots
+        if all(curve.x is None and curve.signal.text.partition("[")[0] in signals for curve in one.curves)
+    ]
+    return Catalog(
+        scenario.name, scenario.title, scenario.description, str(scenario.path), variant, case.seed,
+        clock.seconds(case.step_ns), clock.seconds(case.start_ns), clock.seconds(simulated.every), drives, wall_clock,
+        {name: component(spec) for name, spec in case.members.items()}, signals, tuple(controls),
+        tuple(events.values()), tuple(plots), {one.title: one.band for one in scenario.plots if one.band},
+    )  # fmt: skip
+
+
+def component(spec: MemberSpec) -> str:
+    """Name of a member's class, or of its file."""
+    if "#" in spec.component or spec.component.endswith((".fmu", ".csv")):
+        return spec.component.rpartition("/")[2]
+    made: Any = spec.made or components.component(spec.component)
+    name: str = getattr(made, "replaced", made).__name__  # a drive shows as the member that it stands for
+    return name
+
+
+def start(case: Case, member: str, one: MemberVariable) -> Any:
+    """A start value as plain data; None if there is none, or if it is long."""
+    given = one.start
+    with suppress(CouplingError):
+        given = case.values(member, {one.name: one}).get(one.name, given)
+    if given is None or one.size > LARGEST:
+        return None
+    value = np.asarray(given)
+    return value.tolist() if np.all(np.isfinite(value.astype(float))) else None
+
+
+def control(one: Any) -> Control:
+    """A control as plain data."""
+    spec, variable = one.spec, one.variable
+    display, factor, offset = shown(variable)
+    return Control(
+        spec.input, spec.input, spec.label, spec.description, one.low, one.high, one.rest, spec.dead_zone,
+        variable.unit, display, factor, offset, "press" if variable.type == "Boolean" else "hold", spec.stick, spec.keys,
+        spec.axis, spec.reverse, spec.buttons,
+    )  # fmt: skip
+
+
+def prepared(
+    scenario: Scenario, variant: str, case: Case, catalog: Variables, held: set[str], faults: bool
+) -> dict[str, tuple[Event, EventSpec | FaultSpec]]:
+    """The events of a scenario that can happen in a case, its own first, and of its other variants each once.
+
+    `held`: inputs that a person holds, which no event of another variant sets; `faults`: simulated drives have them.
+    """
+    targets = connected(case, catalog)
+    found: dict[str, tuple[Event, EventSpec | FaultSpec]] = {}
+    seen = set()
+    for one in sorted(scenario.variants, key=lambda one: one.variant != variant):
+        own = one.variant == variant
+        events: list[EventSpec | FaultSpec] = [*one.events, *(one.faults if faults else ())]
+        for event in events:
+            text = told(event)
+            if text in seen and not own:
+                continue
+            if isinstance(event, EventSpec) and (
+                event_problems(event, catalog, targets)
+                or (event.kind == "set" and event.variable.partition("[")[0] in held and not own)
+            ):
+                continue
+            seen.add(text)
+            key, kind = f"event_{len(found) + 1}", event.kind if isinstance(event, EventSpec) else "fault"
+            at = clock.seconds(event.time_ns) if own else None
+            found[key] = Event(key, kind, text, "" if own else one.title, at, own), event
+    return found
+
+
+def told(event: EventSpec | FaultSpec) -> str:
+    """What happens, for people."""
+    if isinstance(event, EventSpec):
+        return f"{event.variable} {DONE[event.kind]}{'' if event.kind == 'release' else f' {short(event.value)}'}"
+    return f"fault {event.text}"

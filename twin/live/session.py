@@ -1,0 +1,299 @@
+"""The course of a run that a person operates: blocks of the compiled loop, paced against the wall clock, and what is told.
+
+Between two blocks the loop listens. All that changes anything happens there, at a communication point, and is written
+into operated.yaml before the loop goes on, so that running this file gives the same bits.
+"""
+
+from __future__ import annotations
+
+import time as wall
+from math import inf, lcm
+from typing import TYPE_CHECKING, Any, Protocol
+
+from twin import clock
+from twin.errors import SimulationError
+from twin.live import asked
+from twin.live.cataloging import catalog_of, prepared
+from twin.live.channel import Channel, ClosedError
+from twin.live.hold import DeadMan
+from twin.live.operated import NAME, Operated, moment
+from twin.live.orders import WHERE, Orders
+from twin.live.pace import BLOCK, Pace
+from twin.scenario import EventSpec, FaultSpec, Node, connected
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from twin.coupling import CoSimulation
+    from twin.scenario import Case, Scenario
+
+WAIT = 0.1  # longest sleep where nothing is to be done [s]
+SELDOM = 0.1  # between two states of the drives [s]
+
+
+class Drives(Protocol):
+    """What hardware tells of itself while it runs."""
+
+    @property
+    def wall_clock(self) -> bool:
+        """Whether the drives keep the time, so that nothing can be paused."""
+
+    @property
+    def cycle(self) -> clock.Time:
+        """Between two targets that they are sent [ns]."""
+
+    def status(self) -> dict[str, Any]:
+        """What a person who watches over them needs to see."""
+
+    def strike(self, fault: FaultSpec) -> None:
+        """Let a fault happen at its time; ScenarioError if it cannot."""
+
+
+class Session:
+    """A run in somebody's hands. `begun`: the scenario with all variants, whose events can be triggered."""
+
+    def __init__(self, channel: Channel, rate: float, running: bool) -> None:
+        self.channel, self.rate, self.running = channel, rate, running
+        self.begun: Scenario
+        self.own: Scenario  # what is run
+        self.variant = ""
+        self.head = ""  # of operated.yaml
+        self.drives: Drives | None = None
+        self.epoch = 0
+        self.phase = "starting"
+        self.ending = self.again = self.gone = False
+        self.folder = ""
+        self.left: int | None = None  # communication steps to go while it is paused
+        self.stepping: int | None = None  # number of the message that asked for them
+        self._told = self._told_drives = -inf
+        self._message = 0
+        self._orders: Orders | None = None
+
+    # --------------------------------------------------------------------------------------------------- the course
+
+    def course(self, case: Case, simulated: CoSimulation, told: Callable[[str, float], object]) -> None:
+        """Take a case from its start to where a person ends it."""
+        simulated.initialize(case.start_ns, None)
+        folder = simulated.recorder.file.parent.parent  # type: ignore[attr-defined]
+        self.folder, self.epoch = str(folder), self.epoch + 1
+        self.ending = self.again = False
+        self.simulated, self.case = simulated, case
+        variables = {name: member.variables for name, member in simulated.members.items()}
+        wall_clock = self.drives is not None and self.drives.wall_clock
+        simulated_drives = self.drives is not None and not wall_clock
+        held = {one.input.partition("[")[0] for one in self.own.console}
+        self.prepared = prepared(self.begun, self.variant, case, variables, held, simulated_drives)
+        events = {key: event for key, (event, _) in self.prepared.items()}
+        catalog = catalog_of(self.own, self.variant, case, simulated, events, self.drives is not None, wall_clock)
+        # where all members have whole steps behind them, in communication steps: an FMU makes none beyond the stop time
+        self.macro = lcm(*(period // case.step_ns for period in simulated.periods.values()))
+        file = Operated(folder / NAME, self.head, case.start_ns + self.macro * case.step_ns)
+        self._orders = Orders(case, simulated, catalog, connected(case, variables), file)
+        self.along = {one.input: dict(one.along) for one in self.own.console}
+        self.hands, self.given, self._next, self.wall_clock = DeadMan(), dict[str, Any](), 0, wall_clock
+        self._faults = list(case.faults)
+        self.pace = Pace(1.0 if wall_clock else self.rate, catalog.step)
+        self.phase = "running" if self.running else "paused"
+        self.begin_pace()
+        self.send(catalog=catalog.plain(), folder=self.folder, epoch=self.epoch, state=self.standing())
+        try:
+            self.go(told)
+            self.enter("finishing")
+        except SimulationError as error:
+            self.say(str(error))
+            raise
+        finally:
+            file.close()
+
+    def go(self, told: Callable[[str, float], object]) -> None:
+        """Until it is ended: listen, then let the loop go on when it is time."""
+        simulated = self.simulated
+        self.reached()
+        while not self.ending:
+            time, now = simulated.time, wall.monotonic()
+            goes = self.phase == "running" or (self.left is not None and self.left > 0)
+            due = self.pace.due(clock.seconds(time)) if self.phase == "running" and not self.wall_clock else now
+            if not goes or due > now:
+                latest = min(due if goes else now + WAIT, self.hands.deadline, now + WAIT)
+                self.listen(max(latest - now, 0.0))
+                self.look_after_hands()
+            else:
+                self.listen(0.0)
+                self.look_after_hands()
+                if not self.ending and (self.phase == "running" or self.left):
+                    self.block()
+            told(self.case.name, 0.0)
+            self.report()
+        if not self.wall_clock and not simulated.finished:
+            self.left = self.left_to_common()
+            while self.left and not simulated.finished:
+                self.block()
+
+    @property
+    def begun_to_go(self) -> bool:
+        """Whether it has made a step: then drives are up."""
+        return self.simulated.time > self.case.start_ns
+
+    def left_to_common(self, more: int = 0) -> int:
+        """Communication steps to the next point where all members have whole ones behind them, `more` of them at least."""
+        made = (self.simulated.time - self.case.start_ns) // self.case.step_ns
+        return -(-(made + more) // self.macro) * self.macro - made
+
+    def begin_pace(self) -> None:
+        """From here on."""
+        self.pace.begin(wall.monotonic(), clock.seconds(self.simulated.time))
+
+    def block(self) -> None:
+        """Some communication steps, until the next event of the scenario at most."""
+        simulated, orders = self.simulated, self._orders
+        assert orders is not None
+        before, begin = simulated.time, wall.monotonic()
+        count = self.pace.count()
+        if self.left is not None:
+            count = min(count, self.left)
+        until = before + count * self.case.step_ns
+        if self.drives is not None and self.wall_clock:
+            # it listens half way between two cycles, where nobody waits
+            half = self.drives.cycle // self.case.step_ns // 2 * self.case.step_ns
+            until += (half - (until - self.case.start_ns)) % self.drives.cycle
+        if self._next < len(self.case.events):
+            until = min(until, self.case.events[self._next].time_ns)
+        if self.wall_clock and before == self.case.start_ns:
+            self.say("the drives are being brought up.")
+            self.report(now=True)
+        while self._faults and self._faults[0].time_ns < until:
+            fault = self._faults.pop(0)
+            orders.write(fault, "fault", fault.text, by_hand=False)
+        made = (until - before) // self.case.step_ns
+        orders.file.goes_to(before + self.left_to_common(made) * self.case.step_ns)
+        simulated.advance(until)
+        made = (simulated.time - before) // self.case.step_ns
+        self.pace.went(begin, wall.monotonic(), clock.seconds(before), clock.seconds(simulated.time), made)
+        if self.left is not None:
+            self.left -= made
+        if simulated.finished:
+            self.phase = "ended"
+            self.say(simulated.failure)
+        if simulated.finished or self.left == 0:
+            self.stepped()
+        self.reached()
+
+    def reached(self) -> None:
+        """The scenario's own events at the communication point that was reached."""
+        events, orders = self.case.events, self._orders
+        assert orders is not None
+        while self._next < len(events) and events[self._next].time_ns <= self.simulated.time:
+            orders.happens(events[self._next])
+            self._next += 1
+
+    def strike(self, fault: FaultSpec) -> None:
+        """A fault of simulated drives, a little behind the communication point: in this order it happens again."""
+        assert self.drives is not None
+        time = self.simulated.time + 1000
+        entries = {"at": Node(moment(time), fault.tree.place)}
+        now = FaultSpec(time, Node(fault.tree.entries | entries, fault.tree.place))
+        self.drives.strike(now)
+        self.orders.write(now, "fault", now.text, by_hand=True)
+
+    # ------------------------------------------------------------------------------------------------------- hands
+
+    def look_after_hands(self) -> None:
+        """Who does not renew lets go; then every held input gets its value, and what goes along with it."""
+        orders = self._orders
+        assert orders is not None
+        for name in self.hands.expire(wall.monotonic()):
+            self.say(f"{name}: was not renewed in time and went to rest. Let go and press again.")
+        wanted: dict[str, Any] = {name: one.value for name, one in self.hands.inputs.items()}
+        for name, along in self.along.items():
+            for other, value in along.items():
+                if name in self.hands.inputs and self.hands.inputs[name].moves:
+                    wanted[other] = value
+                else:
+                    wanted.setdefault(other, orders.start(other))
+        for name, value in wanted.items():
+            if (self.given[name] if name in self.given else orders.start(name)) != value:
+                orders.happens(EventSpec(self.simulated.time, "set", name, value, WHERE), by_hand=True)
+                self.given[name] = value
+                self._told = -inf  # a hand is seen at once
+
+    # ---------------------------------------------------------------------------------------------------- listening
+
+    def listen(self, timeout: float) -> None:
+        """Do what has come; if nobody is there any more all goes to rest, and the session ends."""
+        try:
+            for message in self.channel.receive(timeout):
+                self.answer(message)
+        except ClosedError:
+            self.gone = self.ending = True
+        if self.ending:
+            self.hands.let_go()
+
+    def answer(self, message: dict[str, Any]) -> None:
+        """Do what a message asks, and say how it went if it wants to know."""
+        number = message.get("number")
+        refused, later = asked.do(self, message)
+        if number is None and refused:
+            self.say(refused)
+        elif number is not None and not later:
+            self.report(now=True)
+            self.send(answer=number, refused=refused)
+
+    def stepped(self) -> None:
+        """No more steps are to be made."""
+        self.left = None
+        if self.stepping is not None:
+            self.report(now=True)
+            self.send(answer=self.stepping)
+            self.stepping = None
+
+    @property
+    def orders(self) -> Orders:
+        """Of the present run."""
+        assert self._orders is not None
+        return self._orders
+
+    # ------------------------------------------------------------------------------------------------------ telling
+
+    def send(self, **message: Any) -> None:
+        """Tell something that must arrive; the session ends where nobody is there."""
+        try:
+            self.channel.send(**message)
+        except ClosedError:
+            self.gone = self.ending = True
+
+    def say(self, text: str) -> None:
+        """A sentence for the person."""
+        self._message += 1
+        self.send(said=[self._message, wall.time(), text])
+
+    def enter(self, phase: str) -> None:
+        """Another phase, told at once."""
+        self.phase = phase
+        self.send(phase=phase)
+
+    def standing(self) -> dict[str, Any]:
+        """How it stands, as plain data."""
+        pace, orders, goes = self.pace, self.orders, self.phase == "running"
+        return {
+            "phase": self.phase, "time": clock.seconds(self.simulated.time), "rate": pace.rate,
+            "achieved": pace.achieved if goes else 0.0, "lag": pace.lag if goes else 0.0, "jitter": pace.jitter,
+            "values": orders.values, "overridden": orders.overridden,
+            "held": {name: one.value for name, one in self.hands.inputs.items() if one.moves},
+        }  # fmt: skip
+
+    def report(self, now: bool = False) -> None:
+        """Tell how it stands, thirty times a second at most."""
+        instant, orders = wall.monotonic(), self.orders
+        try:
+            if orders.done:
+                self.send(done=orders.done)
+                orders.done = []
+            if instant - self._told < BLOCK and not now:
+                return
+            self._told = instant
+            self.channel.tell(state=self.standing())
+            if self.drives is not None and instant - self._told_drives >= SELDOM:
+                self._told_drives = instant
+                self.channel.tell(hardware=self.drives.status())
+        except ClosedError:
+            self.gone = self.ending = True
