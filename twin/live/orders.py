@@ -78,7 +78,8 @@ class Orders:
             self.overridden[event.variable] = event.value
         else:
             self.overridden.pop(event.variable, None)
-        text = f"{event.kind} {event.variable}{'' if event.kind == 'release' else f' = {short(event.value)}'}"
+        value = str(event.value).lower() if isinstance(event.value, bool) else short(event.value)
+        text = f"{event.kind} {event.variable}{'' if event.kind == 'release' else f' = {value}'}"
         self.write(event, event.kind, text, by_hand)
 
     def write(self, event: EventSpec | FaultSpec, kind: str, text: str, by_hand: bool) -> None:

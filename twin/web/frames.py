@@ -109,7 +109,7 @@ def route(app: Any, path: str, found: Callable[[Asked], Source | None]) -> None:
     async def frame(asked: Asked) -> Response:
         source = found(asked)
         if source is None:
-            return PlainTextResponse("nothing runs.", 404)
+            return Response(status_code=204)  # nothing runs
         try:
             return Response(
                 answer(source, checked(asked.query_params, source.names())), media_type="application/octet-stream"

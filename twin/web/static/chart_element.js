@@ -12,7 +12,7 @@ export default {
       const query = new URLSearchParams(wanted);
       names.forEach((name) => query.append("name", name));
       const answer = await fetch(`${this.url}?${query}`);
-      return answer.ok ? decode(await answer.arrayBuffer()) : null;
+      return answer.status === 200 ? decode(await answer.arrayBuffer()) : null;
     };
     const told = (event, detail) => { if (event !== "drawn") this.$emit(event, detail); };
     this.chart = new Chart(this.$el, { panes: copy(this.panes), span: this.span, follow: this.follow, marks: this.marks, spans: this.spans, source, told });

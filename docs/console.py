@@ -1,0 +1,84 @@
+"""Take the pictures of docs/how-to/console.md: scenarios that run in the console now, in chromium.
+
+python docs/console.py
+"""
+
+from __future__ import annotations
+
+import io
+import signal
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from PIL import Image
+from playwright.sync_api import Browser, sync_playwright
+
+ROOT = Path(__file__).parents[1]
+FIGURES = ROOT / "docs" / "figures"
+COMMAND = "from twin.cli import main; main()"
+PATIENCE = 120_000  # FMUs may be built first [ms]
+WIDE, NARROW = (1280, 860), (400, 860)
+COLORS = 96  # of a picture: a third of the bytes, and no eye sees it
+SIMULATED = "hw_bridge/benches/simulated_force.yaml"
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A picture: what runs, until when in simulated time [s], how large and how dark the page is."""
+
+    arguments: tuple[str, ...]
+    until: float = 3.0
+    size: tuple[int, int] = WIDE
+    dark: bool = False
+
+
+SHOTS = {
+    "console_rig": Shot(("teleoperation", "--variant", "rehearsed"), until=4.5),
+    "console_bench": Shot(("injection_sequence", "--variant", "normal", "--rate", "10"), until=20.0, dark=True),
+    "console_narrow": Shot(("teleoperation", "--variant", "rehearsed"), until=4.5, size=NARROW),
+    "console_safety": Shot(("heart_wall_force", "--variant", "PI", "--hardware", SIMULATED), until=2.0),
+}
+
+
+def take(browser: Browser, name: str, shot: Shot, folder: Path) -> None:
+    """One picture of a session of its own."""
+    command = [sys.executable, "-c", COMMAND, "console", *shot.arguments, "--no-open", "--runs", str(folder)]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    scheme = "dark" if shot.dark else "light"
+    width, height = shot.size
+    context = browser.new_context(viewport={"width": width, "height": height}, color_scheme=scheme)
+    try:
+        page = context.new_page()
+        page.set_default_timeout(PATIENCE)
+        page.goto(process.stdout.readline().strip(), wait_until="commit")
+        page.wait_for_selector(".twin-chart canvas")
+        page.wait_for_function("document.querySelector('#twin-how').textContent.startsWith('paused')")
+        page.get_by_role("button", name="run").click()
+        page.mouse.move(width / 2, height - 4)  # else the button tells what it is for
+        page.wait_for_function(f"document.querySelector('.twin-chart').chart.lastTime > {shot.until}")
+        picture = page.screenshot()
+    finally:
+        context.close()
+        process.send_signal(signal.SIGINT)
+        process.communicate()
+    target = FIGURES / f"{name}.png"
+    Image.open(io.BytesIO(picture)).convert("RGB").quantize(COLORS).save(target, optimize=True)
+    print(f"{target.relative_to(ROOT)}: {target.stat().st_size / 1e3:.0f} kB")
+
+
+def main() -> None:
+    """All of them, or those that are named."""
+    wanted = sys.argv[1:] or list(SHOTS)
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path="/usr/bin/chromium", args=["--no-sandbox", "--disable-gpu"])
+        for name in wanted:
+            take(browser, name, SHOTS[name], Path(folder))
+        browser.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,155 @@
+"""The dead-man switch in a real browser: whatever becomes of page, browser, network or server, motion stops."""
+
+import os
+import signal
+import time
+
+import pytest
+
+from tests.console.served import CARRIAGE, console
+from tests.web.browser import browser, chromium  # noqa: F401 - fixtures
+
+INPUT = "command.live_speed[1]"
+SLOW = 2.0  # on a machine that is busy with other tests; the promise is tested in real time [s]
+PROMISE = 0.2  # [s]
+TICK = 1 / 30  # what another page sees is as old as this [s]
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory, build):
+    with console(CARRIAGE, "--variant", "quiet", runs=tmp_path_factory.mktemp("runs"), build=build) as one:
+        yield one
+
+
+@pytest.fixture
+def page(served, browser):  # noqa: F811
+    context = browser.new_context()
+    one = context.new_page()
+    one.goto(served.address, wait_until="commit")
+    one.wait_for_selector(".twin-control", timeout=60_000)
+    one.wait_for_function("document.querySelector('#twin-how').textContent.startsWith('paused')")
+    one.wait_for_function("!document.querySelector('.twin-control .way').disabled", timeout=10_000)
+    yield one
+    context.close()
+
+
+def press(page):
+    """Hold the key that moves it, until it does."""
+    for _ in range(5):  # on a busy machine the browser may renew too late, which ends a press
+        page.keyboard.down("ArrowUp")
+        try:
+            page.wait_for_function(
+                "document.querySelector('.twin-control b').textContent.startsWith('20 ')", timeout=2000
+            )
+        except Exception:
+            page.keyboard.up("ArrowUp")
+        else:
+            return
+    raise AssertionError("it does not move")
+
+
+def stopped(wire, lost, limit):
+    """Seconds from the loss until the loop has the input at rest, as another page sees it."""
+    begun = time.monotonic()
+    lost()
+    wire.hear(lambda told: not told.get("held"), timeout=limit + 5)
+    return time.monotonic() - begun
+
+
+def hide(page):
+    page.evaluate(
+        "Object.defineProperty(document, 'hidden', {value: true, configurable: true});"
+        "document.dispatchEvent(new Event('visibilitychange'))"
+    )
+
+
+def sleep(page):
+    """Not a line of the page's script runs any more."""
+    session = page.context.new_cdp_session(page)
+    session.send("Debugger.enable")
+    session.send("Debugger.pause")
+
+
+LOSSES = {
+    "let go": lambda page: page.keyboard.up("ArrowUp"),
+    "hidden": hide,
+    "asleep": sleep,
+    "offline": lambda page: page.context.set_offline(True),
+    "closed": lambda page: page.close(),
+    "elsewhere": lambda page: page.goto("about:blank"),
+    "stuck": lambda page: page.evaluate(
+        "setTimeout(() => { const end = Date.now() + 1500; while (Date.now() < end); }, 0)"
+    ),
+}
+
+
+def lose(served, page, how, limit):
+    with served.wire() as watcher:
+        press(page)
+        watcher.hear(lambda told: told.get("held"))
+        assert stopped(watcher, lambda: LOSSES[how](page), limit) < limit
+
+
+@pytest.mark.parametrize("how", ["hidden", "offline", "closed"])
+def test_motion_ends_with_the_hand(served, page, how):
+    lose(served, page, how, SLOW)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["let go", "asleep", "elsewhere", "stuck"])
+def test_motion_ends_in_other_ways_too(served, page, how):
+    lose(served, page, how, SLOW)
+
+
+@pytest.mark.slow
+@pytest.mark.real_time
+@pytest.mark.parametrize("how", LOSSES)
+def test_within_the_promise(served, page, how):
+    lose(served, page, how, PROMISE + TICK)
+
+
+PAD = "navigator.getGamepads = () => [{id: 'pad', axes: [0, AXIS], buttons: []}]"  # as the browser would tell of one
+
+
+def test_a_joystick_and_a_gamepad(served, page):
+    with served.wire() as watcher:
+        stick = page.locator(".twin-stick svg").bounding_box()
+        x, y = stick["x"] + stick["width"] / 2, stick["y"] + stick["height"] / 2
+        page.mouse.move(x, y)
+        page.mouse.down()
+        page.mouse.move(x, y + 10, steps=2)
+        assert watcher.hear(lambda told: told.get("held"))["held"][INPUT] < 0
+        page.mouse.up()
+        watcher.hear(lambda told: "held" in told and not told["held"])
+        page.evaluate(PAD.replace("AXIS", "-0.55"))  # forward is negative there; 10 % of it are dead
+        assert watcher.hear(lambda told: told.get("held"))["held"] == {INPUT: pytest.approx(0.01)}
+        page.evaluate(PAD.replace("AXIS", "0.05"))
+        watcher.hear(lambda told: "held" in told and not told["held"])
+
+
+def test_it_stays_at_rest_until_it_is_pressed_anew(served, page):
+    with served.wire() as watcher:
+        press(page)
+        watcher.hear(lambda told: told.get("held"))
+        LOSSES["stuck"](page)
+        watcher.hear(lambda told: not told.get("held"))
+        page.wait_for_timeout(1800)  # the key is still down, and the page renews again
+        assert page.text_content("#twin-message").endswith("Let go and press again.")
+        assert page.text_content(".twin-control b").startswith("0 ")
+        page.keyboard.up("ArrowUp")
+        press(page)
+
+
+def test_the_loop_stops_when_the_server_is_killed(tmp_path, build):
+    with console(CARRIAGE, "--variant", "quiet", runs=tmp_path / "runs", build=build) as served:
+        with served.wire() as wire:
+            tick = wire.ready()["tick"]
+            for _ in range(10):
+                wire.say(hold=INPUT, at=1, press=1, tick=tick)
+                tick = wire.hear(lambda told: "tick" in told)["tick"]
+            os.kill(served.process.pid, signal.SIGKILL)
+        served.process.wait(10)
+        end = time.monotonic() + 20
+        while not (found := list((tmp_path / "runs").glob("*/*/operated.yaml"))) or ": 0.0" not in found[0].read_text():
+            assert time.monotonic() < end, [one.read_text() for one in found]
+            time.sleep(0.05)

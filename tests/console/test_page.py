@@ -1,0 +1,148 @@
+"""The page in a real browser, from the list of scenarios to the end of a session."""
+
+import re
+import time
+from urllib.parse import urlsplit
+
+import pytest
+import yaml
+
+from tests.console.served import CARRIAGE, console
+from tests.web.browser import browser, chromium  # noqa: F401 - fixtures
+
+FRAMES = "document.querySelector('.twin-chart').chart.frames"
+NEWEST = "document.querySelector('.twin-chart').chart.lastTime"
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory, build):
+    with console(CARRIAGE, "--variant", "quiet", runs=tmp_path_factory.mktemp("runs"), build=build) as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def page(served, browser):  # noqa: F811
+    """The page that operates; what it asks the network for, and what fails in it, is kept."""
+    one = browser.new_context(accept_downloads=True).new_page()
+    one.set_default_timeout(20_000)  # machines that test are busy
+    one.asked, one.wrong = [], []
+    one.on("request", lambda request: one.asked.append(request.url))
+    one.on("pageerror", lambda error: one.wrong.append(str(error)))
+    one.on("console", lambda said: one.wrong.append(said.text) if said.type == "error" else None)
+    one.goto(served.address, wait_until="commit")
+    one.wait_for_selector(".twin-chart canvas", timeout=60_000)
+    said(one, "paused")
+    return one
+
+
+def said(page, phase):
+    page.wait_for_function(f"document.querySelector('#twin-how').textContent.startsWith('{phase}')", timeout=30_000)
+
+
+def press(page, label):
+    page.click(f"[aria-label='{label}']")
+
+
+def test_it_runs_pauses_and_steps(page):
+    press(page, "run")
+    said(page, "running")
+    page.wait_for_function(f"{NEWEST} > 0.2")
+    page.wait_for_function("document.querySelector('.twin-view .on').textContent.endsWith(' mm')")  # the picture moves
+    press(page, "pause")
+    said(page, "paused")
+    page.wait_for_timeout(300)
+    before = float(re.search(r"([\d.]+) s", page.text_content("#twin-how"))[1])
+    press(page, "one step of 1 ms")
+    page.wait_for_function(f"document.querySelector('#twin-how').textContent.includes('{before + 0.001:.3f} s')")
+
+
+def test_a_value_is_set_in_the_unit_that_is_shown(page):
+    page.get_by_text("Inputs and parameters").click()
+    page.get_by_placeholder(re.compile("search .* inputs")).fill("servomotor.mass")
+    field = page.locator(".twin-value", has_text="servomotor.mass").locator("input[type=number]")
+    field.fill("0.8")
+    field.press("Enter")
+    page.wait_for_selector(".twin-done >> text=servomotor.mass")
+    field.fill("-1")
+    field.press("Enter")
+    page.wait_for_selector(".q-notification >> text=servomotor.mass")  # the loop refused: the mass has a minimum
+
+
+def test_an_event_of_another_variant_and_a_session_as_scenario(page, tmp_path):
+    page.get_by_text("Events of the scenario").click()
+    page.locator(".twin-event", has_text="servomotor.position").click()
+    page.wait_for_selector(".twin-done >> text=servomotor.position")
+    press(page, "one step of 1 ms")  # what is done counts once the loop goes on
+    page.wait_for_timeout(500)
+    with page.expect_download() as waiting:
+        page.get_by_text("download as scenario").click()
+    waiting.value.save_as(tmp_path / "operated.yaml")
+    events = yaml.safe_load((tmp_path / "operated.yaml").read_text())["events"]
+    done = [name for one in events for kind in ("set", "override") for name in one.get(kind, {})]
+    assert {"servomotor.mass", "servomotor.position"} <= set(done)
+
+
+def test_another_page_watches(page, served, browser):  # noqa: F811
+    context = browser.new_context()
+    other = context.new_page()
+    other.goto(served.address, wait_until="commit")
+    other.wait_for_selector(".twin-chart canvas", timeout=60_000)
+    other.wait_for_selector("text=watches")
+    press(other, "run")
+    other.wait_for_selector("text=This page watches")
+    assert page.text_content("#twin-how").startswith("paused")
+    assert other.locator(".twin-control .way").first.is_disabled()
+    context.close()
+
+
+def test_a_chart_zooms_and_has_cursors(page):
+    box = page.locator(".twin-chart canvas").bounding_box()
+    y = box["y"] + 60
+    page.mouse.move(box["x"] + 200, y)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 400, y, steps=3)
+    page.mouse.up()
+    page.wait_for_function("document.querySelector('.twin-chart').chart.window !== null")
+    page.mouse.click(box["x"] + 250, y)
+    page.mouse.click(box["x"] + 500, y)
+    page.wait_for_selector("text=from A to B")
+    page.get_by_role("button", name="follow").click()
+    page.wait_for_function("document.querySelector('.twin-chart').chart.follow")
+
+
+def test_signals_are_found_and_picked(page):
+    press(page, "signals")
+    page.get_by_label("search signals").fill("current")
+    page.locator(".twin-tree .q-checkbox").first.click()
+    page.wait_for_selector(".twin-chip >> text=servomotor.current")
+
+
+@pytest.mark.slow
+@pytest.mark.real_time
+def test_eight_signals_at_thirty_frames(page):
+    page.get_by_label("search signals").fill("servomotor")
+    while (shown := page.locator(".twin-chip").count()) < 8:
+        page.locator(".twin-tree .q-checkbox[aria-checked=false]").first.click()
+        page.wait_for_function(f"document.querySelectorAll('.twin-chip').length > {shown}")
+    press(page, "run")
+    page.wait_for_timeout(1000)
+    begun, before = time.monotonic(), page.evaluate(FRAMES)
+    page.wait_for_timeout(5000)
+    assert (page.evaluate(FRAMES) - before) / (time.monotonic() - begun) >= 28
+    press(page, "pause")
+
+
+def test_nothing_leaves_this_machine_and_nothing_fails(page, served):
+    assert {urlsplit(one).netloc for one in page.asked if not one.startswith("data:")} == {served.host}
+    assert page.wrong == []
+
+
+def test_escape_stops_and_another_scenario_is_picked(page):
+    page.locator("body").press("Escape")
+    page.wait_for_function("document.querySelector('#twin-how').textContent.startsWith('stopped')")
+    page.get_by_text("The session is over.").wait_for()
+    page.get_by_text("another scenario").click()
+    page.get_by_placeholder("search", exact=True).fill("bench buckling")
+    page.wait_for_function("document.querySelectorAll('.twin-pick').length === 1")
+    page.locator(".twin-pick", has_text="bench_buckling").click()
+    page.wait_for_selector("[aria-label='run'], .twin-home >> text=bench_buckling")

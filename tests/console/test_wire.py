@@ -1,0 +1,125 @@
+"""The page's socket without a page: who may, what is refused, and that nothing that is sent does harm."""
+
+import json
+
+import pytest
+
+from tests.console.served import CARRIAGE, console
+
+INPUT = "command.live_speed[1]"
+HOSTILE = {
+    "": "no JSON",
+    "[]": "must say one of",
+    "{}": "must say one of",
+    '{"hold": 1, "stop": true}': "must say one of",
+    '{"hold": 1}': "is no control",
+    '{"hold": {"a": 1}}': "is no control",
+    f'{{"hold": "{INPUT}", "at": NaN, "press": 1, "tick": 1}}': "is no number",
+    f'{{"hold": "{INPUT}", "at": 1e999, "press": 1, "tick": 1}}': "from -1 to 1",
+    f'{{"hold": "{INPUT}", "at": 1.01, "press": 1, "tick": 1}}': "from -1 to 1",
+    f'{{"hold": "{INPUT}", "at": "1", "press": 1, "tick": 1}}': "from -1 to 1",
+    f'{{"hold": "{INPUT}", "at": true, "press": 1, "tick": 1}}': "from -1 to 1",
+    f'{{"hold": "{INPUT}", "at": 1, "press": 1.5, "tick": 1}}': "press: expected a whole number",
+    f'{{"hold": "{INPUT}", "at": 1, "press": 1, "tick": []}}': "tick: expected a whole number",
+    '{"watch": "servomotor.position"}': "expected up to",
+    '{"watch": [1]}': "expected up to",
+    '{"watch": ["../../etc/passwd"]}': "is not recorded",
+    '{"let_go": 5}': "is no control",
+    '{"stop": 1}': "expected true",
+    "[" * 5000: "no JSON",
+}
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory, build):
+    with console(CARRIAGE, "--variant", "quiet", runs=tmp_path_factory.mktemp("runs"), build=build) as one:
+        yield one
+
+
+def test_hands_and_eyes(served):
+    with served.wire() as operator, served.wire() as watcher:
+        tick = operator.ready()
+        assert tick["operator"]
+        assert not watcher.ready()["operator"]
+        watcher.say(watch=["servomotor.position"])
+        assert watcher.hear(lambda told: told.get("values"))["values"] == {"servomotor.position": 0.0}
+        for message in ({"hold": INPUT, "at": 1, "press": 1, "tick": 1}, {"let_go": ""}):
+            watcher.say(**message)
+            assert watcher.refused() == "this page watches. Another one operates."
+        operator.say(hold=INPUT, at=1, press=1, tick=10**6)  # a tick that was never sent
+        operator.say(hold=INPUT, at=1, press=2, tick=1)  # one from long ago
+        assert not operator.hear(lambda told: told.get("tick", 0) > tick["tick"] + 9)["held"]
+        for _ in range(5):
+            tick = operator.hear(lambda told: "tick" in told)
+            operator.say(hold=INPUT, at=0.55, press=3, tick=tick["tick"])
+        assert operator.hear(lambda told: told.get("held"))["held"] == {INPUT: pytest.approx(0.01)}  # 10 % dead zone
+        operator.say(let_go="")
+        operator.hear(lambda told: "tick" in told and not told["held"], timeout=5)
+
+
+def test_a_seat_that_is_left_is_free(served):
+    with served.wire() as first:
+        first.hear(lambda told: told.get("operator"), timeout=5)
+    with served.wire() as next_one:
+        next_one.hear(lambda told: told.get("operator"), timeout=5)
+
+
+def test_hostile_messages_are_told_off_and_then_sent_away(served):
+    with served.wire() as wire:
+        wire.ready()
+        for message, wrong in HOSTILE.items():
+            wire.socket.send(message)
+            assert wrong in wire.refused(), message
+        wire.socket.send("x" * 9000)
+        with pytest.raises(Exception, match="1008"):
+            while True:
+                wire.hear(timeout=5)
+    with served.wire() as other:
+        assert other.ready()["phase"] == "paused"
+
+
+@pytest.mark.parametrize("content", [b"\x00\xff" * 10, "x" * 200_000])
+def test_what_is_no_message_ends_the_socket_alone(served, content):
+    with served.wire() as wire, pytest.raises(Exception, match=r"10\d\d|close"):
+        wire.socket.send(content)
+        while True:
+            wire.hear(timeout=5)
+    assert served.get()[0] == 200
+
+
+def test_only_with_the_token_and_from_its_own_page(served):
+    for path in (
+        "/",
+        "/data?name=servomotor.position",
+        "/web/chart.js",
+        "/_nicegui_ws/socket.io/?EIO=4&transport=polling",
+    ):
+        assert served.get(path, token=False)[0] == 403
+    assert served.get("/", Origin="http://evil.example")[0] == 403
+    assert served.get("/", Host="evil.example")[0] == 403
+    with pytest.raises(Exception, match="403"), served.wire("00000000-0000-0000-0000-000000000000"):
+        pass
+
+
+def test_charts_ask_for_what_there_is(served):
+    with served.wire() as wire:
+        wire.ready()
+    assert served.get("/data?name=servomotor.nothing")[0] == 400
+    assert served.get("/data?name=servomotor.position&points=1e9")[0] == 400
+
+
+def test_anybody_may_stop_and_the_end_is_told(tmp_path, build):
+    with console(CARRIAGE, "--variant", "quiet", runs=tmp_path / "runs", build=build) as served:
+        with served.wire() as operator, served.wire() as watcher:
+            operator.ready()
+            watcher.say(stop=True)
+            operator.hear(lambda told: told.get("phase") == "stopped", timeout=20)
+        served.process.send_signal(2)
+        said, problems = served.process.communicate(timeout=20)
+    assert said.splitlines()[0] == "The console is closed."
+    assert said.splitlines()[1].startswith("kept: ")
+    assert (problems, served.process.returncode) == ("", 0)
+    assert (
+        json.loads((next((tmp_path / "runs").glob("*/*")) / "summary.json").read_text())["scenario"]["name"]
+        == "carriage"
+    )

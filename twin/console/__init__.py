@@ -1,0 +1,16 @@
+"""The console: a live twin on a page of the browser, with charts, a picture that moves, hands on it, and a stop.
+
+The engine is `twin.live`; what a page asks for is checked there again. Packages above add panels: see `panels`.
+"""
+
+from typing import TYPE_CHECKING
+
+from twin import late
+
+if TYPE_CHECKING:
+    from twin.console.page import register
+    from twin.console.session import Console, Panel
+
+__all__ = ["Console", "Panel", "register"]
+
+__getattr__ = late.names(__name__, {"Console": "session", "Panel": "session", "register": "page"})

@@ -1,0 +1,162 @@
+"""Charts of any signals: a tree to pick from, panes that follow the time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from nicegui import ui
+
+from twin import web
+from twin.console.curves import Curves
+from twin.console.operate import condensed
+
+if TYPE_CHECKING:
+    from twin.console.session import Console
+    from twin.live import Catalog
+
+SPANS = {5.0: "5 s", 10.0: "10 s", 30.0: "30 s", 60.0: "1 min", 300.0: "5 min", 1200.0: "20 min"}
+MARKS = 100
+FIRST_CURVES, FIRST_PANES = 8, 3
+STEPPED = ("Boolean", "Int8", "Int16", "Int32", "Int64", "UInt8", "UInt16", "UInt32", "UInt64", "Enumeration")
+
+
+def first_panes(catalog: Catalog, curves: Curves) -> list[web.Pane]:
+    """The scenario's own plots, as far as they are plain signals; else its first outputs."""
+    panes, color = list[web.Pane](), 0
+    for title, unit, names in catalog.plots:
+        shown = [one for one in names if one in curves.signals][: FIRST_CURVES - color]
+        if not shown or len(panes) == FIRST_PANES:
+            continue
+        panes.append(
+            web.Pane(
+                title, _unit(curves, shown[0]) or unit, [_curve(curves, one, color + k) for k, one in enumerate(shown)]
+            )
+        )
+        if title in catalog.bands:
+            one = curves.signals[shown[0]]
+            low, high = (one.factor * edge + one.offset for edge in catalog.bands[title])
+            panes[-1].band = (low, high)
+        color += len(shown)
+    if not panes:
+        outputs = [name for name, one in curves.signals.items() if one.kind == "output"][:2]
+        panes = [web.Pane(unit=_unit(curves, name), curves=[_curve(curves, name, k)]) for k, name in enumerate(outputs)]
+    return panes
+
+
+def _unit(curves: Curves, name: str) -> str:
+    return curves.signals[name].display_unit
+
+
+def _curve(curves: Curves, name: str, color: int) -> web.Curve:
+    return web.Curve(name, name, color, step=curves.signals[name].type in STEPPED)
+
+
+def panel(console: Console) -> None:
+    """The chart, above it how much of it is seen and how it is read, and the tree to pick from."""
+    curves, catalog = console.source, console.catalog
+    assert curves is not None
+    assert catalog is not None
+    Board(curves, first_panes(catalog, curves), lambda chart: marks(console, chart))
+
+
+class Board:
+    """A chart with its tree: what a hand does in one shows in the other. What comes from the browser is checked here."""
+
+    def __init__(self, curves: Curves, panes: list[web.Pane], marked: Callable[[web.Chart], None]) -> None:
+        self.curves = curves
+        with ui.row().classes("items-center full-width no-wrap gap-2"):
+            self.span = ui.select(SPANS, value=10.0).props("dense options-dense borderless aria-label='seconds shown'")
+            self.follow = ui.button("follow", on_click=self.followed).props("flat dense no-caps")
+            self.follow.tooltip("drag: zoom, shift-drag: move, wheel, click: cursors")
+            self.told = ui.label().classes("twin-soft twin-figures ellipsis")
+            ui.space()
+            picking = (
+                ui.button(icon="account_tree").props("flat round dense aria-label='signals'").tooltip("pick signals")
+            )
+        with ui.element("div").classes("twin-picked"):
+            drawer = ui.element("div").classes("twin-drawer twin-shut")
+            self.chart = web.Chart("/data", panes, follow=True).classes("twin-live-chart")
+        picking.on_click(lambda: drawer.classes(toggle="twin-shut"))
+        with drawer:
+            self.tree = web.Tree(self.leaves(), self.picked, shown(self.chart))
+        self.chart.on_told("drop", self.dropped)
+        self.chart.on_told("remove", lambda said: self.picked(said.get("name"), False))
+        self.chart.on_told("window", self.window)
+        self.chart.on_told("cursors", self.cursors)
+        self.span.on_value_change(self.followed)
+        self.size()
+        marked(self.chart)
+
+    def leaves(self) -> list[web.Leaf]:
+        """All that can be shown, by member."""
+        return [
+            web.Leaf(
+                name,
+                tuple(one.member.split(".")),
+                name.removeprefix(f"{one.member}."),
+                one.display_unit,
+                one.description,
+            )
+            for name, one in self.curves.signals.items()
+        ]
+
+    def size(self) -> None:
+        """As high as it has panes."""
+        self.chart.style(f"height: {max(190, 165 * len(self.chart.panes) + 30)}px")
+
+    def picked(self, name: Any, on: bool, pane: int | None = None) -> None:
+        """Show a signal, or no more."""
+        if not isinstance(name, str) or name not in self.curves.signals:
+            return
+        if not on:
+            self.chart.take_away(name)
+        elif len(shown(self.chart)) < web.frames.MOST_CURVES:
+            one = self.curves.signals[name]
+            self.chart.add(name, one.display_unit, name, pane=pane, step=one.type in STEPPED)
+        self.tree.show(shown(self.chart))
+        self.size()
+
+    def dropped(self, said: dict[str, Any]) -> None:
+        """A signal was dragged into a pane."""
+        place = said.get("pane")
+        self.picked(
+            said.get("name"), True, place if isinstance(place, int) and 0 <= place < len(self.chart.panes) else None
+        )
+
+    def followed(self) -> None:
+        """Follow the time again."""
+        self.chart.show_last(self.span.value)
+        self.window({"follow": True})
+
+    def window(self, said: dict[str, Any]) -> None:
+        """Whether the time is followed shows in the button."""
+        self.follow.props(remove="color") if said.get("follow") is True else self.follow.props("color=accent")
+
+    def cursors(self, said: dict[str, Any]) -> None:
+        """Time between the cursors, and its frequency."""
+        a, b = said.get("a"), said.get("b")
+        self.told.text = ""
+        if isinstance(a, int | float):
+            self.told.text = f"A: {a:.6g} s"
+            if isinstance(b, int | float) and a != b:
+                self.told.text = f"from A to B: {b - a:.6g} s, {1 / abs(b - a):.6g} Hz"
+
+
+def marks(console: Console, chart: web.Chart) -> None:
+    """What was done stands in the chart."""
+    count = [-1]
+    controls = {one.input: one for one in console.catalog.controls} if console.catalog is not None else {}
+
+    def look() -> None:
+        done = console.live.done if console.live is not None else ()
+        if len(done) != count[0]:
+            count[0] = len(done)
+            chart.show_marks([{"at": one.time, "text": one.text[:40]} for one in condensed(done, controls)[-MARKS:]])
+
+    ui.timer(0.25, look)
+
+
+def shown(chart: web.Chart) -> list[str]:
+    """Names of the curves."""
+    return [curve.name for pane in chart.panes for curve in pane.curves]

@@ -1,0 +1,67 @@
+"""Signals of a session as curves of a chart: elements of arrays one by one, in the units in which they are shown."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from contextlib import suppress
+from itertools import product
+from math import prod
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from twin.live import RefusedError
+from twin.web import frames
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from twin.live import Live, Signal
+
+ELEMENTS = 16  # of larger arrays no curves are offered: shapes and spectra, which a picture shows
+
+
+class Curves:
+    """The source of a session's charts."""
+
+    def __init__(self, live: Live) -> None:
+        assert live.catalog is not None
+        self.live, self._catalog = live, live.catalog
+        self.signals = {name: one for one in live.catalog.signals.values() if one.recorded for name in elements(one)}
+        self._clock = next(iter(self.signals), "")
+
+    def names(self) -> Collection[str]:
+        """What is recorded, element by element."""
+        return self.signals.keys()
+
+    def span(self) -> tuple[float, float]:
+        """From the start to the last row [s]."""
+        start = self._catalog.start
+        with suppress(RefusedError):  # nothing is recorded yet
+            time = self.live.latest([self._clock]).time
+            return start, float(time[-1]) if time.size else start
+        return start, start
+
+    def read(
+        self, name: str, start: float, stop: float, points: int
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """A window, with the row before it, so that a line begins at the edge."""
+        try:
+            found = self.live.read([name], start - self._catalog.every, stop)
+        except RefusedError:
+            return np.empty(0), np.empty(0)
+        one, time = self.signals[name], found.time
+        values = np.asarray(found.values[name], np.float64).reshape(len(time))
+        first = round((time[0] - self._catalog.start) / self._catalog.every) if len(time) else 0
+        return frames.decimated(time, one.factor * values + one.offset, points, first)
+
+
+def elements(signal: Signal) -> Iterator[str]:
+    """Names of a signal's scalars; none of a large array, and none of text."""
+    if signal.type == "String" or prod(signal.shape) > ELEMENTS:
+        return
+    if not signal.shape:
+        yield signal.name
+    else:
+        for place in product(*(range(1, size + 1) for size in signal.shape)):
+            yield f"{signal.name}[{','.join(map(str, place))}]"

@@ -1,0 +1,241 @@
+"""The page: what is shown always on top, the panels below it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from nicegui import Client, run, ui
+from nicegui import app as pages
+
+from twin import web
+from twin.console import charts, home, operate, safety, wire
+from twin.console.desk import Desk, Presence
+from twin.console.drawing import Picture, bound
+from twin.console.session import OVER, panels
+from twin.errors import TwinError
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI
+
+    from twin.console.session import Console
+
+STATIC = Path(__file__).parent / "static"
+RATES = {
+    0.1: "a tenth",
+    0.2: "a fifth",
+    0.5: "half",
+    1.0: "real time",
+    2.0: "2 times",
+    5.0: "5 times",
+    10.0: "10 times",
+    math.inf: "as fast as possible",
+}
+LOOKED_AT = 0.2  # how often a page sees whether something was done [s]
+WATCHING = "This page watches: another one operates."
+
+
+class Shell:
+    """One page in one browser: who it is, what it may, how it tells what was refused."""
+
+    def __init__(self, console: Console, client: Client) -> None:
+        self.console, self.client = console, client
+
+    def may(self) -> bool:
+        """Whether this page operates."""
+        return self.console.seats.may(self.client.id)
+
+    async def ask(self, what: Callable[..., Any], *arguments: Any) -> bool:
+        """Do what a person asks for, if this page operates; whether it was done. The loop has the last word."""
+        if not self.may():
+            self.say(WATCHING)
+            return False
+        try:
+            await run.io_bound(what, *arguments)
+        except TwinError as error:
+            self.say(str(error))
+            return False
+        return True
+
+    def say(self, text: str) -> None:
+        """Tell what was refused."""
+        with self.client:
+            ui.notify(text, type="warning", position="top", timeout=6000, multi_line=True)
+
+    def act(self, what: Callable[[], Callable[..., Any]], *arguments: Any) -> Callable[[], Awaitable[bool]]:
+        """For a button: what is asked is looked up when it is pressed."""
+
+        async def pressed() -> bool:
+            return await self.ask(what(), *arguments)
+
+        return pressed
+
+
+def register(app: FastAPI, console: Console) -> None:
+    """Make the pages and the routes of a console."""
+    pages.add_static_files("/console", STATIC, max_cache_age=0)
+    web.frames.route(app, "/data", lambda _asked: console.source)
+    wire.register(app, console, lambda client: client in Client.instances)
+
+    @ui.page("/")
+    def page(client: Client) -> None:
+        ui.add_head_html('<link rel="stylesheet" href="/console/console.css">')
+        shell = Shell(console, client)
+        ui.timer(LOOKED_AT, lambda: build.refresh() if changed() else None)
+        seen: list[Any] = [None]
+
+        def changed() -> bool:
+            now = _stage(console)
+            before, seen[0] = seen[0], now
+            return bool(before is not None and now != before)
+
+        @ui.refreshable
+        def build() -> None:
+            seen[0] = _stage(console)
+            stage = seen[0][0]
+            with ui.column().classes("full-width gap-0"):
+                if stage == "pick":
+                    home.pick(shell)
+                elif stage == "session":
+                    _session(shell)
+                else:
+                    home.starting(shell)
+
+        with web.framed("Catheter twin") as row, row:
+            _top(shell)
+        build()
+
+
+def _stage(console: Console) -> tuple[Any, ...]:
+    """What the page is about; it is made anew when this changes."""
+    live = console.live
+    if live is None:
+        return ("pick",)
+    if live.catalog is None:
+        return ("starting", id(live))
+    return ("session", id(live), live.state.epoch)
+
+
+def _top(shell: Shell) -> None:
+    """Who operates, and the stop: always in view."""
+    console = shell.console
+    role = ui.button().props("flat dense no-caps").classes("twin-role")
+    with role, ui.menu() as menu, ui.column().classes("p-2 gap-1") as others:
+        pass
+    Presence(shell.client.id)
+
+    def show() -> None:
+        seats = console.seats
+        own = seats.present.get(shell.client.id, "")
+        who = "operates" if shell.may() else "nobody operates" if seats.operator is None else "watches"
+        role.text = who
+        role.classes(remove="twin-operates").classes("twin-operates" if shell.may() else "")
+        others.clear()
+        with others:
+            ui.label(f"This is {own}." if own else "This page has not met the server yet.").classes("twin-soft")
+            if seats.operator is None:
+                ui.button("operate here", on_click=lambda: seats.take(shell.client.id)).props("dense no-caps")
+            for client, name in seats.present.items():
+                if shell.may() and client != shell.client.id:
+                    ui.button(f"hand over to {name}", on_click=lambda one=client: _give(one)).props("dense no-caps")
+            if not shell.may() and seats.operator is not None:
+                ui.label("Its operator may hand over here.").classes("twin-soft")
+
+    def _give(client: str) -> None:
+        if console.live is not None:
+            console.live.let_go()
+        if not console.seats.give(shell.client.id, client):
+            shell.say(WATCHING)
+        menu.close()
+
+    console.seats.changed.append(show)
+    shell.client.on_delete(lambda: console.seats.changed.remove(show))
+    show()
+
+
+def _session(shell: Shell) -> None:
+    """The session that goes on: its bar, its picture, its panels."""
+    console = shell.console
+    catalog = console.catalog
+    assert catalog is not None
+    assert console.live is not None
+    added = [one for one in panels() if catalog.hardware or not one.hardware]
+    _bar(shell)
+    with ui.element("div").classes("twin-desk"):
+        if parts := bound(catalog):
+            with ui.element("div").classes("twin-card twin-picture"):
+                Picture(parts)
+        with ui.element("div").classes("twin-card twin-hand"):
+            Desk(catalog)
+            if catalog.hardware:
+                safety.panel(shell)
+            operate.panel(shell)
+        with ui.element("div").classes("twin-card twin-curves"):
+            charts.panel(console)
+        if added:
+            with ui.element("div").classes("twin-card twin-curves"):
+                for one in added:
+                    with ui.expansion(one.title).classes("full-width"):
+                        one.fill(console, shell.may)
+
+
+def _bar(shell: Shell) -> None:
+    """Run, pause, step, reset, how fast; and how it goes, which the desk's script fills in."""
+    console = shell.console
+    live, catalog = console.live, console.catalog
+    assert live is not None
+    assert catalog is not None
+    with ui.row().classes("twin-bar items-center full-width"):
+        ui.label(catalog.title or catalog.scenario).classes("twin-h ellipsis").tooltip(
+            catalog.description or catalog.scenario
+        )
+        if catalog.variant:
+            ui.label(catalog.variant).classes("twin-soft ellipsis")
+        if not catalog.wall_clock:
+            _button("play_arrow", "run", shell.act(lambda: live.resume))
+            _button("pause", "pause", shell.act(lambda: live.pause))
+            _button("skip_next", f"one step of {catalog.step * 1e3:g} ms", shell.act(lambda: live.step))
+            _button("fast_forward", "to the next point of the slowest member", shell.act(lambda: live.step_macro))
+            _button("restart_alt", "reset: from the start, in a new folder", shell.act(lambda: live.reset))
+            ui.select(
+                RATES,
+                value=live.state.rate if live.state.rate in RATES else 1.0,
+                on_change=lambda said: shell.ask(live.pace, said.value),
+            ).props("dense options-dense borderless aria-label='pace'").classes("twin-rate")
+        else:
+            _button("play_arrow", "run", shell.act(lambda: live.resume))
+        ui.html('<span id="twin-how" class="twin-figures" role="status"></span>', sanitize=False)
+        ui.space()
+        ui.html('<span id="twin-message" class="twin-soft"></span>', sanitize=False).classes("ellipsis")
+    over = ui.row().classes("twin-over items-center full-width")
+    over.visible = False
+
+    def look() -> None:
+        if live.state.phase in OVER and not over.visible:
+            over.visible = True
+            with over:
+                ui.label("The session is over." if live.state.phase == "stopped" else f"Failed: {live.state.message}")
+                if live.state.folder:
+                    ui.label(f"Kept: {live.state.folder}").classes("twin-soft")
+                ui.button("again", on_click=lambda: _again(shell)).props("dense no-caps outline")
+                ui.button("another scenario", on_click=lambda: _another(shell)).props("dense no-caps outline")
+
+    ui.timer(LOOKED_AT, look)
+
+
+def _button(icon: str, about: str, pressed: Callable[[], Awaitable[bool]]) -> None:
+    ui.button(icon=icon, on_click=pressed).props(f'flat round dense aria-label="{about.partition(":")[0]}"').tooltip(
+        about
+    )
+
+
+async def _again(shell: Shell) -> None:
+    console = shell.console
+    if console.scenario is not None:
+        await shell.ask(console.begin, console.scenario, console.variant, console.seed)
+
+
+async def _another(shell: Shell) -> None:
+    await shell.ask(shell.console.leave)

@@ -1,0 +1,111 @@
+"""Drives on a bus: armed or not, who controls them, how each is, how near its limits, how the bus and the loop keep time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from nicegui import ui
+
+if TYPE_CHECKING:
+    from twin.console.page import Shell
+
+NEAR = 0.8  # of a limit: shown as a warning
+
+
+def panel(shell: Shell) -> None:
+    """The safety view; figures ten times a second."""
+    live = shell.console.live
+    assert live is not None
+    with ui.element("section").classes("twin-safety full-width"):
+        head = ui.html("", sanitize=False)
+        nodes = ui.html("", sanitize=False)
+        rest = ui.html("", sanitize=False)
+
+    def look() -> None:
+        told = live.state.hardware
+        if told is not None:
+            for place, text in ((head, heading(told)), (nodes, drives(told)), (rest, others(told))):
+                if place.content != text:
+                    place.content = text
+
+    look()
+    ui.timer(0.1, look)
+
+
+def heading(told: Mapping[str, Any]) -> str:
+    """Whether anything may move, who says so, and the time that the bus and the loop keep."""
+    armed = "armed: power may be on" if told["armed"] else "not armed"
+    if told["simulated"]:
+        armed = "simulated drives"
+    kind = "warn" if told["armed"] and not told["simulated"] else "good"
+    if told["stopped"]:
+        armed, kind = f"stopped: {told['stopped']}", "bad"
+    figures = {"control": told["control"], "bus": f"{told['interface']} {told['channel']}".strip() or "simulated"}
+    if told["brought_up"]:
+        figures["bus"] += f", load {100 * told['bus_load']:.1f} %"
+        figures["cycle"] = f"{told['cycle'] * 1e3:g} ms, {told['cycles']} done"
+        figures["jitter"] = f"{told['jitter_99'] * 1e3:.2f} ms (99 %), {told['jitter_max'] * 1e3:.2f} ms at most"
+    rows = "".join(f"<dt>{escaped(name)}</dt><dd>{escaped(text)}</dd>" for name, text in figures.items())
+    return f'<p class="twin-state twin-{kind}">{escaped(armed)}</p><dl>{rows}</dl>'
+
+
+def drives(told: Mapping[str, Any]) -> str:
+    """Each drive: its state and errors in words, and a bar for each of its limits."""
+    return "".join(drive(name, one) for name, one in told["nodes"].items())
+
+
+def drive(name: str, one: Mapping[str, Any]) -> str:
+    """One drive."""
+    errors = "".join(f'<li class="twin-bad">{escaped(text)}</li>' for text in one["errors"])
+    bars = "".join(bar(limit) for limit in one["limits"])
+    age, limit = one["heartbeat_age"], one["heartbeat_limit"]
+    beat = f"heartbeat {age * 1e3:.0f} of {limit * 1e3:.0f} ms" if age is not None and limit else "no heartbeat watched"
+    kind = "bad" if "ault" in one["state"] else "good" if one["state"].lower() == "operation enabled" else "soft"
+    return (
+        f'<article><header><b>{escaped(name)}</b> <span class="twin-soft">node {one["node"]}, {escaped(one["profile"])}</span>'
+        f'<span class="twin-state twin-{kind}">{escaped(one["state"])}</span></header>'
+        f'<p class="twin-soft">{escaped(one["mode"])}; {beat}; {one["lost"]} lost, {one["late"]} late</p>'
+        f"<ul>{errors}</ul>{bars}</article>"
+    )
+
+
+def bar(limit: Mapping[str, Any]) -> str:
+    """How near a limit is."""
+    part = min(max(float(limit["part"] or 0.0), 0.0), 1.0)
+    kind = "bad" if part >= 1.0 else "warn" if part >= NEAR else "good"
+    text = f"{limit['value']:.4g} of {limit['low']:.4g} to {limit['high']:.4g} {limit['unit']}"
+    return (
+        f'<div class="twin-limit" title="{escaped(text)}"><span>{escaped(limit["name"])}</span>'
+        f'<i><b class="twin-{kind}" style="width:{100 * part:.0f}%"></b></i><span class="twin-figures">{100 * part:.0f} %</span></div>'
+    )
+
+
+def others(told: Mapping[str, Any]) -> str:
+    """Watches, the shadow's residual, modules, notes."""
+    rows = [(f"watch {name}", watch(one)) for name, one in told["watches"].items()]
+    rows += [(f"shadow {name}", words(one)) for name, one in told["shadow"].items()]
+    rows += [(f"module {name}", words(one)) for name, one in told["modules"].items()]
+    listed = "".join(f"<dt>{escaped(name)}</dt><dd>{escaped(text)}</dd>" for name, text in rows)
+    notes = "".join(f"<li>{escaped(text)}</li>" for text in told["notes"])
+    return f"<dl>{listed}</dl><ul>{notes}</ul>"
+
+
+def watch(one: Mapping[str, Any]) -> str:
+    """A force that is watched over [N]: now, where it stops the drive, and why the drive is retracted if it is."""
+    now = "not known" if one["force"] is None else f"{one['force']:.3f} N"
+    return f"{one['signal']} is {now}, stops above {one['above']:g} N. {one['retracts']}".rstrip(" .")
+
+
+def words(told: Any) -> str:
+    """A small table in a line."""
+    if isinstance(told, Mapping):
+        return ", ".join(f"{name} {words(one)}" for name, one in told.items())
+    return f"{told:.4g}" if isinstance(told, float) else str(told)
+
+
+def escaped(text: Any) -> str:
+    """Text of drives and files, harmless in a page."""
+    from html import escape
+
+    return escape(str(text))

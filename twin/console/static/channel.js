@@ -1,0 +1,40 @@
+// The page's own socket: ticks of the server to whoever listens, and what a hand does to the server. One for the page.
+
+class Channel {
+  constructor() { this.listeners = new Set(); this.watched = new Map(); this.tick = 0; this.operator = false; }
+
+  open(page) {
+    if (this.page === page) return;
+    this.page = page;
+    this.connect();
+    addEventListener("offline", () => this.drop());
+    addEventListener("online", () => this.connect());
+    addEventListener("pagehide", () => { this.closed = true; this.drop(); });
+    addEventListener("pageshow", () => { this.closed = false; this.connect(); });
+  }
+
+  connect() {
+    if (this.socket || this.closed || !navigator.onLine) return;
+    const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/wire?client=${encodeURIComponent(this.page)}`);
+    this.socket = socket;
+    socket.onopen = () => { this.subscribed = ""; this.subscribe(); };
+    socket.onmessage = (event) => {
+      const told = JSON.parse(event.data);
+      if (told.tick) { this.tick = told.tick; this.operator = told.operator; this.seen = performance.now(); }
+      for (const one of this.listeners) one(told);
+    };
+    socket.onclose = () => { if (this.socket === socket) { this.socket = null; this.lost(); setTimeout(() => this.connect(), 500); } };
+  }
+
+  drop() { const socket = this.socket; this.socket = null; socket?.close(); this.lost(); }
+  lost() { this.operator = false; for (const one of this.listeners) one({ lost: true }); }
+  send(message) { if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message)); }
+
+  watch(who, names) { names.length ? this.watched.set(who, names) : this.watched.delete(who); this.subscribe(); }
+  subscribe() {
+    const names = [...new Set([...this.watched.values()].flat())], text = names.join();
+    if (text !== this.subscribed && this.socket?.readyState === WebSocket.OPEN) { this.subscribed = text; this.send({ watch: names }); }
+  }
+}
+
+export const channel = new Channel();

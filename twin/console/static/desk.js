@@ -1,0 +1,148 @@
+// What a hand moves. Motion lasts while it is held: each tick of the server is answered with what is held, and nothing else
+// keeps it going. Let go, another window, a hidden page, a lost network: no answer, and the loop puts the input to rest.
+
+import { channel } from "/console/channel.js";
+
+const NEAR = 0.02;       // deflection of a gamepad below which nobody holds it
+
+class Hands {
+  constructor(controls) {
+    this.controls = new Map(controls.map((one) => [one.name, one]));
+    this.held = new Map();   // control -> Map(source -> deflection)
+    this.press = new Map();  // control -> number of the press
+  }
+  // a device says how far a control is deflected; 0 or null: let go
+  move(name, source, at) {
+    const sources = this.held.get(name) || new Map(), before = this.deflection(name);
+    at ? sources.set(source, Math.max(-1, Math.min(1, at))) : sources.delete(source);
+    this.held.set(name, sources);
+    const now = this.deflection(name);
+    if (now !== null && before === null) this.press.set(name, Date.now());
+    if (now === null && before !== null) channel.send({ let_go: name });
+    if (now !== null) this.renew(name);
+    this.told?.(name, now);
+  }
+  deflection(name) {
+    const all = [...(this.held.get(name)?.values() || [])];
+    return all.length ? all.reduce((a, b) => (Math.abs(b) > Math.abs(a) ? b : a)) : null;
+  }
+  renew(name) {
+    const at = this.deflection(name);
+    if (at !== null && channel.operator && !document.hidden) channel.send({ hold: name, at, press: this.press.get(name), tick: channel.tick });
+  }
+  renewAll() { for (const name of this.held.keys()) this.renew(name); }
+  letGo() {
+    const any = [...this.held.keys()].some((name) => this.deflection(name) !== null);
+    this.held.clear();
+    if (any) channel.send({ let_go: "" });
+    for (const name of this.controls.keys()) this.told?.(name, null);
+  }
+}
+
+export default {
+  template: `<div class="twin-hands">
+    <div class="twin-sticks">
+      <div v-for="stick in sticks" :key="stick.key" class="twin-stick" :class="{ off: !operator }">
+        <svg viewBox="-60 -60 120 120" :aria-label="stick.label" role="application" @pointerdown="grab($event, stick)" @pointermove="drag($event, stick)"
+             @pointerup="release(stick)" @pointercancel="release(stick)" @lostpointercapture="release(stick)">
+          <circle r="52" class="base" />
+          <line v-if="stick.x" x1="-44" x2="44" y1="0" y2="0" class="axis" /><line v-if="stick.y" y1="-44" y2="44" x1="0" x2="0" class="axis" />
+          <circle r="19" class="knob" :cx="36 * at(stick.x)" :cy="-36 * at(stick.y)" />
+        </svg>
+        <div class="twin-soft">{{ stick.label }}</div>
+      </div>
+    </div>
+    <div v-for="one in controls" :key="one.name" class="twin-control" :title="one.about">
+      <button type="button" class="way" :disabled="!operator" v-if="one.kind === 'hold'" :aria-label="one.label + ' back'"
+              @pointerdown.prevent="push($event, one, -1)" @pointerup="pull(one)" @pointercancel="pull(one)" @lostpointercapture="pull(one)">−</button>
+      <span class="name">{{ one.label }} <kbd v-for="key in one.keys.filter(Boolean)" :key="key">{{ short(key) }}</kbd></span>
+      <b class="twin-figures">{{ figure(one) }}</b>
+      <button type="button" class="way" :disabled="!operator" :aria-label="one.label" @pointerdown.prevent="push($event, one, 1)"
+              @pointerup="pull(one)" @pointercancel="pull(one)" @lostpointercapture="pull(one)">{{ one.kind === "hold" ? "+" : "press" }}</button>
+    </div>
+    <p v-if="!controls.length" class="twin-soft">This scenario names no controls (section <code>console:</code>).</p>
+    <p v-else class="twin-soft">{{ operator ? "It moves while you hold it." : "This page watches." }} <span v-if="pad">{{ pad }}</span></p>
+  </div>`,
+  props: { controls: Array },
+  data: () => ({ operator: false, held: {}, deflections: {}, pad: "" }),
+  computed: {
+    sticks() {
+      const of = (stick) => this.controls.find((one) => one.stick === stick);
+      return [["x", "y"], ["x2", "y2"]].map(([x, y]) => ({ key: x, x: of(x), y: of(y) })).filter((one) => one.x || one.y)
+        .map((one) => ({ ...one, label: [one.y?.label, one.x?.label].filter(Boolean).join(" · ") }));
+    },
+  },
+  mounted() {
+    this.hands = new Hands(this.controls);
+    this.hands.told = (name, at) => { this.deflections = { ...this.deflections, [name]: at ?? 0 }; };
+    this.hear = (told) => this.heard(told);
+    channel.listeners.add(this.hear);
+    this.on = [
+      [window, "keydown", (event) => this.key(event, true)], [window, "keyup", (event) => this.key(event, false)],
+      [window, "blur", () => this.hands.letGo()], [window, "offline", () => this.hands.letGo()],
+      [document, "visibilitychange", () => { if (document.hidden) this.hands.letGo(); }],
+      [document, "freeze", () => this.hands.letGo()],
+      [document.getElementById("twin-stop"), "click", () => this.hands.letGo()],
+    ];
+    for (const [where, what, does] of this.on) where?.addEventListener(what, does, what === "keydown");
+    window.twinHands = this.hands;  // for tests
+  },
+  unmounted() {
+    this.hands.letGo();
+    channel.listeners.delete(this.hear);
+    for (const [where, what, does] of this.on) where?.removeEventListener(what, does, what === "keydown");
+  },
+  methods: {
+    heard(told) {
+      if (told.lost) { this.operator = false; this.hands.letGo(); return; }
+      if (told.refused) return;
+      this.operator = told.operator;
+      const held = JSON.stringify(told.held || {});
+      if (held !== this.heldText) { this.heldText = held; this.held = told.held || {}; }
+      this.gamepad();
+      this.hands.renewAll();
+    },
+    key(event, down) {
+      if (event.code === "Escape") { this.hands.letGo(); return; }
+      if (down && (event.target.closest?.("input, textarea, select, [contenteditable]") || event.ctrlKey || event.altKey || event.metaKey)) return;
+      for (const one of this.controls) {
+        const way = one.keys.indexOf(event.code);
+        if (way < 0) continue;
+        event.preventDefault();
+        if (!event.repeat) this.hands.move(one.name, event.code, down ? (way === 0 ? 1 : -1) : 0);
+      }
+    },
+    // every tick: a stick that springs back is its own dead-man switch
+    gamepad() {
+      const pad = [...(navigator.getGamepads?.() || [])].find(Boolean);
+      this.pad = pad ? `Gamepad: ${pad.id.slice(0, 40)}` : "";
+      for (const one of this.controls) {
+        const axis = pad && one.axis !== null ? (pad.axes[one.axis] || 0) * (one.reverse ? -1 : 1) : 0;
+        const [up, down] = one.buttons.map((button) => button !== null && button >= 0 && pad?.buttons[button]?.pressed);
+        const at = up ? 1 : down ? -1 : Math.abs(axis) > Math.max(one.dead, NEAR) ? axis : 0;
+        if (at || this.hands.held.get(one.name)?.has("pad")) this.hands.move(one.name, "pad", at);
+      }
+    },
+    grab(event, stick) { event.preventDefault(); event.currentTarget.setPointerCapture(event.pointerId); this.grabbed = stick.key; this.drag(event, stick); },
+    drag(event, stick) {
+      if (this.grabbed !== stick.key) return;
+      const box = event.currentTarget.getBoundingClientRect(), half = box.width * 0.3;
+      if (stick.x) this.hands.move(stick.x.name, "stick", (event.clientX - box.left - box.width / 2) / half || 1e-6);
+      if (stick.y) this.hands.move(stick.y.name, "stick", (box.top + box.height / 2 - event.clientY) / half || 1e-6);
+    },
+    release(stick) {
+      if (this.grabbed !== stick.key) return;
+      this.grabbed = null;
+      for (const one of [stick.x, stick.y]) if (one) this.hands.move(one.name, "stick", 0);
+    },
+    push(event, one, way) { event.currentTarget.setPointerCapture(event.pointerId); this.hands.move(one.name, "button", way); },
+    pull(one) { if (this.hands.held.get(one.name)?.has("button")) this.hands.move(one.name, "button", 0); },
+    at(one) { return one ? this.deflections[one.name] || 0 : 0; },
+    short(key) { return key.replace(/^Key|^Digit/, "").replace("Arrow", "").replace(/^(Up|Down|Left|Right)$/, (way) => ({ Up: "↑", Down: "↓", Left: "←", Right: "→" })[way]); },
+    figure(one) {
+      const value = this.held[one.input];
+      if (one.kind !== "hold") return value ? "on" : "off";
+      return `${value === undefined ? "0" : +(one.factor * value + one.offset).toPrecision(3)} ${one.unit}`;
+    },
+  },
+};

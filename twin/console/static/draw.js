@@ -1,0 +1,44 @@
+// Small tools of the views.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+export function make(parent, tag, attributes = {}, text = "") {
+  const one = parent.appendChild(document.createElementNS(SVG, tag));
+  set(one, attributes);
+  if (text) one.textContent = text;
+  return one;
+}
+export function set(one, attributes) { for (const name in attributes) one.setAttribute(name, attributes[name]); }
+export function sheet(place, width, height, label) {
+  const svg = make(place, "svg", { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": label });
+  return svg;
+}
+export function parts(view, kind) { return view.parts.filter((one) => one.kind === kind); }
+export function clamp(value, low, high) { return Math.min(Math.max(value, low), high); }
+export function say(one, text) { if (one.textContent !== text) one.textContent = text; }
+
+// the contact force as a bar with its band
+export function force(svg, x, y, width, band, most = 0.6) {
+  const at = (value) => x + (clamp(value, 0, most) / most) * width;
+  make(svg, "rect", { x, y, width, height: 14, rx: 3, class: "track" });
+  make(svg, "rect", { x: at(band[0]), y, width: at(band[1]) - at(band[0]), height: 14, class: "band" });
+  const bar = make(svg, "rect", { x, y: y + 3, width: 0, height: 8, rx: 2, class: "bar" });
+  for (const edge of [0, ...band, most]) make(svg, "text", { x: at(edge), y: y + 27, class: "small middle" }, String(edge));
+  const text = make(svg, "text", { x, y: y - 6, class: "label" }, "contact force");
+  return (value) => {
+    const right = value >= band[0] && value <= band[1];
+    set(bar, { width: at(value) - x, class: `bar ${value > band[1] ? "bad" : right ? "good" : ""}` });
+    say(text, `contact force ${value.toFixed(3)} N${value > band[1] ? ", above the band" : right ? ", in the band" : ""}`);
+  };
+}
+
+// the wall, dented where the tip presses on it; returns (x, dent) => void
+export function wall(svg, y, right) {
+  const body = make(svg, "path", { class: "tissue" }), skin = make(svg, "path", { class: "skin" });
+  return (x, dent) => {
+    const top = y - 78, bottom = y + 48;
+    const edge = `M${x + 16} ${top} C${x} ${top + 26} ${x} ${y - 26} ${x} ${y - 16} C${x} ${y - 8} ${x + dent} ${y - 7} ${x + dent} ${y} C${x + dent} ${y + 7} ${x} ${y + 8} ${x} ${y + 16} C${x} ${y + 26} ${x} ${bottom - 20} ${x + 12} ${bottom}`;
+    set(body, { d: `${edge} L${right} ${bottom} L${right} ${top} Z` });
+    set(skin, { d: edge });
+  };
+}

@@ -1,0 +1,29 @@
+// The picture of the machine: views of SVG, moved by the values of each tick.
+
+import { channel } from "/console/channel.js";
+import { rig } from "/console/view_rig.js";
+import { bench } from "/console/view_bench.js";
+import { vessel } from "/console/view_vessel.js";
+
+const VIEWS = { rig, bench, vessel };
+
+export default {
+  template: `<div class="twin-views"></div>`,
+  props: { views: Array },
+  mounted() {
+    this.moved = this.views.map((view) => {
+      const place = this.$el.appendChild(document.createElement("div"));
+      place.className = `twin-view twin-view-${view.view}`;
+      return VIEWS[view.view](place, view);
+    });
+    const names = this.views.flatMap((view) => view.parts.flatMap((part) => Object.values(part.signals)));
+    this.hear = (told) => {
+      if (!told.values || document.hidden) return;
+      const of = (part, name) => (part && part.signals[name] in told.values ? told.values[part.signals[name]] : undefined);
+      for (const move of this.moved) move(of);
+    };
+    channel.listeners.add(this.hear);
+    channel.watch(this, [...new Set(names)]);
+  },
+  unmounted() { channel.listeners.delete(this.hear); channel.watch(this, []); },
+};
