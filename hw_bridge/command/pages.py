@@ -19,7 +19,7 @@ from twin.console import Panel
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from twin.console import Console
+    from twin.console import Host
 
 LONGEST = 60.0  # of a command [s]
 SHOWN = 20_000  # characters of what it prints
@@ -27,7 +27,7 @@ NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")  # of a node
 TYPED = ("reset", "enable", "direction", "jog", "home", "move", "step", "disable")
 
 
-def fill(console: Console, may: Callable[[], bool]) -> None:
+def fill(console: Host, may: Callable[[], bool]) -> None:
     """The panel: scan the bus; of each node its status, a dump, and what differs from that."""
     from nicegui import ui
 

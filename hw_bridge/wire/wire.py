@@ -7,7 +7,10 @@ import threading
 import time
 from typing import TYPE_CHECKING
 
+import can
+
 from hw_bridge.bus import BUS_OFF, Kind
+from hw_bridge.wire.link import AnyLink
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -33,8 +36,9 @@ class Wire:
     there a destroyed frame is seen once it gets through, or never.
     """
 
-    def __init__(self, slave: Slave, link: Link) -> None:
-        self.slave, self.link = slave, link
+    def __init__(self, slave: Slave, link: Link | can.BusABC) -> None:
+        self.slave = slave
+        self.link = AnyLink(link, "") if isinstance(link, can.BusABC) else link
         self.stop = threading.Event()
         self.overruns = 0
         self.lost = 0  # frames that the interface did not take

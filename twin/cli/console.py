@@ -71,11 +71,9 @@ def command(
     if path is None and (variant or seed is not None or overrides or hardware_file):
         raise click.UsageError("--variant, --seed, --set and --hardware are of a scenario. Name one.")
 
-    from twin.console import Console, register
+    from twin.console import Host, register
 
-    console = Console(
-        overrides=overrides, hardware=hardware_file, arm=arm, rate=rate, runs=runs, build=build, form=form
-    )
+    console = Host(overrides=overrides, hardware=hardware_file, arm=arm, rate=rate, runs=runs, build=build, form=form)
     if path is not None:
         console.begin(path, variant, seed)
     web.Site(

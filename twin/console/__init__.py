@@ -9,8 +9,8 @@ from twin import late
 
 if TYPE_CHECKING:
     from twin.console.page import register
-    from twin.console.session import Console, Panel
+    from twin.console.session import Host, Panel
 
-__all__ = ["Console", "Panel", "register"]
+__all__ = ["Host", "Panel", "register"]
 
-__getattr__ = late.names(__name__, {"Console": "session", "Panel": "session", "register": "page"})
+__getattr__ = late.names(__name__, {"Host": "session", "Panel": "session", "register": "page"})

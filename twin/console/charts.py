@@ -12,7 +12,7 @@ from twin.console.curves import Curves
 from twin.console.operate import condensed
 
 if TYPE_CHECKING:
-    from twin.console.session import Console
+    from twin.console.session import Host
     from twin.live import Catalog
 
 SPANS = {5.0: "5 s", 10.0: "10 s", 30.0: "30 s", 60.0: "1 min", 300.0: "5 min", 1200.0: "20 min"}
@@ -52,7 +52,7 @@ def _curve(curves: Curves, name: str, color: int) -> web.Curve:
     return web.Curve(name, name, color, step=curves.signals[name].type in STEPPED)
 
 
-def panel(console: Console) -> None:
+def panel(console: Host) -> None:
     """The chart, above it how much of it is seen and how it is read, and the tree to pick from."""
     curves, catalog = console.source, console.catalog
     assert curves is not None
@@ -143,7 +143,7 @@ class Board:
                 self.told.text = f"from A to B: {b - a:.6g} s, {1 / abs(b - a):.6g} Hz"
 
 
-def marks(console: Console, chart: web.Chart) -> None:
+def marks(console: Host, chart: web.Chart) -> None:
     """What was done stands in the chart."""
     count = [-1]
     controls = {one.input: one for one in console.catalog.controls} if console.catalog is not None else {}

@@ -6,10 +6,11 @@ A member is found by its component's class; inside a group, of which only the si
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from nicegui.element import Element
+
+from twin.dataclass import dataclass
 
 if TYPE_CHECKING:
     from twin.live import Catalog

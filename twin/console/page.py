@@ -20,7 +20,7 @@ from twin.errors import TwinError
 if TYPE_CHECKING:
     from fastapi import FastAPI
 
-    from twin.console.session import Console
+    from twin.console.session import Host
 
 STATIC = Path(__file__).parent / "static"
 RATES = {
@@ -40,7 +40,7 @@ WATCHING = "This page watches: another one operates."
 class Shell:
     """One page in one browser: who it is, what it may, how it tells what was refused."""
 
-    def __init__(self, console: Console, client: Client) -> None:
+    def __init__(self, console: Host, client: Client) -> None:
         self.console, self.client = console, client
 
     def may(self) -> bool:
@@ -73,7 +73,7 @@ class Shell:
         return pressed
 
 
-def register(app: FastAPI, console: Console) -> None:
+def register(app: FastAPI, console: Host) -> None:
     """Make the pages and the routes of a console."""
     pages.add_static_files("/console", STATIC, max_cache_age=0)
     web.frames.route(app, "/data", lambda _asked: console.source)
@@ -108,7 +108,7 @@ def register(app: FastAPI, console: Console) -> None:
         build()
 
 
-def _stage(console: Console) -> tuple[Any, ...]:
+def _stage(console: Host) -> tuple[Any, ...]:
     """What the page is about; it is made anew when this changes."""
     live = console.live
     if live is None:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin import installed
 from twin.console.curves import Curves
+from twin.dataclass import dataclass
 from twin.errors import TwinError
 from twin.live import Live
 from twin.web import Seats
@@ -29,12 +30,12 @@ class Panel:
     """A panel of a package above the engine: `fill(console, may)` makes it on the page; `hardware`: only with drives."""
 
     title: str
-    fill: Callable[[Console, Callable[[], bool]], None]
+    fill: Callable[[Host, Callable[[], bool]], None]
     hardware: bool = False
 
 
 @dataclass
-class Console:
+class Host:
     """One session at a time, in a process of its own. `arm` comes from the command line and from nowhere else."""
 
     scenario: Path | None = None

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
     from starlette.websockets import WebSocket
 
-    from twin.console.session import Console
+    from twin.console.session import Host
 
 PERIOD = 1.0 / 30.0  # of ticks [s]
 TICKS = 90  # so many are remembered: three seconds, while a command lives for 0.14 s
@@ -45,7 +45,7 @@ WORDS = frozenset({"watch", "hold", "let_go", "stop"})
 class Orders:
     """What one page has said, checked. ValueError tells it in one line what was wrong."""
 
-    def __init__(self, console: Console, client: str, now: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, console: Host, client: str, now: Callable[[], float] = time.monotonic) -> None:
         self._console, self._client, self._now = console, client, now
         self._sent: dict[int, float] = {}
         self.watched: tuple[str, ...] = ()
@@ -114,7 +114,7 @@ def _refuse(text: str) -> None:
     raise ValueError(text)
 
 
-def told(console: Console, client: str, tick: int, watched: tuple[str, ...]) -> str:
+def told(console: Host, client: str, tick: int, watched: tuple[str, ...]) -> str:
     """One tick."""
     live, operator = console.live, console.seats.may(client)
     if live is None:
@@ -147,7 +147,7 @@ def plain(value: Any) -> Any:
     return [plain(one) for one in value] if value.ndim else None
 
 
-def register(app: FastAPI, console: Console, known: Callable[[str], bool]) -> None:
+def register(app: FastAPI, console: Host, known: Callable[[str], bool]) -> None:
     """Serve the socket; `known` says whether a page of that name was made here."""
 
     async def pages(socket: WebSocket) -> None:

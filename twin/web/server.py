@@ -9,10 +9,11 @@ import asyncio
 import socket
 import webbrowser
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin.dataclass import dataclass
 from twin.errors import TwinError
 from twin.web import gate
 

@@ -18,6 +18,7 @@ interface: udp_multicast
 channel: {channel}
 options: {{port: {port}}}
 cycle: 10 ms
+late_cycle: {{at_most: 200 ms}}  # a machine that tests share stalls
 nodes:
   {name}:
     node: 1

@@ -54,7 +54,15 @@ def until(process, text):
     end = time.monotonic() + 40
     while text not in process.said:
         assert time.monotonic() < end, process.said
+        listen(process)
+
+
+def listen(process):
+    """Take in what it shows; AssertionError with all of that if it has ended."""
+    try:
         process.said += os.read(process.terminal, 4096)
+    except OSError:
+        raise AssertionError(process.said.decode()) from None
 
 
 def hold(process, seconds, key=RIGHT):
@@ -64,7 +72,7 @@ def hold(process, seconds, key=RIGHT):
         os.write(process.terminal, key)
         last = time.monotonic()
         while select.select([process.terminal], [], [], 0)[0]:  # what it shows
-            os.read(process.terminal, 4096)
+            listen(process)
         if last > end:
             return last
         time.sleep(REPEAT)

@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import select
 import sys
 import time
 import uuid
@@ -30,8 +31,9 @@ INTERFACES = ("udp_multicast", "slcan")
 
 
 def carried(one, other):
-    """What a cable does: all bytes of one end to the other."""
-    os.write(other, os.read(one, 4096))
+    """What a cable does: all bytes of one end to the other, until none came for a while."""
+    while select.select([one], [], [], 0.05)[0]:
+        os.write(other, os.read(one, 4096))
 
 
 class Pair:
@@ -55,7 +57,8 @@ class Pair:
         self.buses = [opened(interface, channel, 1_000_000, options) for channel in channels]
         self.links = [kind(bus) for kind, bus in zip(kinds, self.buses, strict=True)]
         for end in self.masters:  # what opening said
-            os.read(end, 4096)
+            while select.select([end], [], [], 0.05)[0]:
+                os.read(end, 4096)
 
     def send(self, frames):
         for frame in frames:
