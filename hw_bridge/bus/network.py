@@ -61,6 +61,10 @@ class Network(ABC):
         for observer in self.observers:
             observer(self.now, frame)
 
+    def lock(self) -> bool:
+        """Keep this program's memory where it is while it drives something on the bus; whether the system allows it."""
+        return False
+
     @property
     @abstractmethod
     def now(self) -> int:

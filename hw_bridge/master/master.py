@@ -160,6 +160,7 @@ class Master:
             raise SimulationError(f"{' '.join(problems)} {RESET}")
         if self.rival.text:
             raise SimulationError(self.rival.text)
+        self.network.lock()
         self.running = True
         for node in self.nodes.values():
             self.nmt(cia301.PRE_OPERATIONAL, node.number)

@@ -40,7 +40,12 @@ class Haste:
         gc.collect()
         gc.disable()  # its pauses are longer than a cycle
         self.real_time = hasten(priority)
-        self.locked = self.real_time and lock()  # a process that waits for its turn gains nothing
+        self.locked = False
+
+    def lock(self) -> bool:
+        """Lock the memory too. It takes a large process long: not while something moves already."""
+        self.locked = self.locked or (self.real_time and lock())  # a process that waits for its turn gains nothing
+        return self.locked
 
     def end(self) -> None:
         """As it was before."""

@@ -36,6 +36,10 @@ class WireNetwork(Network):
         self._haste = Haste(MASTER)
         self.real_time = self._haste.real_time
 
+    def lock(self) -> bool:
+        """Until the bus is closed."""
+        return self._haste.lock()
+
     @property
     def now(self) -> int:
         """Time since the network was opened."""
