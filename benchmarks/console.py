@@ -23,7 +23,7 @@ from typing import Any
 
 from benchmarks import hil
 from twin import web
-from twin.console import Console, register
+from twin.console import Host, register
 
 ROOT = Path(__file__).parents[1]
 BUILD = ROOT / "build"
@@ -44,7 +44,7 @@ ASKS = """(names) => { window.count = 0; setInterval(async () => {
 
 
 @contextmanager
-def served(console: Console) -> Iterator[str]:
+def served(console: Host) -> Iterator[str]:
     """The address of a console whose server runs in a thread of this process."""
     said: list[str] = []
     site = web.Site("benchmark", lambda app: register(app, console), said=said.append, opened=False)
@@ -84,7 +84,7 @@ def page(browser: Any, address: str, told: dict[str, float]) -> Iterator[None]:
 
 
 @contextmanager
-def reader(console: Console, told: dict[str, float]) -> Iterator[None]:
+def reader(console: Host, told: dict[str, float]) -> Iterator[None]:
     """The same signals read in this process, by a thread."""
     end, count = threading.Event(), 0
 
@@ -121,7 +121,7 @@ def until(condition: Callable[[], object], seconds: float) -> None:
         time.sleep(0.01)
 
 
-def jitter(console: Console) -> float:
+def jitter(console: Host) -> float:
     """Of the last ten seconds [s]."""
     live = console.live
     assert live is not None
@@ -131,7 +131,7 @@ def jitter(console: Console) -> float:
     return live.state.jitter
 
 
-def measure(name: str, console: Console, address: str, browser: Any, seconds: float) -> None:
+def measure(name: str, console: Host, address: str, browser: Any, seconds: float) -> None:
     """One session: alternate, and print the medians and their ratios."""
     console.begin(SCENARIO)
     live, told = console.live, dict[str, float]()
@@ -161,7 +161,7 @@ def measure(name: str, console: Console, address: str, browser: Any, seconds: fl
 def main(seconds: float) -> None:
     """Both kinds of loops."""
     with tempfile.TemporaryDirectory() as folder:
-        console = Console(runs=Path(folder), build=BUILD)
+        console = Host(runs=Path(folder), build=BUILD)
         with served(console) as address, chromium() as browser:
             measure("simulated", console, address, browser, seconds)
             console.hardware = hil.rig_bench(Path(folder), "udp_multicast", hil.GROUP)
