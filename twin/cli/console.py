@@ -13,7 +13,7 @@ from twin.errors import TwinError
 
 @click.command(name="console")
 @click.argument(
-    "file", type=click.Path(path_type=Path), metavar="SCENARIO", required=False, shell_complete=completion.scenarios
+    "file", type=click.Path(path_type=Path), metavar="[SCENARIO]", required=False, shell_complete=completion.scenarios
 )
 @click.option("--variant", metavar="NAME", help="Of the scenario: this variant. [default: the first]")
 @click.option("--seed", type=int, metavar="N", help="Of the scenario: this seed. [default: the first]")
