@@ -29,7 +29,6 @@ class Account:
             self.unsafe = bench.restless(failed, self.notes)
         except SimulationError as error:  # of a motor that cannot go on; the failure that ended the case is told first
             self.unsafe.append(str(error))
-        self.notes = [one for one in self.notes if one not in self.unsafe]  # told as what is not at rest
 
     def story(self, acted: Sequence[Override], seen: Sequence[str]) -> list[str]:
         """What was seen on the bus, with the faults that were planned and the stop in their places."""
