@@ -204,6 +204,19 @@ def came_back(self: Any, t: float) -> int:
     return 0
 
 
+def access(self: Any, row: int, count: int) -> int:
+    """Set inputs or get outputs, a call per row; 1 if a member fails."""
+    for _ in range(count):
+        references, values = read64(row + 16), read64(row + 32)
+        self.at = row
+        status = call_access(read64(row), read64(row + 8), references, read64(row + 24), values, read64(row + 40))
+        if status > 1:
+            self.member, self.status = read64(row + 48), status
+            return 1
+        row += 56
+    return 0
+
+
 def run(self: Any) -> int:
     """Go on until `stop`, a full recording buffer, a member that fails or finishes the simulation, or a limit."""
     operations, operation_count, every = self.operations, self.operation_count, self.every
@@ -223,17 +236,8 @@ def run(self: Any) -> int:
                 count = read64(operation + 48)
                 if count > 0:
                     convert(read64(operation + 40), count, 0)
-                row = read64(operation + 56)
-                for _ in range(read64(operation + 64)):
-                    references, values = read64(row + 16), read64(row + 32)
-                    self.at = row
-                    status = call_access(
-                        read64(row), read64(row + 8), references, read64(row + 24), values, read64(row + 40)
-                    )
-                    if status > 1:
-                        self.member, self.status = read64(row + 48), status
-                        return FAILED
-                    row += 56
+                if access(self, read64(operation + 56), read64(operation + 64)) != 0:
+                    return FAILED
                 h = read_float(operation + 16)
                 row = read64(operation + 72)
                 for _ in range(read64(operation + 80)):
@@ -245,17 +249,8 @@ def run(self: Any) -> int:
                         return FAILED
                     if read8(flags + 8) != 0:
                         self.member, self.finished = read64(row + 40), 1
-                    gets = read64(row + 24)
-                    for _ in range(read64(row + 32)):
-                        references, values = read64(gets + 16), read64(gets + 32)
-                        self.at = gets
-                        status = call_access(
-                            read64(gets), read64(gets + 8), references, read64(gets + 24), values, read64(gets + 40)
-                        )
-                        if status > 1:
-                            self.member, self.status = read64(gets + 48), status
-                            return FAILED
-                        gets += 56
+                    if access(self, read64(row + 24), read64(row + 32)) != 0:
+                        return FAILED
                     row += 48
             operation += 88
         if hasty_count > 0 and came_back(self, t) != 0:

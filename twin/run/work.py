@@ -98,21 +98,8 @@ def run_scenario(
     outcome = begun(scenario, catalogs, root)
     link, journal = link or Link(), Journal(outcome.folder)
     journal.begin(header(outcome, cases, report), link.owners)
-    work = Work(
-        outcome,
-        cases,
-        form,
-        build,
-        progress,
-        report,
-        hardware,
-        link,
-        journal,
-        (*WRITERS, *needed),
-        logged,
-        hear,
-        course,
-    )
+    modules = (*WRITERS, *needed)
+    work = Work(outcome, cases, form, build, progress, report, hardware, link, journal, modules, logged, hear, course)
     try:
         with Stop(last=work.link.watched) as work.stop:
             link.keep(resume=str(outcome.folder), hint=f"Then: twin recover {outcome.folder}")
