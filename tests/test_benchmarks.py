@@ -35,12 +35,14 @@ def test_what_iterating_costs(build):
     assert iterate.time_force("step_doubling", "12.5 s") > 0
 
 
+@pytest.mark.slow
 def test_isolated_members_are_measured(build, capsys):
     isolate.main(2, 5)
     lines = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines())
     assert all(float(lines[f"isolate_{count}_us"]) > 0 for count in (1, 2, 4))
 
 
+@pytest.mark.slow
 def test_peers_that_are_there_are_measured_and_others_named(build, capsys):
     peers.compare(("ours", "fmpy", "unheard_of"), (2,), 1, 0.001)
     lines = dict(line.split(": ", 1) for line in capsys.readouterr().out.splitlines())
@@ -56,6 +58,7 @@ def test_wrong_values_of_a_peer_are_found(monkeypatch):
         peers.checked("ours", None, 3, 20)
 
 
+@pytest.mark.slow
 def test_a_process_ends_at_the_first_step_with_its_phases(tmp_path):
     command = [sys.executable, "-m", "benchmarks.startup", "0", *startup.ARGUMENTS, str(tmp_path)]
     done = subprocess.run(command, check=False, capture_output=True, text=True)

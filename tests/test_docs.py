@@ -34,9 +34,6 @@ SAVED = re.compile(r"Save this as\s+`([^`]+)`:\s*$")
 LINK = re.compile(r"\]\(([^)#\s]*)[^)]*\)|src=\"([^\"]+)\"")
 EXIT = re.compile(r"# exit code (\d+)")
 
-# Pages whose commands every run of the tests executes; those of the others, which take minutes, are slow tests.
-AT_ONCE = ("README.md", "CONTRIBUTING.md", "docs/tutorial/first_component.md", "docs/reference")
-
 NOTEBOOK = "<!-- the python blocks of this page are the cells of one notebook -->"
 
 MAIN = "twin run scenarios/heart_wall_force.yaml"
@@ -49,9 +46,9 @@ def named(path):
 
 
 def executed(page):
-    """A page as a case of a test that runs what stands on it."""
-    is_quick = named(page).startswith(AT_ONCE) or not re.search(r"^```(bash|python)$", page.read_text(), re.MULTILINE)
-    return pytest.param(page, id=named(page), marks=() if is_quick else pytest.mark.slow)
+    """A page as a case of a test that runs what stands on it; slow where that are commands."""
+    is_slow = re.search(r"^```(bash|python)$", page.read_text(), re.MULTILINE)
+    return pytest.param(page, id=named(page), marks=pytest.mark.slow if is_slow else ())
 
 
 def execute(words, folder, command_line):

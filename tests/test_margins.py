@@ -58,6 +58,7 @@ def swings(gain):
         return np.ptp(running.results["wall.force"].to_numpy()[1000:])
 
 
+@pytest.mark.slow
 def test_the_gain_margin_is_where_the_twin_begins_to_ring(sliding):
     limit = 10 ** (loop.margins(sliding[0], sliding[1]).gain / 20)
     assert 6.0 < limit < 7.5

@@ -1,5 +1,6 @@
 """The site of all documents is built without a warning: a link that leads nowhere would be one."""
 
+import importlib
 import json
 import re
 import subprocess
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from twin.component import catalog
-from twin.scenario import shipped
+from twin.scenario import load_scenario, shipped
 
 pytestmark = pytest.mark.slow
 
@@ -44,6 +45,15 @@ def test_a_scenario_that_was_run_shows_what_came_out(site):
     page = (site / "scenarios" / "linear_grip.html").read_text()
     assert "What came out" in page
     assert page.count("<td>pass</td>") > 0
+
+
+def test_what_came_out_is_kept_until_something_changes_that_decides_it(site, monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "docs"))
+    outcomes = importlib.import_module("outcomes")
+    path, whole = ROOT / "scenarios" / "linear_grip.yaml", outcomes.engine()
+    assert outcomes.told("linear_grip") == outcomes.key(load_scenario(path), whole)
+    assert outcomes.told("linear_grip") != outcomes.key(load_scenario(path, ["seeds=[1]"]), whole)
+    assert outcomes.told("linear_grip") != outcomes.key(load_scenario(path), "another engine")
 
 
 @pytest.mark.parametrize(("name", "pictures"), [("python", 1), ("controller", 2), ("study", 3)])

@@ -51,6 +51,7 @@ def twin(tmp_path, build):
     return run
 
 
+@pytest.mark.slow
 def test_a_run_and_a_study(twin, tmp_path):
     code, said = twin("run", "scenario.yaml", "--variant", "plain", "--no-report")
     assert code == 0, said

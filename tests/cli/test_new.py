@@ -39,6 +39,7 @@ def test_a_new_component_passes_its_tests_and_builds(twin, tmp_path, build):
     assert (tmp_path / "here/3.0/my_part.fmu").exists()
 
 
+@pytest.mark.slow
 def test_a_new_project_runs_and_its_tests_pass(twin, tmp_path, command_line):
     assert twin("new", "my_rig", "--project").returncode == 0
     place = tmp_path / "my_rig"

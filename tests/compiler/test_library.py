@@ -120,6 +120,7 @@ int main(void)
 """
 
 
+@pytest.mark.slow
 def test_a_group_of_a_scenario_is_one_library(build, tmp_path):
     scenario = load_scenario(Path(__file__).parents[2] / "scenarios/heart_wall_force.yaml")
     case = scenario.cases(["PI+FF+BW"])[0]

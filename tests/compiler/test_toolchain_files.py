@@ -82,6 +82,7 @@ def test_archives_hold_what_they_are_given(target, tmp_path):
     assert elf(code)["e_machine"] == machine
 
 
+@pytest.mark.slow
 @ON_LINUX
 def test_many_at_once_into_one_folder(tmp_path):
     """Threads and processes that make the same things at the same time get the same, and leave nothing behind."""

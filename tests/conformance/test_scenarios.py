@@ -34,7 +34,8 @@ LONG = {  # by name: else each process that collects tests would read them all
 FAST = {  # seeds and variants that run at once, all of them as a slow test; each verdict on what ran counts
     "heart_wall_force": (("seeds=[1]",), ()),  # all of them in the README's command
     "hysteresis_identification": (("seeds=[1]",), ("uncompensated", "compensated")),  # fits for seconds: see below
-    "heart_wall_ahead": (("seeds=[1]",), ("PI+FF+BW", "ahead", "ahead, given up")),
+    "heart_wall_ahead": (("seeds=[1]",), ("ahead", "ahead, given up")),
+    "best_gains": (("seeds=[1]",), ("PI", "PI+FF+BW", "worst corner")),
     "in_vivo_navigation": ((), ("live",)),  # both rigs for 30 s; the others take 72 s
     "contact_force": ((), ("PI", "PI+FF+BW", "no friction", "BW, no friction")),
     "failures": (

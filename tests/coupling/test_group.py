@@ -237,6 +237,7 @@ record: ["*.*"]
 """
 
 
+@pytest.mark.slow
 def test_a_group_of_another_scenario_is_a_member(tmp_path, build):
     (tmp_path / "rig.yaml").write_text(RIG)
     scenario = parse_scenario(TWO, tmp_path / "two.yaml")

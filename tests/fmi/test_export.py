@@ -97,6 +97,7 @@ def test_a_revision_follows_the_folder_not_the_repository(tmp_path):
     assert revision(tmp_path / "other").endswith(" with changes")
 
 
+@pytest.mark.slow
 def test_one_archive_for_several_platforms(build, tmp_path):
     targets = ("x86_64-linux", "aarch64-linux")
     for version, folders in (("2.0", ("linux64", "aarch64-linux")), ("3.0", targets)):

@@ -71,6 +71,7 @@ def run(*command, folder):
 ONCE = ["3.0", pytest.param("2.0", marks=pytest.mark.slow)]  # what compiles all that again
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tool", COMPILERS)
 @pytest.mark.parametrize("version", ONCE)
 def test_no_compiler_complains(version, tool, build, tmp_path):
@@ -169,6 +170,7 @@ def simulated(folder):
     return result.tobytes()
 
 
+@pytest.mark.slow
 @CMAKE
 @pytest.mark.parametrize("version", ONCE)
 def test_fmpy_builds_the_sources_and_values_are_equal_to_the_bit(version, build, tmp_path):
@@ -224,6 +226,7 @@ int main(int count, char **tokens)
 """
 
 
+@pytest.mark.slow
 @GCC
 def test_sources_of_several_fmus_in_one_program(build, tmp_path):
     objects, tokens = [], []

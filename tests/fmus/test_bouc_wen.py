@@ -74,6 +74,7 @@ def test_speed_is_bounded_by_the_least_slope(native):
     assert ratio.max() <= 5.0 + 1e-6
 
 
+@pytest.mark.slow
 def test_identification_recovers_known_constants():
     truth = Constants(1.08, 1.0, 0.06, 0.04, 2.5)
     x_in = chirp(20.0)

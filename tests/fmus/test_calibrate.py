@@ -86,6 +86,7 @@ def calibrated(folder, label, tmp_path):
     return yaml.safe_load((tmp_path / "model.yaml").read_text())["parameters"]
 
 
+@pytest.mark.slow
 def test_exact_readings_give_the_papers_coefficients(folder, tmp_path):
     found = calibrated(folder, "paper", tmp_path)
     assert found["lead"] == pytest.approx(7.7e-3)
@@ -120,6 +121,7 @@ def visited(parameters, catheter_values):
     return np.sqrt(np.mean(np.square(errors), axis=0)) / MM
 
 
+@pytest.mark.slow
 def test_another_catheter_gets_its_own_model(folder, tmp_path):
     """With the paper's model it misses by millimeters; with its own by what a smooth fit of the surfaces leaves."""
     theirs, own = visited({}, OTHER), visited(calibrated(folder, "other", tmp_path), OTHER)

@@ -45,6 +45,7 @@ def test_statics_do_not_depend_on_the_step(substep):
         assert one(10, substep) == pytest.approx(one(10), abs=5e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("angle", "friction"), [(0.5, 0.15), (1.5, 0.15), (1.0, 0.3)])
 def test_friction_grows_with_the_wrap_as_on_a_capstan(angle, friction):
     assert experiments.capstan(angle * np.pi, friction) == pytest.approx(1.0, abs=0.01)

@@ -123,6 +123,7 @@ def test_a_change_of_the_rate_keeps_the_phase_of_a_heart_that_wanders(native):
     assert np.diff(beats).max() < 0.02
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("irregularity", [0.03, 0.2])
 def test_beats_differ_as_much_as_they_are_told(native, irregularity):
     _, beats = run(native(Heart, irregularity=irregularity), 400.0)
@@ -140,6 +141,7 @@ def test_the_rate_rises_from_0_8_to_2_hertz(native):
     assert rate[[4900, 9999, 15100]] == pytest.approx([0.8, 1.4, 2.0], abs=1e-3)
 
 
+@pytest.mark.slow
 def test_ectopic_beats_come_as_often_as_they_are_told(native):
     _, beats = run(native(Heart, ectopic_share=0.1), 600.0)
     lengths = np.diff(np.interp(np.arange(1, 590), beats, 1e-3 * (np.arange(len(beats)) + 1)))

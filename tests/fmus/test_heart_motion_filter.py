@@ -126,6 +126,7 @@ def test_what_is_ahead_is_what_prediction_reaches():
     assert velocity == pytest.approx((after - before) / 2e-5, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, *(pytest.param(more, marks=pytest.mark.slow) for more in (1, 2))])
 def test_it_tracks_as_well_as_filterpy_from_the_same_start(native, seed):
     """Both filters over eight seconds of a wandering beat: the same estimates."""

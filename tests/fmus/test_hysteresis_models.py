@@ -116,6 +116,7 @@ def test_lag_follows_a_ramp_by_its_time_constant():
     np.testing.assert_allclose(both[:, 1], 2.0 * rate.lagged(ramp, 10e-3))
 
 
+@pytest.mark.slow
 def test_constants_and_lag_are_recovered():
     truth, x_in = Constants(1.08, 1.0, 0.06, 0.04, 2.5), chirp(20.0)
     noise = 2e-6 * np.random.default_rng(1).standard_normal(x_in.size)

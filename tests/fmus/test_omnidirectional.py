@@ -206,6 +206,7 @@ def test_an_image_is_as_old_as_it_says(latency):
         assert 0.02 * when - taken == pytest.approx(latency, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gains", [(0.8, 1.0), (1.0, 1.2), (0.9, 0.8)])
 def test_gains_and_shift_are_learned_from_noise(gains):
     """Against the catheter itself, deflected in many directions."""

@@ -102,6 +102,7 @@ action = st.one_of(
     h=st.sampled_from([1e-3, 5e-3]),
     load=st.floats(-1.4, 1.4),  # friction keeps a carriage without drive
 )
+@pytest.mark.slow
 def test_random_commands_and_faults_break_no_invariant(native, script, h, load):
     rig = make(native, h, load)
     for (name, value), seconds in script:

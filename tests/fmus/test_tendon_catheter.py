@@ -115,6 +115,7 @@ def coordinates():
     return module
 
 
+@pytest.mark.slow
 def test_the_papers_calibration_helps_on_a_plant_it_does_not_know(coordinates):
     """One bench that the page's 200 do not have gives what they give."""
     found = coordinates.figures([301], coordinates.FRICTIONLESS, coordinates.AS_PRINTED)

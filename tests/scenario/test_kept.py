@@ -108,6 +108,7 @@ def test_every_scenario(path, tmp_path, build):
         same(found, first)
 
 
+@pytest.mark.slow
 def test_a_run_of_what_is_kept_gives_the_same_bits(tmp_path, build):
     """A scenario with a group of another one, periods, seeds and parameter sets."""
     path, tables = SCENARIOS[0].with_name("heart_wall_force.yaml"), []

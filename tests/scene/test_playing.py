@@ -126,6 +126,7 @@ def test_the_page_holds_everything_and_loads_nothing(run, shown):
     assert films_of(page.html("t", {"e": still(read("aortic_arch"))}))[0]["lines"] == []
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="needs chromium")
 def test_a_browser_plays_the_page(tmp_path, shown):
     """Its script runs: the first instant stands beside the slider, everything is in the legends."""

@@ -64,6 +64,7 @@ def test_the_ways_to_an_interval_agree(folder, build, method, monkeypatch):
         assert again.knowledge.samples.tobytes() == few.knowledge.samples.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow), pytest.param(3, marks=pytest.mark.slow)])
 def test_what_others_recorded_is_recovered(tmp_path, build, monkeypatch, seed):
     """The 20 of `benchmarks.identify`, but three and short."""
@@ -75,6 +76,7 @@ def test_what_others_recorded_is_recovered(tmp_path, build, monkeypatch, seed):
     assert sum(benchmark.holds(result, truth).values()) >= len(truth) - 1
 
 
+@pytest.mark.slow
 def test_two_values_that_only_count_together_are_told(folder, build):
     text = FILE.replace("fit: {", 'fit: {"sheath.play[3]": {from: 0 mm, to: 1.5 mm}, ')
     result = found(folder, build, text)
@@ -111,6 +113,7 @@ def test_a_delay_and_an_offset_are_found(tmp_path, build):
     assert set(result.parameter_set()["sheath"]) == {"play[2]"}
 
 
+@pytest.mark.slow
 def test_a_robust_loss_withstands_outliers(folder, build):
     lines = (folder / "tip.csv").read_text().splitlines()
     for row in range(5, len(lines), 20):
@@ -186,6 +189,7 @@ def test_ctrl_c_keeps_the_best_so_far(folder, build):
     assert any("interrupted" in one for one in result.notes())
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bits(folder, build):
     one, two = (found(folder, build, starts=3, seed=7) for _ in range(2))
     assert one.found.places.tobytes() == two.found.places.tobytes()

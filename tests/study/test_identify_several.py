@@ -53,6 +53,7 @@ recordings:
 """
 
 
+@pytest.mark.slow
 def test_what_is_common_is_found_from_all_and_what_is_not_by_itself(folder, build):
     result = found(folder, build, SHARED + VALVE)
     names = [one.name for one in result.problem.unknowns]

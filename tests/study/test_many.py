@@ -119,7 +119,12 @@ def job_of(folder, build):
 
 
 @pytest.mark.parametrize(
-    ("way", "told"), [(1.0, "killed by SIGKILL"), (2.0, "hung: no end of the case within"), (3.0, "out of memory")]
+    ("way", "told"),
+    [
+        (1.0, "killed by SIGKILL"),
+        pytest.param(2.0, "hung: no end of the case within", marks=pytest.mark.slow),
+        pytest.param(3.0, "out of memory", marks=pytest.mark.slow),
+    ],
 )
 def test_a_lost_process_costs_its_case_a_retry(tmp_path, build, monkeypatch, way, told):
     if not hasattr(os, "fork"):
@@ -165,6 +170,7 @@ tune:
 )
 
 
+@pytest.mark.slow
 def test_the_worst_case_is_worse_than_by_chance_and_the_tuned_better(build, tmp_path):
     study = load_study(study_file(tmp_path, SEARCHED))
     found = run_study(study, root=tmp_path, build=build, workers=2)

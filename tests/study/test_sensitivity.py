@@ -117,6 +117,7 @@ def recorded(folder, build, plant="Oscillator"):
     return folder / "identify.yaml"
 
 
+@pytest.mark.slow
 def test_they_are_what_fine_differences_say(tmp_path, build):
     problem = load(recorded(tmp_path, build))
     places = np.array([one.place(one.start) for one in problem.unknowns])

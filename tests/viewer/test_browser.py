@@ -3,21 +3,27 @@
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
 import urllib.error
 import urllib.request
+from contextlib import contextmanager
 from urllib.parse import unquote
 
 import numpy as np
 import pytest
 
-from tests.viewer.recorded import BEATS, beats, runs
+from tests.viewer.recorded import BEATS, FORCE, beats, folder_of, runs, wave
+from twin.process import owner
+from twin.results import Journal, plain_column
 from twin.viewer import of_samples
+from twin.viewer.drawn import KINDS
 from twin.viewer.runs import Curve, at
 
 pytest.importorskip("nicegui")
+pytestmark = pytest.mark.slow
 MINUS = "\N{MINUS SIGN}"
 
 
@@ -29,18 +35,27 @@ def folders(tmp_path_factory):
     return beats(places[0]), beats(places[1], half)
 
 
-@pytest.fixture(scope="module")
-def address(folders):
-    """Where `twin view A B` says that it is; at the end Ctrl-C is answered with a sentence."""
-    words = ["twin", "view", *map(str, folders), "--no-open"]
+@contextmanager
+def viewed(*words):
+    """Where `twin view` says that it is; at the end Ctrl-C is answered with a sentence."""
+    words = ["twin", "view", *map(str, words), "--no-open"]
     server = subprocess.Popen(
         [sys.executable, "-c", "import sys; sys.argv = sys.argv[1:]; from twin.cli import main; main()", *words],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    yield server.stdout.readline().strip()
-    server.send_signal(signal.SIGINT)
-    out, err = server.communicate(timeout=20)
+    try:
+        yield server.stdout.readline().strip()
+    finally:
+        server.send_signal(signal.SIGINT)
+        out, err = server.communicate(timeout=20)
     assert (out, err, server.returncode) == ("The viewer is closed.\n", "", 0)
+
+
+@pytest.fixture(scope="module")
+def address(folders):
+    """Where the page of A and B is."""
+    with viewed(*folders) as found:
+        yield found
 
 
 class Page:
@@ -274,6 +289,65 @@ def test_a_page_of_a_file_needs_no_network(browser, folders, tmp_path):
     np.testing.assert_allclose(less["curves"][0]["y"], own["B: fast, seed 1"] - own["A: fast, seed 1"], atol=1e-9)
     assert page.wrong == []
     context.close()
+
+
+def test_a_spectrum_in_a_file_is_the_server_s(browser, tmp_path, monkeypatch):
+    time = np.concatenate([np.arange(3001) / 1000.0, [3.0005, 3.01]])  # an odd length, not even at its end
+    wave = np.sin(2 * np.pi * 7.0 * time) + np.random.default_rng(1).normal(size=len(time))
+    wave[500] = np.nan
+    cases = {("PI", 1): (time, {"sensor.force": wave}), ("PI", 2): (time[:1500], {"sensor.force": 2 * wave[:1500]})}
+    opened = runs(folder_of(tmp_path / "run", cases, [FORCE]))
+    (tmp_path / "page.html").write_text(of_samples(opened, ["sensor.force"], [0, 1]).text)
+    context = browser.new_context(offline=True)
+    page = Page(context, (tmp_path / "page.html").as_uri())
+    page.page.locator("#chart .menu summary").first.click()
+    page.page.locator("#chart .menu[open]").get_by_text("Spectrum").click()
+    _, shown = page.curves()
+    assert (shown["title"], shown["unit"], page.wrong) == ("Spectrum of sensor.force", "N²/Hz", [])
+    assert len(shown["curves"]) == 2
+    for number, one in enumerate(shown["curves"]):
+        line = KINDS["spectrum"](opened, Curve("sensor.force", number), (-np.inf, np.inf), 8000)
+        np.testing.assert_allclose(one["x"], line.x, rtol=1e-12)
+        np.testing.assert_allclose(one["y"], line.y, rtol=1e-8, atol=1e-12 * max(line.y))
+    kept = page.page.url.partition("#")[2]
+    monkeypatch.setattr("twin.viewer.page.SAMPLES", 1000)
+    (tmp_path / "thin.html").write_text(of_samples(opened, ["sensor.force"], [0, 1]).text)
+    page = Page(context, (tmp_path / "thin.html").as_uri() + "#" + kept)
+    assert page.page.locator("#told").inner_text() == (
+        "sensor.force: the page has the extremes of its samples alone. Look at its spectrum with twin view."
+    )
+    context.close()
+
+
+def test_a_run_that_goes_on_is_followed_to_its_end(browser, tmp_path):
+    time, force = wave(1000.0, 3.0)
+    folder = tmp_path / "run"
+    done = folder_of(tmp_path / "done", {("PI", 1): (time, {"sensor.force": force})}, [FORCE])
+    folder.mkdir()
+    shutil.copyfile(done / "scenario.yaml", folder / "scenario.yaml")
+    journal = Journal(folder)
+    about = {"name": "run", "title": "It goes on", "description": "", "source": "", "path": "", "overrides": []}
+    about |= {"started": "2026-11-22T21:00:00+00:00", "cases": [["PI", 1]], "columns": [plain_column(FORCE)]}
+    journal.begin(about, owner())
+    journal.start(0)
+    journal.add(rows=0, begin=0, step=1, per_second=1000, words=2, columns=[["sensor.force", 1, [], "f", "N", ""]])
+    words = np.stack([np.arange(3000), force.view(np.int64)], 1)
+    words[:1000].tofile(folder / ".recording" / "0.rows")
+    with viewed(folder, "--signal", "sensor.force") as address:
+        page = Page(browser.new_context(), address)
+        assert [len(curve["x"]) for pane in page.curves() for curve in pane["curves"]] == [1000]
+        assert page.page.locator("#note").inner_text() == "run, 2026-11-22 21:00, goes on"
+        with (folder / ".recording" / "0.rows").open("ab") as file:
+            words[1000:].tofile(file)
+        page.page.wait_for_function("document.getElementById('to').value === '2.999'")
+        (pane,) = page.curves()
+        assert pane["curves"][0]["x"][-1] == pytest.approx(2.999, abs=0.01)  # of every pixel the extremes
+        for name in ("signals.parquet", "summary.json"):
+            shutil.copyfile(done / name, folder / name)
+        page.page.wait_for_function("document.getElementById('note').innerText.endsWith('21:00')")
+        page.drawn()
+        assert page.curves()[0]["title"] == "sensor.force"
+        assert page.wrong == []
 
 
 def test_without_the_extra_a_sentence_names_it(folders):

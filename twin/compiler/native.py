@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,10 @@ from twin.errors import BuildError
 if TYPE_CHECKING:
     import numpy as np
 
-EXPORTED = ("-fvisibility=default",)
+# what an FMU holds is hidden; the same object serves this process behind a table of addresses
+TABLE = """extern void {declared};
+__attribute__((visibility("default"))) void (*const table[])(void) = {{{named}}};
+"""
 
 
 def model_name(cls: type[Component]) -> str:
@@ -107,16 +111,19 @@ def component_object(cls: type[Component], target: str, build: Path, name: str) 
     return compile_sources(made, target, build)
 
 
-def compile_sources(made: Sources, target: str, build: Path, options: tuple[str, ...] = ()) -> bytes:
+def compile_sources(made: Sources, target: str, build: Path) -> bytes:
     """Object file of a component's C."""
     headers = {f"{made.name}.h": made.header}
-    return toolchain.compile_c(made.source, target, build, headers=headers, options=options, name=f"{made.name}.c")
+    return toolchain.compile_c(made.source, target, build, headers=headers, name=f"{made.name}.c")
 
 
 def load_symbols(made: Sources, build: Path, symbols: tuple[str, ...]) -> tuple[int, ...]:
     """Addresses of functions of a component's C in this process."""
-    code = compile_sources(made, toolchain.host(), build, EXPORTED)
-    return toolchain.load(toolchain.link(toolchain.host(), [code], build, keep=True, newest=True), build, symbols)
+    text = TABLE.format(declared=", ".join(f"{one}(void)" for one in symbols), named=", ".join(symbols))
+    here = toolchain.host()
+    objects = [compile_sources(made, here, build), toolchain.compile_c(text, here, build, name="table.c")]
+    (table,) = toolchain.load(toolchain.link(here, objects, build, keep=True, newest=True), build, ("table",))
+    return tuple((ctypes.c_void_p * len(symbols)).from_address(table))
 
 
 _loaded: dict[tuple[type[Component], Path], tuple[int, int]] = {}  # classes do not change, code stays loaded

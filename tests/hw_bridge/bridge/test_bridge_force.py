@@ -120,6 +120,7 @@ def test_too_much_force_or_a_dead_sensor_ends_a_run_away_from_the_wall(tmp_path,
     assert not session.bench.plants["servomotor"].motor.powered
 
 
+@pytest.mark.slow
 def test_it_is_the_same_every_time(outcome):
     """Whatever ran before it."""
     short = {"scenario": ROOT / "tests/conformance/short_force.yaml", "options": ["stop_time=1.5 s"], "seeds": [1]}

@@ -62,6 +62,7 @@ def early():
     return parse_scenario(text.replace('["*.*"]', "[wall.force, sensor.measured_force]"), SCENARIO)
 
 
+@pytest.mark.slow
 def test_every_cause_ends_at_rest(tmp_path, build):
     """The scenario that shows them all: what is noticed stops the run, everything at rest, and is told."""
     scenario = early()

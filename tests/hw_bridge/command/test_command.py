@@ -88,6 +88,7 @@ def multicast(build):
     return channel, [sys.executable, "-m", "hw_bridge.drive", *arguments]
 
 
+@pytest.mark.slow
 def test_a_process_of_its_own(multicast, tmp_path):
     channel, line = multicast
     path = tmp_path / "mclm.eds"

@@ -27,6 +27,7 @@ def test_figures_of_a_response():
     assert np.isnan(never["rise"])
 
 
+@pytest.mark.slow
 def test_the_gain_that_was_changed_is_found(build):
     """A drive whose velocity loop is softer than the profile's, as if somebody had tuned it."""
     keys = alone(hardware.load(Path("hw_bridge/benches/can0_faulhaber_v3.yaml")), "servomotor")

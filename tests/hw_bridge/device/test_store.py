@@ -141,6 +141,7 @@ def test_any_value_is_taken_or_refused_in_one_line(build, tmp_path, data):
         bench.go(20)
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="multicast")
 @pytest.mark.xdist_group("multicast")
 def test_two_runs_of_the_process(tmp_path, build):
