@@ -7,13 +7,13 @@ import sys
 import time
 from pathlib import Path
 
-import can
 import pytest
 
 from benchmarks import hil
 from hw_bridge.dictionary import State, state_of
 from hw_bridge.master import SdoClient
 from hw_bridge.wire import WireNetwork
+from tests.hw_bridge.multicast import needed, own
 from tests.live.test_live import FILE, SPEED, same_bits, until
 from twin.live import HOLD, Live, RefusedError
 from twin.results import read_variables, recorded
@@ -38,20 +38,8 @@ VELOCITY = "servomotor.velocity_actual_value"
 @pytest.fixture
 def channel(monkeypatch):
     """A multicast group and a port of this test alone: a socket hears every group that anybody has joined on its port."""
-    pid = os.getpid()
-    monkeypatch.setattr(hil, "PORT", 44000 + pid % 10000)
-    channel = f"239.76.{pid >> 8 & 0xFF}.{pid & 0xFF}"
-    try:
-        with (
-            can.Bus(channel=channel, interface="udp_multicast", port=hil.PORT) as one,
-            can.Bus(channel=channel, interface="udp_multicast", port=hil.PORT) as other,
-        ):
-            one.send(can.Message(arbitration_id=1, is_extended_id=False))
-            if other.recv(1.0) is None:
-                pytest.skip("multicast does not reach this machine itself")
-    except (can.CanError, OSError) as error:
-        pytest.skip(f"no multicast: {error}")
-    return channel
+    monkeypatch.setattr(hil, "PORT", 44000 + os.getpid() % 10000)
+    return needed(own(76), port=hil.PORT)
 
 
 def test_simulated_drives_are_operated_like_any_member(build, tmp_path):

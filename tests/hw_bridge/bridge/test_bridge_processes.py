@@ -1,14 +1,12 @@
 """The bridge and drives in processes of their own: killed without warning, and in real time for some seconds."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
 import time
 from contextlib import suppress
 
-import can
 import pytest
 
 from benchmarks import hil
@@ -17,6 +15,7 @@ from hw_bridge.dictionary import State, state_of
 from hw_bridge.master import SdoClient
 from hw_bridge.wire import WireNetwork
 from tests.hw_bridge import program
+from tests.hw_bridge.multicast import needed, own
 
 LOST_AFTER = 0.1  # [s], of the bench that `hil` writes
 HEARTBEAT, EMERGENCY = 0x77F, 0x081
@@ -30,19 +29,7 @@ pytestmark = [
 @pytest.fixture
 def channel():
     """A multicast group of this test alone."""
-    pid = os.getpid()
-    channel = f"239.75.{pid >> 8 & 0xFF}.{pid & 0xFF}"
-    try:
-        with (
-            can.Bus(channel=channel, interface="udp_multicast", port=hil.PORT) as one,
-            can.Bus(channel=channel, interface="udp_multicast", port=hil.PORT) as other,
-        ):
-            one.send(can.Message(arbitration_id=1, is_extended_id=False))
-            if other.recv(1.0) is None:
-                pytest.skip("multicast does not reach this machine itself")
-    except (can.CanError, OSError) as error:
-        pytest.skip(f"no multicast: {error}")
-    return channel
+    return needed(own(75), port=hil.PORT)
 
 
 @pytest.mark.parametrize("profile", ["faulhaber_v3", "mclm"])

@@ -17,6 +17,7 @@ from hw_bridge.fault import Cause, Fault
 from hw_bridge.master import SdoClient
 from hw_bridge.wire.adapter import to_message
 from tests.hw_bridge import program
+from tests.hw_bridge.multicast import needed
 
 LOST_AFTER = 0.1  # [s], of the project's bench
 SYNC, HEARTBEAT, EMERGENCIES = 0x080, 0x77F, (0x081, 0x082, 0x083)
@@ -32,16 +33,7 @@ pytestmark = [
 def port(monkeypatch):
     """A port of this test alone: groups of one port are not kept apart on one machine."""
     monkeypatch.setattr(hil, "PORT", 44000 + os.getpid() % 10000)
-    try:
-        with (
-            can.Bus(channel=hil.GROUP, interface="udp_multicast", port=hil.PORT) as one,
-            can.Bus(channel=hil.GROUP, interface="udp_multicast", port=hil.PORT) as other,
-        ):
-            one.send(can.Message(arbitration_id=1, is_extended_id=False))
-            if other.recv(1.0) is None:
-                pytest.skip("multicast does not reach this machine itself")
-    except (can.CanError, OSError) as error:
-        pytest.skip(f"no multicast: {error}")
+    needed(hil.GROUP, port=hil.PORT)
     return hil.PORT
 
 

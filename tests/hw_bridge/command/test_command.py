@@ -23,6 +23,7 @@ from hw_bridge.wire import Wire
 from hw_bridge.wire.adapter import from_message, to_message
 from hw_bridge.wire.link import AnyLink
 from hw_bridge.wire.taken import refuse_if_taken
+from tests.hw_bridge.multicast import needed, own
 from twin import cli, installed
 from twin.errors import SimulationError
 
@@ -72,18 +73,7 @@ def test_it_refuses_where_another_node_answers(build, talks):
 @pytest.fixture
 def multicast(build):
     """A group of this test alone on loopback or the local network."""
-    pid = os.getpid()
-    channel = f"239.74.{pid >> 8 & 0xFF}.{pid & 0xFF}"
-    try:
-        with (
-            can.Bus(channel=channel, interface="udp_multicast") as one,
-            can.Bus(channel=channel, interface="udp_multicast") as other,
-        ):
-            one.send(can.Message(arbitration_id=1, is_extended_id=False))
-            if other.recv(1.0) is None:
-                pytest.skip("multicast does not reach this machine itself")
-    except (can.CanError, OSError) as error:
-        pytest.skip(f"no multicast: {error}")
+    channel = needed(own(74))
     arguments = ["-p", "mclm", "-n", str(NODE), "-i", "udp_multicast", "-c", channel, "--build", str(build)]
     return channel, [sys.executable, "-m", "hw_bridge.drive", *arguments]
 

@@ -1,15 +1,13 @@
 """What ends a run on a real interface is told with its cause and the drive's own words; the drive is safe."""
 
-import os
-import sys
 import threading
 import time
 import uuid
 
-import can
 import pytest
 
 from hw_bridge.dictionary import State
+from tests.hw_bridge.multicast import needed, own
 from tests.hw_bridge.wire.wired import rig, until, wired
 from twin.errors import SimulationError
 
@@ -24,21 +22,7 @@ def bus(request):
     """Interface, channel and options, of this test alone."""
     if request.param == "virtual":
         return "virtual", uuid.uuid4().hex, {}
-    if sys.platform != "linux":
-        pytest.skip("multicast on this machine")
-    pid = os.getpid()
-    group, options = f"239.76.{pid >> 8 & 0xFF}.{pid & 0xFF}", {"port": PORT}
-    try:
-        with (
-            can.Bus(group, interface="udp_multicast", **options) as one,
-            can.Bus(group, interface="udp_multicast", **options) as other,
-        ):
-            one.send(can.Message(arbitration_id=1, is_extended_id=False))
-            if other.recv(1.0) is None:
-                pytest.skip("multicast does not reach this machine itself")
-    except (can.CanError, OSError) as error:
-        pytest.skip(f"no multicast: {error}")
-    return "udp_multicast", group, options
+    return "udp_multicast", needed(own(76), port=PORT), {"port": PORT}
 
 
 def test_a_fault_while_it_moves(bus, build):
