@@ -11,6 +11,7 @@ is the same with the eight signals read in the server's process alone.
 
 from __future__ import annotations
 
+import os
 import sys
 import tempfile
 import threading
@@ -154,7 +155,8 @@ def measure(name: str, console: Host, address: str, browser: Any, seconds: float
         print(f"{name}_{kind}_ratio: {median(found[kind]) / max(median(found['closed']), 1e-9):.2f}")
     for kind, value in told.items():
         print(f"{name}_{kind}_per_second: {value:.1f}")
-    print(f"{name}_achieved_rate: {live.state.achieved:.3f}", flush=True)
+    print(f"{name}_achieved_rate: {live.state.achieved:.3f}")
+    print(f"{name}_load: {os.getloadavg()[0]:.1f}", flush=True)
     console.close()
 
 

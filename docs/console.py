@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from PIL import Image
-from playwright.sync_api import Browser, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 ROOT = Path(__file__).parents[1]
 FIGURES = ROOT / "docs" / "figures"
@@ -23,6 +23,16 @@ PATIENCE = 120_000  # FMUs may be built first [ms]
 WIDE, NARROW = (1280, 860), (400, 860)
 COLORS = 96  # of a picture: a third of the bytes, and no eye sees it
 SIMULATED = "hw_bridge/benches/simulated_force.yaml"
+MY_BENCH = """title: My bench
+simulated: true
+cycle: 5 ms
+nodes:
+  servomotor:
+    node: 1
+    profile: faulhaber_v3
+    limits: {position: [-45 mm, 45 mm], velocity: 200 mm/s, force: 8 N, following_error: 3 mm, acceleration: 3 m/s^2}
+    homing: {method: -3, at: -40 mm, speed: 50 mm/s}
+"""
 
 
 @dataclass(frozen=True)
@@ -40,13 +50,45 @@ SHOTS = {
     "console_bench": Shot(("injection_sequence", "--variant", "normal", "--rate", "10"), until=20.0, dark=True),
     "console_narrow": Shot(("teleoperation", "--variant", "rehearsed"), until=4.5, size=NARROW),
     "console_safety": Shot(("heart_wall_force", "--variant", "PI", "--hardware", SIMULATED), until=2.0),
+    "console_commissioning": Shot(("--hardware", "my_bench.yaml")),
 }
+
+
+def running(page: Page, shot: Shot) -> None:
+    """A session, some time after its start."""
+    width, height = shot.size
+    page.wait_for_selector(".twin-chart canvas")
+    page.wait_for_function("document.querySelector('#twin-how').textContent.startsWith('paused')")
+    page.get_by_role("button", name="run").click()
+    page.mouse.move(width / 2, height - 4)  # else the button tells what it is for
+    page.wait_for_function(f"document.querySelector('.twin-chart').chart.lastTime > {shot.until}")
+
+
+def jogged(page: Page) -> None:
+    """The page of commissioning while a button is held."""
+    page.wait_for_selector("text=operates")
+    page.get_by_role("button", name="status").first.click()
+    page.wait_for_selector("text=if this program is lost")
+    for step in ("home", "jog"):
+        page.locator(".q-expansion-item__container", has=page.get_by_text(step, exact=True)).first.click()
+    page.get_by_label("speed").first.fill("10 mm/s")
+    page.get_by_role("button", name="power on for a jog").first.click()
+    page.wait_for_selector(".twin-control")
+    page.wait_for_function("!document.querySelector('.twin-control .way').disabled")
+    page.locator(".twin-own").click(position={"x": 3, "y": 3})
+    page.keyboard.down("ArrowRight")
+    page.wait_for_function("document.querySelector('.twin-bench-said').textContent.includes('> ')")
+    page.wait_for_timeout(300)
 
 
 def take(browser: Browser, name: str, shot: Shot, folder: Path) -> None:
     """One picture of a session of its own."""
     command = [sys.executable, "-c", COMMAND, "console", *shot.arguments, "--no-open", "--runs", str(folder)]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    command += ["--build", str(ROOT / "build")]
+    alone = shot.arguments[0] == "--hardware"
+    if alone:  # the page shows the file's path: a short one
+        (folder / "my_bench.yaml").write_text(MY_BENCH)
+    process = subprocess.Popen(command, cwd=folder if alone else ROOT, stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
     scheme = "dark" if shot.dark else "light"
     width, height = shot.size
@@ -55,11 +97,10 @@ def take(browser: Browser, name: str, shot: Shot, folder: Path) -> None:
         page = context.new_page()
         page.set_default_timeout(PATIENCE)
         page.goto(process.stdout.readline().strip(), wait_until="commit")
-        page.wait_for_selector(".twin-chart canvas")
-        page.wait_for_function("document.querySelector('#twin-how').textContent.startsWith('paused')")
-        page.get_by_role("button", name="run").click()
-        page.mouse.move(width / 2, height - 4)  # else the button tells what it is for
-        page.wait_for_function(f"document.querySelector('.twin-chart').chart.lastTime > {shot.until}")
+        if alone:
+            jogged(page)
+        else:
+            running(page, shot)
         picture = page.screenshot()
     finally:
         context.close()

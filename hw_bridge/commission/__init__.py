@@ -6,8 +6,9 @@ from twin import late
 
 if TYPE_CHECKING:
     from hw_bridge.commission import dcf, direction, homing, limits, lss, memory, objects, power, step, words
-    from hw_bridge.commission.axes import Axis, axis
-    from hw_bridge.commission.deadman import DeadMan, Keyboard
+    from hw_bridge.commission.attendance import Attendance
+    from hw_bridge.commission.axes import EXAMPLES, Axis, axis
+    from hw_bridge.commission.deadman import HOLD, DeadMan, HeldKey, Keyboard
     from hw_bridge.commission.hand import SHARE, SLOWEST_STOP, Hand, alone, bounded
     from hw_bridge.commission.line import BOOT, Line, refuse_moving, unfinished
     from hw_bridge.commission.survey import TWICE, Found, known, recognized, scan
@@ -17,13 +18,17 @@ __getattr__ = late.names(
     __name__,
     {
         "BOOT": "line",
+        "EXAMPLES": "axes",
+        "HOLD": "deadman",
         "SHARE": "hand",
         "SLOWEST_STOP": "hand",
         "TWICE": "survey",
+        "Attendance": "attendance",
         "Axis": "axes",
         "DeadMan": "deadman",
         "Found": "survey",
         "Hand": "hand",
+        "HeldKey": "deadman",
         "Keyboard": "deadman",
         "Line": "line",
         "Status": "telling",
@@ -52,13 +57,17 @@ __getattr__ = late.names(
 
 __all__ = [
     "BOOT",
+    "EXAMPLES",
+    "HOLD",
     "SHARE",
     "SLOWEST_STOP",
     "TWICE",
+    "Attendance",
     "Axis",
     "DeadMan",
     "Found",
     "Hand",
+    "HeldKey",
     "Keyboard",
     "Line",
     "Status",

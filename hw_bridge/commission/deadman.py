@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import select
 import sys
+import time
 from contextlib import contextmanager
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
@@ -107,3 +108,17 @@ class DeadMan:
         if now - self.last > HOLD:
             self.held = False
         return self.way if self.held else 0
+
+
+class HeldKey:
+    """Keyboard and dead-man of a terminal: which way to go at each look, and whether the person has ended it."""
+
+    def __init__(self, keyboard: Keyboard) -> None:
+        self.keyboard, self.deadman = keyboard, DeadMan()
+        self.over = False
+
+    def way(self) -> float:
+        """-1, 0 or 1."""
+        pressed = self.keyboard.pressed()
+        self.over = self.over or bool({"q", "quit"} & set(pressed))
+        return 0.0 if self.over else float(self.deadman.look(pressed, time.monotonic_ns()))

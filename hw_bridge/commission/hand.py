@@ -44,15 +44,17 @@ def alone(keys: HardwareKeys, name: str, homes: bool = False) -> HardwareKeys:
 
 
 class Operator(Master):
-    """A master whose every cycle is looked at: also while it homes."""
+    """A master whose every cycle is looked at: also while it homes. `attend`: whether somebody still watches."""
 
     look: Callable[[], None] | None = None
+    attend: Callable[[], None] | None = None
 
     def run_cycle(self) -> None:
         """One cycle while the drive is brought up or stopped."""
         super().run_cycle()
-        if self.look is not None and self.running:
-            self.look()
+        for one in (self.look, self.attend):
+            if one is not None and self.running:
+                one()
 
 
 class Hand:
@@ -119,6 +121,8 @@ class Hand:
         node = self.node
         if problem := self.master.check():
             raise SimulationError(f"{problem} It stops.")
+        if self.master.attend is not None:
+            self.master.attend()
         self.master.exchange()
         self.due = max(self.due + self.cycle, self.network.now)
         if not self.network.wall_clock and self.paced:

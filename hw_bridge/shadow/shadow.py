@@ -131,8 +131,14 @@ class Shadow:
         return ", ".join(f"{name} {value:.1f}" for name, value in named.items()) + " of the band"
 
     def report(self) -> dict[str, Any]:
-        """Largest residuals in SI, and warnings."""
-        return {"largest": self.largest, "warnings": self.warnings}
+        """Residuals in SI: of the last SYNC that could be compared, their bands, the largest; and warnings."""
+        last = self.samples[-1] if self.samples else None
+        return {
+            "now": {name: getattr(last, name, None) for name in self.largest},
+            "bands": {name: getattr(self.bands, name) for name in self.largest},
+            "largest": self.largest,
+            "warnings": self.warnings,
+        }
 
 
 def shadows(

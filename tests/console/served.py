@@ -19,7 +19,7 @@ READY = 60.0  # FMUs may be built first [s]
 
 
 @contextmanager
-def console(*arguments, runs, build):
+def console(*arguments, runs, build, path=""):
     """The address of a console that runs; it is ended as by Ctrl-C. `.process` and `.ending` of what is given."""
     command = [sys.executable, "-c", "from twin.cli import main; main()", "console", *map(str, arguments)]
     command += ["--no-open", "--runs", str(runs), "--build", str(build)]
@@ -27,7 +27,7 @@ def console(*arguments, runs, build):
     try:
         address = process.stdout.readline().strip()
         assert address.startswith("http://127.0.0.1:"), process.communicate(timeout=5)
-        yield Served(address, process)
+        yield Served(address, process, path)
     finally:
         process.send_signal(signal.SIGINT)
         try:
@@ -40,9 +40,9 @@ def console(*arguments, runs, build):
 class Served:
     """A console that runs."""
 
-    def __init__(self, address, process):
+    def __init__(self, address, process, path=""):
         self.address, self.process = address, process
-        self.host, self.token = re.match(r"http://([^/]+)/\?token=(.+)", address).groups()
+        self.host, self.token = re.match(rf"http://([^/]+)/{path}\?token=(.+)", address).groups()
 
     def get(self, path="/", token=True, **headers):
         """Status and text of a request."""

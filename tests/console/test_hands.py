@@ -9,6 +9,8 @@ import pytest
 from tests.console.served import CARRIAGE, console
 from tests.web.browser import browser, chromium  # noqa: F401 - fixtures
 
+pytestmark = pytest.mark.slow
+
 INPUT = "command.live_speed[1]"
 SLOW = 2.0  # on a machine that is busy with other tests; the promise is tested in real time [s]
 PROMISE = 0.2  # [s]
@@ -95,13 +97,11 @@ def test_motion_ends_with_the_hand(served, page, how):
     lose(served, page, how, SLOW)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("how", ["let go", "asleep", "elsewhere", "stuck"])
 def test_motion_ends_in_other_ways_too(served, page, how):
     lose(served, page, how, SLOW)
 
 
-@pytest.mark.slow
 @pytest.mark.real_time
 @pytest.mark.parametrize("how", LOSSES)
 def test_within_the_promise(served, page, how):

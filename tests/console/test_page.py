@@ -10,6 +10,8 @@ import yaml
 from tests.console.served import CARRIAGE, console
 from tests.web.browser import browser, chromium  # noqa: F401 - fixtures
 
+pytestmark = pytest.mark.slow
+
 FRAMES = "document.querySelector('.twin-chart').chart.frames"
 NEWEST = "document.querySelector('.twin-chart').chart.lastTime"
 
@@ -117,7 +119,6 @@ def test_signals_are_found_and_picked(page):
     page.wait_for_selector(".twin-chip >> text=servomotor.current")
 
 
-@pytest.mark.slow
 @pytest.mark.real_time
 def test_eight_signals_at_thirty_frames(page):
     page.get_by_label("search signals").fill("servomotor")

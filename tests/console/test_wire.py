@@ -43,9 +43,14 @@ def test_hands_and_eyes(served):
         assert not watcher.ready()["operator"]
         watcher.say(watch=["servomotor.position"])
         assert watcher.hear(lambda told: told.get("values"))["values"] == {"servomotor.position": 0.0}
-        for message in ({"hold": INPUT, "at": 1, "press": 1, "tick": 1}, {"let_go": ""}):
+        for message in (
+            {"hold": INPUT, "at": 1, "press": 1, "tick": 1}, {"let_go": ""}, {"here": True, "tick": 1},
+        ):  # fmt: skip
             watcher.say(**message)
             assert watcher.refused() == "this page watches. Another one operates."
+        for message, wrong in (({"here": 1, "tick": 1}, "expected true"), ({"here": True}, "tick: expected a whole")):
+            operator.say(**message)
+            assert wrong in operator.refused()
         operator.say(hold=INPUT, at=1, press=1, tick=10**6)  # a tick that was never sent
         operator.say(hold=INPUT, at=1, press=2, tick=1)  # one from long ago
         assert not operator.hear(lambda told: told.get("tick", 0) > tick["tick"] + 9)["held"]

@@ -86,7 +86,7 @@ def group() -> None:
     """Digital twins of robotic catheters: components as native FMUs, coupled by a compiled loop.
 
     \b
-    twin run scenarios/heart_wall_force.yaml     the force experiment of paper A
+    twin run heart_wall_force                    the force experiment of paper A
     twin simulate pump.fmu --stop-time 10        any FMU, FMI 2.0 or 3.0
     twin new my_part && twin build my_part       your own component
     """
@@ -144,14 +144,14 @@ def called(command: click.Command, name: str) -> int:
         for line in told(error):
             say(f"error: {line}", err=True)
         return 1
+    except (click.Abort, KeyboardInterrupt):  # before RuntimeError, of which the first is one
+        say("interrupted", err=True)
+        return 130
     except (ImportError, SystemError, RuntimeError) as error:  # the last: no memory for a thread
         if not memory_is_limited():
             raise
         say(f"error: {told(MemoryError(' '.join(str(error).split())[-120:]))[0]}", err=True)
         return 1
-    except (click.Abort, KeyboardInterrupt):
-        say("interrupted", err=True)
-        return 130
     return 0
 
 

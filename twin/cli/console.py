@@ -10,6 +10,8 @@ from twin.cli import completion
 from twin.cli.terminal import say
 from twin.errors import TwinError
 
+COMMISSIONING = "/bench"  # the page of the drives, of the package that knows about them
+
 
 @click.command(name="console")
 @click.argument(
@@ -56,6 +58,7 @@ def command(
     \b
     twin console teleoperation
     twin console injection_sequence --variant normal --rate 2
+    twin console --hardware bench.yaml              commissioning, no scenario
     twin console racs --hardware bench.yaml         drives, simulated or real
     twin console racs --hardware can0.yaml --arm    real ones may move
     """
@@ -68,8 +71,8 @@ def command(
     path = shipped.located(file) if file is not None else None
     if path is not None and not path.is_file():
         raise TwinError(f"{path}: is not there. Check the path, or see `twin list scenarios`.")
-    if path is None and (variant or seed is not None or overrides or hardware_file):
-        raise click.UsageError("--variant, --seed, --set and --hardware are of a scenario. Name one.")
+    if path is None and (variant or seed is not None or overrides):
+        raise click.UsageError("--variant, --seed and --set are of a scenario. Name one.")
 
     from twin.console import Host, register
 
@@ -79,6 +82,7 @@ def command(
     web.Site(
         "Catheter twin",
         lambda app: register(app, console),
+        start="/" if path is not None or hardware_file is None else COMMISSIONING,
         stop=console.stop,
         said=say,
         port=port,

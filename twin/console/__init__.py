@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING
 from twin import late
 
 if TYPE_CHECKING:
+    from twin.console.desk import Desk, control
     from twin.console.page import register
     from twin.console.session import Host, Panel
 
-__all__ = ["Host", "Panel", "register"]
+__all__ = ["Desk", "Host", "Panel", "control", "register"]
 
-__getattr__ = late.names(__name__, {"Host": "session", "Panel": "session", "register": "page"})
+__getattr__ = late.names(
+    __name__, {"Desk": "desk", "Host": "session", "Panel": "session", "control": "desk", "register": "page"}
+)

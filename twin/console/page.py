@@ -12,7 +12,7 @@ from nicegui import app as pages
 
 from twin import web
 from twin.console import charts, home, operate, safety, wire
-from twin.console.desk import Desk, Presence
+from twin.console.desk import Desk, Presence, controls
 from twin.console.drawing import Picture, bound
 from twin.console.session import OVER, panels
 from twin.errors import TwinError
@@ -20,7 +20,7 @@ from twin.errors import TwinError
 if TYPE_CHECKING:
     from fastapi import FastAPI
 
-    from twin.console.session import Host
+    from twin.console.session import Host, Panel
 
 STATIC = Path(__file__).parent / "static"
 RATES = {
@@ -34,6 +34,8 @@ RATES = {
     math.inf: "as fast as possible",
 }
 LOOKED_AT = 0.2  # how often a page sees whether something was done [s]
+TITLE = "Catheter twin"
+LOOK = '<link rel="stylesheet" href="/console/console.css">'
 WATCHING = "This page watches: another one operates."
 
 
@@ -79,9 +81,14 @@ def register(app: FastAPI, console: Host) -> None:
     web.frames.route(app, "/data", lambda _asked: console.source)
     wire.register(app, console, lambda client: client in Client.instances)
 
+    own = [one for one in panels() if one.path and (console.hardware is not None or not one.hardware)]
+    links = {"Session": "/", **{one.title: one.path for one in own}} if own else {}
+    for one in own:
+        _own_page(console, one, links)
+
     @ui.page("/")
     def page(client: Client) -> None:
-        ui.add_head_html('<link rel="stylesheet" href="/console/console.css">')
+        ui.add_head_html(LOOK)
         shell = Shell(console, client)
         ui.timer(LOOKED_AT, lambda: build.refresh() if changed() else None)
         seen: list[Any] = [None]
@@ -103,9 +110,24 @@ def register(app: FastAPI, console: Host) -> None:
                 else:
                     home.starting(shell)
 
-        with web.framed("Catheter twin") as row, row:
+        with web.framed(TITLE, links, "Session") as row, row:
             _top(shell)
         build()
+
+
+def _own_page(console: Host, panel: Panel, links: dict[str, str]) -> None:
+    """A page that is a panel; what it runs is made now, so that a wrong file is told before anything is served."""
+    if panel.beside is not None:
+        console.beside[panel.title] = panel.beside(console)
+
+    @ui.page(panel.path)
+    def page(client: Client) -> None:
+        ui.add_head_html(LOOK)
+        shell = Shell(console, client)
+        with web.framed(TITLE, links, panel.title) as row, row:
+            _top(shell, attends=True)
+        with ui.element("div").classes("twin-own full-width"):
+            panel.fill(console, shell.may)
 
 
 def _stage(console: Host) -> tuple[Any, ...]:
@@ -118,13 +140,13 @@ def _stage(console: Host) -> tuple[Any, ...]:
     return ("session", id(live), live.state.epoch)
 
 
-def _top(shell: Shell) -> None:
+def _top(shell: Shell, attends: bool = False) -> None:
     """Who operates, and the stop: always in view."""
     console = shell.console
     role = ui.button().props("flat dense no-caps").classes("twin-role")
     with role, ui.menu() as menu, ui.column().classes("p-2 gap-1") as others:
         pass
-    Presence(shell.client.id)
+    Presence(shell.client.id, attends)
 
     def show() -> None:
         seats = console.seats
@@ -144,8 +166,7 @@ def _top(shell: Shell) -> None:
                 ui.label("Its operator may hand over here.").classes("twin-soft")
 
     def _give(client: str) -> None:
-        if console.live is not None:
-            console.live.let_go()
+        console.let_go()
         if not console.seats.give(shell.client.id, client):
             shell.say(WATCHING)
         menu.close()
@@ -161,14 +182,14 @@ def _session(shell: Shell) -> None:
     catalog = console.catalog
     assert catalog is not None
     assert console.live is not None
-    added = [one for one in panels() if catalog.hardware or not one.hardware]
+    added = [one for one in panels() if not one.path and (catalog.hardware or not one.hardware)]
     _bar(shell)
     with ui.element("div").classes("twin-desk"):
         if parts := bound(catalog):
             with ui.element("div").classes("twin-card twin-picture"):
                 Picture(parts)
         with ui.element("div").classes("twin-card twin-hand"):
-            Desk(catalog)
+            Desk(controls(catalog))
             if catalog.hardware:
                 safety.panel(shell)
             operate.panel(shell)
@@ -194,7 +215,7 @@ def _bar(shell: Shell) -> None:
         if catalog.variant:
             ui.label(catalog.variant).classes("twin-soft ellipsis")
         if not catalog.wall_clock:
-            _button("play_arrow", "run", shell.act(lambda: live.resume))
+            _button("play_arrow", "run", shell.act(lambda: console.resume))
             _button("pause", "pause", shell.act(lambda: live.pause))
             _button("skip_next", f"one step of {catalog.step * 1e3:g} ms", shell.act(lambda: live.step))
             _button("fast_forward", "to the next point of the slowest member", shell.act(lambda: live.step_macro))
@@ -205,7 +226,7 @@ def _bar(shell: Shell) -> None:
                 on_change=lambda said: shell.ask(live.pace, said.value),
             ).props("dense options-dense borderless aria-label='pace'").classes("twin-rate")
         else:
-            _button("play_arrow", "run", shell.act(lambda: live.resume))
+            _button("play_arrow", "run", shell.act(lambda: console.resume))
         ui.html('<span id="twin-how" class="twin-figures" role="status"></span>', sanitize=False)
         ui.space()
         ui.html('<span id="twin-message" class="twin-soft"></span>', sanitize=False).classes("ellipsis")

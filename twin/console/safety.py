@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -84,7 +85,10 @@ def bar(limit: Mapping[str, Any]) -> str:
 def others(told: Mapping[str, Any]) -> str:
     """Watches, the shadow's residual, modules, notes."""
     rows = [(f"watch {name}", watch(one)) for name, one in told["watches"].items()]
-    rows += [(f"shadow {name}", words(one)) for name, one in told["shadow"].items()]
+    rows += [
+        (f"shadow {name}", shadow(one, rotary=told["nodes"].get(name, {}).get("rotary", False)))
+        for name, one in told["shadow"].items()
+    ]
     rows += [(f"module {name}", words(one)) for name, one in told["modules"].items()]
     listed = "".join(f"<dt>{escaped(name)}</dt><dd>{escaped(text)}</dd>" for name, text in rows)
     notes = "".join(f"<li>{escaped(text)}</li>" for text in told["notes"])
@@ -95,6 +99,22 @@ def watch(one: Mapping[str, Any]) -> str:
     """A force that is watched over [N]: now, where it stops the drive, and why the drive is retracted if it is."""
     now = "not known" if one["force"] is None else f"{one['force']:.3f} N"
     return f"{one['signal']} is {now}, stops above {one['above']:g} N. {one['retracts']}".rstrip(" .")
+
+
+def shadow(one: Mapping[str, Any], *, rotary: bool = False) -> str:
+    """What a drive does other than its twin: now, the band in which that is nothing, the largest; and what it points at."""
+    length, factor = ("deg", math.degrees(1.0)) if rotary else ("mm", 1e3)
+    kinds = {"position": (length, factor), "velocity": (f"{length}/s", factor), "current": ("A", 1.0)}
+
+    def shown(value: float | None, unit: str, times: float) -> str:
+        return "not known" if value is None else f"{times * value:.3g} {unit}"
+
+    residuals = ", ".join(
+        f"{name} {shown(one['now'][name], *kind)} (band {shown(one['bands'][name], *kind)}, "
+        f"largest {shown(one['largest'][name], *kind)})"
+        for name, kind in kinds.items()
+    )
+    return ". ".join([residuals, *one["warnings"]])
 
 
 def words(told: Any) -> str:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from twin import installed
 from twin.console.curves import Curves
@@ -25,13 +25,53 @@ GROUP = (
 OVER = ("stopped", "failed")
 
 
+class Beside(Protocol):
+    """What a package above the engine runs beside sessions. What moves there stops where `here` or `hold` stay away."""
+
+    @property
+    def busy(self) -> str:
+        """Why no session may take the drives now, or nothing."""
+
+    @property
+    def attended(self) -> bool:
+        """Whether something goes on that a page has to watch."""
+
+    @property
+    def controls(self) -> tuple[str, ...]:
+        """Names of what can be held."""
+
+    @property
+    def held(self) -> Mapping[str, float]:
+        """What is held now, as a page is to show it."""
+
+    def hold(self, name: str, at: float, press: int, age: float) -> None:
+        """Renew a control that is held, `age` [s] ago, from -1 to 1; `press` is greater at each new press."""
+
+    def here(self, age: float) -> None:
+        """The operator's page shows it, and did so `age` [s] ago."""
+
+    def let_go(self) -> None:
+        """Nothing is held any more."""
+
+    def stop(self) -> None:
+        """End what goes on at once, by the one stop path; does not wait."""
+
+    def close(self) -> None:
+        """The same, and wait for its end."""
+
+
 @dataclass(frozen=True)
 class Panel:
-    """A panel of a package above the engine: `fill(console, may)` makes it on the page; `hardware`: only with drives."""
+    """A panel of a package above the engine: `fill(console, may)` makes it on the page; `hardware`: only with drives.
+
+    `path`: it has a page of its own. `beside`: what it runs, made once for a console.
+    """
 
     title: str
     fill: Callable[[Host, Callable[[], bool]], None]
     hardware: bool = False
+    path: str = ""
+    beside: Callable[[Host], Beside] | None = None
 
 
 @dataclass
@@ -50,16 +90,17 @@ class Host:
     form: str = "fmu"
     live: Live | None = None
     seats: Seats = field(default_factory=Seats)
+    beside: dict[str, Beside] = field(default_factory=dict)  # by the panel's title
+    lock: threading.Lock = field(default_factory=threading.Lock)  # of who takes the drives
     _source: Curves | None = None
     _stopping: threading.Thread | None = None
-    _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def begin(self, scenario: Path, variant: str | None = None, seed: int | None = None) -> None:
         """Begin a session, after the one before has ended; it gets ready in its own process. TwinError if one goes on."""
-        with self._lock:
+        with self.lock:
             if self.live is not None and self.live.state.phase not in OVER:
                 raise TwinError("a session goes on. Stop it first.")
-            self.close()
+            self._end()
             self._stopping = None
             self.scenario, self.variant, self.seed = scenario, variant, seed
             self._source = None
@@ -93,21 +134,58 @@ class Host:
 
     def leave(self) -> None:
         """To the list of scenarios again. TwinError if a session goes on."""
-        with self._lock:
+        with self.lock:
             if self.live is not None and self.live.state.phase not in OVER:
                 raise TwinError("a session goes on. Stop it first.")
-            self.close()
+            self._end()
             self.live = self._stopping = None
 
+    @property
+    def taken(self) -> str:
+        """Why nobody beside the session may command the drives now, or nothing. Until it first goes on it has no bus."""
+        live = self.live
+        if live is None or live.catalog is None or live.state.phase in OVER or not live.catalog.wall_clock:
+            return ""
+        up = live.state.hardware is not None and live.state.hardware["brought_up"]
+        return "the session has the drives. Stop it first." if up or live.state.phase != "paused" else ""
+
+    def resume(self) -> None:
+        """Let the session go on; TwinError while something beside it commands its drives."""
+        with self.lock:
+            live = self.live
+            busy = next((one.busy for one in self.beside.values() if one.busy), "")
+            if live is not None and busy and live.catalog is not None and live.catalog.wall_clock:
+                raise TwinError(busy)
+            if live is not None:
+                live.resume()
+
+    def let_go(self) -> None:
+        """Nothing is held any more, in the session and beside it."""
+        if self.live is not None:
+            self.live.let_go()
+        for one in self.beside.values():
+            one.let_go()
+
     def stop(self) -> None:
-        """End the session at once, drives by their one stop path; does not wait for the folder."""
+        """End all that goes on at once, drives by their one stop path; does not wait for the folder."""
+        for one in self.beside.values():
+            one.stop()
+        self._stop_session()
+
+    def close(self) -> None:
+        """End all and wait for it; signals of the session can be read no more."""
+        for one in self.beside.values():
+            one.close()
+        self._end()
+
+    def _stop_session(self) -> None:
         if self.live is not None and self._stopping is None:
             self._stopping = threading.Thread(target=_stopped, args=(self.live,), name="stop")
             self._stopping.start()
 
-    def close(self) -> None:
-        """End it and wait for its folder; its signals can be read no more."""
-        self.stop()
+    def _end(self) -> None:
+        """End the session and wait for its folder."""
+        self._stop_session()
         if self._stopping is not None and self.live is not None:
             self._stopping.join()
             self.live.close()

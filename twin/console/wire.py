@@ -3,13 +3,14 @@
 A page answers each tick with what is held, and names the tick: so the loop knows how old a command is, whatever a network has
 kept it back for. Nothing that comes is trusted: see `Orders`. To the page:
 
-    {"tick", "phase", "time", "rate", "achieved", "lag", "epoch", "operator", "held", "values", "message"}
+    {"tick", "phase", "time", "rate", "achieved", "lag", "epoch", "operator", "attend", "held", "values", "message"}
 
 From the page, one of these, up to LARGEST characters:
 
     {"watch": [name, ...]}                          of these the values are told with each tick
     {"hold": control, "at": -1 to 1, "press": number of the press, "tick": the last that was seen}     the operator alone
     {"let_go": control, or "" for all}              the operator alone
+    {"here": true, "tick": the last that was seen}  the operator alone: the page shows what moves beside a session
     {"stop": true}                                  anybody: whoever sees a danger
 """
 
@@ -39,7 +40,8 @@ LARGEST = 8192  # of a message [characters]
 WATCHED = 200  # signals, and of their values together:
 ELEMENTS = 4000
 WRONG = 20  # messages that cannot be: then the page is sent away
-WORDS = frozenset({"watch", "hold", "let_go", "stop"})
+WORDS = frozenset({"watch", "hold", "let_go", "here", "stop"})
+OPERATORS = ("hold", "let_go", "here")
 
 
 class Orders:
@@ -67,9 +69,15 @@ class Orders:
         if len(words) != 1:
             raise ValueError(f"a message must say one of {', '.join(sorted(WORDS))}.")
         word = words[0]
-        if word in ("hold", "let_go") and not self._console.seats.may(self._client):
+        if word in OPERATORS and not self._console.seats.may(self._client):
             raise ValueError("this page watches. Another one operates.")
-        {"watch": self._watch, "hold": self._hold, "let_go": self._let_go, "stop": self._stop}[word](said)
+        {
+            "watch": self._watch,
+            "hold": self._hold,
+            "let_go": self._let_go,
+            "here": self._here,
+            "stop": self._stop,
+        }[word](said)
 
     def _watch(self, said: Mapping[str, Any]) -> None:
         names = said["watch"]
@@ -84,30 +92,57 @@ class Orders:
         self.watched = tuple(dict.fromkeys(names))
 
     def _hold(self, said: Mapping[str, Any]) -> None:
-        live, catalog = self._console.live, self._console.catalog
-        control = next((one for one in catalog.controls if one.name == said["hold"]), None) if catalog else None
-        if live is None or control is None:
-            raise ValueError(f"hold: {str(said['hold'])[:80]!r} is no control of this scenario.")
-        at, press, tick = said.get("at"), said.get("press"), said.get("tick")
+        live, catalog, name = self._console.live, self._console.catalog, said["hold"]
+        control = next((one for one in catalog.controls if one.name == name), None) if catalog and live else None
+        beside = next((one for one in self._console.beside.values() if name in one.controls), None)
+        if control is None and beside is None:
+            raise ValueError(f"hold: {str(name)[:80]!r} is no control of this scenario.")
+        at, press = said.get("at"), said.get("press")
         if isinstance(at, bool) or not isinstance(at, int | float) or not -1.0 <= at <= 1.0:
             raise ValueError("hold: at: expected a number from -1 to 1.")
-        for name, one in (("press", press), ("tick", tick)):
-            if isinstance(one, bool) or not isinstance(one, int) or not 0 <= one < 2**53:
-                raise ValueError(f"hold: {name}: expected a whole number.")
-        if (left := self._sent.get(tick)) is not None:  # type: ignore[arg-type] # an int by now
-            live.hold(control.input, control.value(at), press, self._now() - left)  # type: ignore[arg-type]
+        number = _whole("hold: press", press)
+        if (age := self._age("hold", said)) is None:
+            return
+        if beside is not None:
+            beside.hold(name, at, number, age)
+        elif control is not None and live is not None:
+            live.hold(control.input, control.value(at), number, age)
+
+    def _age(self, word: str, said: Mapping[str, Any]) -> float | None:
+        """How old a message is by the tick that it answers [s]; None where that is forgotten."""
+        left = self._sent.get(_whole(f"{word}: tick", said.get("tick")))
+        return None if left is None else self._now() - left
+
+    def _here(self, said: Mapping[str, Any]) -> None:
+        if said["here"] is not True:
+            raise ValueError("here: expected true.")
+        if (age := self._age("here", said)) is not None:
+            for one in self._console.beside.values():
+                one.here(age)
 
     def _let_go(self, said: Mapping[str, Any]) -> None:
         live, catalog, name = self._console.live, self._console.catalog, said["let_go"]
         inputs = {one.name: one.input for one in catalog.controls} if catalog is not None else {}
-        if live is None or not isinstance(name, str) or (name and name not in inputs):
+        beside = next((one for one in self._console.beside.values() if name in one.controls), None)
+        if name == "":
+            self._console.let_go()
+        elif beside is not None:
+            beside.let_go()
+        elif isinstance(name, str) and live is not None and name in inputs:
+            live.let_go(inputs[name])
+        else:
             raise ValueError(f"let_go: {str(name)[:80]!r} is no control of this scenario.")
-        live.let_go(inputs[name] if name else "")
 
     def _stop(self, said: Mapping[str, Any]) -> None:
         if said["stop"] is not True:
             raise ValueError("stop: expected true.")
         self._console.stop()
+
+
+def _whole(what: str, one: Any) -> int:
+    if isinstance(one, bool) or not isinstance(one, int) or not 0 <= one < 2**53:
+        raise ValueError(f"{what}: expected a whole number.")
+    return one
 
 
 def _refuse(text: str) -> None:
@@ -117,8 +152,10 @@ def _refuse(text: str) -> None:
 def told(console: Host, client: str, tick: int, watched: tuple[str, ...]) -> str:
     """One tick."""
     live, operator = console.live, console.seats.may(client)
+    beside = {name: value for one in console.beside.values() for name, value in one.held.items()}
+    attend = any(one.attended for one in console.beside.values())
     if live is None:
-        return json.dumps({"tick": tick, "phase": "", "operator": operator})
+        return json.dumps({"tick": tick, "phase": "", "operator": operator, "attend": attend, "held": beside})
     state, values = live.state, dict[str, Any]()
     if watched:
         with suppress(RefusedError):
@@ -128,8 +165,8 @@ def told(console: Host, client: str, tick: int, watched: tuple[str, ...]) -> str
         {
             "tick": tick, "phase": state.phase, "time": state.time, "rate": number(state.rate),
             "achieved": number(state.achieved), "lag": state.lag, "epoch": state.epoch, "operator": operator,
-            "held": {name: plain(np.asarray(one)) for name, one in state.held.items()}, "values": values,
-            "message": state.message,
+            "attend": attend, "held": beside | {name: plain(np.asarray(one)) for name, one in state.held.items()},
+            "values": values, "message": state.message,
         },
         allow_nan=False,
     )  # fmt: skip
@@ -163,8 +200,8 @@ def register(app: FastAPI, console: Host, known: Callable[[str], bool]) -> None:
             await listen(socket, orders)
         finally:
             telling.cancel()
-            if console.seats.may(client) and console.live is not None:
-                console.live.let_go()
+            if console.seats.may(client):
+                console.let_go()
             console.seats.leave(client)
 
     async def tell(socket: WebSocket, orders: Orders) -> None:

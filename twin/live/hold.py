@@ -29,17 +29,18 @@ class Held:
 
 
 class DeadMan:
-    """All inputs that are held. Times are those of a clock that only rises [s]."""
+    """All inputs that are held. Times are those of a clock that only rises [s]; `longest`: from a renewal to rest."""
 
-    def __init__(self) -> None:
+    def __init__(self, longest: float = HOLD) -> None:
+        self.longest = longest
         self.inputs: dict[str, Held] = {}
 
     def hold(self, name: str, value: Any, rest: Any, press: int, age: float, now: float) -> bool:
         """A renewal that is `age` [s] old; whether it counts: not if it is too old, nor of a press that is over."""
         one = self.inputs.setdefault(name, Held(rest, rest))
-        if age >= HOLD or press <= one.over:
+        if age >= self.longest or press <= one.over:
             return False
-        one.value, one.press, one.until = value, press, now - max(age, 0.0) + HOLD
+        one.value, one.press, one.until = value, press, now - max(age, 0.0) + self.longest
         return True
 
     def let_go(self, name: str = "") -> None:

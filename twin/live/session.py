@@ -19,6 +19,7 @@ from twin.live.hold import DeadMan
 from twin.live.operated import NAME, Operated, moment
 from twin.live.orders import WHERE, Orders
 from twin.live.pace import BLOCK, Pace
+from twin.live.priority import Priority
 from twin.scenario import EventSpec, FaultSpec, Node, connected
 
 if TYPE_CHECKING:
@@ -65,6 +66,7 @@ class Session:
         self.folder = ""
         self.left: int | None = None  # communication steps to go while it is paused
         self.stepping: int | None = None  # number of the message that asked for them
+        self.priority = Priority()
         self._told = self._told_drives = -inf
         self._message = 0
         self._orders: Orders | None = None
@@ -103,6 +105,7 @@ class Session:
             self.say(str(error))
             raise
         finally:
+            self.priority.end()
             file.close()
 
     def go(self, told: Callable[[str, float], object]) -> None:
@@ -117,6 +120,8 @@ class Session:
                 latest = min(due if goes else now + WAIT, self.hands.deadline, now + WAIT)
                 self.listen(max(latest - now, 0.0))
                 self.look_after_hands()
+                if goes and wall.monotonic() >= due:
+                    continue  # the block first: what is told can wait for its end
             else:
                 self.listen(0.0)
                 self.look_after_hands()
@@ -147,7 +152,7 @@ class Session:
         """Some communication steps, until the next event of the scenario at most."""
         simulated, orders = self.simulated, self._orders
         assert orders is not None
-        before, begin = simulated.time, wall.monotonic()
+        before, begin, worked = simulated.time, wall.monotonic(), wall.thread_time()
         count = self.pace.count()
         if self.left is not None:
             count = min(count, self.left)
@@ -169,6 +174,8 @@ class Session:
         simulated.advance(until)
         made = (simulated.time - before) // self.case.step_ns
         self.pace.went(begin, wall.monotonic(), clock.seconds(before), clock.seconds(simulated.time), made)
+        if not self.wall_clock:  # else drives have the thread's priority in their hands
+            self.priority.judge(wall.thread_time() - worked, clock.seconds(simulated.time - before) / self.pace.rate)
         if self.left is not None:
             self.left -= made
         if simulated.finished:

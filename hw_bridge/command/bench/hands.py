@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,15 +13,40 @@ from twin.cli import say
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from hw_bridge.command.bench.options import BusChoice
-    from hw_bridge.commission import Axis, Hand, Line
+    from hw_bridge.commission import Attendance, Axis, Hand, Line
     from hw_bridge.hardware import HardwareKeys
 
-ARM = click.option(
-    "--arm", is_flag=True, help="Real drives may move: nobody is in their way, the emergency stop is at hand."
-)
+PAGE = "hw_bridge.attendance"  # of click's context
+
+
+def shown_on_a_page(context: click.Context, _option: click.Parameter, end: int | None) -> None:
+    """Who started this shows it on a page: the socket over which that is renewed, by its file descriptor."""
+    if end is not None:
+        import socket
+
+        from hw_bridge.commission import Attendance
+
+        context.meta[PAGE] = Attendance(socket.socket(fileno=end))
+
+
+def attendance() -> Attendance | None:
+    """Who watches on a page, where somebody does."""
+    found: Attendance | None = click.get_current_context().meta.get(PAGE)
+    return found
+
+
+def ARM(command: Callable[..., Any]) -> Callable[..., Any]:  # noqa: N802 - beside the other options
+    """What every command that moves a drive is told."""
+    arm = click.option(
+        "--arm", is_flag=True, help="Real drives may move: nobody is in their way, the emergency stop is at hand."
+    )
+    page = click.option("--attended", type=click.IntRange(3), hidden=True, expose_value=False, callback=shown_on_a_page)
+    return arm(page(command))
+
+
 HOMED = click.option("--homed", is_flag=True, help="It was homed since power-on (twin hil home): positions and limits "
                      "count from its reference; else from where it stands.")  # fmt: skip
 
@@ -73,6 +98,8 @@ def hand(
         held.paced = paced
         if homes:
             held.master.look = homing.watch(held)
+        if (page := attendance()) is not None:
+            held.master.attend = page.look
         try:
             with held.enabled(start, axis.keys if homed else None):
                 yield held

@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import sys
-import time
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.hands import ARM, HOMED, hand, meant
+from hw_bridge.command.bench.hands import ARM, HOMED, attendance, hand, meant
 from hw_bridge.command.bench.options import NODE, on_a_bus
 from twin.cli import say
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from hw_bridge.command.bench.options import BusChoice
-    from hw_bridge.commission import Axis, Hand
+    from hw_bridge.commission import Attendance, Axis, Hand, HeldKey
 
 SLOW, GENTLE = 0.02, 0.1  # of the limits of velocity and acceleration, where nothing is said
 LOOK = 100_000_000  # between two lines of the display [ns]
 ROUND = {"m": 10e-3, "rad": 0.2}  # how far a jog goes at most, where nothing is said: 10 mm, 11 deg
+READY = "hold a button"  # what a page is told once it would move
 
 RAMP = (
     click.option("--velocity", metavar="V", help="Such as '5 mm/s'; by default 2 % of limits.velocity."),
@@ -111,7 +114,7 @@ def jog_command(
     \b
     twin hil jog servomotor --distance "5 mm" -f my_bench.yaml --arm
     """
-    from hw_bridge.commission import SLOWEST_STOP, DeadMan, Keyboard
+    from hw_bridge.commission import SLOWEST_STOP
 
     axis = meant(bus, node)
     speed, rate = ramp(axis, velocity, acceleration)
@@ -122,24 +125,36 @@ def jog_command(
             f"--velocity {axis.told(speed, '/s')} takes {1e3 * speed / hardest:.0f} ms to stop at limits.acceleration, "
             f"{axis.told(hardest, '/s^2')}; a jog has {1e3 * SLOWEST_STOP:.0f} ms. Go slower."
         )
-    with Keyboard.open() as keyboard, hand(bus, axis, arm, homed=homed, paced=True) as held:
+    with button() as held_button, hand(bus, axis, arm, homed=homed, paced=True) as held:
         here, (low, high) = held.node.position, held.keys.limits.position
         held.ramp.acceleration = rate
         held.ramp.low = min(max(low, here - reach), here)
         held.ramp.high = max(min(high, here + reach), here)
-        say(
-            f"{held.node.name}: hold an arrow key; {held.node.way(held.ramp.low)} to {held.node.way(held.ramp.high)}. q ends it."
-        )
-        deadman, due = DeadMan(), 0
+        ends = f"{held.node.way(held.ramp.low)} to {held.node.way(held.ramp.high)}"
+        terminal = attendance() is None
+        say(f"{held.node.name}: {f'hold an arrow key; {ends}. q ends it.' if terminal else f'{READY}; {ends}.'}")
+        due = 0
         while True:
-            pressed = keyboard.pressed()
-            if {"q", "quit"} & set(pressed):
+            way = held_button.way()
+            if held_button.over:
                 break
-            held.go(held.ramp.follow(deadman.look(pressed, time.monotonic_ns()) * speed, held.h))
+            held.go(held.ramp.follow(way * speed, held.h))
             if held.network.now >= due:
                 due = held.network.now + LOOK
                 show(held)
         say()
+
+
+@contextmanager
+def button() -> Iterator[Attendance | HeldKey]:
+    """What a person holds: a button of the page that shows this, else a key of the terminal."""
+    from hw_bridge.commission import HeldKey, Keyboard
+
+    if (page := attendance()) is not None:
+        yield page
+        return
+    with Keyboard.open() as keyboard:
+        yield HeldKey(keyboard)
 
 
 def show(held: Hand) -> None:

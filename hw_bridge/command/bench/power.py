@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.hands import ARM, HOMED, armed, hand, meant
+from hw_bridge.command.bench.hands import ARM, HOMED, armed, attendance, hand, meant
 from hw_bridge.command.bench.options import NODE, on_a_bus, table
 from twin.cli import say
 from twin.errors import SimulationError
@@ -31,11 +31,13 @@ def enable_command(bus: BusChoice, node: str, duration: float | None, arm: bool,
 
     axis = meant(bus, node)
     with Keyboard.if_there() as keyboard, hand(bus, axis, arm, homed=homed, paced=True) as held:
-        say(f"{held.node.name}: {held.node.state} at {held.node.way(held.node.position)}. q or Ctrl-C ends it.")
+        page = attendance()
+        ends = " q or Ctrl-C ends it." if page is None else ""
+        say(f"{held.node.name}: {held.node.state} at {held.node.way(held.node.position)}.{ends}")
         begin = held.network.now
         while duration is None or held.network.now - begin < duration * 1e9:
             held.rest(held.cycle)
-            if keyboard is not None and {"q", "quit"} & set(keyboard.pressed()):
+            if (page is not None and page.over) or (keyboard is not None and {"q", "quit"} & set(keyboard.pressed())):
                 break
 
 

@@ -210,6 +210,30 @@ def test_a_search_that_finds_nothing_is_stopped(hand, tmp_path, build):
     assert held.node.state is not State.ENABLED
 
 
+@pytest.mark.parametrize("homes", [False, True])
+def test_what_nobody_watches_any_more_is_stopped(tmp_path, build, homes):
+    """At the cycle in which that is noticed, while it moves and while it homes."""
+    keys = hardware.load(written(tmp_path, homing=HOMING))
+    held = Hand(alone(keys, "axis", homes=homes), "axis", bench_network(keys, build))
+    moved, homing_then = [], []
+
+    def attend():
+        moved.append(abs(held.node.velocity))
+        if len(moved) > 60 and moved[-1] > 5e-3:
+            homing_then.append(held.node.homing)
+            raise SimulationError("nobody watches.")
+
+    held.master.attend = attend
+    with pytest.raises(SimulationError, match="nobody watches"), held.enabled():
+        held.move(30e-3, 10e-3, 1.0)
+    assert held.node.state is not State.ENABLED
+    assert not held.master.running
+    assert homing_then == [homes]
+    count = len(moved)
+    held.master.stop()  # nothing goes on behind
+    assert len(moved) == count
+
+
 def test_limits_beside_the_drives_own(run, tmp_path):
     file = written(tmp_path, limits={**LIMITS, "velocity": "3 m/s", "force": "25 N"})
     told = " ".join(run("check", file).split())

@@ -342,3 +342,10 @@ def test_check_notices_two_nodes_with_one_id(write, build, monkeypatch):
     assert found == [
         "servomotor: node 1: 2 answers to one question: several nodes have this ID. Give one of them another."
     ]
+
+
+def test_a_bench_that_came_with_the_project_by_its_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert hardware.load(Path("simulated_force")).nodes.keys() == hardware.load(ROOT / SIMULATED).nodes.keys()
+    with pytest.raises(ScenarioError, match="no_bench: cannot be read"):
+        hardware.load(Path("no_bench"))

@@ -4,7 +4,7 @@ import { channel } from "/console/channel.js";
 
 export default {
   template: `<div><button id="twin-stop" type="button" title="Stop: drives by their one stop path, the session ends. Esc" @click="stop">STOP</button></div>`,
-  props: { page: String },
+  props: { page: String, attends: Boolean },
   mounted() {
     channel.listeners.add(this.heard);
     addEventListener("keydown", this.key, true);  // first of all: a field that has the focus keeps Esc for itself
@@ -17,6 +17,7 @@ export default {
     heard(told) {
       if (told.lost) { this.say("no connection to the server", ""); return; }
       if (told.refused) { this.say(null, told.refused); return; }
+      if (this.attends && told.attend && channel.operator && !document.hidden) channel.send({ here: true, tick: told.tick });
       const pace = told.achieved === null || told.achieved === undefined ? "" : `${told.achieved.toFixed(told.achieved < 10 ? 2 : 0)} × real time`;
       const late = told.lag > 0.05 ? `, ${told.lag.toFixed(2)} s late` : "";
       this.say(told.phase && told.time !== undefined ? `${told.phase} · ${told.time.toFixed(3)} s${told.phase === "running" ? ` · ${pace}${late}` : ""}` : "", told.message || "");

@@ -1,0 +1,194 @@
+"""What pages run: commands of `twin hil`, as one types them, one at a time in a process of its own.
+
+Whatever moves is watched over by that process: limits, ramps, dead-man and stop are those of the command. It is sent what the
+operator's page renews, and ends where that stays away, this server with it. `--arm` comes from the server's own command line.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import shlex
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from hw_bridge.command.bench.motion import READY
+from hw_bridge.commission import HOLD
+from hw_bridge.hardware import load
+from twin.errors import TwinError
+from twin.live import Channel, ClosedError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from twin.console import Host
+
+SHOWN = 20_000  # characters of what a command prints
+KEPT = 50  # commands that are listed
+PATIENCE = 15.0  # of a command to end after Ctrl-C: its one stop, and what it asks the drive then [s]
+READS = frozenset({"scan", "status", "dump", "compare", "check"})  # beside a session and other programs too
+MOVES = frozenset({"enable", "home", "jog", "move", "direction", "step"})  # needs --arm for real drives, and a page
+
+
+class Typed:
+    """Commands on the drives of a hardware file. Safe to use from several threads; `changed` counts what is new to show."""
+
+    def __init__(self, console: Host) -> None:
+        assert console.hardware is not None
+        self.console, self.file = console, console.hardware
+        self.keys = load(self.file)
+        self.text = self.line = ""
+        self.word = self.node = ""  # of what goes on, or went last
+        self.done: deque[tuple[float, str, int]] = deque(maxlen=KEPT)  # when it began, what was typed, its exit code
+        self.changed = 0
+        self.running = False
+        self.process: subprocess.Popen[bytes] | None = None
+        self.speed = (0.0, "")  # of a jog, as the page shows it
+        self._page: Channel | None = None
+        self._listener: threading.Thread | None = None
+        self._held = (0.0, -math.inf)  # how far, renewed when
+        self._lock = threading.Lock()
+
+    # --------------------------------------------------------------------------------------------------- what goes on
+
+    @property
+    def attended(self) -> bool:
+        """Whether a page has to watch it."""
+        return self.running and self._page is not None
+
+    @property
+    def busy(self) -> str:
+        """Why no session may take the drives now, or nothing."""
+        alone = self.running and self.word not in READS
+        return f"twin hil {self.word} has the drives (Commissioning). End it first." if alone else ""
+
+    @property
+    def controls(self) -> tuple[str, ...]:
+        """The button of a jog, once the drive is up."""
+        return (f"jog {self.node}",) if self.word == "jog" and self.running and READY in self.text else ()
+
+    @property
+    def held(self) -> Mapping[str, float]:
+        """How far it is held, while that is renewed."""
+        at, renewed = self._held
+        return dict.fromkeys(self.controls, at) if at and time.monotonic() - renewed < HOLD / 1e9 else {}
+
+    def needs_arm(self, word: str) -> bool:
+        """Whether a command may move real drives, and the command line of this server did not say that they may."""
+        return word in MOVES and not self.console.arm and not self.keys.is_software()
+
+    # -------------------------------------------------------------------------------------------------------- begin
+
+    def begin(
+        self, word: str, node: str = "", options: Sequence[str] = (), speed: tuple[float, str] = (0.0, "")
+    ) -> None:
+        """Begin a command; TwinError if another one goes on, if the session has the drives, or if they are not armed.
+
+        `speed`: of a jog with its unit, as the page is to show it.
+        """
+        with self.console.lock, self._lock:
+            if self.running:
+                raise TwinError(f"twin hil {self.word} goes on. End it first.")
+            if word not in READS and (taken := self.console.taken):
+                raise TwinError(taken)
+            if self.needs_arm(word):
+                keys = self.keys
+                raise TwinError(
+                    f"{self.file}: {keys.interface} {keys.channel} may move real drives, and this console was not armed. "
+                    f"End it, and start it with --arm."
+                )
+            words = [word, str(self.file), node] if word == "reset" else [word, node, "-f", str(self.file)]
+            words = [*filter(None, words), *options, *(["--arm"] if word in MOVES and self.console.arm else [])]
+            self.line = shlex.join(["twin", "hil", *words])
+            self.word, self.node, self.speed, self.text = word, node, speed, ""
+            self._held = (0.0, -math.inf)
+            self._start([*words, "--build", str(self.console.build)], word in MOVES)
+            self.changed += 1
+
+    def _start(self, words: list[str], attended: bool) -> None:
+        ours, theirs = socket.socketpair()
+        with theirs:
+            fds = [theirs.fileno()] if attended else []
+            self.process = subprocess.Popen(
+                [sys.executable, "-c", "from twin.cli import main; main()", "hil", *words]
+                + [f"--attended={one}" for one in fds],
+                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, pass_fds=fds,
+                start_new_session=True,  # Ctrl-C is for the server, which ends it
+                env={**os.environ, "COLUMNS": "80", "PYTHONUNBUFFERED": "1"},
+            )  # fmt: skip
+        self.running, self._page = True, Channel(ours) if attended else None
+        if not attended:
+            ours.close()
+        self._listener = threading.Thread(target=self._listen, args=[self.process, time.time()], daemon=True)
+        self._listener.start()
+
+    def _listen(self, process: subprocess.Popen[bytes], begun: float) -> None:
+        """Take what it prints until it ends."""
+        assert process.stdout is not None
+        while data := os.read(process.stdout.fileno(), 4096):
+            self.text = settled(self.text + data.decode(errors="replace"))
+            self.changed += 1
+        process.stdout.close()
+        self.done.appendleft((begun, self.line, process.wait()))
+        page, self._page = self._page, None
+        if page is not None:
+            page.end.close()
+        self.running = False
+        self.changed += 1
+
+    # --------------------------------------------------------------------------------------------------- renew, end
+
+    def _tell(self, **message: float | bool) -> None:
+        page = self._page
+        if page is not None:
+            with suppress(ClosedError):
+                page.send(**message)
+
+    def hold(self, name: str, at: float, press: int, age: float) -> None:
+        """Renew the button of the jog that goes on."""
+        if name in self.controls:
+            self._held = at, time.monotonic() - age
+            self._tell(here=time.monotonic() - age, hold=at, press=press)
+
+    def here(self, age: float) -> None:
+        """The operator's page shows it."""
+        self._tell(here=time.monotonic() - age)
+
+    def let_go(self) -> None:
+        """The button is held no more."""
+        self._held = (0.0, -math.inf)
+        self._tell(let_go=True)
+
+    def end(self) -> None:
+        """As `q` does: an orderly end of a jog, of what holds a place."""
+        self._tell(end=True)
+
+    def stop(self) -> None:
+        """As Ctrl-C does: at once, by the one stop."""
+        process = self.process
+        if process is not None and process.poll() is None:
+            process.send_signal(signal.SIGINT)
+
+    def close(self) -> None:
+        """The same, and wait; what does not end is killed: its drive misses the heartbeat and stops by itself."""
+        self.stop()
+        if self.process is not None:
+            try:
+                self.process.wait(PATIENCE)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+            assert self._listener is not None
+            self._listener.join(PATIENCE)
+
+
+def settled(text: str) -> str:
+    """What a terminal would show: a line that was written over is gone."""
+    lines = [one.rstrip("\r").rpartition("\r")[2] for one in text.split("\n")]
+    return "\n".join(lines)[-SHOWN:]

@@ -1,0 +1,186 @@
+"""Commissioning in a real browser, on a drive in a process of its own: whatever becomes of who holds the button, it stands."""
+
+import os
+import signal
+
+import pytest
+
+from hw_bridge.command.control import request
+from hw_bridge.fault import Cause, Fault
+from tests.console.served import console
+from tests.console.test_hands import hide, sleep
+from tests.hw_bridge.commission.conftest import BENCH, drive_process, watching
+from tests.hw_bridge.commission.test_jog import MS, off, place, stands
+from tests.web.browser import browser, chromium  # noqa: F401 - fixtures
+
+pytestmark = [pytest.mark.slow, pytest.mark.real_time]
+
+PROMISE = 0.2  # from the last renewal to a standstill [s]
+STILL = 50e-6  # of a loop that closes in on its place [m]
+
+
+@pytest.fixture(scope="module")
+def drive(build, tmp_path_factory):
+    with drive_process("faulhaber_v3", build, 45100 + os.getpid() % 4000) as found:
+        found.file = tmp_path_factory.mktemp("bench") / "bench.yaml"
+        found.file.write_text(
+            BENCH.format(name="servomotor", profile="faulhaber_v3", channel=found.channel, port=found.port)
+        )
+        yield found
+
+
+@pytest.fixture
+def served(drive, tmp_path, build):
+    with console("--hardware", drive.file, runs=tmp_path, build=build, path="bench") as one:
+        yield one
+
+
+@pytest.fixture
+def page(served, browser):  # noqa: F811
+    context = browser.new_context()
+    one = context.new_page()
+    one.set_default_timeout(30_000)
+    one.wrong = []
+    one.on("pageerror", lambda error: one.wrong.append(str(error)))
+    one.on("console", lambda said: one.wrong.append(said.text) if said.type == "error" else None)
+    one.goto(served.address, wait_until="commit")
+    one.wait_for_selector("text=operates")
+    yield one
+    context.close()
+
+
+def opened(page, step):
+    page.locator(".q-expansion-item__container", has=page.get_by_text(step, exact=True)).first.click()
+    page.wait_for_timeout(400)  # it opens slowly
+
+
+def said(page, text, seconds=30):
+    page.wait_for_function(
+        "text => document.querySelector('.twin-bench-said').textContent.includes(text)", arg=text, timeout=1e3 * seconds
+    )
+
+
+def jogs(page):
+    """Hold the key until it moves."""
+    opened(page, "jog")
+    page.get_by_label("speed").first.fill("10 mm/s")
+    page.get_by_role("button", name="power on for a jog").click()
+    page.wait_for_selector(".twin-control")
+    page.wait_for_function("!document.querySelector('.twin-control .way').disabled")
+    page.locator(".twin-own").click(position={"x": 3, "y": 3})
+    for _ in range(5):  # on a busy machine the browser may renew too late, which ends a press
+        page.keyboard.down("ArrowRight")
+        try:
+            said(page, "> ", 3)
+        except Exception:
+            page.keyboard.up("ArrowRight")
+        else:
+            return
+    raise AssertionError("it does not move")
+
+
+def crash(page):
+    """As kill -9 of what shows the page."""
+    with pytest.raises(Exception, match=r"crash|ERR_|Timeout"):
+        page.goto("chrome://crash", timeout=1000)
+
+
+LOSSES = {
+    "let go": lambda page, _: page.keyboard.up("ArrowRight"),
+    "hidden": lambda page, _: hide(page),
+    "asleep": lambda page, _: sleep(page),
+    "offline": lambda page, _: page.context.set_offline(True),
+    "closed": lambda page, _: page.close(),
+    "crashed": lambda page, _: crash(page),
+    "server killed": lambda _, served: os.kill(served.process.pid, signal.SIGKILL),
+    "stop": lambda page, _: page.click("#twin-stop"),
+    "escape": lambda page, _: page.keyboard.press("Escape"),
+}
+
+
+@pytest.mark.parametrize("how", LOSSES)
+def test_it_stands_within_200_ms_of_the_last_renewal(drive, served, page, how):
+    """And has no power soon after, but where only the button was let go: that is what a jog is for."""
+    with watching(drive) as line:
+        node = line.drive("1", "faulhaber_v3")
+        jogs(page)
+        line.wait(100 * MS)
+        begin = place(node)
+        line.wait(50 * MS)
+        assert place(node) - begin > 0.2e-3
+        LOSSES[how](page, served)
+        line.wait(round(PROMISE * 1e9))  # no renewal has come since
+        there = place(node)
+        line.wait(300 * MS)
+        assert abs(place(node) - there) < STILL
+        if how != "let go":
+            assert off(line, node, 2.0)
+
+
+def test_the_steps_from_a_box_to_a_move(drive, page):
+    with watching(drive) as line:
+        node = line.drive("1", "faulhaber_v3")
+        page.get_by_role("button", name="scan").click()
+        said(page, "node 1 (servomotor)")
+        opened(page, "direction, push")
+        page.get_by_role("button", name="push", exact=True).click()
+        said(page, "counts the way the motor goes")
+        opened(page, "home")
+        page.wait_for_selector("text=slowly to negative positions of the drive until it stands against its end stop")
+        page.get_by_role("button", name="home", exact=True).click()
+        said(page, "homed at -40.00 mm")
+        said(page, "stopped and disabled")
+        begin = place(node)
+        opened(page, "move")
+        page.get_by_label("by", exact=True).locator("visible=true").first.fill("0 2 mm")
+        page.get_by_role("button", name="move", exact=True).click()
+        page.wait_for_selector("text=expected a number with its unit")
+        page.get_by_label("by", exact=True).locator("visible=true").first.fill("2 mm")
+        page.get_by_role("button", name="move", exact=True).click()
+        said(page, "is at 2.00 mm")
+        said(page, "stopped and disabled")
+        assert place(node) - begin == pytest.approx(2e-3, abs=0.1e-3)
+        opened(page, "step")
+        page.get_by_role("button", name="step", exact=True).click()
+        page.wait_for_selector("img[alt='response to the step']")
+        assert page.wrong == []
+
+
+def test_a_reset_says_which_fault_it_clears_and_a_move_does_not_clear_it(drive, page):
+    request(int(drive.control), Fault(Cause.EMCY, 0x7300))
+    opened(page, "enable")
+    page.get_by_role("button", name="enable", exact=True).click()
+    said(page, "7300h encoder")
+    page.wait_for_function("document.querySelector('.twin-typed').textContent.includes('exit code 1')")
+    opened(page, "reset")
+    page.get_by_role("button", name="reset", exact=True).click()
+    said(page, "Reset: Switch on disabled")
+    assert "7300h encoder" in page.text_content(".twin-bench-said")
+
+
+def test_a_move_that_no_page_shows_any_more_ends(drive, page):
+    with watching(drive) as line:
+        node = line.drive("1", "faulhaber_v3")
+        opened(page, "move")
+        page.get_by_label("by", exact=True).locator("visible=true").first.fill("20 mm")
+        page.get_by_role("button", name="move", exact=True).click()
+        said(page, "from 0.00 mm to 20.00 mm")
+        begin = place(node)
+        page.close()
+        stands(line, node, 2.0)
+        assert off(line, node, 2.0)
+        assert abs(place(node) - begin) < 15e-3
+
+
+def test_another_page_watches_it(drive, served, page, browser):  # noqa: F811
+    other = browser.new_context().new_page()
+    other.goto(served.address, wait_until="commit")
+    other.wait_for_selector("text=watches")
+    other.get_by_role("button", name="scan").click()
+    other.wait_for_selector("text=This page watches")
+    jogs(page)
+    other.wait_for_selector(".twin-control")
+    assert other.locator(".twin-control .way").first.is_disabled()
+    with watching(drive) as line:
+        other.click("#twin-stop")  # whoever sees a danger
+        assert off(line, line.drive("1", "faulhaber_v3"), 1.0)

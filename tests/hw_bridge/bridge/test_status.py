@@ -1,0 +1,99 @@
+"""What a person who watches over drives is told: who holds control, what a second master did, what the shadow sees."""
+
+import json
+import struct
+
+import pytest
+
+from hw_bridge.bus import Frame, SimulatedNetwork
+from tests.hw_bridge.axis import Rig, node
+from twin.console import safety
+from twin.errors import SimulationError
+
+BANDS = {"position": "0.1 mm", "velocity": "10 mm/s", "current": "60 mA"}
+
+
+@pytest.fixture
+def rig(build):
+    """An axis that moves, with its shadow; its encoder slips after 0.3 s."""
+    slips = {"at": "0.3 s", "node": "servomotor", "fault": "encoder_offset", "offset": "0.5 mm"}
+    return Rig(build, {"servomotor": node(shadow={"window": "50 ms", **BANDS})}, faults=[slips])
+
+
+def told(rig):
+    """What the page is sent, and shows."""
+    found = json.loads(json.dumps(rig.hardware.status(), allow_nan=False))
+    return found, safety.heading(found) + safety.drives(found) + safety.others(found)
+
+
+def test_control_is_nobodys_then_this_sessions_then_nobodys(rig):
+    rig.hardware.status()  # asked for before there is a bus
+    status, page = told(rig)
+    assert (status["control"], status["brought_up"], status["nodes"]) == ("nobody", False, {})
+    assert "<dt>control</dt><dd>nobody</dd>" in page
+    rig.set(target_velocity=0.05)
+    rig.go(100)
+    status, page = told(rig)
+    assert (status["control"], status["brought_up"], status["stopped"]) == ("this session", True, "")
+    assert status["nodes"]["servomotor"]["state"] == "Operation enabled"
+    assert "<dt>control</dt><dd>this session</dd>" in page
+    rig.axis.close()
+    status, page = told(rig)
+    assert (status["control"], status["stopped"]) == ("nobody", "stopped")
+    assert status["nodes"]["servomotor"]["state"] == "Switch on disabled"
+
+
+@pytest.mark.parametrize(
+    ("frame", "text"),
+    [
+        (Frame(0x080), "another master on the bus sent SYNC"),
+        (Frame(0x201, struct.pack("<i", 0)), "another master on the bus sends servomotor targets"),
+        (Frame(0x77F, b"\5"), "node 127: another master tells that it lives on this ID"),
+    ],
+)
+def test_a_second_master_is_named_before_and_after_the_stop(rig, frame, text):
+    rig.set(target_velocity=0.05)
+    rig.go(100)
+    other = SimulatedNetwork(rig.session.bench.bus)
+    other.send(Frame(0x700 + 99, b"\5"))
+    other.send(frame)
+    rig.go(1)  # the frame is heard; the master judges at its next cycle
+    status, page = told(rig)
+    assert status["stopped"] == ""
+    assert status["control"].startswith(text)
+    assert status["control"].endswith("It may be node 99, not in the hardware file.")
+    assert safety.escaped(text) in page
+    with pytest.raises(SimulationError, match="another master"):
+        rig.go(20)
+    status, page = told(rig)
+    assert status["control"].startswith(text)
+    assert text in status["stopped"]
+    assert status["nodes"]["servomotor"]["state"] == "Switch on disabled"
+    assert f'twin-bad">stopped: {safety.escaped(text)}' in page
+    assert any("can enable the drives again" in note for note in status["notes"])
+    assert "can enable the drives again" in page
+
+
+def test_the_shadows_residual_is_told_beside_its_band(rig):
+    rig.set(target_velocity=0.02)
+    rig.go(200)
+    status, page = told(rig)
+    shadow = status["shadow"]["servomotor"]
+    assert shadow["now"] == {"position": 0.0, "velocity": 0.0, "current": 0.0}  # the same to the bit without a fault
+    assert shadow["bands"] == pytest.approx({"position": 1e-4, "velocity": 0.01, "current": 0.06})
+    assert "shadow servomotor" in page
+    assert "position 0 mm (band 0.1 mm, largest 0 mm)" in page
+    rig.go(300)
+    status, page = told(rig)
+    shadow = status["shadow"]["servomotor"]
+    assert abs(shadow["now"]["position"]) == pytest.approx(0.5e-3, abs=0.05e-3)
+    assert shadow["largest"]["position"] >= abs(shadow["now"]["position"])
+    assert "the encoder" in shadow["warnings"][0]
+    assert safety.escaped(shadow["warnings"][0]) in page
+
+
+def test_a_shadow_that_has_not_looked_yet(rig):
+    rig.go(1)
+    status, page = told(rig)
+    assert status["shadow"]["servomotor"]["now"] == {"position": None, "velocity": None, "current": None}
+    assert "position not known (band 0.1 mm" in page
