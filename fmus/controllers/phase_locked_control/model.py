@@ -1,6 +1,6 @@
 """Force control that learns the gripper's trajectory over the phase of the beat."""
 
-from math import floor, pi
+from math import pi
 
 from fmus.beat_search import REFINED, RING, TREND, BeatSearch, fit, forget, remember, scan
 from fmus.learned_control import (
@@ -11,6 +11,7 @@ from fmus.learned_control import (
     bearable,
     begin_control,
     command,
+    felt,
     place_wanted,
     sense,
     tell,
@@ -27,9 +28,11 @@ from fmus.phase_filter import (
     begin_filter,
     clear_profile,
     correct,
+    harmonics,
     healthy,
     learn,
     look,
+    moved,
     predict,
     renew,
     required,
@@ -45,13 +48,8 @@ GATE = 3.0  # innovation in standard deviations from which the filter takes no s
 SHIFTS = 32  # phases around the circle that are compared
 WINDOW = 0.02  # [s] over which they are: four samples
 CLEARLY, FITTING = 0.3, 1e-3  # what a new phase leaves, as part of what the old one does, and at most [m]
-UNLIKELY = 4.0  # times better has a phase to explain them that no early beat leads to
-EARLIEST = 0.5  # beats by which one may be early: of half a length
-NO_LEAP = 0.05  # beats that are no early beat
 AFTER = 0.05  # doubt of the rate after a leap, as part of it: a leap of the phase is not one of the rate
-YOUNG = 6.0  # beats of learning before which every beat differs from what was learned
 PAUSE = 1.5  # beats for which nothing is learned after an unrest: an early beat and its pause last 1.3 to 1.6
-LONG_RUN = 3.0  # beats over which the rate is averaged, for the time after a leap
 
 
 class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
@@ -75,12 +73,19 @@ class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
         source="estimate: 3 mN of the sensor over the stiffness, and as much again for friction",
     )
 
+    play = parameter(
+        2.1e-3,
+        "m",
+        "motion of the gripper to either side that the tip does not follow",
+        display_unit="mm",
+        minimum=0.0,
+        source="half of the 4.4 mm by which gripper and tip differ in beyond_paper; 1.5 to 2.7 mm do too",
+    )
+
+    tip = local(0.0, "m", "place of the tip, by demand and play", display_unit="mm")
     unrest = local(0.0, "", "squared innovation over its variance, averaged")
     off = local(0.0, "m", "latest innovation", display_unit="mm")
     calm = local(0.0, "", "beats since the model last failed to explain the force")
-    rate_mean = local(0.0, "rad/s", "rate of the last beats")
-    rhythm = local(0.0, "rad", "phase that the beat would have without early ones")
-    pause = local(0.0, "", "beats that are left of the pause after an early one")
     nearby = local(-1, "", "rate near the one found whose turn it is; -1: none is found yet", type=Int64)
     nearest = local(0.0, "Hz", "the best of these")
     rest_least = local(0.0, "m^2", "mean square that it leaves")
@@ -91,6 +96,7 @@ class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
 
     def initialize(self) -> None:
         begin_control(self)
+        self.tip = 0.0
         for i in range(3):
             self.anchor[i] = 0.0
             self.axis[i] = 1.0 if i == 2 else 0.0
@@ -104,14 +110,22 @@ class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
     def step(self, t: float, h: float) -> None:
         seen = sense(self, h)
         place = place_wanted(self, h)
-        if seen and remember(self, t, 0.0, 0.0, place):
+        wall = place - kept(self, h)
+        if seen and remember(self, t, 0.0, 0.0, wall):
             self.along[self.head] = self.ring[self.head, 2]
         if self.mode == SEARCHING:
             search(self)
         else:
-            follow(self, place, seen, h)
+            follow(self, place, wall, seen, h)
         command(self, forward(self, h), h)
         publish(self)
+
+
+def kept(self: PhaseLockedControl, h: float) -> float:
+    """What friction and play keep of the demand that is felt now [m]."""
+    asked = felt(self, self.line, h)
+    self.tip = min(max(self.tip, asked - self.play), asked + self.play)
+    return asked - self.tip
 
 
 def start_search(self: PhaseLockedControl) -> None:
@@ -149,34 +163,30 @@ def begin(self: PhaseLockedControl) -> None:
     self.unrest = RELAXED
     self.off_beat = False
     self.calm = PAUSE
-    self.rate_mean = self.mean[RATE]
-    self.rhythm = self.mean[PHASE]
-    self.pause = 0.0
     for j in range(SHIFTS):
         self.misfit[j] = 0.0
     self.mode = FOLLOWING
 
 
-def follow(self: PhaseLockedControl, place: float, seen: bool, h: float) -> None:
+def follow(self: PhaseLockedControl, place: float, wall: float, seen: bool, h: float) -> None:
     """Predict, take the sample in and learn from it; give up what does not explain the force."""
     predict(self, h)
     expected, variance = look(self)
     if seen:
         variance += self.noise * self.noise
-        self.off = place - expected
+        self.off = wall - expected
         ratio = self.off * self.off / variance
         self.unrest += h / PASSING * (min(ratio, CAP) - self.unrest)
-        young = self.lessons < YOUNG
         self.off_beat = self.unrest > (RELAXED if self.off_beat else STRAINED)
-        compare(self, place, h)
-        if young or ratio <= GATE * GATE:
+        compare(self, wall, h)
+        if ratio <= GATE * GATE:
             correct(self, self.off, variance)
         self.calm = 0.0 if self.off_beat else self.calm + self.mean[RATE] * h / (2.0 * pi)
-        keep_rhythm(self, h)
         if self.off_beat:
             realign(self)
-        if young or self.calm >= PAUSE:
-            learn(self, place - self.mean[OFFSET] - self.mean[BREATH] - required(self, self.mean[PHASE]), h)
+        if self.calm >= PAUSE:
+            common = self.mean[OFFSET] + self.mean[BREATH] + harmonics(self, self.mean[PHASE])
+            learn(self, place - common, wall - common, h)
     within = 0.5 * self.rate_minimum < self.mean[RATE] / (2.0 * pi) < 1.5 * self.rate_maximum
     if not (within and bearable(self) and healthy(self)):
         self.mode = LEAVING
@@ -184,46 +194,21 @@ def follow(self: PhaseLockedControl, place: float, seen: bool, h: float) -> None
         start_search(self)
 
 
-def compare(self: PhaseLockedControl, place: float, h: float) -> None:
+def compare(self: PhaseLockedControl, wall: float, h: float) -> None:
     """What each of the phases around the circle would have left of the last samples."""
     for j in range(SHIFTS):
         phase = self.mean[PHASE] + 2.0 * pi * j / SHIFTS
-        rest = place - self.mean[OFFSET] - self.mean[BREATH] - required(self, phase)
+        rest = wall - self.mean[OFFSET] - self.mean[BREATH] - moved(self, phase)
         self.misfit[j] += h / WINDOW * (rest * rest - self.misfit[j])
-
-
-def keep_rhythm(self: PhaseLockedControl, h: float) -> None:
-    """Rate and phase of the beats that are as learned; an early one changes neither. After its pause they hold again."""
-    turn = self.mean[RATE] * h / (2.0 * pi)
-    if self.calm >= PAUSE or self.lessons < YOUNG:
-        self.rate_mean += turn / LONG_RUN * (self.mean[RATE] - self.rate_mean)
-        self.rhythm = self.mean[PHASE]
-    else:
-        self.rhythm += h * self.rate_mean
-    if self.pause > 0.0:
-        self.pause -= turn
-        if self.pause <= 0.0:
-            set_rate(self, self.rate_mean)
-
-
-def set_rate(self: PhaseLockedControl, rate: float) -> None:
-    """The rate is another one [rad/s] from now on, and not well known."""
-    self.mean[RATE] = rate
-    renew(self, RATE, AFTER * rate)
 
 
 def realign(self: PhaseLockedControl) -> None:
     """Leap to the phase that explains the last samples, if one does and the filter's does not."""
-    ahead = (self.mean[PHASE] - self.rhythm) / (2.0 * pi)
     best = 0
-    least = self.misfit[0]
     for j in range(1, SHIFTS):
-        lead = ahead + j / SHIFTS
-        lead -= floor(lead + 0.1)
-        odds = 1.0 if lead < EARLIEST else UNLIKELY
-        if odds * self.misfit[j] < least:
-            least = odds * self.misfit[j]
+        if self.misfit[j] < self.misfit[best]:
             best = j
+    least = self.misfit[best]
     if best == 0 or least > CLEARLY * self.misfit[0] or least > FITTING * FITTING:
         return
     self.mean[PHASE] += 2.0 * pi * best / SHIFTS
@@ -231,23 +216,11 @@ def realign(self: PhaseLockedControl) -> None:
         self.mean[PHASE] -= 2.0 * pi
     self.mean[COLOR] = 0.0
     renew(self, PHASE, 2.0 * pi / SHIFTS)
-    expect_pause(self)
+    renew(self, RATE, AFTER * self.mean[RATE])
     for j in range(SHIFTS):
         self.misfit[j] = least
     self.unrest = RELAXED
     self.off_beat = False
-
-
-def expect_pause(self: PhaseLockedControl) -> None:
-    """The sinus rhythm goes on under an early beat: what that is ahead by, the pause after it makes up for in one beat."""
-    lead = (self.mean[PHASE] - self.rhythm) / (2.0 * pi)
-    lead -= floor(lead + 0.5)
-    self.pause = 0.0
-    slower = 1.0
-    if lead > NO_LEAP and self.lessons >= YOUNG:
-        self.pause = 1.0
-        slower = 1.0 / (1.0 + lead)
-    set_rate(self, slower * self.rate_mean)
 
 
 def forward(self: PhaseLockedControl, h: float) -> float:

@@ -43,6 +43,10 @@ class QuasiPeriodicControl(LearnedControl, BeatSearch):
     length_time = parameter(0.4, "s", "time in which the beat's length is followed", minimum=0.05,
                             source="seeds 301 to 304: 0.15 s follows noise, 1.2 s is too slow for 5 % of wander")
 
+    acceleration_maximum = parameter(8.0, "m/s^2", "limit of the demand's change", minimum=0.1,
+                                     source="as phase_locked_control's, a fifth less: what is played back swings between two cycles, "
+                                     "and 10 asks for 15.5 N of 15")
+
     past = local(0.0, "m", "what is played back: a ring, `REACH` periods ahead of now", shape=(MEMORY,))
     now = local(0, "", "periods since the start", type=Int64)
     length = local(0.0, "s", "of the beat")

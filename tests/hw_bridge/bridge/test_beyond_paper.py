@@ -56,7 +56,7 @@ def verdicts(outcome):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("variant", ["locked", "observer"])
+@pytest.mark.parametrize("variant", ["locked", "ectopic", "observer"])
 def test_the_same_verdicts(run, variant):
     only = {"variants": [variant], "seeds": [SEED]}
     with_bus = run(load_scenario(SCENARIO), BENCH, **only)
