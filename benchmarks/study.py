@@ -1,12 +1,14 @@
 """A study's cases beside the loop alone, FMPy in a process pool, and a shell that calls `twin run`.
 
     python -m benchmarks.study [40] [10000]     prints `name: value` lines: cases, and cases of the memory test
-    python -m benchmarks.study beside [60]      by the clock alone: seconds
+    python -m benchmarks.study beside [9]       by the clock: pairs of a study's cases and the loop alone
+    python -m benchmarks.study whole [1000]     by the clock: a whole study, from nothing to its report
 
 All on the force scenario with PI, 22 s each. What counts is processor time, so that others on the machine do not: of the
 loop alone (`advance`, nothing else) beside that of a whole case in the engine, one after the other; and of all of a
-study's processes from their start to their end. By the clock on the wall a study's processes run beside as many that do
-nothing but the loop, for a minute: whatever else keeps the machine busy slows both. FMPy gets the whole scenario as one FMU, extracted once, without any
+study's processes from their start to their end. By the clock a study's processes and as many that do nothing but the loop
+have the cores in turn, some seconds each: all cores are busy in both, and each is beside what the machine does at that
+time. The median of pairs counts, the loops' initialization does not. FMPy gets the whole scenario as one FMU, extracted once, without any
 metric: more than fair. `twin run` starts a process per case. Memory is that of the engine's process, with runs of 10 ms.
 """
 
@@ -20,6 +22,7 @@ import sys
 import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
+from itertools import cycle
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,8 +33,8 @@ from twin.run import prepare, simulation
 from twin.scenario import Form, group, load_scenario
 from twin.study import load_study
 from twin.study.design import Request
-from twin.study.many import Engine, Job
-from twin.study.many.pool import Pool, cores
+from twin.study.many import Engine, Job, run_study
+from twin.study.many.pool import AHEAD, Pool, cores
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -51,7 +54,9 @@ SLICE = 20  # cases between two looks at the memory
 ALONE = 12  # rounds of loop and case
 THEIRS = 6  # cases of FMPy
 SHELL = 3  # calls of `twin run`
-WINDOW = 60.0  # in which a study runs beside the loop alone [s]
+PAIRS = 9
+WINDOW = 4.0  # of a study or of loops alone, in turn [s]
+WHOLE = 1000  # cases of a whole study
 
 
 def studied(folder: Path, count: int, options: str = "{}") -> tuple[Any, Job]:
@@ -84,38 +89,55 @@ _loaded: list[Any] = []  # the case and its catalog
 
 def loops_until(end: float) -> float:
     """Loops per second of the clock until a time of `time.time`, all in this process."""
-    loop_alone()
     taken = []
-    while time.time() < end:
+    while not taken or time.time() < end:
         taken.append(loop_alone(time.perf_counter))
     return len(taken) / sum(taken)
 
 
-def measure_beside(folder: Path, window: float = WINDOW) -> None:
+def loops_of_all(others: ProcessPoolExecutor, window: float) -> float:
+    """Loops per second of the clock of as many processes as there are cores, all at it at once."""
+    end = time.time() + window
+    return sum(one.result() for one in [others.submit(loops_until, end) for _ in range(cores())])
+
+
+def measure_beside(folder: Path, pairs: int = PAIRS, window: float = WINDOW) -> None:
     """Print what a study does by the clock, in parts of what as many processes do that know nothing but the loop."""
     study, job = studied(folder, 1024)
-    begun = time.perf_counter()
+    ratios, busy = [], []
     with Pool(job, cores(), 0) as pool, ProcessPoolExecutor(cores(), get_context("spawn")) as others:
-        rows = pool.run(study.requests())
-        for _ in range(2 * cores()):
-            next(rows)
-        ready = time.perf_counter() - begun
-        end = time.time() + window
-        loops = [others.submit(loops_until, end) for _ in range(cores())]
-        time.sleep(0.1 * window)  # until all of them are at it
-        first = time.perf_counter()
-        spent = []
-        while time.time() < end:
-            spent.append(next(rows).seconds)
-            last = time.perf_counter()
-        speed = sum(one.result() for one in loops)
-    print(f"study_ready_s: {ready:.1f}  # its start, and the first {2 * cores()} cases")
-    print(f"study_beside_cases: {len(spent)}")
-    print(f"study_beside_wall_to_loops: {len(spent) / (last - first) / speed:.3f}")
-    print(
-        f"study_beside_busy: {sum(spent) / (last - first) / cores():.3f}  # the rest is waiting for the next case",
-        flush=True,
-    )
+        loops_of_all(others, 0.0)
+        rows = pool.run(cycle(study.requests()))
+        for _ in range(pairs):
+            for _ in range((AHEAD + 1) * cores()):  # those that were ready, and until all are at it again
+                next(rows)
+            spent, begin = [], time.perf_counter()
+            while time.perf_counter() - begin < window:
+                spent.append(next(rows).seconds)
+            took = time.perf_counter() - begin
+            time.sleep(AHEAD * 2 * max(spent))  # until the processes wait
+            ratios.append(len(spent) / took / loops_of_all(others, window))
+            busy.append(sum(spent) / took / cores())
+    print(f"study_beside_wall_to_loops: {statistics.median(ratios):.3f}  # {min(ratios):.3f} to {max(ratios):.3f}")
+    print(f"study_beside_busy: {statistics.median(busy):.3f}  # the rest is waiting for the next case", flush=True)
+
+
+def measure_whole(folder: Path, count: int = WHOLE) -> None:
+    """Print what a whole `twin study` takes by the clock, from nothing to its report, between two times of loops alone."""
+    study, _ = studied(folder, count)
+    told = []
+    with ProcessPoolExecutor(cores(), get_context("spawn")) as others:
+        loops_of_all(others, 0.0)
+        speeds = [loops_of_all(others, 2 * WINDOW)]
+        begin = time.perf_counter()
+        run_study(study, root=folder, build=BUILD, listen=lambda _: told.append(time.perf_counter() - begin))
+        took = time.perf_counter() - begin
+        speeds.append(loops_of_all(others, 2 * WINDOW))
+    loops = statistics.mean(speeds)
+    print(f"study_whole_{count}_s: {took:.1f}  # {told[0]:.1f} to the first row, {took - told[-1]:.1f} after the last")
+    print(f"study_whole_loops_per_s: {loops:.2f}  # {speeds[0]:.2f} before, {speeds[1]:.2f} after, {cores()} processes")
+    print(f"study_whole_{count}_cases_to_loops: {count / told[-1] / loops:.3f}  # from nothing to the last row")
+    print(f"study_whole_{count}_to_loops: {count / took / loops:.3f}  # with tables and report", flush=True)
 
 
 def measure_engine(folder: Path, rounds: int = ALONE) -> float:
@@ -248,8 +270,9 @@ def main(count: int = 40, memory: int = 10_000) -> None:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["beside"]:
+    named = {"beside": measure_beside, "whole": measure_whole}.get(sys.argv[1] if sys.argv[1:] else "")
+    if named:
         with tempfile.TemporaryDirectory() as name:
-            measure_beside(Path(name), *map(float, sys.argv[2:]))
+            named(Path(name), *map(int, sys.argv[2:]))
     else:
         main(*(int(one) for one in sys.argv[1:]))

@@ -1,8 +1,8 @@
 """Build the site of all documents: `python docs/pages.py`, then open build/site/index.html. Needs the extra `docs`.
 
 Pages of docs/ as they are; one for each component, from its declaration, its README and its reference trajectory; one for
-each scenario, from its file and, with --run, from a run made now (`--run all`: of every one). Pages that are notebooks are
-executed, unless --no-notebooks. A link that leads nowhere ends it.
+each scenario, from its file and from a run, kept until something changes that decides it (outcomes.py; --run: of these alone,
+--no-run: of none). Pages that are notebooks are executed, unless --no-notebooks. A link that leads nowhere ends it.
 """
 
 from __future__ import annotations
@@ -12,23 +12,20 @@ import csv
 import logging
 import re
 import shutil
-import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import notebooks
 import numpy as np
 from matplotlib.figure import Figure
+from outcomes import PAGE, outcomes, table
 
 from twin.cli import describe
 from twin.component import catalog
 from twin.results import coherent, plotting
-from twin.run import run_scenario
 from twin.scenario import load_scenario, shipped
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
     from twin.component import Component
 
 ROOT = Path(__file__).parents[1]
@@ -54,8 +51,9 @@ def main() -> None:
     """Put the pages together and build the site."""
     reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     reader.add_argument(
-        "--run", nargs="+", default=[], metavar="SCENARIO", help="run these, and show plots and verdicts"
+        "--run", nargs="+", metavar="SCENARIO", help="show plots and verdicts of these alone [default: of all]"
     )
+    reader.add_argument("--no-run", dest="run", action="store_const", const=[], help="show no plots and no verdicts")
     reader.add_argument("--no-notebooks", action="store_true", help="leave the cells of notebooks as they are")
     asked = reader.parse_args()
     shutil.rmtree(SOURCE, ignore_errors=True)
@@ -64,8 +62,9 @@ def main() -> None:
         write(f"components/{name}.md", component_page(name))
     write("components/index.md", index("Components", {n: catalog.summary(n) for n in catalog.names()}))
     own = {name: path for name, path in shipped.scenarios().items() if path.resolve().is_relative_to(ROOT)}
+    came_out = outcomes({name: path for name, path in own.items() if asked.run is None or name in asked.run})
     for name, path in own.items():
-        write(f"scenarios/{name}.md", scenario_page(path, name in asked.run or "all" in asked.run))
+        write(f"scenarios/{name}.md", scenario_page(path, came_out.get(name)))
     write("scenarios/index.md", index("Scenarios", {n: shipped.title(path) for n, path in own.items()}))
     write("reference/api.md", "# API\n\nFrom the docstrings.\n\n" + "\n".join(f"::: {name}\n" for name in API))
     build()
@@ -170,12 +169,6 @@ def variables(cls: type[Component]) -> str:
     return table(("name", "role", "start", "bounds", "what it is", "source"), rows)
 
 
-def table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A table in Markdown."""
-    lines = [titles, ["---"] * len(titles), *rows]
-    return "\n".join(f"| {' | '.join(cell.replace('|', '&#124;') for cell in line)} |" for line in lines) + "\n"
-
-
 def trajectory(path: Path, cls: type[Component]) -> str:
     """The curves of a reference trajectory, one panel for each unit of inputs and of outputs; those at rest only if all are."""
     with path.open(newline="") as file:
@@ -199,8 +192,8 @@ def trajectory(path: Path, cls: type[Component]) -> str:
     return plotting.as_svg(figure)
 
 
-def scenario_page(path: Path, is_run: bool) -> str:
-    """What a scenario couples and asks; its verdicts and plots if it is run."""
+def scenario_page(path: Path, came_out: Path | None) -> str:
+    """What a scenario couples and asks, and what came out, if that is kept in a folder."""
     scenario = load_scenario(path)
     parts = [f"# {scenario.title}\n", f"`twin run {path.stem}`\n", scenario.description]
     if scenario.source:
@@ -214,26 +207,16 @@ def scenario_page(path: Path, is_run: bool) -> str:
     ]
     asked = [(one.name, describe.limits(one)) for one in scenario.expectations]
     parts += ["## What is expected\n", table(("expectation", "limits"), asked)] if asked else []
-    if is_run:
-        parts += results(path)
+    if came_out is not None:
+        parts.append((came_out / PAGE).read_text())
+        for picture in came_out.glob("*.svg"):
+            write(f"scenarios/{picture.name}", picture.read_text())
     return "\n".join([*parts, "## The file\n", f"```yaml\n{path.read_text()}```\n"])
 
 
 def component_link(name: str) -> str:
     """A component with a link to its page, if it has one."""
     return f"[{name}](../components/{name}.md)" if name in catalog.names() else f"`{name}`"
-
-
-def results(path: Path) -> list[str]:
-    """Verdicts and plots of a run with the scenario's own seeds."""
-    with tempfile.TemporaryDirectory() as folder:
-        outcome = run_scenario(load_scenario(path), root=Path(folder), build=ROOT / "build", report=False)
-        verdicts = [(one["verdict"], one["name"], one["detail"]) for one in outcome.summary["expectations"]]
-        parts = ["## What came out\n", table(("", "expectation", ""), verdicts)]
-        for number, plot in enumerate(outcome.scenario.plots):
-            write(f"scenarios/{path.stem}-{number}.svg", plotting.draw(plot, outcome.tables))
-            parts.append(f"![{plot.title}]({path.stem}-{number}.svg)\n")
-    return parts
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -28,9 +29,7 @@ from hw_bridge.profiles import MODULES, profile
 from twin.errors import ScenarioError, nearest
 from twin.scenario import Keys, Node, dotted, quoted, read
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
+BENCHES = Path(__file__).parents[1] / "benches"
 PROCESS_DATA = (4, 7, 7, 8, 1)  # bytes of a drive's frames in a cycle: two RPDOs, two TPDOs, a heartbeat
 BESIDE = 4  # bytes of digital outputs or a velocity offset in the first RPDO, or in one more
 IN_AND_OUT = (4, 1, 1)  # of a module: outputs, inputs, a heartbeat
@@ -64,8 +63,15 @@ def overloaded(keys: HardwareKeys, forces: int = 0) -> str:
     )
 
 
+def located(path: Path) -> Path:
+    """A path as it is; a bare name that is no file here stands for the bench of this name that came with the project."""
+    own = BENCHES / f"{path.name}.yaml"
+    return own if path == Path(path.name) and not path.suffix and not path.exists() and own.exists() else path
+
+
 def load(path: Path) -> HardwareKeys:
-    """Read and check a hardware file; ScenarioError lists every problem with file and line."""
+    """Read and check a hardware file, or a bench by its name; ScenarioError lists every problem with file and line."""
+    path = located(path)
     root = read(path, str(path))
     try:
         keys = HardwareKeys.model_validate(root.plain())

@@ -129,10 +129,26 @@ def test_a_scenario_by_its_name_anywhere(run, tmp_path):
     assert twin.load("heart_wall_force").title == "Contact force against a beating wall"
     with pytest.raises(ScenarioError, match="There is no scenario 'heart_wal_force', and no file of this name"):
         shipped.located("heart_wal_force")
+    assert run("check", "scenarios/racs.yaml")[1][0] == (
+        "scenarios/racs.yaml: is not there. There is a scenario of this name elsewhere: give the name alone, racs."
+    )
 
 
-def test_a_study_by_its_name_anywhere(run):
+@pytest.mark.parametrize("command", ["", "run", "check", "graph", "export", "study", "new", "console"])
+def test_help_names_no_file_that_only_a_checkout_has(run, command):
+    code, lines = run(*command.split(), "--help")
+    assert (code, [line for line in lines if "scenarios/" in line or "hw_bridge/" in line]) == (0, [])
+
+
+def test_a_study_by_its_name_anywhere(run, tmp_path):
     assert load_study("thousand_patients").name == "thousand_patients"
+    (tmp_path / "studies").mkdir()
+    own = tmp_path / "studies" / "two.yaml"
+    own.write_text(
+        "scenario: heart_wall_force\nvariants: [PI]\nsamples: {method: random, count: 2, seed: 1}\n"
+        "vary: {heart.rate: {uniform: [60 /min, 80 /min], source: assumed}}\n"
+    )
+    assert load_study(own).scenario.title == "Contact force against a beating wall"
     assert run("study", "thousand_patient")[0] == (
         "There is no study 'thousand_patient', and no file of this name. Did you mean 'thousand_patients'?"
     )
@@ -145,7 +161,10 @@ def test_own_files_count_first(run, tmp_path):
     assert shipped.located("racs").resolve() == own
     (tmp_path / "racs").write_text("")
     assert str(shipped.located("racs")) == "racs"
-    assert str(shipped.located("racs.yaml")) == "racs.yaml"
+    assert str(shipped.located("scenarios/racs.yaml")) == "scenarios/racs.yaml"
+    assert str(shipped.located("mine.yaml")) == "mine.yaml"
+    with pytest.raises(ScenarioError, match=r"racs\.yaml: is not there\. There is a scenario of this name elsewhere"):
+        shipped.located("racs.yaml")
 
 
 @pytest.mark.parametrize(

@@ -75,9 +75,9 @@ def command(
     twin export sheath --platform all -o sheath.fmu
     twin export pi_control --sources -o pi_control.fmu
     twin export pi_control --target c -o firmware
-    twin export scenarios/heart_wall_force.yaml --variant PI+FF --members estimate,controller -o controller.fmu
-    twin export scenarios/heart_wall_force.yaml --group plant --fmi 2.0 -o plant.fmu
-    twin export scenarios/heart_wall_force.yaml --variant PI --ssp -o force.ssp
+    twin export heart_wall_force --variant PI+FF --members estimate,controller
+    twin export heart_wall_force --group plant --fmi 2.0 -o plant.fmu
+    twin export heart_wall_force --variant PI --ssp -o force.ssp
     """
     from twin import compiler
 
@@ -144,9 +144,9 @@ def write_ssp(
     build: Path,
 ) -> None:
     """Write a scenario as an SSP, and say what others will not do with it."""
-    from twin.scenario import load_scenario, pack, package
+    from twin.scenario import load_scenario, pack, package, shipped
 
-    if not what.endswith((".yaml", ".yml", ".ssp")):
+    if not what.endswith((".yaml", ".yml", ".ssp")) and what not in shipped.scenarios():
         raise TwinError(f"{what}: --ssp writes a scenario. Give SCENARIO.yaml.")
     path = output or Path(Path(what).with_suffix(".ssp").name)
     if path.exists() and not force:
@@ -164,12 +164,13 @@ def write_ssp(
 def component(what: str, members: str | None, named: str | None, variant: str | None) -> type[Component]:
     """The component to export."""
     from twin.component import catalog
+    from twin.scenario import load_scenario, part, shipped
 
-    if not what.endswith((".yaml", ".yml", ".ssp")):
-        if members or named or variant:
-            raise TwinError(f"{what}: --members, --group and --variant belong to a scenario file. Give SCENARIO.yaml.")
+    of_scenario = bool(members or named or variant)
+    if not what.endswith((".yaml", ".yml", ".ssp")) and not (of_scenario and what in shipped.scenarios()):
+        if of_scenario:
+            raise TwinError(f"{what}: --members, --group and --variant belong to a scenario. Give SCENARIO.yaml.")
         return catalog.component(what)
-    from twin.scenario import load_scenario, part
 
     chosen = [name.strip() for name in (members or "").split(",") if name.strip()]
     return part(load_scenario(what), chosen, named, variant)

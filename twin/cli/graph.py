@@ -33,8 +33,8 @@ def command(scenario: str, variant: str | None, overrides: tuple[str, ...], outp
     how late each value is where it is used: beyond what the source's own step says.
 
     \b
-    twin graph scenarios/racs.yaml
-    twin graph scenarios/racs.yaml --set algorithm=gauss_seidel -o racs.svg
+    twin graph racs
+    twin graph racs --set algorithm=gauss_seidel -o racs.svg
     """
     if output is not None and output.suffix != ".svg":
         raise click.UsageError(f"-o {output}: the picture is an .svg. Name it {output.stem}.svg.")

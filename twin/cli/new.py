@@ -36,9 +36,9 @@ def command(name: str, folder: Path, project: bool) -> None:
 
     \b
     twin new my_part          then edit fmus/my_part/model.py
-    twin test my_part         interpreted, compiled and FMU agree to the bit, and with expected.csv
+    twin test my_part         as Python, compiled and as FMU the same, to the bit
     twin build my_part        build/3.0/my_part.fmu and build/2.0/my_part.fmu
-    twin new my_rig --project my_rig/ with fmus/my_rig_plant, scenarios, tests
+    twin new my_rig --project
     """
     if not NAME.fullmatch(name) or keyword.iskeyword(name):
         raise TwinError(f"{name!r} cannot be a component's name. Use lower case with underscores, such as my_part.")

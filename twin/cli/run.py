@@ -122,9 +122,9 @@ def command(
     Exit code 1 if an expectation does not hold or a member failed, 130 after Ctrl-C; what was recorded is kept.
 
     \b
-    twin run scenarios/heart_wall_force.yaml
-    twin run scenarios/heart_wall_force.yaml --variant PI --seed 1 --set heart.rate="1.4 Hz"
-    twin run scenarios/heart_wall_force.yaml --hardware hw_bridge/benches/simulated_force.yaml
+    twin run heart_wall_force
+    twin run heart_wall_force --variant PI --seed 1 --set heart.rate="1.4 Hz"
+    twin run heart_wall_force --hardware simulated_force
     """
     refuse_together(hardware_file is not None, trace is not None, replay is not None, half_step, dry)
     if (file is None) is not bool(of_study):

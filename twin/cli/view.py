@@ -142,17 +142,16 @@ def view_signals(
     place: tuple[int | None, bool],
 ) -> None:
     """Signals of runs in the browser, or as a page."""
-    from twin.face import open_run
     from twin.results import write_text
-    from twin.viewer import Runs, chosen_cases, chosen_signals, of_samples, serve
+    from twin.viewer import Runs, chosen_cases, chosen_signals, of_samples, opened, serve
 
     replaced = target is not None and checked(target, (PAGE,)).exists()
-    shown = Runs([open_run(one) for one in folders])
+    shown = Runs([opened(one) for one in folders])
     cases = chosen_cases(shown, variant, seed) if target or variant or seed is not None else ()
     signals = chosen_signals(shown, patterns) if target or patterns else ()
     if target is None:
-        port, opened = place
-        serve(shown, port, say, opened=opened, signals=signals, cases=cases)
+        port, in_browser = place
+        serve(shown, port, say, opened=in_browser, signals=signals, cases=cases)
         return
     page = of_samples(shown, signals, cases)
     write_text(target, page.text)

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from twin import late
-from twin.results import dimension, expression, marks, recording, signals
+from twin.results import dimension, expression, marks, recording, rows, signals
 from twin.results.analysis import Analysis
 from twin.results.expression import Expression
 from twin.results.failing import Failure, failures
@@ -60,6 +60,7 @@ __all__ = [
     "read_variables",
     "recorded",
     "recording",
+    "rows",
     "shown",
     "signals",
     "stream",

@@ -39,8 +39,15 @@ def title(path: Path) -> str:
 
 
 def located(what: str | Path, kind: str = "scenario") -> Path:
-    """A path as it is; a bare name that is no file here stands for the scenario or study of this name, or a ScenarioError."""
+    """A path as it is; a bare name that is no file here stands for the scenario or study of this name.
+
+    ScenarioError for an unknown name, and for a file that is not there where its name is known.
+    """
     path = Path(what)
+    if path.suffix and not path.exists() and path.stem in scenarios(kind):
+        raise ScenarioError(
+            f"{path}: is not there. There is a {kind} of this name elsewhere: give the name alone, {path.stem}."
+        )
     if path.suffix or len(path.parts) != 1 or path.is_file():
         return path
     known = scenarios(kind)

@@ -32,6 +32,7 @@ def about(runs: Runs) -> dict[str, Any]:
             }
             for number, one in enumerate(runs.runs)
         ],
+        "growing": bool(runs.growing),
         "cases": [vars(case) | {"told": runs.told(case)} for case in runs.cases],
         "signals": signals(runs),
         "expectations": [

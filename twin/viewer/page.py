@@ -17,6 +17,7 @@ from twin.errors import TwinError
 from twin.viewer.about import about
 from twin.viewer.asked import head
 from twin.viewer.drawn import over_time
+from twin.viewer.growing import RUNNING
 from twin.viewer.runs import Curve
 from twin.web import STATIC
 
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 HERE = Path(__file__).parent
 BASE = ("scale.js", "chart.js")
-OWN = ("sources.js", "view.js", "panels.js")
+OWN = ("spectrum.js", "sources.js", "view.js", "panels.js")
 MODULE = re.compile(r"^import .*$|^export ", re.MULTILINE)
 SAMPLES = 50_000  # of a curve in a page: of more, the extremes
 LARGEST = 60_000_000  # letters of a page
@@ -82,6 +83,8 @@ def of_samples(runs: Runs, signals: Sequence[str], cases: Sequence[int]) -> Writ
         for number in cases:
             if signal in recorded and recorded[signal] != "all" and number not in recorded[signal]:
                 continue
+            if not runs.cases[number].samples:  # of a run that goes on
+                continue
             curve = Curve(signal, number)
             line = over_time(runs, curve, (-np.inf, np.inf), SAMPLES)
             thinned += line.count > len(line.x)
@@ -116,4 +119,7 @@ def title(told: dict[str, Any]) -> str:
 
 def described(told: dict[str, Any]) -> str:
     """Which runs."""
-    return "; ".join(f"{one['name']}, {one['started'][:16].replace('T', ' ')}" for one in told["runs"])
+    return "; ".join(
+        f"{one['name']}, {one['started'][:16].replace('T', ' ')}" + ", goes on" * (one["status"] == RUNNING)
+        for one in told["runs"]
+    )

@@ -39,7 +39,7 @@ function menu(index) {
   const entry = (text, act) => list.append(button(text, act));
   const items = () => one.items.map((item) => ({ ...item }));
   if (one.kind === "time") {
-    if (!about.kept) entry("Spectrum of what is in view", () => after(index, { kind: "spectrum", items: items() }));
+    entry("Spectrum of what is in view", () => after(index, { kind: "spectrum", items: items() }));
     if (one.items.every((item) => item.minus === null)) {
       const less = (minus) => after(index, { kind: "time", items: items().map((item) => ({ ...item, minus })) });
       if (about.runs.length > 1) about.runs.forEach((run) => entry(`Difference from run ${run.letter}, case by case`, () => less(run.letter)));
@@ -142,8 +142,10 @@ function cases() {
 }
 
 function plots() {
-  find("plots").hidden = !about.plots.length || !!about.kept;
-  find("plots").querySelector("div").replaceChildren(...about.plots.map((plot) => button(plot.title, () => {
+  const there = (name) => !about.kept || about.kept.some((one) => one.signal === name);
+  const own = about.plots.filter((plot) => [...plot.signals, plot.x].filter(Boolean).every(there));
+  find("plots").hidden = !own.length;
+  find("plots").querySelector("div").replaceChildren(...own.map((plot) => button(plot.title, () => {
     state.panes.push(ofPlot(plot));
     show();
   })));
@@ -180,7 +182,7 @@ function expectations() {
   });
   const failed = about.expectations.filter((one) => one.verdict === "fail").length, trouble = about.runs.map((run) => run.trouble).filter(Boolean);
   box.hidden = !rows.length && !trouble.length;
-  box.querySelector("summary").textContent = failed ? `Expectations: ${failed} of ${rows.length} failed` : `Expectations: ${rows.length}, none failed`;
+  box.querySelector("summary").textContent = rows.length && about.expectations.every((one) => one.verdict === "open") ? `Expectations: ${rows.length}, judged at the end` : failed ? `Expectations: ${failed} of ${rows.length} failed` : `Expectations: ${rows.length}, none failed`;
   box.querySelector("div").replaceChildren(...trouble.map((text) => element("p", text, { className: "twin-soft" })), ...rows);
 }
 
@@ -222,5 +224,6 @@ find("names").append(...about.signals.slice(0, 3000).map((one) => element("optio
 if (about.kept) find("expression").hidden = true;
 if (innerWidth < 760) for (const id of ["signals", "cases"]) find(id).open = false;
 begin();
+if (about.growing && !about.kept) followed();
 tree();
 plots();

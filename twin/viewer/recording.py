@@ -6,6 +6,7 @@ Cases are found by the statistics of the file's row groups: to open ten million 
 from __future__ import annotations
 
 import threading
+from abc import ABC, abstractmethod
 from collections import OrderedDict
 from typing import TYPE_CHECKING, Any
 
@@ -16,8 +17,10 @@ from twin.errors import TwinError
 from twin.results import recorded
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Hashable
+    from collections.abc import Callable, Collection, Hashable
     from pathlib import Path
+
+    from twin.results import Recorded
 
     Array = np.ndarray[Any, Any]
 
@@ -45,6 +48,55 @@ class Room:
                 self.size -= sum(one.nbytes for one in gone)
             return made
 
+    def forget(self, owner: Path) -> None:
+        """Drop all that is kept of a recording, and what was made of it."""
+        with self.lock:
+            for key in [one for one in self.kept if isinstance(one, tuple) and owner in one]:
+                self.size -= sum(one.nbytes for one in self.kept.pop(key))
+
+
+class Columns(ABC):
+    """What cases recorded, column by column. A name is that of a column: `sensor.force`, or an element `sheath.x[2]`."""
+
+    variables: dict[str, Recorded]
+    places: dict[str, int]  # of all columns, `variant`, `seed` and `time` too
+
+    def __init__(self, path: Path, room: Room) -> None:
+        self.path, self.room = path, room
+
+    @property
+    @abstractmethod
+    def cases(self) -> Collection[tuple[str, int]]:
+        """Variant and seed of each case, in order."""
+
+    @abstractmethod
+    def samples(self, case: tuple[str, int]) -> int:
+        """How many a case has."""
+
+    @abstractmethod
+    def span(self, case: tuple[str, int]) -> tuple[float, float]:
+        """First and last time of a case [s]."""
+
+    @abstractmethod
+    def has(self, case: tuple[str, int], name: str) -> bool:
+        """Whether a case recorded a column."""
+
+    @abstractmethod
+    def column(self, case: tuple[str, int], name: str) -> Array:
+        """The values of a column in one case, (n,); Booleans as 0 and 1. Never written to: others look at them too."""
+
+    @abstractmethod
+    def is_truth(self, name: str) -> bool:
+        """Whether a column has Booleans."""
+
+    def values(self, case: tuple[str, int], name: str) -> Array:
+        """A variable in one case, an array whole, (n, ...)."""
+        variable = self.variables[name]
+        if not variable.shape:
+            return self.column(case, name)
+        columns = [self.column(case, one) for one in variable.columns]
+        return np.stack(columns, 1).reshape(-1, *variable.shape)
+
 
 @dataclass(frozen=True)
 class Rows:
@@ -55,13 +107,13 @@ class Rows:
     end: int
 
 
-class Recording:
-    """The columns of a file. A name is that of a column: `sensor.force`, or an element `sheath.x[2]`."""
+class Recording(Columns):
+    """The columns of a file."""
 
     def __init__(self, path: Path, room: Room) -> None:
         from pyarrow import ArrowException, parquet
 
-        self.path, self.room = path, room
+        super().__init__(path, room)
         try:
             self.file = parquet.ParquetFile(path, memory_map=False)
             self.variables = recorded(path)
@@ -72,7 +124,12 @@ class Recording:
             raise TwinError(
                 f"{path}: is no recording: it has no columns variant, seed and time. Give the folder of a run."
             )
-        self.cases = self._cases()
+        self._rows = self._cases()
+
+    @property
+    def cases(self) -> Collection[tuple[str, int]]:
+        """Variant and seed of each case, in order."""
+        return self._rows.keys()
 
     def _cases(self) -> dict[tuple[str, int], list[Rows]]:
         """The rows of each case."""
@@ -94,16 +151,16 @@ class Recording:
 
     def samples(self, case: tuple[str, int]) -> int:
         """How many a case has."""
-        return sum(one.end - one.begin for one in self.cases[case])
+        return sum(one.end - one.begin for one in self._rows[case])
 
     def span(self, case: tuple[str, int]) -> tuple[float, float]:
         """First and last time of a case [s], from statistics where they tell."""
         edges = [
-            self.file.metadata.row_group(one.group).column(self.places["time"]).statistics for one in self.cases[case]
+            self.file.metadata.row_group(one.group).column(self.places["time"]).statistics for one in self._rows[case]
         ]
         whole = all(
             rows.begin == 0 and rows.end == self.file.metadata.row_group(rows.group).num_rows
-            for rows in self.cases[case]
+            for rows in self._rows[case]
         )
         if whole and all(one is not None and one.has_min_max for one in edges):
             return float(edges[0].min) + 0.0, float(edges[-1].max) + 0.0
@@ -113,17 +170,17 @@ class Recording:
     def has(self, case: tuple[str, int], name: str) -> bool:
         """Whether a case recorded a column: one that it did not is there, and empty."""
         place = self.places.get(name)
-        if place is None or not self.cases[case]:
+        if place is None or not self._rows[case]:
             return False
-        told = self.file.metadata.row_group(self.cases[case][0].group).column(place).statistics
+        told = self.file.metadata.row_group(self._rows[case][0].group).column(place).statistics
         return told is None or not told.has_null_count or told.null_count < told.num_values + told.null_count
 
     def column(self, case: tuple[str, int], name: str) -> Array:
-        """The values of a column in one case, (n,); Booleans as 0 and 1. Never written to: others look at them too."""
+        """The values of a column in one case, (n,)."""
 
         def read() -> tuple[Array, ...]:
             parts = []
-            for rows in self.cases[case]:
+            for rows in self._rows[case]:
                 column = self.file.read_row_group(rows.group, columns=[name])[name].slice(
                     rows.begin, rows.end - rows.begin
                 )
@@ -136,10 +193,6 @@ class Recording:
         (values,) = self.room.take((self.path, case, name), read)
         return values
 
-    def values(self, case: tuple[str, int], name: str) -> Array:
-        """A variable in one case, an array whole, (n, ...)."""
-        variable = self.variables[name]
-        if not variable.shape:
-            return self.column(case, name)
-        columns = [self.column(case, one) for one in variable.columns]
-        return np.stack(columns, 1).reshape(-1, *variable.shape)
+    def is_truth(self, name: str) -> bool:
+        """Whether a column has Booleans."""
+        return str(self.file.schema_arrow.field(name).type) == "bool"

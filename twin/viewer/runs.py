@@ -12,13 +12,16 @@ from twin.component import unit as units
 from twin.dataclass import dataclass
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.results import Signals, coherent, dimension, expression
+from twin.viewer.growing import Growing, Unfinished, goes_on
 from twin.viewer.recording import Recording, Room
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from pathlib import Path
 
     from twin.face import Run
     from twin.results import Expression, Recorded
+    from twin.viewer.recording import Columns
 
     Array = np.ndarray[Any, Any]
 
@@ -80,12 +83,9 @@ class Samples:
 class Viewed:
     """One run, opened: what it recorded and what its summary says."""
 
-    def __init__(self, run: Run, room: Room) -> None:
+    def __init__(self, run: Run | Unfinished, room: Room) -> None:
         self.run, self.folder, self.summary = run, run.folder, run.summary
-        path = run.folder / "signals.parquet"
-        if not path.is_file():
-            raise TwinError(f"{path}: is not there any more. Run the scenario again.")
-        self.recording = Recording(path, room)
+        self.recording: Columns = Growing(run.folder, room) if isinstance(run, Unfinished) else recording_of(run, room)
         self.variables: dict[str, Recorded] = self.recording.variables
 
     def parsed(self, text: str) -> Expression:
@@ -140,15 +140,31 @@ class Viewed:
         one = self.variables.get(name) or self.variables[name.partition("[")[0]]
         shown = one.display_unit or one.unit
         (factor, offset), (own, beyond) = coherent(shown), coherent(one.unit)
-        kind = self.recording.file.schema_arrow.field(name).type
         scale = (1.0, 0.0) if shown == one.unit else (own / factor, (beyond - offset) / factor)
-        return Samples(time, values, units.shown(shown), *scale, values.dtype.kind == "f", str(kind) == "bool")
+        return Samples(
+            time, values, units.shown(shown), *scale, values.dtype.kind == "f", self.recording.is_truth(name)
+        )
+
+
+def opened(folder: Path) -> Run | Unfinished:
+    """A run by its folder, finished or not; TwinError if there is none."""
+    from twin.face import open_run
+
+    return Unfinished(folder) if goes_on(folder) else open_run(folder)
+
+
+def recording_of(run: Run, room: Room) -> Recording:
+    """The signals of a finished run."""
+    path = run.folder / "signals.parquet"
+    if not path.is_file():
+        raise TwinError(f"{path}: is not there any more. Run the scenario again.")
+    return Recording(path, room)
 
 
 class Runs:
     """All runs that are looked at, A, B, C in the order in which they were named."""
 
-    def __init__(self, opened: Sequence[Run], room: Room | None = None) -> None:
+    def __init__(self, opened: Sequence[Run | Unfinished], room: Room | None = None) -> None:
         if len(opened) > MOST:
             raise TwinError(f"{len(opened)} runs: at most {MOST} are viewed together. Name fewer.")
         self.room = room or Room()
@@ -164,6 +180,46 @@ class Runs:
             for number, one in enumerate(self.runs)
             for key in one.recording.cases
         ]
+
+    @property
+    def growing(self) -> list[int]:
+        """Numbers of the runs that go on."""
+        return [number for number, one in enumerate(self.runs) if isinstance(one.recording, Growing)]
+
+    def until(self) -> dict[str, Any]:
+        """What a page asks again and again of runs that go on: `over` if it has to be loaded anew."""
+        with self.room.lock:
+            over = self.refresh()
+            return {
+                "over": over, "trouble": [] if over else [text for number in self.growing if (text := self.trouble(number))],
+                "cases": [[one.begin, one.end, one.samples] for one in self.cases],
+            }  # fmt: skip
+
+    def trouble(self, number: int) -> str:
+        """Why a run goes on no more, if its process is gone."""
+        try:
+            Unfinished(self.runs[number].folder)
+        except TwinError as error:
+            return error.problems[0]
+        return ""
+
+    def refresh(self) -> bool:
+        """Look again at the runs that go on; whether one of them is over, and now as any other run."""
+        from twin.face import open_run
+
+        ended = False
+        for number in self.growing:
+            recording = self.runs[number].recording
+            assert isinstance(recording, Growing)
+            if recording.is_over:
+                self.room.forget(recording.path)
+                self.runs[number] = Viewed(open_run(recording.folder), self.room)
+                ended = True
+            elif recording.refresh():
+                self.__dict__.pop("cases", None)
+        if ended:
+            self.__dict__.pop("cases", None)
+        return ended
 
     def of(self, case: Case) -> Viewed:
         """The run of a case."""
@@ -199,7 +255,7 @@ class Runs:
             y = own.shown(own.y[both]) - at(when, less)
             return own.time[both], y
 
-        key = (self.of(case).folder, case.key, text, self.of(other).folder, other.key, curve.shift)
+        key = (self.of(case).recording.path, case.key, text, self.of(other).recording.path, other.key, curve.shift)
         time, y = self.room.take(key, make)
         return Samples(time, y, own.unit, is_real=own.is_real)
 

@@ -29,11 +29,14 @@ def serve(
 ) -> None:
     """Serve until Ctrl-C; the address is said first. `signals`, `cases`: shown at first."""
     needed("twin view")
-    text = page.of_server(
-        runs, signals, cases
-    )  # before the address is said: what is wrong with a run is told in the terminal
+    goes_on = bool(runs.growing)
+    text = page.of_server(runs, signals, cases)  # now: what is wrong with a run is told in the terminal
+
+    def shown() -> str:
+        return page.of_server(runs, signals, cases) if goes_on else text
+
     Site(
-        "Viewer", lambda app: register(app, runs, text), start="/", said=said, port=port, opened=opened,
+        "Viewer", lambda app: register(app, runs, shown), start="/", said=said, port=port, opened=opened,
         over="The viewer is closed.", tasks=[ahead],
     ).serve()  # fmt: skip
 
@@ -43,14 +46,14 @@ def ahead() -> None:
     threading.Thread(target=importlib.import_module, args=("scipy.signal",), daemon=True).start()
 
 
-def register(app: FastAPI, runs: Runs, text: str) -> None:
-    """The page at `/`, its samples at `/lines`, values at cursors at `/values`."""
+def register(app: FastAPI, runs: Runs, text: Callable[[], str]) -> None:
+    """The page at `/`, its samples at `/lines`, values at cursors at `/values`, how far runs are that go on at `/until`."""
     from starlette.concurrency import run_in_threadpool
     from starlette.requests import Request
     from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse, Response
 
     async def shown(_: Request) -> Response:
-        return HTMLResponse(text)
+        return HTMLResponse(await run_in_threadpool(text))
 
     def answering(answer: Callable[[dict[str, Any]], Response]) -> Any:
         async def route(request: Request) -> Response:
@@ -70,11 +73,17 @@ def register(app: FastAPI, runs: Runs, text: str) -> None:
         return route
 
     def lines(told: dict[str, Any]) -> Response:
-        return Response(asked.lines(told, runs), media_type="application/octet-stream")
+        with runs.room.lock:  # times and values are of one moment
+            return Response(asked.lines(told, runs), media_type="application/octet-stream")
 
     def values(told: dict[str, Any]) -> Response:
-        return JSONResponse(asked.values(told, runs))
+        with runs.room.lock:
+            return JSONResponse(asked.values(told, runs))
+
+    def until(_: dict[str, Any]) -> Response:
+        return JSONResponse(runs.until())
 
     app.add_route("/", shown, methods=["GET"])
     app.add_route("/lines", answering(lines), methods=["POST"])
     app.add_route("/values", answering(values), methods=["POST"])
+    app.add_route("/until", answering(until), methods=["POST"])

@@ -2,6 +2,8 @@
 //
 //   lines(specs, points)   -> [{x, y, head}]; a spec is {kind, signal, case, minus, shift, x, window: [from, to]} in the run's own time
 //   values(specs, times)   -> [[value, ...], ...], null where there is none
+//
+// A server also tells how far runs are that go on: until() -> {over, trouble: [text], cases: [[begin, end, samples], ...]}
 
 class Served {
   async asked(path, told) {
@@ -14,6 +16,8 @@ class Served {
     const found = decode(await (await this.asked("/lines", { curves, points })).arrayBuffer());
     return found.curves.map((one, k) => ({ ...one, head: found.heads[k] }));
   }
+
+  async until() { return (await this.asked("/until", {})).json(); }
 
   async values(curves, times) {
     return (await (await this.asked("/values", { curves, times })).json()).values;
@@ -60,6 +64,7 @@ class Kept {
         const { x, y, head } = await this.whole(spec);
         const begin = Math.max(before(x, spec.window[0]), 0), end = Math.min(before(x, spec.window[1]) + 2, x.length);
         if (spec.kind === "time") return { ...extremes(x, y, begin, end, points), head };
+        if (spec.kind === "spectrum") return await this.spectrum(spec, { x: x.slice(begin, end), y: y.slice(begin, end), head }, points);
         const across = await this.whole({ ...spec, signal: spec.x });
         const times = [...x.slice(begin, end)].filter((_, k, all) => k % Math.max(Math.ceil(all.length / points), 1) === 0);
         const of = (one) => Float64Array.from(times, (time) => valueAt(one, time) ?? NaN);
@@ -68,6 +73,15 @@ class Kept {
         return { x: [], y: [], head: { error: error.message } };
       }
     }));
+  }
+
+  async spectrum(spec, { x, y, head }, points) {
+    for (const number of [spec.case, spec.minus ?? spec.case]) {
+      const own = await this.samples(spec.signal, number);
+      if (own.head.count > own.x.length) throw new Error(`${spec.signal}: the page has the extremes of its samples alone. Look at its spectrum with twin view.`);
+    }
+    const whole = spectrumOf(x, y, spec.signal);
+    return { ...extremes(whole.x, whole.y, 0, whole.x.length, points), head: { ...head, unit: squared(head.unit), x_unit: "Hz" } };
   }
 
   async values(specs, times) {

@@ -10,6 +10,7 @@ const signals = new Map(about.signals.map((one) => [one.name, one]));
 const heads = new Map(); // of a signal: its units and how it is drawn, once it was read
 const HEIGHT = 190, DASHES = [[], [6, 3], [2, 2], [8, 3, 2, 3]];
 const KEYS = { ArrowLeft: [-0.2, -0.2], ArrowRight: [0.2, 0.2], "+": [0.2, -0.2], "-": [-0.33, 0.33] }; // by how much of the window its ends move
+const AGAIN = 1000; // between two looks at a run that goes on [ms]
 const find = (id) => document.getElementById(id);
 const hint = find("told").textContent;
 let state, chart, curves = new Map();
@@ -132,9 +133,9 @@ function judged(one, lines) {
 // ---- drawing
 
 const extentOf = () => {
-  const shown = state.cases.length ? state.cases : about.cases.map((_, k) => k);
+  const chosen = state.cases.length ? state.cases : about.cases.map((_, k) => k), shown = chosen.filter((k) => about.cases[k].samples);
   const from = Math.min(...shown.map((k) => about.cases[k].begin + offset(k))), to = Math.max(...shown.map((k) => about.cases[k].end + offset(k)));
-  return to > from ? [from, to] : [from, from + 1];
+  return to > from ? [from, to] : Number.isFinite(from) ? [from, from + 1] : [0, 1];
 };
 
 async function samples({ names, points, from, to }) {
@@ -257,6 +258,26 @@ function begin() {
   addEventListener("hashchange", () => { state = remembered() || state; show(); });
   document.addEventListener("click", (event) => document.querySelectorAll("details.menu[open]").forEach((one) => { if (!one.contains(event.target)) one.open = false; }));
   show();
+}
+
+// a run that goes on: what is new is drawn; when it is over the page is loaded anew, with its verdicts
+async function followed() {
+  try {
+    const { over, trouble, cases } = await source.until();
+    if (over) {
+      history.replaceState(null, "", `#${encodeURIComponent(JSON.stringify(state))}`);
+      location.reload();
+      return;
+    }
+    if (JSON.stringify(cases) !== followed.last) {
+      followed.last = JSON.stringify(cases);
+      cases.forEach(([begin, end, samples], k) => Object.assign(about.cases[k], { begin, end, samples }));
+      chart.stale = true;
+      windowed();
+    }
+    if (trouble.length) { say(trouble.join(" ")); return; }
+  } catch { say("The server does not answer. Start twin view again, then load this page anew."); }
+  setTimeout(followed, AGAIN);
 }
 
 // what a hand did to the chart

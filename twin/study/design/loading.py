@@ -91,6 +91,8 @@ class Loader:
         ]
         place = self.path.parent / self.keys.scenario
         try:
+            if not place.suffix and not place.exists():  # a name
+                place = shipped.located(self.keys.scenario)
             found = load_scenario(place, options)
             self.catalogs = prepare(found)
         except ScenarioError as error:

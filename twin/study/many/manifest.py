@@ -15,6 +15,10 @@ from twin.results import recording, write_text
 from twin.scenario import members
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from twin.component import Component
+    from twin.scenario import Scenario
     from twin.study.design import Study
 
 NAME = "manifest.json"
@@ -23,17 +27,30 @@ PACKAGES = ("scipy", "SALib", "optuna", "distributed")
 
 def inputs(study: Study) -> dict[str, str]:
     """Name -> hash of everything that decides what comes out: the files, and what each component computes."""
-    found = study.told()
-    for case in study.scenario.variants:
+    return study.told() | components(study.scenario)
+
+
+def components(scenario: Scenario) -> dict[str, str]:
+    """Member -> hash of what it computes, of all variants."""
+    found = {}
+    for name, made in made_of(scenario):
+        if isinstance(made, Path):
+            found[name] = hashlib.sha256(made.read_bytes()).hexdigest()
+        else:
+            found[f"{name} ({compiler.model_name(made)})"] = compiler.source_hash(made, compiler.model_name(made))
+    return found
+
+
+def made_of(scenario: Scenario) -> Iterator[tuple[str, type[Component] | Path]]:
+    """Each member of each variant with its component, or the FMU that it is."""
+    for case in scenario.variants:
         for name, spec in case.members.items():
-            made = spec.built or members.component_of(spec)
+            made: Any = spec.built or members.component_of(spec)
             path = getattr(made, "path", made)
             if isinstance(path, str) and path.endswith(".fmu"):
-                found[name] = hashlib.sha256(Path(path).read_bytes()).hexdigest()
-                continue
-            cls = catalog.component(made) if isinstance(made, str) else made
-            found[f"{name} ({compiler.model_name(cls)})"] = compiler.source_hash(cls, compiler.model_name(cls))  # type: ignore[arg-type]
-    return found
+                yield name, Path(path)
+            else:
+                yield name, catalog.component(made) if isinstance(made, str) else made
 
 
 def write(folder: Path, **told: Any) -> None:

@@ -1,0 +1,111 @@
+"""A run that goes on: what is there until now is what the finished run has too; then it is a run as any other."""
+
+import json
+import os
+import shutil
+
+import numpy as np
+import pytest
+
+from tests.viewer.recorded import BEATS, BUILD
+from twin.errors import TwinError
+from twin.results import stream
+from twin.run import run_scenario
+from twin.scenario import Form, load_scenario
+from twin.viewer import Curve, Runs, chosen_cases, of_samples, opened
+from twin.viewer.about import about
+from twin.viewer.page import described
+
+ORDER = [("slow", 1), ("slow", 2), ("fast", 1), ("fast", 2)]
+SIGNALS = ("heart.position", "abs(heart.velocity)", "heart.beats")
+
+
+def values(runs, number):
+    """What a case has of each signal."""
+    found = {"cases": [(one.key, one.samples > 0) for one in runs.cases], "span": vars(runs.cases[number])}
+    return found | {
+        one: [np.array(own) for own in vars(runs.samples(Curve(one, number))).values()][:2] for one in SIGNALS
+    }
+
+
+def cut(recording):
+    """A recording as it was in its second case, with 1000 rows of it and a part of the next."""
+    journal = recording / "journal.jsonl"
+    lines = journal.read_text().splitlines(keepends=True)
+    (last,) = (k for k, line in enumerate(lines) if line.startswith('{"rows": 1,'))
+    journal.write_text("".join(lines[: last + 1]))
+    os.truncate(recording / "1.rows", 1000 * 8 * json.loads(lines[last])["words"] + 5)
+
+
+@pytest.fixture(scope="module")
+def looked(tmp_path_factory):
+    """A run that was looked at in its second case and in the third: what the second had, the viewer's runs, the folder."""
+    place = tmp_path_factory.mktemp("growing")
+    (place / "beats.yaml").write_text(BEATS.replace("stop_time: 2 s", "stop_time: 20 s"))
+    here, seen = place / "here", {}
+
+    def progress(case, _):
+        if case != "fast, seed 1" or seen:
+            return
+        (folder,) = (place / "runs").glob("*/2*")
+        shutil.copytree(folder, here)
+        cut(here / stream.FOLDER)
+        seen["runs"] = runs = Runs([opened(here)])
+        seen["first"] = values(runs, 1) | {
+            "about": about(runs),
+            "page": of_samples(runs, ["heart.position"], [0, 1, 2]),
+        }
+        shutil.copytree(folder, here, dirs_exist_ok=True)
+        seen["until"] = runs.until()["cases"]
+        seen["second"] = values(runs, 1)
+
+    outcome = run_scenario(
+        load_scenario(place / "beats.yaml"), Form.compiled, root=place / "runs", build=BUILD, progress=progress
+    )
+    shutil.rmtree(here / stream.FOLDER)
+    shutil.copytree(outcome.folder, here, dirs_exist_ok=True)
+    return seen, outcome.folder
+
+
+def test_what_is_there_until_now(looked):
+    seen, folder = looked
+    whole = Runs([opened(folder)])
+    assert not whole.growing
+    for one in ("first", "second"):
+        count = seen[one]["span"]["samples"]
+        for name in SIGNALS:
+            samples, (time, y) = whole.samples(Curve(name, 1)), seen[one][name]
+            assert len(time) == len(y) == count
+            np.testing.assert_array_equal(time, samples.time[:count])
+            np.testing.assert_array_equal(y, samples.y[:count])
+        assert (seen[one]["span"]["begin"], seen[one]["span"]["end"]) == (0.0, time[-1])
+    assert seen["first"]["span"]["samples"] == 1000
+    assert seen["until"][1][2] == count == whole.cases[1].samples
+
+
+def test_cases_that_have_not_begun_are_there_and_empty(looked):
+    first = looked[0]["first"]
+    assert first["cases"] == [(case, k < 2) for k, case in enumerate(ORDER)]
+    assert first["page"].curves == 2
+    told = first["about"]
+    assert (told["growing"], described(told)[-9:]) == (True, ", goes on")
+    assert [(one["name"], one["verdict"], one["high"]) for one in told["expectations"]] == [
+        ("it stays near", "open", 4.0), ("it never stops", "open", None),
+    ]  # fmt: skip
+
+
+def test_at_the_end_it_is_a_run_as_any_other(looked):
+    seen, folder = looked
+    runs = seen["runs"]
+    told = runs.until()
+    assert (told["over"], runs.growing, runs.until()["over"]) == (True, [], False)
+    assert [one[2] for one in told["cases"]] == [one.samples for one in Runs([opened(folder)]).cases]
+    assert [one["verdict"] for one in about(runs)["expectations"]] == ["fail", "pass"]
+    assert chosen_cases(runs, "", None) == [0, 2]
+
+
+def test_a_run_whose_process_is_gone(tmp_path):
+    journal = stream.Journal(tmp_path)
+    journal.begin({"name": "gone"}, "1:0")
+    with pytest.raises(TwinError, match=r"its process is gone\. Finish the run with: twin recover"):
+        opened(tmp_path)
