@@ -163,6 +163,7 @@ def test_links_lead_somewhere(page):
         )
 
 
+@pytest.mark.slow
 def test_the_rooms_are_drawn_as_they_are():
     spec = importlib.util.spec_from_file_location("rooms", ROOT / "docs" / "rooms.py")
     rooms = importlib.util.module_from_spec(spec)

@@ -142,6 +142,7 @@ def test_a_whole_loop_may_be_grouped_and_its_parts_know_what_they_hang_on():
     }
 
 
+@pytest.mark.slow
 def test_fmpy_simulates_a_group_like_the_project_does(tmp_path, build):
     scenario = load_scenario("scenarios/heart_wall_force.yaml")
     case = scenario.cases(["PI+FF+BW"])[0]

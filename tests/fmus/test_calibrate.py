@@ -177,6 +177,7 @@ def test_wrong_arguments_are_one_line(arguments, message, tmp_path, monkeypatch)
     assert message in str(error.value)
 
 
+@pytest.mark.slow
 def test_coupling_needs_the_tables_that_it_builds_on(folder, tmp_path):
     with pytest.raises(TwinError, match="coupling: needs the tables deflection and linear"):
         run("coordinate_feedforward", f"coupling={folder / 'paper_coupling.csv'}", "-o", tmp_path / "out.yaml")

@@ -154,6 +154,7 @@ def test_a_fit_needs_fewer_simulations(tmp_path, build, monkeypatch):
     assert by_derivatives.found.simulations < 0.75 * by_differences.found.simulations
 
 
+@pytest.mark.slow
 def test_a_start_that_depends_on_what_is_looked_for_is_noticed(tmp_path, build):
     problem = load(recorded(tmp_path, build, "Starting"))
     with Model(problem, build) as model:

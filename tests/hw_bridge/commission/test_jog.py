@@ -140,10 +140,8 @@ def test_it_stands_within_200_ms_of_the_last_key(drive, jog):
                 assert abs(place(node) - there) < 50e-6
 
 
-@pytest.mark.parametrize(
-    "end",
-    ["kill", *(pytest.param(how, marks=pytest.mark.slow) for how in ("kill again", "hang up", "interrupt", "bus"))],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("end", ["kill", "kill again", "hang up", "interrupt", "bus"])
 def test_it_stops_whatever_ends_it(drive, jog, hil_command, end):
     """kill -9: by the drive itself, which misses its heartbeat; else by the master."""
     with watching(drive) as line:
