@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import degrees
 from typing import TYPE_CHECKING
 
+from hw_bridge.hardware import motor_data
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -40,15 +42,15 @@ def bounds(keys: HardwareKeys, rotary: Mapping[str, bool]) -> list[str]:
 
 def _line(keys: HardwareKeys, name: str, node: NodeKeys, rotary: bool) -> str:
     late, alone = way(keys, node)
-    newton, stiffness, pressed = "N m" if rotary else "N", keys.late_cycle.stiffness, ""
+    newton, stiffness, pressed, peak = "N m" if rotary else "N", keys.late_cycle.stiffness, "", motor_data.peak(node)
     if stiffness is not None and not rotary:
-        more, most = (min(one * stiffness, node.limits.force) for one in (late, alone))
+        more, most = (min(one * stiffness, peak) for one in (late, alone))
         pressed = f", {more:.3g} N and {most:.3g} N more against {stiffness:g} N/m"
     return (
         f"{name}: late_cycle {keys.late_cycle.policy}, up to {ridden(keys) / 1e6:g} ms: at "
         f"{_told(node.limits.velocity, rotary)}/s at most {_told(late, rotary)}; a program that dies: "
-        f"{_told(alone, rotary)} until it misses the heartbeat and stands{pressed}. It pushes with at most "
-        f"{node.limits.force:g} {newton}."
+        f"{_told(alone, rotary)} until it misses the heartbeat and stands{pressed}. Above {node.limits.force:g} {newton} "
+        f"this program stops it; without it the drive's current limit does, {peak:.3g} {newton} as its profile has it."
     )
 
 

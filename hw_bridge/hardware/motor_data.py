@@ -20,15 +20,13 @@ def check(node: NodeKeys) -> list[tuple[tuple[str, ...], str]]:
     if node.motor == "member":
         return []
     model = profile(node.profile).motor
-    most = reached(model)
     unit = "rad" if model.unit == "rad" else "m"
     newton = "N*m" if unit == "rad" else "N"
     limits = node.limits
-    constant = node.force_constant or model.force_constant / node.scale
     low, high = limits.position
     pairs = [
-        ("velocity", limits.velocity, most["velocity"] * node.scale, f"{unit}/s", "the motor reaches"),
-        ("force", limits.force, most["current"] * constant, newton, "the motor's peak current gives"),
+        ("velocity", limits.velocity, reached(model)["velocity"] * node.scale, f"{unit}/s", "the motor reaches"),
+        ("force", limits.force, peak(node), newton, "the motor's peak current gives"),
     ]
     found: list[tuple[tuple[str, ...], str]] = [
         (
@@ -44,6 +42,12 @@ def check(node: NodeKeys) -> list[tuple[tuple[str, ...], str]]:
         )
         found.append((("limits", "following_error"), text))
     return found
+
+
+def peak(node: NodeKeys) -> float:
+    """Force [N] or torque [N m] of the peak current of its profile's motor, at the member."""
+    model = profile(node.profile).motor
+    return reached(model)["current"] * (node.force_constant or model.force_constant / node.scale)
 
 
 def reached(model: MotorModel) -> dict[str, float]:
