@@ -20,6 +20,7 @@ SEARCHING, FOLLOWING, LEAVING = 0, 1, 2
 LINE = 32  # periods that the demand is remembered
 JUDGED = 2.0  # [s] over which the force error is averaged
 FARTHEST = 100.0  # [N]: no force is larger; what is not finite is not smaller either
+SPACING = 34e-3  # [s] of what the search looks at, 4.5 s: with 5.1 s it begins later and errs more in the tenth beat, 3.8 s hold no breath
 FORGETTING = 0.02  # [s] in which the last force is forgotten when none comes
 
 

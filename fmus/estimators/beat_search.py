@@ -14,7 +14,6 @@ from fmus.fourier import fill_waves
 from twin.component import Component, Int64, local, parameter
 
 RING = 128  # samples that are kept
-SPACING = 39e-3  # [s] least time between two of them: 25 Hz, beyond four harmonics of 2.2 Hz
 STRIDE = 5  # samples: over 0.2 s the heart moves, respiration hardly
 TREND = 4  # coefficients of the cubic, which takes respiration off
 BASIS = TREND + 8
@@ -66,8 +65,11 @@ def forget(self: BeatSearch) -> None:
     self.beat_rest = 1.0
 
 
-def remember(self: BeatSearch, time: float, x: float, y: float, z: float) -> bool:
-    """Take a sample; True when the ring has a new one: the median of three, so that single outliers are left out."""
+def remember(self: BeatSearch, spacing: float, time: float, x: float, y: float, z: float) -> bool:
+    """Take a sample; True when the ring has a new one: the median of three, so that single outliers are left out.
+
+    At least `spacing` [s] lie between two: at 25 Hz they hold four harmonics of 2.2 Hz.
+    """
     last = self.recent_count % 3
     self.recent[last, 0] = time
     self.recent[last, 1] = x
@@ -77,7 +79,7 @@ def remember(self: BeatSearch, time: float, x: float, y: float, z: float) -> boo
     if self.recent_count < 3:
         return False
     middle = median(self.recent[0, 0], self.recent[1, 0], self.recent[2, 0])
-    if self.count > 0 and middle < self.ring_time[self.head] + SPACING:
+    if self.count > 0 and middle < self.ring_time[self.head] + spacing:
         return False
     self.head = (self.head + 1) % RING
     self.count = min(self.count + 1, RING)

@@ -7,6 +7,7 @@ from fmus.learned_control import (
     FOLLOWING,
     LEAVING,
     SEARCHING,
+    SPACING,
     LearnedControl,
     bearable,
     begin_control,
@@ -41,7 +42,8 @@ from fmus.phase_filter import (
 from twin.component import Boolean, Int64, local, output, parameter
 
 NEAR = 0.08  # part of a rate within which others are tried, over the last two beats
-CLEAR = 0.25  # rest of the search with which to begin
+CLEAR, UNCLEAR = 0.1, 0.25  # rest of the search with which to begin: at first, since with 0.25 one of 60 starts with respiration goes wrong,
+PATIENT = 8.0  # and after so long [s], since a heart whose every second beat is early never is as clear
 PASSING = 0.1  # [s] over which the strain is averaged
 STRAINED, RELAXED, CAP = 1.0, 0.5, 25.0  # strain of a beat that is not as learned, and is again; a third is usual
 GATE = 3.0  # innovation in standard deviations from which the filter takes no sample in
@@ -111,7 +113,7 @@ class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
         seen = sense(self, h)
         place = place_wanted(self, h)
         wall = place - kept(self, h)
-        if seen and remember(self, t, 0.0, 0.0, wall):
+        if seen and remember(self, SPACING, t, 0.0, 0.0, wall):
             self.along[self.head] = self.ring[self.head, 2]
         if self.mode == SEARCHING:
             search(self)
@@ -143,7 +145,7 @@ def search(self: PhaseLockedControl) -> None:
     if not self.enable or self.count < RING:
         return
     if self.nearby < 0:
-        if scan(self) and self.beat_rest <= CLEAR:
+        if scan(self) and self.beat_rest <= (CLEAR if self.alone < PATIENT else UNCLEAR):
             self.nearby = 0
     elif self.nearby < REFINED:
         rate = self.beat_rate * (1.0 + NEAR * (2.0 * self.nearby / (REFINED - 1.0) - 1.0))

@@ -7,6 +7,7 @@ from fmus.learned_control import (
     FOLLOWING,
     LEAVING,
     SEARCHING,
+    SPACING,
     LearnedControl,
     bearable,
     begin_control,
@@ -94,7 +95,7 @@ def start_search(self: QuasiPeriodicControl) -> None:
 
 def search(self: QuasiPeriodicControl, t: float, place: float, h: float) -> None:
     """Find the rate; what was wanted since stands in the ring already, and begins to be played back."""
-    if remember(self, t, 0.0, 0.0, place):
+    if remember(self, SPACING, t, 0.0, 0.0, place):
         self.along[self.head] = self.ring[self.head, 2]
     if not self.enable or self.count < RING or not scan(self) or self.beat_rest > CLEAR:
         return

@@ -24,6 +24,7 @@ VALID, DEGRADED, LOST = 0, 1, 2
 SEARCHING, FOLLOWING, LEAVING = 0, 1, 2
 FARTHEST = 10.0  # [m]: no tip is farther from the frame's origin; what is not finite is not nearer either
 OLDEST = 1.0  # [s]
+SPACING = 39e-3  # [s] of what the search looks at: five seconds
 PLAIN, CLEAR = 0.5, 0.25  # rest of the search with which a beat is there, rest of the last beats with which to begin
 SHIFTS = 24  # phases that are tried after a disturbance
 ADAPTING = 2.0  # [s] over which the noise is averaged
@@ -140,7 +141,9 @@ class HeartMotion(BeatSearch, QuasiPeriodic):
             self.age = self.tip_age
         at = t - self.age
         fresh = seen and at > self.instant + 1e-9 and changed(self)
-        gained = fresh and remember(self, at, self.tip_position[0], self.tip_position[1], self.tip_position[2])
+        gained = fresh and remember(
+            self, SPACING, at, self.tip_position[0], self.tip_position[1], self.tip_position[2]
+        )
         if self.mode == SEARCHING:
             if fresh:
                 self.instant = at
