@@ -39,7 +39,7 @@ FAST = {  # seeds and variants that run at once, all of them as a slow test; eac
             *("straight, 10 N push", "10 N pull", "drive 1 lost"),
         ),
     ),
-    "fiber_shape": (("seeds=[1]",), ()),
+    "fiber_shape": (("seeds=[1, 2]",), ()),
     "tip_tracking": (
         ("seeds=[1]",),
         ("heart", "2.5 mm", "5 mm", "7.5 mm", "not learned", "two cores break", "interrogator stops", "straight"),
