@@ -121,7 +121,10 @@ def test_signals_are_found_and_picked(page):
 
 @pytest.mark.real_time
 def test_eight_signals_at_thirty_frames(page):
-    page.get_by_label("search signals").fill("servomotor")
+    search = page.get_by_label("search signals")
+    if not search.is_visible():  # where this test runs alone
+        press(page, "signals")
+    search.fill("servomotor")
     while (shown := page.locator(".twin-chip").count()) < 8:
         page.locator(".twin-tree .q-checkbox[aria-checked=false]").first.click()
         page.wait_for_function(f"document.querySelectorAll('.twin-chip').length > {shown}")
