@@ -182,7 +182,7 @@ def test_a_beat_that_comes_early_is_found_again_and_its_pause_followed(native, c
 
 def test_a_wrong_play_is_borne(native):
     loop = Loop(native(PhaseLockedControl, delay=DELAY), early).run(20.0)
-    assert np.std(loop.error(12.0)[:600]) < 5e-3  # up to the early beat; PI leaves five times as much
+    assert np.std(loop.error(12.0)[:600]) < 5e-3  # up to the early beat; PI leaves 17 mN
     assert np.abs(loop.error(16.0)).max() < 0.05
 
 
