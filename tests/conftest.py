@@ -24,6 +24,9 @@ from tests.command_line import CommandLine
 
 ROOT = Path(__file__).parent.parent
 
+# what is imported and collected stays: the collector of garbage would look at it again and again, and find nothing
+gc.disable()
+
 # tests start many processes, and each would compile all it imports where bytecode is not kept
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
@@ -149,10 +152,8 @@ def draw_less(item: pytest.Item) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """What was imported and collected stays: the collector of garbage need not look at it again and again.
-
-    And less often at the rest: a test makes much, and drops it all.
-    """
+    """From here on garbage is looked for, less often than usual: a test makes much, and drops it all."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
+    gc.enable()

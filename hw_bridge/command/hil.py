@@ -74,8 +74,8 @@ def command() -> None:
     Nothing moves without --arm, and everything that moves needs a hardware file with limits.
 
     \b
-    twin hil scan -i socketcan -c can0                       who is there
-    twin hil check my_bench.yaml                             is it as the file says
+    twin hil scan -i socketcan -c can0                who is there
+    twin hil check my_bench.yaml                      is it as it says
     twin hil move servomotor --by "1 mm" -f my_bench.yaml --arm
     """
 

@@ -37,6 +37,8 @@ SETTLE = 200 * MILLISECOND  # after an approach
 LEEWAY = (
     400_000  # at least, of the targets before SYNC by the wall clock: as long as waking up and orders may take [ns]
 )
+# from one SYNC to the next, of a cycle: estimate, a late one is caught up with at a third more than the speed
+SHORTEST = 0.75
 # In simulated time cycles begin here in those of the drives [ns], so that results do not depend on how long the set-up
 # took. At 1 Mbit/s targets act 1.0 ms later; real drives have any phase.
 CONTROL_CYCLE, PHASE = MILLISECOND, 990_000
@@ -67,7 +69,8 @@ class Master:
         self.running = False
         self._beating = False
         self._beat_due = 0
-        self._exchanged = 0  # when the last targets went out [ns]
+        self._exchanged = self._synced = 0  # when the last targets, and the last SYNC, went out [ns]
+        self.shortest = int(SHORTEST * self.cycle)
         self.rival = Rival(keys.master, {one.number: name for name, one in self.stations.items()})
         bits = [bit_count(frame) for one in self.stations.values() for frame in one.frames()]
         # SYNC leaves after all targets are on the wire, and after the last one where this program was slower than the
@@ -110,18 +113,21 @@ class Master:
         """Targets of all drives, then SYNC: when it left [ns]. `planned`: when the cycle was to begin.
 
         SYNC keeps to the plan, by the wall clock a little after the targets: what delays them a little does not move it.
+        One that was late is caught up with by shorter periods: two at once would tell a drive without interpolation twice
+        the way in one step.
         """
         elapsed, self._exchanged = self.network.now - self._exchanged, self.network.now
         due = self._exchanged + self.window
         if planned is not None:
-            due = max(due, planned + self.lead)
+            due = max(due, planned + self.lead, self._synced + self.shortest)
         for node in self.nodes.values():
             node.follow(self.cycle, elapsed)
         for station in self.stations.values():
             station.account()
             for frame in station.frames():
                 self.network.send(frame)
-        return self.network.send_at(Frame(cia301.SYNC), max(due, self.network.now + self._tail))
+        self._synced = self.network.send_at(Frame(cia301.SYNC), max(due, self.network.now + self._tail))
+        return self._synced
 
     def run_cycle(self) -> None:
         """One cycle outside of a run: while drives are brought up or stopped."""

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Iterator
 
+import click
 from rich.table import Table
 from rich.text import Text
 
+from twin.cli import group
 from twin.cli.terminal import paper
 
 WORDS = "one two three four five six seven eight nine ten eleven twelve"
@@ -37,3 +40,20 @@ def test_a_text_is_wrapped_at_words() -> None:
 def test_breaks_from_outside_are_seen() -> None:
     assert printed(Text("a\nb\x1b[31m"), 80) == [r"a\nb\x1b[31m"]
     assert printed("name\nerror: forged", 80) == [r"name\nerror: forged"]
+
+
+def commands(command: click.Command, path: tuple[str, ...], context: click.Context) -> Iterator[tuple[str, str]]:
+    """Each command's help at 80 columns, by what one types."""
+    yield " ".join(path), command.get_help(click.Context(command, info_name=" ".join(path), terminal_width=80))
+    if isinstance(command, click.Group):
+        for name in command.list_commands(context):
+            one = command.get_command(context, name)
+            assert one is not None
+            yield from commands(one, (*path, name), context)
+
+
+def test_help_has_80_columns() -> None:
+    found = dict(commands(group, ("twin",), click.Context(group)))
+    assert {"twin run", "twin hil scan", "twin drive inject"} <= found.keys()
+    wide = [f"{path}: {line}" for path, text in found.items() for line in text.splitlines() if len(line) > 80]
+    assert not wide

@@ -21,7 +21,8 @@ def command(name: str, tables: tuple[str, ...], output: Path | None, force: bool
 
     \b
     twin calibrate coordinate_feedforward
-    twin calibrate coordinate_feedforward linear=moves.csv deflection=pulls.csv -o my_catheter.yaml
+    twin calibrate coordinate_feedforward linear=moves.csv \\
+        deflection=pulls.csv -o my_catheter.yaml
     """
     from twin.component import catalog
     from twin.results import calibration, write_text

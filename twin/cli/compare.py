@@ -29,8 +29,8 @@ def command(first: Path, second: Path, tolerance: float, patterns: tuple[str, ..
     Runs with other communication steps are compared by interpolation, and said to be.
 
     \b
-    twin compare runs/heart_wall_force/2026-11-22_08-14-00 runs/heart_wall_force/latest
-    twin compare reference runs/heart_wall_force/latest --tolerance 1e-6 --signal "sensor.*"
+    twin compare runs/mine/2026-11-22_08-14-00 runs/mine/latest
+    twin compare before runs/mine/latest --tolerance 1e-6 --signal "sensor.*"
     """
     from twin.errors import TwinError, nearest
     from twin.face import open_run

@@ -30,7 +30,8 @@ PLATFORMS = ("x86_64-linux", "aarch64-linux", "x86_64-windows", "x86_64-darwin",
     "platforms",
     multiple=True,
     type=click.Choice((*PLATFORMS, "all")),
-    help="Platforms to build for; may be repeated. This machine's if not given.",
+    metavar="PLATFORM",
+    help=f"{', '.join(PLATFORMS)} or all; may be repeated. This machine's if not given.",
 )
 @click.option(
     "--target",

@@ -2,6 +2,7 @@
 
 import re
 
+import numpy as np
 import pytest
 
 from hw_bridge.bus import MILLISECOND, Disturbance, Kind
@@ -43,6 +44,18 @@ def test_up_to_a_cycle_nothing_is_late(build, policy):
     made.go(50)
     report = made.session.report()
     assert (report["late_cycle"], report["overruns"], report["slow_cycles"]) == (policy, 0, 0)
+
+
+@pytest.mark.parametrize("late", [2, CYCLE, CYCLE + 1])
+def test_what_was_late_is_caught_up_with_step_by_step(build, late):
+    """Two SYNCs at once would tell a drive without interpolation twice the way in one step."""
+    made = rig(build)
+    stall(made, late)
+    made.go(50)
+    periods = np.diff(made.master.timing.sent[-11:]) / MILLISECOND
+    assert min(periods) >= 0.75 * CYCLE
+    assert periods[-2:] == pytest.approx(CYCLE)
+    assert max(periods) == pytest.approx(CYCLE + late)
 
 
 def test_hold_goes_on_from_there(build):
