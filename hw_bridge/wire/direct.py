@@ -53,15 +53,15 @@ class UdpLink(Link):
         return self._all()
 
     def _all(self) -> list[Arrival]:
-        found: list[Arrival] = []
+        found: list[tuple[Arrival, int]] = []  # with when it came, by the monotonic clock [ns]
         while True:
             self.looked = time.monotonic_ns()
             try:
                 data, beside, _, _ = self._socket.recvmsg(AT_ONCE, self._beside, socket.MSG_DONTWAIT)
             except BlockingIOError:
-                return found
+                return [one._replace(waited=max(self.looked - came, 0)) for one, came in found]
             if (arrival := _datagram(data, beside)) is not None:
-                found.append(arrival)
+                found.append((arrival, time.monotonic_ns() - arrival.waited))
 
     def put(self, frame: Frame) -> None:
         """As a datagram."""
@@ -73,11 +73,7 @@ class UdpLink(Link):
 
 
 def _datagram(data: bytes, beside: list[tuple[int, int, bytes]]) -> Arrival | None:
-    """A frame, or nothing for what no CANopen frame can be."""
-    waited = 0
-    if beside:
-        seconds, nanoseconds = STAMP.unpack(beside[0][2])
-        waited = age(seconds * 1_000_000_000 + nanoseconds)
+    """A frame, or nothing for what no CANopen frame can be. Its age is taken last, for who notes when it came."""
     try:
         message: dict[str, Any] = msgpack.unpackb(data)
         if message["is_error_frame"]:
@@ -88,7 +84,12 @@ def _datagram(data: bytes, beside: list[tuple[int, int, bytes]]) -> Arrival | No
         frame = Frame(message["arbitration_id"], b"" if remote else bytes(message["data"]), remote, length * remote)
     except (ValueError, TypeError, KeyError, msgpack.UnpackException):
         return None
-    return Arrival(frame, waited) if 0 <= frame.id <= HIGHEST and len(frame.data) <= LONGEST else None
+    if not 0 <= frame.id <= HIGHEST or len(frame.data) > LONGEST:
+        return None
+    if not beside:
+        return Arrival(frame)
+    seconds, nanoseconds = STAMP.unpack(beside[0][2])
+    return Arrival(frame, age(seconds * 1_000_000_000 + nanoseconds))
 
 
 class SlcanLink(Link):

@@ -20,7 +20,10 @@ OLDEST = 1_000_000_000  # a frame cannot have waited longer: its time stamp is o
 
 
 class Arrival(NamedTuple):
-    """What came: a frame, or an error frame where there is none. `waited`: how long it has been on this machine [ns]."""
+    """What came: a frame, or an error frame where there is none.
+
+    `waited`: how long it had been on this machine when `Link.looked` was [ns]. Not now: a process may be stalled in between.
+    """
 
     frame: Frame | None
     waited: int = 0
@@ -30,8 +33,8 @@ class Arrival(NamedTuple):
 class Link(ABC):
     """Both directions of a python-can bus. What cannot be read is passed over; SimulationError where nothing can any more.
 
-    `idle`: time spent waiting for something to come [ns]. `looked`: when there was nothing more, by the monotonic clock:
-    what a process that is stalled right after a look does not know yet has come later [ns].
+    `idle`: time spent waiting for something to come [ns]. `looked`: the last look, by the monotonic clock: what a process that
+    is stalled right after it does not know yet has come later [ns].
     """
 
     def __init__(self, bus: can.BusABC) -> None:
@@ -97,7 +100,8 @@ class AnyLink(Link):
             off = self.bus.state is can.BusState.ERROR or self._tells_bus_off(message)
             return [Arrival(None, bus_off=off)]
         frame = from_message(message)
-        return [] if frame is None else [Arrival(frame, age(round(message.timestamp * 1e9)))]
+        waited, self.looked = age(round(message.timestamp * 1e9)), time.monotonic_ns()
+        return [] if frame is None else [Arrival(frame, waited)]
 
     def put(self, frame: Frame) -> None:
         """As a message."""

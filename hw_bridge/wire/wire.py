@@ -112,9 +112,10 @@ class Wire:
             now, before = time.monotonic_ns() - begin, late
             late = now - slave.next_time() > LATE
             self.overruns += late and not before
+            looked = self.link.looked - begin
             for frame, waited, _ in arrivals:
                 if frame is not None:
-                    slave.advance(max(now - waited, slave.port.agenda.now))
+                    slave.advance(max(looked - waited, slave.port.agenda.now))
                     self._heard(frame)
             if not arrivals:
-                slave.advance(max(min(now, self.link.looked - begin), slave.port.agenda.now))
+                slave.advance(max(min(now, looked), slave.port.agenda.now))

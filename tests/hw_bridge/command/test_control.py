@@ -202,6 +202,27 @@ def test_frames_act_when_they_came(wire):
     assert 0x8130 in slave.active
 
 
+def test_a_stall_after_the_look_does_not_move_what_came(wire, monkeypatch):
+    """Two SYNCs 5 ms apart stay so, though the process was stalled with the first one in its hands."""
+    came, looks = [], []
+    monkeypatch.setattr(wire.slave, "receive", lambda _frame: came.append(wire.now))
+
+    def hear(_timeout):
+        wire.link.looked = time.monotonic_ns()
+        looks.append(wire.link.looked)
+        if len(looks) == 1:
+            time.sleep(0.05)
+            return [Arrival(Frame(0x080))]
+        if len(looks) == 2:
+            return [Arrival(Frame(0x080), looks[1] - looks[0] - 5 * MILLISECOND)]
+        wire.stop.set()
+        return []
+
+    wire.link.hear = hear
+    wire.run()
+    assert came[1] - came[0] == 5 * MILLISECOND
+
+
 def test_identifiers_are_taken_as_a_range(monkeypatch):
     asked = []
     monkeypatch.setattr("hw_bridge.command.control.request", lambda _port, fault: asked.append(fault))
