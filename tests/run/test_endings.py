@@ -105,10 +105,10 @@ def test_a_component_that_hangs_is_named_with_its_line(tmp_path, command_line):
     text = model.read_text()
     line = len(text.splitlines()) + 1
     model.write_text(f"{text}        while self.time_constant > 0.0:\n            pass\n")
-    done = command_line.run(["test", "stuck", "--timeout", "2"], tmp_path)
+    done = command_line.run(["test", "stuck", "--timeout", "1"], tmp_path)
     assert done.stdout.splitlines() == ["stuck: FAILED"]
     found = re.search(
-        rf"^  outputs: did not return for 2 s, at {re.escape(str(model))}:(\d+)\. Correct it", done.stderr, re.MULTILINE
+        rf"^  outputs: did not return for 1 s, at {re.escape(str(model))}:(\d+)\. Correct it", done.stderr, re.MULTILINE
     )
     assert found
     assert int(found[1]) in (line, line + 1)
