@@ -1,6 +1,5 @@
 """A simulated drive in a process of its own, and a hardware file that names it."""
 
-import os
 import subprocess
 import sys
 from contextlib import contextmanager
@@ -12,6 +11,7 @@ from click.testing import CliRunner
 from hw_bridge.command import hil
 from hw_bridge.commission import Line
 from hw_bridge.wire import WireNetwork
+from tests.hw_bridge.multicast import needed, own
 
 BENCH = """
 interface: udp_multicast
@@ -32,14 +32,13 @@ nodes:
 @contextmanager
 def drive_process(profile, build, port):
     """`twin drive` of a profile as node 1, on a port of its own."""
-    channel = f"239.74.{os.getpid() >> 8 & 0xFF}.{os.getpid() & 0xFF}"
+    channel = needed(own(74), port=port)
     words = ["-p", profile, "-n", "1", "-i", "udp_multicast", "-c", channel, "--option", f"port={port}"]
     line = [sys.executable, "-m", "hw_bridge.drive", *words, "--control", "0", "--build", str(build)]
     process = subprocess.Popen(line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
         told = process.stdout.readline()
-        if "node 1" not in told:
-            pytest.skip(f"no multicast: {process.stderr.read()}")
+        assert "node 1" in told, process.stderr.read()
         yield SimpleNamespace(channel=channel, port=port, process=process, control=told.partition("--control ")[2][:5])
     finally:
         process.terminate()

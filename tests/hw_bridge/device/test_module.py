@@ -1,6 +1,5 @@
 """The I/O module of CiA 401 as the valves of the rig: what they become when something fails, its file, its process."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -27,6 +26,7 @@ from hw_bridge.session import Session
 from hw_bridge.trace import Decoder
 from hw_bridge.wire import Wire, WireNetwork, read
 from tests.hw_bridge import program
+from tests.hw_bridge.multicast import needed, own
 from tests.matrix import some
 from twin.errors import ScenarioError, SimulationError
 from twin.run import run_scenario
@@ -317,14 +317,10 @@ def test_check_tells_another_device(tmp_path, build, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.real_time
-@pytest.mark.skipif(sys.platform != "linux", reason="multicast")
 def test_valves_are_safe_when_the_program_is_killed(tmp_path, build):
     """SIGKILL: the module's own outputs, told by its process, are the safe ones soon after."""
-    channel = f"239.76.{os.getpid() >> 8 & 0xFF}.{os.getpid() & 0xFF}"
-    try:
-        network = WireNetwork("udp_multicast", channel, 1_000_000, hil.options("udp_multicast"))
-    except (can.CanError, OSError, SimulationError) as error:
-        pytest.skip(f"no multicast: {error}")
+    channel = needed(own(76), **hil.options("udp_multicast"))
+    network = WireNetwork("udp_multicast", channel, 1_000_000, hil.options("udp_multicast"))
     words = ["-p", "cia401", "-n", "9", "-i", "udp_multicast", "-c", channel, "--option", f"port={hil.PORT}"]
     line = [sys.executable, "-u", "-c", "from hw_bridge.command.drive import main; main()", *words]
     valves = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)

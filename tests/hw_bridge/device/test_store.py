@@ -1,12 +1,10 @@
 """Parameters that 1010h stored are in a file, and hold when the drive is switched on again."""
 
 import json
-import os
 import subprocess
 import sys
 import time
 
-import can
 import canopen
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -18,6 +16,7 @@ from hw_bridge.device.storage import LOAD, SAVE
 from hw_bridge.dictionary import Code
 from hw_bridge.profiles import profile
 from tests.hw_bridge.bench import NODE, AbortedError, Bench
+from tests.hw_bridge.multicast import needed, own
 from twin.errors import DeclarationError
 
 KEPT = 0x1017  # an object that all profiles have
@@ -142,10 +141,8 @@ def test_any_value_is_taken_or_refused_in_one_line(build, tmp_path, data):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="multicast")
-@pytest.mark.xdist_group("multicast")
 def test_two_runs_of_the_process(tmp_path, build):
-    channel = f"239.78.{os.getpid() >> 8 & 0xFF}.{os.getpid() & 0xFF}"
+    channel = needed(own(78))
     path = tmp_path / "mclm.eds"
     path.write_text(eds.export(profile("mclm")))
     line = [
@@ -166,10 +163,7 @@ def test_two_runs_of_the_process(tmp_path, build):
         str(tmp_path / "memory.json"),
     ]
     network = canopen.Network()
-    try:
-        network.connect(channel=channel, interface="udp_multicast")
-    except (can.CanError, OSError) as error:
-        pytest.skip(f"no multicast: {error}")
+    network.connect(channel=channel, interface="udp_multicast")
     found = []
     try:
         node = network.add_node(NODE, str(path))
