@@ -148,14 +148,8 @@ def inject_fault(
     """
     from hw_bridge.command.control import request
 
-    for name, value in (
-        ("for", duration),
-        ("share", share),
-        ("delay", delay),
-        ("jitter", jitter),
-        ("factor", factor),
-        ("offset", offset),
-    ):
+    given = {"for": duration, "share": share, "delay": delay, "jitter": jitter, "factor": factor, "offset": offset}
+    for name, value in given.items():
         if value is not None and not abs(value) <= LARGEST:  # not a number, too
             raise click.UsageError(f"--{name} {value}: expected a number of at most {LARGEST:g}.")
     try:
