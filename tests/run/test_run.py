@@ -215,8 +215,11 @@ def test_interrupted_from_outside(tmp_path: Path, build: Path, number: signal.Si
     temporary = tmp_path / "temporary"
     temporary.mkdir()
     (tmp_path / "s.yaml").write_text("{stop_time: 1e5 s, members: {wall: {component: wall}}}")
-    # also if the tests run in the background, where SIGINT is ignored, and so by those that they start
-    code = "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); from twin.cli import main; main()"
+    # also if the tests run in the background, where a shell lets SIGINT and SIGQUIT be ignored: of these SIGINT ends a run
+    code = (
+        "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); "
+        "signal.signal(signal.SIGQUIT, signal.SIG_DFL); from twin.cli import main; main()"
+    )
     command = [sys.executable, "-c", code, "run", "s.yaml", "--build", str(build)]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "TMPDIR": str(temporary)}
     with subprocess.Popen(
