@@ -37,7 +37,7 @@ MEANINGS = {
     Cause.ENCODER_OFFSET: "the position sensor is wrong by `offset`, and nobody notices",
     Cause.FRICTION:       "the motor's dry friction becomes `factor` times what it was",
     Cause.GRIP:           "only `factor` of the load reaches the motor: a sleeve slips",
-    Cause.SLOW:           "gains of the motor's velocity loop, `factor` times theirs",
+    Cause.SLOW:           "the velocity loop's gains become `factor` times what they were",
     Cause.RESET:          "the drive starts anew by itself",
     Cause.HEARTBEAT:      "the heartbeat of a drive, or of the master, is not heard",
     Cause.SYNC:           "SYNC does not come",
