@@ -12,6 +12,10 @@ from __future__ import annotations
 from math import floor
 from typing import Any
 
+SINE = (1.0 / 6.0, 1.0 / 120.0, 1.0 / 5040.0)  # of the series: products, since a division takes as long as four of them
+VERSINE = (1.0 / 2.0, 1.0 / 24.0, 1.0 / 720.0, 1.0 / 40320.0)
+SIXTH = 1.0 / 6.0
+
 
 def set_frame(frame: Any) -> None:
     """The origin, tangent along z."""
@@ -31,8 +35,8 @@ def advance_frame(frame: Any, k1: float, k2: float, h: float) -> None:
         for j in range(3):
             frame[3, j] += h * frame[2, j]
         return
-    sine = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0))  # sin(a) / a
-    versine = 0.5 * (1.0 - square / 12.0 * (1.0 - square / 30.0 * (1.0 - square / 56.0)))  # (1 - cos(a)) / a^2
+    sine = 1.0 - square * (SINE[0] - square * (SINE[1] - square * SINE[2]))  # sin(a) / a
+    versine = VERSINE[0] - square * (VERSINE[1] - square * (VERSINE[2] - square * VERSINE[3]))  # (1 - cos(a)) / a^2
     cosine = 1.0 - square * versine
     for j in range(3):
         tangent = frame[2, j]
@@ -79,7 +83,7 @@ def interval(x: float, count: int) -> int:
 def weights(part: float) -> tuple[float, float, float, float]:
     """What values and moments of two knots count, a part (0 to 1) of the way from the one to the next."""
     rest = 1.0 - part
-    return rest, part, (rest * rest * rest - rest) / 6.0, (part * part * part - part) / 6.0
+    return rest, part, (rest * rest * rest - rest) * SIXTH, (part * part * part - part) * SIXTH
 
 
 def interpolated(values: Any, moments: Any, c: int, i: int, part: float) -> float:
@@ -92,7 +96,7 @@ def slope(values: Any, moments: Any, c: int, i: int, part: float) -> float:
     """Derivative of a spline in column c, per spacing."""
     rest = 1.0 - part
     bend = (1.0 - 3.0 * rest * rest) * moments[i, c] + (3.0 * part * part - 1.0) * moments[i + 1, c]
-    return values[i + 1, c] - values[i, c] + bend / 6.0
+    return values[i + 1, c] - values[i, c] + bend * SIXTH
 
 
 def hermite(part: float, spacing: float) -> tuple[float, float, float, float]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 import threading
+import time
 from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -31,30 +32,48 @@ def names(package: str, places: Mapping[str, str]) -> Callable[[str], Any]:
     return __getattr__
 
 
+SWITCH = 0.5e-3  # [s] after which who works beside lets the others go on
+
+
 @contextmanager
-def beside(*tasks: Callable[[], object]) -> Iterator[None]:
-    """Do what nobody waits for on another core, while native code runs here or a disk is waited for."""
+def beside(*tasks: Callable[[], object], at_once: bool = True) -> Iterator[Callable[[], None]]:
+    """Do what nobody waits for on another core, while native code runs here or a disk is waited for.
+
+    `at_once`: else it begins when what this gives is called first.
+    """
 
     def work() -> None:
         for task in tasks:
             task()
 
     thread = threading.Thread(target=work, name="beside", daemon=True)
-    with suppress(RuntimeError):  # no memory for it
-        if tasks:
-            thread.start()
+    interval = sys.getswitchinterval()
+
+    def begin() -> None:
+        if tasks and thread.ident is None:
+            sys.setswitchinterval(SWITCH)
+            with suppress(RuntimeError):  # no memory for it
+                thread.start()
+
     try:
-        yield
+        if at_once:
+            begin()
+        yield begin
     finally:
         if thread.ident is not None:
             thread.join()  # none is on its way when a process is forked
+        sys.setswitchinterval(interval)
 
 
-def ahead(*modules: str) -> AbstractContextManager[None]:
-    """Import modules beside; whoever needs one that fails is told then."""
+def ahead(*modules: str, after: float = 0.0) -> AbstractContextManager[Callable[[], None]]:
+    """Import modules beside, once what this gives is called, and `after` seconds; whoever needs one that fails is told then.
+
+    To load a library keeps all of Python waiting: so not before native code runs for longer than that.
+    """
 
     def take(name: str) -> None:
         with suppress(ImportError):
             importlib.import_module(name)
 
-    return beside(*(partial(take, name) for name in modules if name not in sys.modules))
+    wanted = [partial(take, name) for name in modules if name not in sys.modules]
+    return beside(*([partial(time.sleep, after)] if wanted else []), *wanted, at_once=False)

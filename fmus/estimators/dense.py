@@ -10,6 +10,7 @@ from math import sqrt
 from typing import Any
 
 SWEEPS = 8  # of Jacobi rotations: quadratic convergence, 4 are enough for 3x3
+NOTHING = 1e-18  # part of the diagonal by which a rotation changes no digit of it
 
 
 def cholesky(matrix: Any, lower: Any, n: int) -> bool:
@@ -52,7 +53,7 @@ def eigenvectors(matrix: Any, vectors: Any, n: int) -> None:
     for _ in range(SWEEPS):
         for p in range(n - 1):
             for q in range(p + 1, n):
-                if matrix[p, q] != 0.0:
+                if abs(matrix[p, q]) > NOTHING * (abs(matrix[p, p]) + abs(matrix[q, q])):
                     rotate(matrix, vectors, p, q, n)
 
 

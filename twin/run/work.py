@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from twin.scenario import Case, Checked, Scenario
 
 WRITERS = ("pyarrow._parquet",)  # what the end needs, imported while the loop runs
+STRIDE = 0.02  # [s] that the loop's first calls take, before one lasts as long as loading a library
 LOG = "log.txt"
 ABOUT = ("name", "title", "source", "description", "path", "step_ns", "algorithm")  # of a run, as they are
 
@@ -53,6 +54,10 @@ Course = Callable[["Case", "CoSimulation", Progress], object]  # takes a case fr
 
 def unheard(_line: str) -> None:
     """Nobody listens."""
+
+
+def nothing() -> None:
+    """Nothing is left to begin."""
 
 
 def run_scenario(
@@ -177,9 +182,11 @@ class Work:
     hear: Callable[[str], object] = unheard
     course: Course = run_case
     stop: Stop = None  # type: ignore[assignment]  # while the run goes on
+    begin_ahead: Callable[[], None] = nothing  # to import what the end needs
 
     def told(self, name: str, part: float) -> None:
         """Show how far a case is, and hear what a callback in native code has swallowed."""
+        self.begin_ahead()
         self.progress(name, part)
         self.stop.check()
 
@@ -221,7 +228,8 @@ class Work:
                 simulated = self.made(number, case)
             begin = time.perf_counter()
             try:
-                with self.stop.armed(), late.ahead(*(self.needed if self.hardware is None else ())):
+                modules = self.needed if self.hardware is None else ()
+                with self.stop.armed(), late.ahead(*modules, after=STRIDE) as self.begin_ahead:
                     self.course(case, simulated, self.told)
             finally:
                 took = time.perf_counter() - begin

@@ -57,6 +57,7 @@ class GuidedTip(Component):
 
     across = local(0.0, "1/m", "change of curvature where each part begins", shape=(SEGMENTS, 2))
     begin = local(0.0, "m", "where each part begins on the path", shape=(SEGMENTS,))
+    gained = local(0.0, "", "travel that is gained per length before each support", shape=(SUPPORTS,))
     frame = local(0.0, "", "directions, tangent and position [m] along the curve", shape=(4, 3))
     tangent = local(0.0, "", "tangents of the curve", shape=(NODES, 3))
     used = local(4, "", "gratings in use: count, as far as there is room", type=Int32)
@@ -82,6 +83,9 @@ class GuidedTip(Component):
 
 def follow(self: GuidedTip) -> None:
     """Curvature at the gratings and the curve, for the travel of now."""
+    for i in range(1, SUPPORTS):
+        length = self.support_location[i] - self.support_location[i - 1]
+        self.gained[i] = (self.travel[i] - self.travel[i - 1]) / length if length > 0.0 else 0.0
     for i in range(self.used):
         k1, k2 = bent(self, (i + 0.5) * self.pitch, self.grating_length)
         self.curvature[i, 0] = k1
@@ -117,9 +121,7 @@ def carried(self: GuidedTip, location: float) -> float:
         return self.travel[0]
     for i in range(1, SUPPORTS):
         if location < self.support_location[i]:
-            before = self.support_location[i - 1]
-            part = (location - before) / (self.support_location[i] - before)
-            return self.travel[i - 1] + part * (self.travel[i] - self.travel[i - 1])
+            return self.travel[i - 1] + (location - self.support_location[i - 1]) * self.gained[i]
     return self.travel[SUPPORTS - 1]
 
 
