@@ -10,8 +10,6 @@ import hashlib
 import importlib.util
 import os
 import re
-import subprocess
-import tempfile
 import threading
 from functools import cache
 from pathlib import Path
@@ -50,6 +48,9 @@ def headers() -> Path:
 
 def make(where: str, build: Path, files: Mapping[str, str | bytes], *command: str, out: str) -> bytes:
     """Run a tool in a folder of its own with these files; what it wrote to `out`. Its failure is one line."""
+    import subprocess
+    import tempfile
+
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         for name, content in files.items():

@@ -12,12 +12,14 @@ if TYPE_CHECKING:
     from twin.fmi.interface import member
     from twin.fmi.simulate import left, plan, simulate
     from twin.fmi.tables import Results
+    from twin.fmi.unpacked import digest
 
 __all__ = [
     "FMUMember",
     "Results",
     "archive",
     "built",
+    "digest",
     "driven",
     "exporter",
     "left",
@@ -39,6 +41,7 @@ __getattr__ = late.names(
         "Results": "tables",
         "archive": "",
         "built": "",
+        "digest": "unpacked",
         "driven": "",
         "exporter": "",
         "left": "simulate",

@@ -6,29 +6,22 @@ Nothing of an archive is trusted: neither its file names, nor the sizes it claim
 
 from __future__ import annotations
 
-import hashlib
-import os
 import re
 import shutil
 import stat
 import tempfile
 import zipfile
-from dataclasses import field
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from twin import compiler
-from twin.dataclass import dataclass
 from twin.errors import FMUError
 from twin.fmi import markup, model, terminals
+from twin.fmi.unpacked import Unpacked, digest, suffix
 from twin.process import place_for
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-    from types import TracebackType
-    from typing import IO, Self
-
-    from twin.coupling import TerminalMember
+    from typing import IO
 
 FILES = 20_000  # largest number of entries; each takes up to a millisecond to write and to remove
 TOTAL = 2 << 30  # largest size of everything [byte]
@@ -44,70 +37,6 @@ FOLDERS = {  # of FMI 2.0's platforms, where it has names of its own
     "x86_64-windows": "win64",
     "x86_64-darwin": "darwin64",
 }
-
-
-@dataclass
-class Unpacked:
-    """An FMU in a folder: `folder` holds its files, `description` what modelDescription.xml says.
-
-    `interface` is the one that is run, `binary` the library for this platform; `notes` are remarks for the user that do not stop a run. Close it, or
-    use it as a context manager: both remove the folder.
-    """
-
-    path: Path
-    folder: Path
-    description: model.Model
-    fmi: str
-    interface: str
-    binary: Path
-    sha256: str
-    notes: list[str] = field(default_factory=list)
-    _temporary: tempfile.TemporaryDirectory[str] | None = None
-    users: int = 1
-    process: int = field(default_factory=os.getpid)  # that unpacked it: one that was forked off leaves the folder alone
-    terminals: Mapping[str, tuple[TerminalMember, ...]] = field(default_factory=dict)  # by variable
-
-    def close(self) -> None:
-        """Remove the folder when its last user has closed it. Safe to call once too often."""
-        self.users -= 1
-        if self.users <= 0 and self._temporary is not None and self.process == os.getpid():
-            self._temporary.cleanup()
-            self._temporary = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None) -> None:
-        self.close()
-
-
-_open: dict[tuple[Path, str, str], Unpacked] = {}
-
-
-def share(path: str | Path, interface: str = "") -> Unpacked:
-    """Unpack an FMU, or join those who use it already: its instances then share one library, as FMI means them to.
-
-    Known by its content: a file that was replaced is unpacked anew. Every user calls `close` once. `interface`:
-    CoSimulation or ModelExchange; none: Co-Simulation, if the FMU has it.
-    """
-    path = Path(path)
-    key = (path, digest(path), interface)
-    known = _open.get(key)
-    if known is not None and known.users > 0:
-        known.users += 1
-        return known
-    made = unpack(path, interface)
-    _open[key] = _open[path, key[1], made.interface] = made
-    return made
-
-
-def digest(path: Path) -> str:
-    """SHA-256 of a file; FMUError if there is none."""
-    if not path.is_file():
-        found = "is a folder" if path.is_dir() else "is not there"
-        raise FMUError(f"{path}: {found}. Give the path of an .fmu file.")
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def unpack(path: str | Path, interface: str = "") -> Unpacked:
@@ -256,11 +185,6 @@ def document(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> byt
     if len(content) > DESCRIPTION:
         raise FMUError(f"{path}: {info.filename} is larger than {DESCRIPTION >> 20} MiB. This is not an FMU.")
     return content
-
-
-def suffix(platform: str) -> str:
-    """How files of libraries end on a platform."""
-    return compiler.PLATFORMS[platform].suffix if platform in compiler.PLATFORMS else ".so"
 
 
 def find_binary(path: Path, description: markup.Description, entries: dict[str, zipfile.ZipInfo]) -> str:

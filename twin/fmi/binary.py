@@ -18,14 +18,15 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from twin import compiler
 from twin.dataclass import dataclass
 from twin.errors import FMUError, SimulationError
-from twin.fmi import archive, elf
+from twin.fmi import elf
 from twin.fmi.functions import Callbacks, ClockUpdate, Intermediate, Library, Logger2, Logger3, Preemption, memory
 from twin.fmi.markup import one_line
+from twin.fmi.unpacked import suffix
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from twin.fmi.archive import Unpacked
+    from twin.fmi.unpacked import Unpacked
 
 STATUS = ("OK", "WARNING", "DISCARD", "ERROR", "FATAL", "PENDING")
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
@@ -91,7 +92,7 @@ def add_proxy() -> Callable[[Any], object]:
     found = importlib.util.find_spec("fmpy")
     system = {"linux": "linux64", "darwin": "darwin64", "win32": "win64"}.get(sys.platform, "")
     folders = found.submodule_search_locations if found is not None else None
-    place = Path((folders or [""])[0], "logging", system, f"logging{archive.suffix(compiler.host())}")
+    place = Path((folders or [""])[0], "logging", system, f"logging{suffix(compiler.host())}")
     try:
         helper = ctypes.CDLL(str(place)).addLoggerProxy
     except (OSError, AttributeError):  # another processor

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from twin.coupling import MemberVariable
-    from twin.fmi.archive import Unpacked
     from twin.fmi.functions import Library
+    from twin.fmi.unpacked import Unpacked
 
 # the part of fmi2GetXXX and fmi3GetXXX that stands for a type
 FMI2_FUNCTIONS = {"Float64": "Real", "Int32": "Integer", "Enumeration": "Integer"}

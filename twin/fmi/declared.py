@@ -12,12 +12,12 @@ from twin import clock
 from twin.coupling import DTYPES, MemberVariable, TerminalMember
 from twin.dataclass import dataclass
 from twin.errors import CouplingError, FMUError
-from twin.fmi import values
+from twin.fmi import clocks, units, values
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from twin.fmi.model import Declared
+    from twin.fmi.model import Declared, Model
 
 LARGEST = 1 << 27  # scalars of one variable
 
@@ -138,3 +138,16 @@ def with_start(bare: MemberVariable, text: str | None, where: str) -> MemberVari
     for place, part in enumerate(parts):
         start[place] = parse(part)
     return replace(bare, start=start.reshape(bare.shape)[()])
+
+
+def variables(
+    model: Model, fmi: str, where: str, sizes: dict[int, int], places: Mapping[str, tuple[TerminalMember, ...]]
+) -> dict[str, MemberVariable]:
+    """The variables of a description. `sizes`: structural parameters by value reference; `places`: terminals by variable."""
+    types = FMI2_TYPES if fmi == "2.0" else FMI3_TYPES
+    known = units.names(model.units)
+    found = {
+        one.name: units.named(variable(one, types, sizes, model.dependencies, where, places.get(one.name, ())), known)
+        for one in model.variables
+    }
+    return clocks.shown(found, model.clocks, model.capabilities)

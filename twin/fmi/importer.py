@@ -15,10 +15,9 @@ from twin.coupling import Access, Member, MemberVariable, Way
 from twin.errors import CouplingError, FMUError, SimulationError
 from twin.fmi import binary, values
 from twin.fmi import declared as declarations
-from twin.fmi.archive import share
 from twin.fmi.calls import Calls
 from twin.fmi.functions import MissingFunctionError
-from twin.fmi.outline import variables
+from twin.fmi.unpacked import share
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -100,7 +99,7 @@ class FMUMember(Calls, Member):
 
     def _variables(self, sizes: dict[int, int]) -> dict[str, MemberVariable]:
         unpacked = self._unpacked
-        return variables(unpacked.description, unpacked.fmi, str(unpacked.path), sizes, unpacked.terminals)
+        return declarations.variables(unpacked.description, unpacked.fmi, str(unpacked.path), sizes, unpacked.terminals)
 
     def _start_values(self, given: dict[str, Any]) -> dict[str, np.ndarray[Any, Any]]:
         """Convert the start values; structural parameters come first since they change the shapes of others."""

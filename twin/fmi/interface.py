@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import FMUError, nearest
-from twin.fmi.archive import share
 from twin.fmi.importer import FMUMember
+from twin.fmi.unpacked import share
 
 if TYPE_CHECKING:
     from pathlib import Path

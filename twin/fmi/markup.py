@@ -8,8 +8,6 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Any
 
-from lxml import etree
-
 from twin.dataclass import dataclass
 from twin.errors import FMUError
 
@@ -52,6 +50,8 @@ def one_line(error: BaseException) -> str:
 
 def root_of(where: str, content: bytes) -> Any:
     """A document's root element, parsed without trust."""
+    from lxml import etree
+
     parser = etree.XMLParser(
         resolve_entities=False, no_network=True, load_dtd=False, dtd_validation=False, huge_tree=False
     )

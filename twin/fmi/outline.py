@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING
 from twin import clock
 from twin.dataclass import dataclass
 from twin.errors import FMUError
-from twin.fmi import archive, clocks, declared, markup, units
+from twin.fmi import archive, markup
+from twin.fmi.declared import variables
+from twin.fmi.unpacked import digest
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from twin.coupling import MemberVariable, TerminalMember
+    from twin.coupling import MemberVariable
     from twin.fmi.clocks import Clock
-    from twin.fmi.model import Model
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class Outline:
 def outline(path: str | Path) -> Outline:
     """Read an FMU's description; FMUError in one line for what is none, or makes no sense."""
     path = Path(path)
-    archive.digest(path)
+    digest(path)
     try:
         with path.open("rb") as file, archive.open_archive(path, file) as opened:
             entries = archive.check_entries(path, opened)
@@ -71,18 +72,3 @@ def platforms(entries: Mapping[str, object]) -> tuple[str, ...]:
     """Where its libraries run, as its folders say."""
     folders = sorted({found[1] for name in entries if (found := re.fullmatch(r"binaries/([^/]+)/[^/]+", name))})
     return (*folders, "C sources") if any(name.startswith("sources/") for name in entries) else tuple(folders)
-
-
-def variables(
-    model: Model, fmi: str, where: str, sizes: dict[int, int], places: Mapping[str, tuple[TerminalMember, ...]]
-) -> dict[str, MemberVariable]:
-    """The variables of a description. `sizes`: structural parameters by value reference; `places`: terminals by variable."""
-    types = declared.FMI2_TYPES if fmi == "2.0" else declared.FMI3_TYPES
-    known = units.names(model.units)
-    found = {
-        one.name: units.named(
-            declared.variable(one, types, sizes, model.dependencies, where, places.get(one.name, ())), known
-        )
-        for one in model.variables
-    }
-    return clocks.shown(found, model.clocks, model.capabilities)

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import field
@@ -96,6 +95,8 @@ class Journal:
 
     def remove(self) -> None:
         """Everything of it is elsewhere now."""
+        import shutil
+
         shutil.rmtree(self.folder, ignore_errors=True)
 
 

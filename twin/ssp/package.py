@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from twin.dataclass import dataclass
 from twin.errors import FMUError, ScenarioError
-from twin.fmi import archive
+from twin.fmi import archive, digest
 from twin.ssp.document import SCHEMA, SSD, violations
 from twin.ssp.model import Element
 from twin.ssp.reading import Reader
@@ -58,7 +58,7 @@ class Package:
 def opened(path: Path, shown: str, build: Path, above: tuple[str, ...] = ()) -> Package:
     """Unpack an SSP below `build` and read it; ScenarioError if it is none."""
     try:
-        name = archive.digest(path)[:20]
+        name = digest(path)[:20]
         folder = (build / "ssp" / name).absolute()
         unpack(path, folder)
     except FMUError as error:
