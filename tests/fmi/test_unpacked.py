@@ -43,7 +43,7 @@ def outlines(fmu):
 
 def course(fmu):
     """What a member says of itself and computes."""
-    member = FMUMember("sheath", fmu, {"gripper_position": 1e-3})
+    member = FMUMember("sheath", fmu, {"gripper_position": 1e-3}, ours=True)
     try:
         member.instantiate()
         member.enter_initialization(0.0, 1.0)
@@ -105,7 +105,7 @@ def test_of_another_engine(fmu, sealed):
 def test_of_anyone_else_nothing_is_kept(tmp_path):
     (tmp_path / "3.0").mkdir()
     path = native_fmu(tmp_path / "3.0")
-    with unpacked.share(path) as one:
+    with unpacked.share(path, ours=True) as one:
         folder = one.folder
         assert folder.is_dir()
         assert not folder.is_relative_to(tmp_path)
@@ -117,7 +117,7 @@ def test_replaced_by_another(fmu, tmp_path):
     """Its note is that of another file: then it is anyone's."""
     course(fmu)
     shutil.copy(native_fmu(tmp_path), fmu)
-    with unpacked.share(fmu) as one:
+    with unpacked.share(fmu, ours=True) as one:
         assert "sheath" not in one.description.identifier
         assert not one.folder.is_relative_to(tmp_path)
 

@@ -75,28 +75,30 @@ class Unpacked:
         self.close()
 
 
-_open: dict[tuple[Path, str, str], Unpacked] = {}
+_open: dict[tuple[Path, str, str, bool], Unpacked] = {}
 
 
-def share(path: str | Path, interface: str = "") -> Unpacked:
+def share(path: str | Path, interface: str = "", ours: bool = False) -> Unpacked:
     """Unpack an FMU, or join those who use it already: its instances then share one library, as FMI means them to.
 
     Known by its content: a file that was replaced is unpacked anew. Every user calls `close` once. `interface`:
-    CoSimulation or ModelExchange; none: Co-Simulation, if the FMU has it.
+    CoSimulation or ModelExchange; none: Co-Simulation, if the FMU has it. `ours`: it was built of a component, and is kept.
     """
     path = Path(path)
-    key = (path, digest(path), interface)
-    known = _open.get(key)
+    sha256 = digest(path)
+    known = _open.get((path, sha256, interface, ours))
     if known is not None and known.users > 0:
         known.users += 1
         return known
-    made = find(path, key[1], interface)
+    made = find(path, sha256, interface) if ours else None
     if made is None:
         from twin.fmi.archive import unpack
 
         made = unpack(path, interface)
-        keep(made, interface)
-    _open[key] = _open[path, key[1], made.interface] = made
+        if ours:
+            keep(made, interface)
+    for one in (interface, made.interface):
+        _open[path, sha256, one, ours] = made
     return made
 
 

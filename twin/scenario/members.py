@@ -160,7 +160,7 @@ def derivative(name: str) -> str:
 
 def opened(name: str, fmu: Built, values: Mapping[str, Any], exchange: Exchange | None = None) -> FMUMember:
     """The member of an FMU that is built of a component."""
-    member = imported(name, Path(fmu.path), values, exchange)
+    member = imported(name, Path(fmu.path), values, exchange, ours=True)
     member.period_ns, member.driven = fmu.period_ns, frozenset(fmu.driven)
     for old, new in fmu.renamed:
         member.rename(old, new)
@@ -216,11 +216,13 @@ def instance(name: str, cls: type[Component], values: Mapping[str, Any]) -> Comp
     return part
 
 
-def imported(name: str, path: Path, values: Mapping[str, Any], exchange: Exchange | None = None) -> FMUMember:
-    """Any FMU as a member."""
+def imported(
+    name: str, path: Path, values: Mapping[str, Any], exchange: Exchange | None = None, ours: bool = False
+) -> FMUMember:
+    """Any FMU as a member; `ours`: built of a component."""
     from twin.fmi import member
 
     if exchange is None:
-        return member(name, path, dict(values))
+        return member(name, path, dict(values), ours=ours)
     solver, tolerance = exchange.solver, exchange.solver_tolerance
-    return member(name, path, dict(values), interface=exchange.interface, solver=solver, tolerance=tolerance)
+    return member(name, path, dict(values), interface=exchange.interface, solver=solver, tolerance=tolerance, ours=ours)
