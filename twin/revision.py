@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -21,21 +22,12 @@ def revision(folder: Path) -> str:
     return f"{commit} with changes" if _git(folder, "status", "--porcelain", "--", ".") else commit
 
 
-_asked: dict[Path, str] = {}  # ahead, for whoever asks first
-
-
-def ask(place: Path) -> None:
-    """Have git look while there is other work: it takes its time with a large checkout."""
-    _asked[place] = _checkout(place)
-
-
+@cache
 def checkout(place: Path) -> str:
-    """Commit of the checkout that `place` lies in, with `+` if something was changed since; or nothing."""
-    known = _asked.pop(place, None)
-    return _checkout(place) if known is None else known
+    """Commit of the checkout that `place` lies in, with `+` if something was changed since; or nothing.
 
-
-def _checkout(place: Path) -> str:
+    Asked once: what a process has imported stays as it is. So ask while there is other work, git takes its time.
+    """
     if not any((parent / ".git").exists() for parent in (place, *place.parents)):
         return ""
     return _git(place, "describe", "--always", "--abbrev=12", "--exclude=*", "--dirty=+")

@@ -139,7 +139,7 @@ def command(
         again = single(*place_of(of_study, runs))
         file, overrides, variants, seeds = again.file, (*again.options, *overrides), (again.variant,), (again.seed,)
     assert file is not None
-    with late.beside(partial(revision.ask, ENGINE)):
+    with late.beside(partial(revision.checkout, ENGINE)):
         from twin.run import resume, run_scenario
         from twin.scenario import Form
 

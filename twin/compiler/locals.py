@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 from dataclasses import field
 
+from twin.compiler.tree import walk
 from twin.dataclass import dataclass
 
 
@@ -50,7 +51,7 @@ class _Use:
 
 def stored(node: ast.AST) -> set[str]:
     """Names an expression or statement assigns."""
-    return {n.id for n in ast.walk(node) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+    return {n.id for n in walk(node) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
 
 
 def inner_blocks(statement: ast.stmt) -> list[tuple[list[ast.stmt], bool]]:
@@ -86,7 +87,7 @@ class Finder:
             inside = Block(statement.body, block, statement, True) if isinstance(statement, ast.For) else block
             around = frozenset(id(one.holder) for one in block.around()) | {id(statement)}
             for head in heads(statement):
-                for node in ast.walk(head):
+                for node in walk(head):
                     if isinstance(node, ast.Name):
                         # the target of a loop over elements is set in the loop's body
                         target = isinstance(statement, ast.For) and isinstance(node.ctx, ast.Store)
@@ -99,7 +100,7 @@ class Finder:
 
     def find(self) -> Places:
         """The decisions."""
-        loops = [n for n in ast.walk(self.tree) if isinstance(n, ast.For)]
+        loops = [n for n in walk(self.tree) if isinstance(n, ast.For)]
         names = [name for name in self.uses if name in self.stored and name not in self.parameters]
         for name in names:
             counted = [
@@ -120,12 +121,12 @@ class Finder:
             return False
         inside: set[int] = set()
         for loop in own:
-            body = {id(n) for statement in loop.body for n in ast.walk(statement)}
+            body = {id(n) for statement in loop.body for n in walk(statement)}
             if any(id(other) in body for other in own):
                 return False
             inside |= body | {id(loop.target)}
         targets = {id(loop.target) for loop in own}
-        for node in ast.walk(self.tree):
+        for node in walk(self.tree):
             if isinstance(node, ast.Name) and node.id == name:
                 if id(node) not in inside or (isinstance(node.ctx, ast.Store) and id(node) not in targets):
                     return False
@@ -192,7 +193,7 @@ def stored_by(statement: ast.stmt) -> set[str]:
 
 def is_plain(statement: ast.Assign | ast.AnnAssign, name: str) -> bool:
     """Whether an assignment gives a name its value from others."""
-    if statement.value is None or any(isinstance(n, ast.Name) and n.id == name for n in ast.walk(statement.value)):
+    if statement.value is None or any(isinstance(n, ast.Name) and n.id == name for n in walk(statement.value)):
         return False
     targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
     if len(targets) > 1:
@@ -206,7 +207,7 @@ def assigns(statement: ast.stmt, name: str) -> bool:
     if isinstance(statement, ast.Assign | ast.AnnAssign):
         return is_plain(statement, name)
     if isinstance(statement, ast.If):
-        if any(isinstance(n, ast.Name) and n.id == name for n in ast.walk(statement.test)):
+        if any(isinstance(n, ast.Name) and n.id == name for n in walk(statement.test)):
             return False
         return all(block_assigns(block, name) for block in (statement.body, statement.orelse))
     return False
@@ -217,6 +218,6 @@ def block_assigns(statements: list[ast.stmt], name: str) -> bool:
     for statement in statements:
         if isinstance(statement, ast.Return | ast.Break | ast.Continue):
             return True
-        if any(isinstance(n, ast.Name) and n.id == name for n in ast.walk(statement)):
+        if any(isinstance(n, ast.Name) and n.id == name for n in walk(statement)):
             return assigns(statement, name)
     return False

@@ -67,14 +67,18 @@ def _sources(cls: type[Component], name: str, build: Path) -> Sources:
     return made
 
 
-def problems(cls: type[Component]) -> list[str]:
-    """What keeps a component from becoming C, one line each: what the linter sees, else what the translator does."""
+def problems(cls: type[Component], build: Path | None = None) -> list[str]:
+    """What keeps a component from becoming C, one line each: what the linter sees, else what the translator does.
+
+    `build`: the folder to keep the C in, if there is any.
+    """
     from twin.compiler.component import translate
 
     found = source.check(cls)
     if not found and not issubclass(cls, PythonComponent):
+        name = model_name(cls)
         try:
-            translate(cls, model_name(cls))
+            translate(cls, name) if build is None else sources(cls, name, build)
         except BuildError as error:
             found = str(error).split("\n")
     return found

@@ -16,6 +16,7 @@ from functools import lru_cache
 from types import FunctionType
 from typing import Any
 
+from twin.compiler.tree import walk
 from twin.dataclass import dataclass
 from twin.errors import BuildError
 
@@ -151,7 +152,7 @@ def _find(function: FunctionType) -> Source:
         )
     cells = zip(code.co_freevars, function.__closure__ or (), strict=True)
     scope = {name: cell.cell_contents for name, cell in cells}
-    names = {n.id for n in ast.walk(tree) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+    names = {n.id for n in walk(tree) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
     return Source(function, tree, file, scope, frozenset(names | {one.arg for one in tree.args.args}))
 
 

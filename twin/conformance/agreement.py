@@ -29,7 +29,10 @@ class ConformanceError(TwinError):
 
 
 class MemberTarget:
-    """A member on which a reference trajectory is replayed, through the address that the loop would call."""
+    """A member on which a reference trajectory is replayed, through the address that the loop would call.
+
+    Arrays are read and written whole, once between two steps, though a trajectory knows their elements.
+    """
 
     def __init__(self, member: Member) -> None:
         self.member = member
@@ -45,31 +48,46 @@ class MemberTarget:
             for variable in member.variables.values()
             if variable.shape
         }
+        self.changed: set[str] = set()  # arrays that are still to be written
+        self.known: dict[str, np.ndarray[Any, Any]] = {}  # what was read since anything changed
         member.instantiate()
 
     def set(self, name: str, value: Value) -> None:
         """Write an input."""
         variable, index = self.places[name]
+        self.known.clear()
         if index:
             self.arrays[variable][index] = value
-        self.member.set(variable, self.arrays[variable] if index else value)
+            self.changed.add(variable)
+        else:
+            self.member.set(variable, value)
 
     def get(self, name: str) -> Value:
         """Read an output."""
+        self._write()
         variable, index = self.places[name]
-        whole = np.asarray(self.member.get(variable))
-        value: Value = whole[index].item()
+        if variable not in self.known:
+            self.known[variable] = np.asarray(self.member.get(variable))
+        value: Value = self.known[variable][index].item()
         return bool(value) if self.member.variables[variable].type == "Boolean" else value
 
     def start(self, t: float) -> None:
         """Initialize at t [s]."""
+        self._write()
         self.member.enter_initialization(t, None)
         self.member.exit_initialization()
 
     def advance(self, t: float, h: float) -> int:
         """Step from t to t + h [s]."""
+        self._write()
+        self.known.clear()
         address = int(self.flags.ctypes.data)
         return machine.call_step(self.member.step_function, self.member.instance, t, h, address)
+
+    def _write(self) -> None:
+        for variable in sorted(self.changed):
+            self.member.set(variable, self.arrays[variable])
+        self.changed.clear()
 
 
 def elements(name: str, shape: tuple[int, ...]) -> list[str]:
@@ -106,9 +124,9 @@ def same(cls: type[Component], what: str, other: str, wanted: Trajectory, found:
         raise ConformanceError(f"{cls.__name__}: {what} differs from {other} in {text}.")
 
 
-def check_source(cls: type[Component], _build: Path) -> None:
+def check_source(cls: type[Component], build: Path) -> None:
     """The functions hold nothing that cannot be compiled, and write no input or parameter."""
-    demand(compiler.problems(cls))
+    demand(compiler.problems(cls, build))
 
 
 def check_documentation(cls: type[Component], _build: Path) -> None:

@@ -49,6 +49,8 @@ def array(variable: MemberVariable, value: Any, items: Items, what: str) -> np.n
 
     Text may be `[[1, 2], [3, 4]]` or `1 2 3 4`; a flat list fills the array row by row.
     """
+    if isinstance(value, np.ndarray) and value.shape == variable.shape and value.dtype == variable.dtype == np.float64:
+        return value.copy()
     parse = scalar_of(variable, items, what)
     if not variable.shape:
         if isinstance(value, np.ndarray):

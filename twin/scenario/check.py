@@ -65,11 +65,13 @@ def check_sets(tree: Node, trees: dict[str, Node]) -> list[str]:
 
     roots = [one.entries["parameter_sets"] for one in (tree, *trees.values()) if "parameter_sets" in one.entries]
     places = {name: node.place for sets in roots for one in sets.items for name, node in one.entries.items()}
-    known = catalog.names() if places else []
+    named = (name for name in places if not set(":#") & set(name) and not name.endswith(".fmu"))
+    lacking = [name for name in named if catalog.place(name) is None]
+    known = catalog.names() if lacking else []
     return [
-        f"{place}: parameter_sets: there is no component `{name}`.{nearest(name, known)}"
-        for name, place in places.items()
-        if name not in known and not set(":#") & set(name) and not name.endswith(".fmu")
+        f"{places[name]}: parameter_sets: there is no component `{name}`.{nearest(name, known)}"
+        for name in lacking
+        if name not in known
     ]
 
 

@@ -163,13 +163,15 @@ def parts(cls: type[Component]) -> Iterable[type[Component]]:
 
 def is_ours(cls: type[Component]) -> bool:
     """Whether a component is made of the catalog's sources alone, which are looked at: it, and all that it imports."""
-    waiting, seen = [cls.__module__], set[str]()
+    waiting, seen, places = [cls.__module__], set[str](), catalog.places()
     while waiting:
         module = sys.modules.get(waiting.pop())
         file = getattr(module, "__file__", None)
-        if file is None or not any(Path(file).is_relative_to(place) for place in catalog.places()):
+        if file is None or not any(Path(file).is_relative_to(place) for place in places):
             return False
-        imported = {name for name in imports(Path(file)) if name.partition(".")[0] not in KNOWN}
+        imported = {
+            name for name in imports(file, Path(file).stat().st_mtime_ns) if name.partition(".")[0] not in KNOWN
+        }
         waiting += [name for name in imported - seen if name.startswith("fmus.")]
         seen |= imported
         if any(not name.startswith("fmus.") and name != "fmus" for name in imported):
@@ -177,14 +179,17 @@ def is_ours(cls: type[Component]) -> bool:
     return True
 
 
-def imports(file: Path) -> Iterable[str]:
+@cache
+def imports(file: str, _changed: int) -> frozenset[str]:
     """Names of the modules that a file imports, those that are not loaded by themselves left out."""
-    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+    found: set[str] = set()
+    for node in ast.walk(ast.parse(Path(file).read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            yield from (one.name for one in node.names)
+            found |= {one.name for one in node.names}
         elif isinstance(node, ast.ImportFrom):
             names = [f"{node.module}.{one.name}" for one in node.names]
-            yield from (name if name in sys.modules else f"{node.module}" for name in names)
+            found |= {name if name in sys.modules else f"{node.module}" for name in names}
+    return frozenset(found)
 
 
 def made_from(files: Iterable[str], fmus: Iterable[str]) -> dict[str, Any]:

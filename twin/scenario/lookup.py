@@ -25,7 +25,8 @@ class Known:
 
     def __init__(self, imports: bool) -> None:
         self.imports = imports
-        self.names: list[str] | None = None  # of all components
+        self.names: set[str] = set()  # of components that there are
+        self.sampled: dict[str, str] = {}  # what of a component is the time it samples at, by its name
         self.found: dict[str, Mapping[str, MemberVariable] | TwinError] = {}  # by component and its shapes
 
     def variables(self, name: str, member: MemberSpec) -> Mapping[str, MemberVariable] | None:
@@ -64,9 +65,21 @@ class Known:
             or set(":#") & set(member.component)
         ):
             return
-        if self.names is None:
-            self.names = catalog.names()
-        catalog.refuse_unknown(member.component, self.names)
+        if member.component not in self.names:
+            if catalog.place(member.component) is None:
+                catalog.refuse_unknown(member.component, catalog.names())
+            self.names.add(member.component)
+
+    def samples_at(self, member: MemberSpec) -> str:
+        """The parameter that says how often a member samples by itself, or nothing."""
+        from twin.scenario import members
+
+        made = members.component_of(member)
+        if not isinstance(made, str):
+            return made.samples_at
+        if made not in self.sampled:
+            self.sampled[made] = catalog.component(made).samples_at
+        return self.sampled[made]
 
 
 def look_up(scenario: Scenario, *, imports: bool = True) -> tuple[dict[str, Catalog], list[str]]:
@@ -99,7 +112,7 @@ def look_up(scenario: Scenario, *, imports: bool = True) -> tuple[dict[str, Cata
     for case in part.variants:
         found = catalogs[case.variant]
         problems |= dict.fromkeys(one for name in case.members for one in rhythm(name, case))
-        problems |= dict.fromkeys(one for name in case.members for one in sampling(name, case, found[name]))
+        problems |= dict.fromkeys(one for name in case.members for one in sampling(name, case, found[name], known))
         problems |= dict.fromkeys(case.system(found).check())
     problems |= dict.fromkeys(check_against(part, catalogs))
     return catalogs, list(problems)
@@ -130,15 +143,14 @@ def rhythm(name: str, case: Case) -> list[str]:
     return []
 
 
-def sampling(name: str, case: Case, variables: Variables) -> list[str]:
+def sampling(name: str, case: Case, variables: Variables, known: Known) -> list[str]:
     """That what a member samples at by itself, a parameter of it, does not divide its communication step."""
     from twin.scenario import members
 
     spec = case.members[name]
     if spec.component.endswith(".fmu"):
         return []
-    made = members.component_of(spec)
-    key = (catalog.component(made) if isinstance(made, str) else made).samples_at
+    key = known.samples_at(spec)
     if not key:
         return []
     values, problems = spec.values(name, variables)

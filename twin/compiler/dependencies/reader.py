@@ -8,6 +8,7 @@ from types import FunctionType
 
 from twin.compiler.dependencies.flows import LOCAL, RESULT, own
 from twin.compiler.resolve import Source
+from twin.compiler.tree import walk
 from twin.dataclass import dataclass
 
 
@@ -43,13 +44,13 @@ class Reader:
     def reads(self, node: ast.AST) -> set[str]:
         """All variables and local names in an expression, and results of helpers that get the component."""
         found: set[str] = set()
-        owners = {id(n.value) for n in ast.walk(node) if isinstance(n, ast.Attribute)}
-        for call in (n for n in ast.walk(node) if isinstance(n, ast.Call)):
+        owners = {id(n.value) for n in walk(node) if isinstance(n, ast.Attribute)}
+        for call in (n for n in walk(node) if isinstance(n, ast.Call)):
             place = self.whole(call)
             if place is not None:
                 owners.add(id(call.args[place]))
                 found.add(own(RESULT, self.helper(call).__name__))
-        for part in ast.walk(node):
+        for part in walk(node):
             if isinstance(part, ast.Attribute) or (isinstance(part, ast.Name) and id(part) not in owners):
                 name = self.name(part)
                 if name:

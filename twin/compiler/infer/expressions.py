@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from twin.compiler.infer.static import NotStaticError, Static
+from twin.compiler.tree import walk
 from twin.compiler.types import (
     BOOLEAN,
     COMPUTED,
@@ -263,7 +264,7 @@ class Expressions(Static):
 
     def has_effect(self, node: ast.AST) -> bool:
         """Whether an expression calls a function that does more than compute."""
-        for one in ast.walk(node):
+        for one in walk(node):
             called = self.function.calls.get(id(one))
             if called is not None and called.acts:
                 return True

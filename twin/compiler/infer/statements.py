@@ -10,6 +10,7 @@ from twin.compiler.infer.expressions import FORBIDDEN, element
 from twin.compiler.infer.program import Function, Program
 from twin.compiler.infer.static import NotStaticError
 from twin.compiler.resolve import TranslationError
+from twin.compiler.tree import walk
 from twin.compiler.types import (
     INTEGER,
     NOTHING,
@@ -61,7 +62,7 @@ class Inference(Calls):
             return  # what is not known follows from them
         if isinstance(function.result, Unknown):
             function.result = NOTHING
-        for node in ast.walk(self.source.tree):
+        for node in walk(self.source.tree):
             if isinstance(function.types.get(id(node)), Unknown):
                 raise self.error(node, "is used before it has a value", "Set it first")
         end = self.source.tree.body
@@ -80,7 +81,7 @@ class Inference(Calls):
                 known(self, statement)
             except TranslationError as error:
                 self.program.problems[str(error)] = None
-                for node in ast.walk(statement):
+                for node in walk(statement):
                     if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
                         self.function.locals.setdefault(node.id, UNKNOWN)
 
@@ -253,7 +254,7 @@ def returns(statements: list[ast.stmt]) -> bool:
     if isinstance(last, ast.If):
         return returns(last.body) and returns(last.orelse)
     if isinstance(last, ast.While):
-        leaves = any(isinstance(one, ast.Break) for one in ast.walk(last))
+        leaves = any(isinstance(one, ast.Break) for one in walk(last))
         return isinstance(last.test, ast.Constant) and bool(last.test.value) and not leaves
     return isinstance(last, ast.Return)
 

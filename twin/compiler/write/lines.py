@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from twin.compiler.infer import Function, Program
 from twin.compiler.structs import WIDTH
+from twin.compiler.tree import walk
 from twin.compiler.types import Array, Known, Record, Type
 from twin.compiler.words import Word
 from twin.compiler.write.code import Code, wrapped
@@ -71,14 +72,14 @@ class Lines(Signs):
 
     def needs_order(self, nodes: Sequence[ast.expr]) -> bool:
         """Whether a call with an effect meets another call or a read of memory that is not its argument."""
-        calls = [n for one in nodes for n in ast.walk(one) if id(n) in self.function.calls and self._acts(n)]
+        calls = [n for one in nodes for n in walk(one) if id(n) in self.function.calls and self._acts(n)]
         if not calls:
             return False
         if len(calls) > 1:
             return True
-        own = {id(n) for n in ast.walk(calls[0])}
+        own = {id(n) for n in walk(calls[0])}
         for one in nodes:
-            for n in ast.walk(one):
+            for n in walk(one):
                 called = self.function.calls.get(id(n))
                 is_read = (isinstance(n, ast.Attribute | ast.Subscript) and isinstance(n.ctx, ast.Load)) or (
                     called is not None and self._reads(called)
@@ -99,4 +100,4 @@ class Lines(Signs):
 
     def _reads_between(self, call: ast.AST) -> bool:
         """Whether an argument of a call with an effect is itself one."""
-        return any(id(n) in self.function.calls and self._acts(n) for n in ast.walk(call) if n is not call)
+        return any(id(n) in self.function.calls and self._acts(n) for n in walk(call) if n is not call)

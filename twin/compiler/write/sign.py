@@ -6,6 +6,7 @@ import ast
 from typing import TYPE_CHECKING
 
 from twin.compiler.infer import Function, Inference, NotStaticError, Program, is_range
+from twin.compiler.tree import walk
 
 if TYPE_CHECKING:
     from twin.compiler.resolve import Source
@@ -24,7 +25,7 @@ class Signs:
     def _nonnegative_names(self) -> set[str]:
         """Local whole numbers that are never negative: all they are set to is not, given that the others are not."""
         values: dict[str, list[ast.expr | None]] = {}
-        for node in ast.walk(self.source.tree):
+        for node in walk(self.source.tree):
             if isinstance(node, ast.Assign):
                 for target in node.targets:
                     if isinstance(target, ast.Name):
@@ -56,7 +57,7 @@ class Signs:
 
     def tell_callees(self) -> None:
         """Take from the functions called here the arguments that may be negative."""
-        for node in ast.walk(self.source.tree):
+        for node in walk(self.source.tree):
             called = self.function.calls.get(id(node))
             if isinstance(called, Function):
                 for name, one in zip(called.source.parameters, self.function.bound[id(node)], strict=True):
@@ -100,4 +101,4 @@ class Signs:
 
 def names_of(node: ast.AST) -> set[str]:
     """All names in a target."""
-    return {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
+    return {n.id for n in walk(node) if isinstance(n, ast.Name)}

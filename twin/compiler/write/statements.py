@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from twin.compiler.infer import Function, NotStaticError, Program, element, is_range
 from twin.compiler.locals import Finder, Places
 from twin.compiler.structs import SIZES, block_comment, clean
+from twin.compiler.tree import walk
 from twin.compiler.types import BOOLEAN, COMPUTED, INTEGER, REAL, Array, Known, Nothing, Tuple, Type
 from twin.compiler.write.calls import Calls
 from twin.compiler.write.code import ATOM, BREAK, SHIFT, UNARY, Code, local_name, wrapped
@@ -24,7 +25,7 @@ class Writer(Calls):
 
     def __init__(self, needs: Needs, program: Program, function: Function) -> None:
         super().__init__(needs, program, function)
-        loops = (node for node in ast.walk(self.source.tree) if isinstance(node, ast.For))
+        loops = (node for node in walk(self.source.tree) if isinstance(node, ast.For))
         ranges = {id(node) for node in loops if is_range(node.iter, self.source)}
         self.places: Places = Finder(self.source.tree, self.source.parameters, ranges).find()
         self.last_line = 0
@@ -75,7 +76,7 @@ class Writer(Calls):
         return [f"/* {lines[0]}", *(f"   {line}".rstrip() for line in lines[1:]), f"   ({place}) */"]
 
     def _unused_parameters(self) -> None:
-        used = {n.id for n in ast.walk(self.source.tree) if isinstance(n, ast.Name)}
+        used = {n.id for n in walk(self.source.tree) if isinstance(n, ast.Name)}
         for name, kind in zip(self.source.parameters, self.function.arguments, strict=True):
             if name not in used and not isinstance(kind, Known):
                 self.emit(f"(void){local_name(name)};")
@@ -146,9 +147,9 @@ class Writer(Calls):
 
     def assign_each(self, targets: list[ast.expr], values: list[ast.expr], node: ast.stmt) -> None:
         """Several to several: through names of their own where a value reads what was set before it."""
-        names = {n.id for target in targets for n in ast.walk(target) if isinstance(n, ast.Name)}
+        names = {n.id for target in targets for n in walk(target) if isinstance(n, ast.Name)}
         plain = all(isinstance(target, ast.Name) for target in targets)
-        crossed = any(isinstance(n, ast.Name) and n.id in names for value in values[1:] for n in ast.walk(value))
+        crossed = any(isinstance(n, ast.Name) and n.id in names for value in values[1:] for n in walk(value))
         if plain and not crossed:
             for target, value in zip(targets, values, strict=True):
                 self.store(target, self.expression(value), self.type(value), node)
@@ -288,9 +289,9 @@ class Writer(Calls):
         try:
             self.inference.static(node)
         except NotStaticError:
-            changed = {n.id for n in ast.walk(loop) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+            changed = {n.id for n in walk(loop) if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
             simple = (ast.Name, ast.Constant, ast.BinOp, ast.UnaryOp, ast.operator, ast.unaryop, ast.expr_context)
-            parts = list(ast.walk(node))
+            parts = list(walk(node))
             names = {n.id for n in parts if isinstance(n, ast.Name)}
             return all(isinstance(one, simple) for one in parts) and not names & changed
         return True
