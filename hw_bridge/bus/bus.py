@@ -75,17 +75,22 @@ class Bus:
 
     def advance(self, time: int) -> None:
         """Let everything on the bus happen until `time` [ns]."""
+        agenda = self.agenda
         while True:
-            stations = [port.station for port in self._ports]
-            wishes = [station.next_time() for station in stations]
-            due = min([self.agenda.next_time(), *wishes])
+            due = agenda.next_time()
+            ready: list[Station] = []  # that want to be advanced then
+            for port in self._ports:
+                wish = port.station.next_time()
+                if wish < due:
+                    due, ready = wish, [port.station]
+                elif wish == due:
+                    ready.append(port.station)
             if due > time:
                 break
-            self.agenda.advance(due)
-            for station, wish in zip(stations, wishes, strict=True):
-                if wish <= due:
-                    station.advance(due)
-        self.agenda.advance(time)
+            agenda.advance(due)
+            for station in ready:
+                station.advance(due)
+        agenda.advance(time)
         for port in self._ports:
             port.station.advance(time)
 
