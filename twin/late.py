@@ -8,7 +8,7 @@ import threading
 import time
 from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -31,6 +31,8 @@ def names(package: str, places: Mapping[str, str]) -> Callable[[str], Any]:
 
     return __getattr__
 
+
+T = TypeVar("T")
 
 SWITCH = 0.5e-3  # [s] after which who works beside lets the others go on
 
@@ -65,15 +67,47 @@ def beside(*tasks: Callable[[], object], at_once: bool = True) -> Iterator[Calla
         sys.setswitchinterval(interval)
 
 
-def ahead(*modules: str, after: float = 0.0) -> AbstractContextManager[Callable[[], None]]:
+def ahead(
+    *modules: str, then: Callable[[], object] | None = None, after: float = 0.0
+) -> AbstractContextManager[Callable[[], None]]:
     """Import modules beside, once what this gives is called, and `after` seconds; whoever needs one that fails is told then.
 
-    To load a library keeps all of Python waiting: so not before native code runs for longer than that.
+    To load a library keeps all of Python waiting: so not before native code runs for longer than that. `then`: what to do
+    with them; not again where they were there already.
     """
 
-    def take(name: str) -> None:
+    def take(what: Callable[[], object]) -> None:
         with suppress(ImportError):
-            importlib.import_module(name)
+            what()
 
-    wanted = [partial(take, name) for name in modules if name not in sys.modules]
-    return beside(*([partial(time.sleep, after)] if wanted else []), *wanted, at_once=False)
+    wanted: list[Callable[[], object]] = [
+        partial(importlib.import_module, name) for name in modules if name not in sys.modules
+    ]
+    if wanted and then is not None:
+        wanted.append(then)
+    if wanted:
+        wanted.insert(0, partial(time.sleep, after))
+    return beside(*(partial(take, one) for one in wanted), at_once=False)
+
+
+def meanwhile(task: Callable[[], object], here: Callable[[], T]) -> T:
+    """What `here` gives, while `task` is done on another core, both to their ends; what fails is raised, the task's first."""
+    ended: list[BaseException | None] = []
+
+    def work() -> None:
+        try:
+            task()
+        except BaseException as error:
+            ended.append(error)
+        else:
+            ended.append(None)
+
+    try:
+        with beside(work):
+            result = here()
+    finally:
+        if not ended:  # there was no memory for it
+            work()
+        if ended[0] is not None:
+            raise ended[0]
+    return result

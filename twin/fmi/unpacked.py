@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 TAG = sys.implementation.cache_tag  # of what `marshal` writes, as for Python's own kept modules
 HASH = 32  # byte
 TUPLE = -1
+NESTED = (tuple, list, dict)
 KINDS: tuple[type[Any], ...] = (  # what a description is made of
     *(model.Model, model.Declared, model.DeclaredType, model.Dimension, model.DeclaredUnit, model.Continuous),
     *(clocks.Clocks, clocks.Clock, TerminalMember),
@@ -205,7 +206,7 @@ def packed(value: Any) -> Any:
 def restored(told: Any) -> Any:
     """What was packed."""
     if isinstance(told, tuple):
-        content = [restored(one) for one in told[1:]]
+        content = [restored(one) if type(one) in NESTED else one for one in told[1:]]
         return tuple(content) if told[0] == TUPLE else KINDS[told[0]](*content)
     if isinstance(told, list):
         return [restored(one) for one in told]

@@ -3,7 +3,7 @@
 from typing import TYPE_CHECKING
 
 from twin import late
-from twin.results import dimension, expression, marks, recording, rows, signals
+from twin.results import arrow, dimension, expression, marks, recording, rows, signals
 from twin.results.analysis import Analysis
 from twin.results.expression import Expression
 from twin.results.failing import Failure, failures
@@ -43,6 +43,7 @@ __all__ = [
     "Signals",
     "Stream",
     "Window",
+    "arrow",
     "calibration",
     "coherent",
     "column_of",

@@ -119,7 +119,6 @@ class SignalFile:
 
     def __init__(self, path: Path, columns: Iterable[Column], about: Mapping[str, str]) -> None:
         import pyarrow as pa
-        from pyarrow._parquet import ParquetWriter
 
         self.columns = flat(columns)
         fields = [
@@ -133,10 +132,7 @@ class SignalFile:
                 pa.field(one.label, pa.from_numpy_dtype(one.dtype), metadata={k: v for k, v in notes.items() if v})
             )
         self.schema = pa.schema(fields, {"project": f"catheter-twin {twin.__version__}", **about})
-        # dictionaries of doubles that hardly repeat take up to half of the time to write, and save little room or none
-        self.writer = ParquetWriter(
-            str(path), self.schema, compression="zstd", use_dictionary=["variant"], writer_engine_version="V2"
-        )
+        self.writer = arrow.writer(str(path), self.schema, words=("variant",))
 
     def write(self, variant: str, seed: int, signals: Signals) -> None:
         """Append what one case recorded, complete or not."""

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
+from twin import late
 from twin.component import catalog
 from twin.errors import SimulationError
 from twin.results import Journal, evaluate
@@ -22,10 +24,10 @@ def finish(outcome: Outcome, cases: Sequence[Case], report: bool, hardware: Hard
     """Write the folder, then remove the recording; SimulationError if the disk does not let it, the recording stays."""
     scenario, about = outcome.scenario, outcome.run
     try:
-        write_signals(outcome)
-        outcome.evaluation = evaluate(
-            scenario.metrics, scenario.expectations, outcome.tables, scenario.paper_applies, outcome.endings
+        judge = partial(
+            evaluate, scenario.metrics, scenario.expectations, outcome.tables, scenario.paper_applies, outcome.endings
         )
+        outcome.evaluation = late.meanwhile(partial(write_signals, outcome), judge)
         if hardware is not None:
             about.extra = {**about.extra, "hardware": hardware.report()}
             note(about, hardware.notes())

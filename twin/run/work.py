@@ -20,7 +20,7 @@ from twin.coupling import Ring
 from twin.dataclass import dataclass
 from twin.errors import ScenarioError, TwinError, nearest
 from twin.process import Lines, Link, Stop
-from twin.results import Ending, Journal, plain_column
+from twin.results import Ending, Journal, arrow, plain_column
 from twin.results import recording as results
 from twin.results import stream as streams
 from twin.run.cases import (
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     from twin.coupling import Catalog, CoSimulation
     from twin.scenario import Case, Checked, Scenario
 
-WRITERS = ("pyarrow._parquet",)  # what the end needs, imported while the loop runs
+WRITERS = ("pyarrow._parquet", "shutil")  # what the end needs, imported while the loop runs
 STRIDE = 0.02  # [s] that the loop's first calls take, before one lasts as long as loading a library
 LOG = "log.txt"
 ABOUT = ("name", "title", "source", "description", "path", "step_ns", "algorithm")  # of a run, as they are
@@ -229,7 +229,7 @@ class Work:
             begin = time.perf_counter()
             try:
                 modules = self.needed if self.hardware is None else ()
-                with self.stop.armed(), late.ahead(*modules, after=STRIDE) as self.begin_ahead:
+                with self.stop.armed(), late.ahead(*modules, then=arrow.wake, after=STRIDE) as self.begin_ahead:
                     self.course(case, simulated, self.told)
             finally:
                 took = time.perf_counter() - begin
