@@ -105,17 +105,18 @@ def variable(
         by = " x ".join(map(str, shape))
         raise FMUError(f"{where}: {declared.name} has {by} elements, more than {LARGEST}. Use a smaller size.")
     common = declared.common
+    start = plain(kind, shape, declared.start)
     bare = MemberVariable(
         declared.name, declared.causality, declared.variability, kind, dtype, shape,
         declared.unit or common.unit, declared.display_unit or common.display_unit,
-        None, declared.description or common.description,
+        start, declared.description or common.description,
         depends.get(declared.alias_of or declared.name) if declared.causality == "output" else (),
         (declared.reference,),
         "" if declared.variability == "constant" else declared.initial, tuple(items(declared, where).items()),
         bound(declared, "min", declared.minimum or common.minimum, where),
         bound(declared, "max", declared.maximum or common.maximum, where), terminals,
     )  # fmt: skip
-    return with_start(bare, declared.start, where)
+    return bare if start is not None else with_start(bare, declared.start, where)
 
 
 def bound(declared: Declared, side: str, text: str | None, where: str) -> float | None:
@@ -124,6 +125,17 @@ def bound(declared: Declared, side: str, text: str | None, where: str) -> float 
         return None if text is None else float(text)
     except ValueError:
         raise FMUError(f"{where}: {declared.name} has {side}={text!r}, expected a number.") from None
+
+
+def plain(kind: str, shape: tuple[int, ...], text: str | None) -> Any:
+    """The start value of real numbers, as nearly all are; None: somebody has to look closer, and say what is wrong."""
+    if kind != "Float64" or text is None:
+        return None
+    try:
+        numbers = [float(part) for part in (text.split() if shape else (text,))]
+    except ValueError:
+        return None
+    return np.array(numbers, np.float64).reshape(shape)[()] if len(numbers) == math.prod(shape) else None
 
 
 def with_start(bare: MemberVariable, text: str | None, where: str) -> MemberVariable:

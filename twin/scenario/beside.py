@@ -151,7 +151,7 @@ def apart(record: Node, taken_apart: AbstractSet[str], catalog: Catalog) -> Node
     items = []
     for one in patterns.items:
         text = str(one.value)
-        found = set(matching(text, catalog)) if "*" in text else {text}
+        found = set(matching(catalog, text)) if "*" in text else {text}
         if found - taken_apart:
             items.append(one)
         if found & taken_apart:

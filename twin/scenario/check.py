@@ -250,7 +250,7 @@ def problem_of(name: str, index: tuple[int, ...], catalog: Catalog) -> str:
     """Why a signal or pattern names nothing that can be recorded, or nothing."""
     try:
         if "*" in name:
-            return "" if matching(name, catalog) else f"{name} matches no variable. Write member.* or member.variable."
+            return "" if matching(catalog, name) else f"{name} matches no variable. Write member.* or member.variable."
         variable, _ = find(name, catalog)
         if index and not inside(index, variable.shape):
             return no_element(name, index, variable)

@@ -56,14 +56,16 @@ def find(reference: str, catalog: Catalog) -> tuple[MemberVariable, tuple[int, .
     return replace(variable, shape=()), index
 
 
-def matching(pattern: str, catalog: Catalog) -> list[str]:
-    """All that a pattern with `*` means: everything that can be recorded but parameters."""
-    expression = re.compile(".*".join(re.escape(part) for part in pattern.split("*")))
+def matching(catalog: Catalog, *patterns: str) -> list[str]:
+    """All that patterns with `*` mean: everything that can be recorded but parameters."""
+    if not patterns:
+        return []
+    expression = re.compile("|".join(".*".join(map(re.escape, one.split("*"))) for one in patterns))
     return [
-        f"{member}.{name}"
+        path
         for member, variables in catalog.items()
         for name, variable in variables.items()
-        if variable.connectable
+        if expression.fullmatch(path := f"{member}.{name}")
+        and variable.connectable
         and not variable.causality.endswith(("arameter", "independent"))
-        and expression.fullmatch(f"{member}.{name}")
     ]

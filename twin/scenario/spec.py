@@ -179,11 +179,9 @@ class RecordSpec:
 
     def select(self, catalog: Catalog) -> list[str]:
         """`member.variable` of everything to record, arrays whole, in the order of members and variables."""
-        wanted: set[str] = set()
-        for name in (*self.patterns, *self.needed):
-            if "*" in name:
-                wanted.update(matching(name, catalog))
-                continue
+        names = (*self.patterns, *self.needed)
+        wanted = set(matching(catalog, *(name for name in names if "*" in name)))
+        for name in (name for name in names if "*" not in name):
             try:
                 variable, _ = find(name, catalog)
             except CouplingError:
