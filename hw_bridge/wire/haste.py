@@ -37,7 +37,7 @@ class Haste:
 
     def __init__(self, priority: int) -> None:
         self._collecting = gc.isenabled()
-        gc.collect()
+        gc.collect(1)  # what is new; to look at all there is may take a quarter of a second, with drives on the bus
         gc.disable()  # its pauses are longer than a cycle
         self.real_time = hasten(priority)
         self.locked = False

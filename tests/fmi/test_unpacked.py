@@ -1,7 +1,9 @@
 """FMUs of ours are kept unpacked: a run opens no archive, and what is damaged or of another engine is made anew."""
 
+import gc
 import shutil
 import sys
+import weakref
 import zipfile
 
 import numpy as np
@@ -125,3 +127,13 @@ def test_replaced_by_another(fmu, tmp_path):
 def test_no_place_to_keep_it(fmu):
     (fmu.parents[1] / "unpacked").write_text("a file")
     np.testing.assert_equal(course(fmu), course(fmu))
+
+
+@pytest.mark.parametrize("ours", [True, False])
+def test_what_nobody_uses_any_more_is_forgotten(fmu, ours):
+    with unpacked.share(fmu, ours=ours) as first, unpacked.share(fmu, ours=ours) as second:
+        assert first is second
+        seen = weakref.ref(first)
+    del first, second
+    gc.collect()
+    assert seen() is None

@@ -65,7 +65,11 @@ class Unpacked:
     def close(self) -> None:
         """Remove the folder when its last user has closed it. Safe to call once too often."""
         self.users -= 1
-        if self.users <= 0 and self.temporary is not None and self.process == os.getpid():
+        if self.users > 0:
+            return
+        for key in [key for key, one in list(_open.items()) if one is self]:
+            del _open[key]  # nor is what its description says kept in memory
+        if self.temporary is not None and self.process == os.getpid():
             self.temporary.cleanup()
             self.temporary = None
 
