@@ -6,8 +6,8 @@
 A process runs the command line as it is, notes the time on the way and ends at the first step:
 
 interpreter   until Python has started
-imports       of all that the command imports before the first step
-scenario      reading, merging and checking the file, looking up the components
+imports       reading the command line, the process that works, of all that it imports before it reads the scenario
+scenario      finding that nothing has changed, or reading, merging and checking the file and looking up the components
 members       opening the FMUs, coupling, InitializationMode, the compiled loop
 
 `whole_run` is the whole command with the 22 s of the scenario, results and metrics and no report; `outside` is that
@@ -44,25 +44,35 @@ PACKAGES = 5
 def run_until_first_step(begin: float, arguments: list[str]) -> None:
     """The command line with the times of its phases printed at the first step, where the process ends."""
     marks = [begin, time.monotonic()]
+    import twin.cli
     import twin.cli.run
-    import twin.fmi.importer
-    import twin.run.work
-    from twin.coupling import CoSimulation
 
-    marks.append(time.monotonic())
-    simulation = twin.run.work.simulation
+    read = twin.cli.run.read
 
-    def noted(*given, **named):
+    def mark() -> None:
         marks.append(time.monotonic())
-        return simulation(*given, **named)
 
     def first_step(*_given, **_named):
-        marks.append(time.monotonic())
+        mark()
         print(json.dumps([after - before for before, after in itertools.pairwise(marks)]), flush=True)
         sys.exit(0)
 
-    twin.run.work.simulation = noted
-    CoSimulation.advance = first_step  # type: ignore[method-assign]
+    def noted_read(*given):
+        mark()
+        import twin.run.work
+        from twin.coupling import CoSimulation
+
+        simulation = twin.run.work.simulation
+
+        def noted(*given, **named):
+            mark()
+            return simulation(*given, **named)
+
+        twin.run.work.simulation = noted
+        CoSimulation.advance = first_step  # type: ignore[method-assign]
+        return read(*given)
+
+    twin.cli.run.read = noted_read
     sys.argv = ["twin", *arguments]
     twin.cli.main()
 
