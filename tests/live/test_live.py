@@ -351,7 +351,8 @@ def test_at_rest_within_a_fifth_of_a_second(start, build, tmp_path):
             time.sleep(0.033)
         until(lambda: not live.state.held, "rest")
         rest = live.state.time
-        until(lambda rest=rest: live.state.time > rest + 0.05, "a part at rest")  # else the next press follows without one
+        # else the next press follows without a part at rest between
+        until(lambda rest=rest: live.state.time > rest + 0.05, "a part at rest")
     recorded = table(live.stop())
     ends = recorded["time"][1:][np.diff(recorded[SPEED]) < -0.005]
     assert len(ends) == 5
