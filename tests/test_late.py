@@ -62,3 +62,17 @@ def test_modules_are_imported_ahead_once_and_what_is_to_follow_follows(tmp_path,
     with late.ahead("not_there_at_all", then=then):
         pass
     assert found == [True], "nobody has begun it"
+
+
+def test_what_is_over_before_it_is_due_is_not_waited_for(monkeypatch):
+    waited = []
+    wait = threading.Event.wait
+
+    def noted(self, timeout=None):
+        waited.append((timeout, wait(self, 60.0 if timeout == 3600.0 else timeout)))
+        return waited[-1][1]
+
+    monkeypatch.setattr(threading.Event, "wait", noted)
+    with late.ahead("not_there_at_all", after=3600.0) as begin:
+        begin()
+    assert (3600.0, True) in waited, "it ended by the end of what was done here"

@@ -5,8 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 import threading
-import time
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -67,13 +66,12 @@ def beside(*tasks: Callable[[], object], at_once: bool = True) -> Iterator[Calla
         sys.setswitchinterval(interval)
 
 
-def ahead(
-    *modules: str, then: Callable[[], object] | None = None, after: float = 0.0
-) -> AbstractContextManager[Callable[[], None]]:
+@contextmanager
+def ahead(*modules: str, then: Callable[[], object] | None = None, after: float = 0.0) -> Iterator[Callable[[], None]]:
     """Import modules beside, once what this gives is called, and `after` seconds; whoever needs one that fails is told then.
 
-    To load a library keeps all of Python waiting: so not before native code runs for longer than that. `then`: what to do
-    with them; not again where they were there already.
+    To load a library keeps all of Python waiting: so not before native code runs for longer than that, or has ended. `then`:
+    what to do with them; not again where they were there already.
     """
 
     def take(what: Callable[[], object]) -> None:
@@ -85,9 +83,14 @@ def ahead(
     ]
     if wanted and then is not None:
         wanted.append(then)
+    over = threading.Event()
     if wanted:
-        wanted.insert(0, partial(time.sleep, after))
-    return beside(*(partial(take, one) for one in wanted), at_once=False)
+        wanted.insert(0, partial(over.wait, after))
+    with beside(*(partial(take, one) for one in wanted), at_once=False) as begin:
+        try:
+            yield begin
+        finally:
+            over.set()
 
 
 def meanwhile(task: Callable[[], object], here: Callable[[], T]) -> T:
