@@ -79,8 +79,9 @@ def run_until_first_step(begin: float, arguments: list[str]) -> None:
 
 def phases(folder: str) -> list[float]:
     """Times of the phases of one process [s]."""
-    command = [sys.executable, "-m", "benchmarks.startup", str(time.monotonic()), *ARGUMENTS, folder]
-    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    with tempfile.TemporaryDirectory(dir=folder) as runs:  # the next process would finish what this one leaves
+        command = [sys.executable, "-m", "benchmarks.startup", str(time.monotonic()), *ARGUMENTS, runs]
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
     return list(json.loads(done.stdout.splitlines()[-1]))
 
 
@@ -95,7 +96,8 @@ def whole(folder: str) -> tuple[float, float]:
 def packages(folder: str) -> Counter[str]:
     """Time by top-level package until the first step [us]."""
     command = [sys.executable, "-X", "importtime", "-m", "benchmarks.startup", str(time.monotonic())]
-    done = subprocess.run([*command, *ARGUMENTS, folder], check=True, capture_output=True, text=True)
+    with tempfile.TemporaryDirectory(dir=folder) as runs:
+        done = subprocess.run([*command, *ARGUMENTS, runs], check=True, capture_output=True, text=True)
     result: Counter[str] = Counter()
     for line in done.stderr.splitlines():
         fields = line.removeprefix("import time:").split("|")
