@@ -75,7 +75,7 @@ def ahead(*modules: str, then: Callable[[], object] | None = None, after: float 
     """
 
     def take(what: Callable[[], object]) -> None:
-        with suppress(ImportError):
+        with suppress(Exception):
             what()
 
     wanted: list[Callable[[], object]] = [

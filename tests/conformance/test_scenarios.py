@@ -31,7 +31,7 @@ FAST = {  # seeds and variants that run at once, all of them as a slow test; eac
     "hysteresis_identification": (("seeds=[1]",), ("uncompensated", "compensated")),  # fits for seconds: see below
     "best_gains": (("seeds=[1]",), ("PI", "PI+FF+BW", "worst corner")),
     "in_vivo_navigation": ((), ("live",)),  # both rigs for 30 s; the others take 72 s
-    "contact_force": ((), ("PI+FF+BW", "BW, no friction")),
+    "contact_force": ((), ("PI", "PI+FF+BW", "no friction", "BW, no friction")),
     "failures": (
         (),
         (

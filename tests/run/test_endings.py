@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from twin.errors import TwinError
 from twin.results import Signals, stream
 from twin.results.recording import read_signals
 from twin.results.reduction import REDUCE
-from twin.results.rows import Column
+from twin.results.rows import Column, Rows
 from twin.run import recover, run_scenario
 from twin.scenario import Form, parse_scenario
 
@@ -227,9 +228,17 @@ def test_a_recording_that_is_larger_than_memory(tmp_path, build, monkeypatch):
     monkeypatch.setattr(stream, "LARGE", 0)
     monkeypatch.setattr(stream, "SLICE", 700)
     monkeypatch.setattr(Column, "__array__", None)  # nobody asks for a whole column
+    read, readers = Rows.read, set()
+
+    def noted(rows, begin, end):
+        readers.add(threading.current_thread())
+        return read(rows, begin, end)
+
+    monkeypatch.setattr(Rows, "read", noted)
     parts = run_scenario(scenario, Form.compiled, root=tmp_path / "b", build=build)
     one, other = (read_signals(run.folder / "signals.parquet")[0]["base", 0] for run in (whole, parts))
     assert len(one.time) == 51
+    assert len(readers) == 1, "two would take the slice at hand from each other, and read the file for each column"
     assert list(one.values) == list(other.values)
     assert all((one.values[name] == other.values[name]).all() for name in one.values)
     assert parts.evaluation.outcomes == whole.evaluation.outcomes

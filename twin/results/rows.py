@@ -82,14 +82,13 @@ class Rows:
 
     def read(self, begin: int, end: int) -> Array:
         """Rows of words; those read last are at hand."""
-        block = self._block
-        if (begin, end) != block[:2]:
+        if (begin, end) != self._block[:2]:
             size = self.width * max(0, end - begin)
             words = (
                 np.fromfile(self.file, np.int64, size, offset=WORD * self.width * begin) if size else np.zeros(0, int)
             )
-            self._block = block = begin, end, words.reshape(-1, self.width)  # as one: two threads may read
-        return block[2]
+            self._block = begin, end, words.reshape(-1, self.width)
+        return self._block[2]
 
 
 class Column:

@@ -53,6 +53,11 @@ class Signals:
     complete: bool = True
     display_units: Mapping[str, str] = field(default_factory=dict)  # where they are others
 
+    @property
+    def is_large(self) -> bool:
+        """Whether it is in its file, of which one slice at a time is at hand: for one reader."""
+        return isinstance(self.time, rows.Column)
+
     def parts(self) -> Iterator[Signals]:
         """The same in parts that fit into memory, one after the other; most are one part."""
         if not isinstance(self.time, rows.Column):
