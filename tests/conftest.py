@@ -56,9 +56,8 @@ ORDER = (
     "fmi/test_calls.py",
 )
 BY_CASE = ("conformance/", "test_docs.py")
-ALIKE = {
-    "best_gains": "heart_wall_force"
-}  # made of the same components: what takes seconds to compile is compiled once
+# made of the same components: what takes seconds to compile is compiled once
+ALIKE = {"best_gains": "heart_wall_force", "contact_force": "heart_wall_force"}
 MULTICAST = (
     "hw_bridge/command/test_command.py",
     "hw_bridge/command/test_control.py",

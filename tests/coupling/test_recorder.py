@@ -1,5 +1,6 @@
 """Rows on their way from the loop to a file."""
 
+import contextlib
 import shutil
 
 import numpy as np
@@ -13,12 +14,20 @@ from twin.process import Link, shared
 MS = 1_000_000
 
 
-def ring(folder, file=None):
-    return Ring(Link(), lambda _layout: (file or folder / "rows", folder / "position"))
+@pytest.fixture
+def ring():
+    """Makes rings into the file `rows` of a folder, or another; who drains them ends with the test."""
+    with contextlib.ExitStack() as links:
+
+        def made(folder, file=None):
+            link = links.enter_context(contextlib.closing(Link()))
+            return Ring(link, lambda _layout: (file or folder / "rows", folder / "position"))
+
+        yield made
 
 
 @pytest.mark.parametrize("rows", [4, 5, 64, 1000])
-def test_a_ring_gives_what_memory_gives(build, tmp_path, monkeypatch, rows):
+def test_a_ring_gives_what_memory_gives(build, tmp_path, ring, monkeypatch, rows):
     monkeypatch.setattr(shared, "RING", 16 * rows)
     words = []
     for recorder in (None, ring(tmp_path)):
@@ -30,20 +39,20 @@ def test_a_ring_gives_what_memory_gives(build, tmp_path, monkeypatch, rows):
     assert (tmp_path / "rows").stat().st_size == 301 * 16
 
 
-def test_a_row_that_does_not_fit(build, tmp_path, monkeypatch):
+def test_a_row_that_does_not_fit(build, tmp_path, ring, monkeypatch):
     monkeypatch.setattr(shared, "RING", 48)
     with pytest.raises(CouplingError, match="record: 2 values in a row do not fit into 48 byte"):
         couple(build, {"clock": Clock()}, [], recorder=ring(tmp_path)).initialize(0)
 
 
-def test_a_full_disk(build, tmp_path):
+def test_a_full_disk(build, tmp_path, ring):
     chain = couple(build, {"clock": Clock()}, [], recorder=ring(tmp_path, "/dev/full"))
     chain.initialize(0)
     with pytest.raises(SimulationError, match=r"the recording /dev/full cannot go on .No space left on device"):
         chain.advance(10**15)
 
 
-def test_a_folder_that_disappears(build, tmp_path):
+def test_a_folder_that_disappears(build, tmp_path, ring):
     folder = tmp_path / "run"
     folder.mkdir()
     chain = couple(build, {"clock": Clock()}, [], recorder=ring(folder))

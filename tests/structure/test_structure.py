@@ -51,24 +51,24 @@ def masses(tmp_path):
     return path
 
 
-def described(path, *overrides):
+def described(path, build, *overrides):
     scenario = load_scenario(path, overrides)
     case = scenario.cases((), ())[0]
-    simulated = simulation(case, prepare(scenario)[case.variant], Form.interpreted, path.parent / "build")
+    simulated = simulation(case, prepare(scenario)[case.variant], Form.interpreted, build)
     try:
         return structure_of(case, simulated)
     finally:
         simulated.terminate()
 
 
-def test_order_delays_and_feedthrough(masses):
-    jacobi = described(masses)
+def test_order_delays_and_feedthrough(masses, build):
+    jacobi = described(masses, build)
     assert [part.place for part in jacobi.parts] == [1, 1]
     assert [wire.delay for wire in jacobi.wires] == ["10 ms", "10 ms"]
     assert jacobi.parts[0].feedthrough == (("force", ("other",)),)
     assert jacobi.parts[1].feedthrough == ()
     assert jacobi.told == "jacobi, communication step 10 ms. Values are used 10 ms late."
-    sequence = described(masses, "algorithm=gauss_seidel")
+    sequence = described(masses, build, "algorithm=gauss_seidel")
     assert [(wire.source, wire.delay) for wire in sequence.wires] == [
         ("a", "10 ms"),
         ("b", "0 s"),
@@ -76,13 +76,13 @@ def test_order_delays_and_feedthrough(masses):
     assert [part.place for part in sequence.parts] == [2, 1]
 
 
-def test_a_loop_at_one_instant_is_told(tmp_path):
+def test_a_loop_at_one_instant_is_told(tmp_path, build):
     path = tmp_path / "s.yaml"
     path.write_text(
         "stop_time: 1 s\nmembers: {a: {component: 'tests.coupling.parts:Gain'}, b: {component: 'tests.coupling.parts:Gain'}}\n"
         "connections: [a.y -> b.u, b.y -> a.u]\n"
     )
-    found = described(path)
+    found = described(path, build)
     assert [set(loop) for loop in found.loops] == [{"a.y", "b.y"}]
     assert "Depend on each other at one instant: " in found.told
 
@@ -98,8 +98,8 @@ def test_the_picture_names_what_differs(masses, tmp_path):
     assert done.output.splitlines()[-1] == str(target)
 
 
-def test_rows_of_terminals_are_one():
-    found = described(Path("scenarios/racs.yaml"))
+def test_rows_of_terminals_are_one(build):
+    found = described(Path("scenarios/racs.yaml"), build)
     (wire,) = (one for one in found.wires if (one.source, one.target) == ("sleeve_1", "instrument"))
     assert (wire.values, wire.texts) == (5, ["sleeve_1.grip → instrument.grip[1]"])
     (slow,) = (part for part in found.parts if part.period != found.step)
@@ -171,10 +171,10 @@ def analytic(step: float) -> float:
 
 
 @pytest.mark.parametrize("step", [1e-3, 5e-3, 2e-2])
-def test_growth_is_that_of_the_exact_map(masses, step):
+def test_growth_is_that_of_the_exact_map(masses, step, build):
     scenario = load_scenario(masses, [f"step={step} s"])
     case = scenario.cases((), ())[0]
-    simulated = simulation(case, prepare(scenario)["base"], Form.interpreted, masses.parent / "build")
+    simulated = simulation(case, prepare(scenario)["base"], Form.interpreted, build)
     simulated.initialize(0, case.stop_ns)
     before = {key: simulated.value(key) for key in simulated.recorded}
     found = growth(simulated)
