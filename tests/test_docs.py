@@ -93,9 +93,17 @@ def built(build, tmp_path_factory):
     """What was built before; what pages build is shared among them and then forgotten."""
     place = tmp_path_factory.mktemp("docs") / "build"
     if build.exists():
-        shutil.copytree(build, place, copy_function=os.link)  # files there are replaced, never changed
+        shutil.copytree(build, place, copy_function=linked)
     place.mkdir(exist_ok=True)
     return place
+
+
+def linked(source, target):
+    """One more name of a file, for files there are replaced, never changed; a copy if it is on another file system."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copyfile(source, target)
 
 
 def furnish(folder, built, *, short):
