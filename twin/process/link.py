@@ -130,7 +130,8 @@ class Link:
         """Take what is left, and end."""
         self.shut()
         self._end.set()
-        self._drainer = None
+        with self._lock:  # the thread may be between its look at it and its use
+            self._drainer = None
 
 
 class Watched(Link):
