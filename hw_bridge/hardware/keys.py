@@ -11,6 +11,7 @@ from pydantic import BeforeValidator, Field
 
 from hw_bridge.bus import NEVER
 from hw_bridge.fault import Cause, Fault, inject
+from hw_bridge.profiles import DEVICES, MODULES
 from twin.errors import CouplingError
 from twin.scenario import Keys, Period, Reference, Text, Time, nanoseconds, number, reference, short
 
@@ -265,7 +266,7 @@ class NodeKeys(Keys):
     """
 
     node: Annotated[int, Field(strict=True, ge=1, le=126)]
-    profile: Literal["faulhaber_v3", "mclm", "epos4"]
+    profile: Literal[tuple(MODULES)]  # type: ignore[valid-type]
     motor: Literal["profile", "member"] = "profile"
     product: Unsigned32 | None = None
     serial: Unsigned32 | None = None
@@ -297,7 +298,7 @@ class ModuleKeys(Keys):
     """
 
     node: Annotated[int, Field(strict=True, ge=1, le=126)]
-    profile: Literal["cia401"] = "cia401"
+    profile: Literal[tuple(DEVICES)] = "cia401"  # type: ignore[valid-type]
     vendor: Unsigned32 | None = None
     product: Unsigned32 | None = None
     serial: Unsigned32 | None = None

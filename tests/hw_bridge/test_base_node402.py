@@ -70,7 +70,7 @@ def until(condition, seconds=3.0):
 
 def test_homing_velocity_position_and_csp(node, name):
     fine = name != "epos4"  # um instead of increments
-    node.sdo[0x6098].raw = 35 if name == "mclm" else 37
+    node.sdo[0x6098].raw = 37 if 37 in profile(name).homing else 35
     assert node.homing(timeout=3)
     assert node.sdo[0x6064].raw == 0
     node.controlword = 0x0F
