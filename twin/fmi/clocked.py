@@ -272,8 +272,6 @@ class ClockedMember(ClockedFMU):
                 ends = (slot.values.ctypes.data, place) if write else (place, slot.values.ctypes.data)
                 ctypes.memmove(*ends, slot.values.nbytes)
                 place += slot.values.nbytes
-                if write and not self.is_running:
-                    self.move(slot)
             return binary.OK
 
         self._kept.append(machine.ACCESS(self.guarded(moved)))
