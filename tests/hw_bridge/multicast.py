@@ -2,9 +2,15 @@
 
 import os
 import sys
+import time
+from collections.abc import Callable
+from typing import Any
 
 import can
+import canopen
 import pytest
+
+BOOT_TIMEOUT = 30.0  # of a drive in a process of its own on a loaded machine [s]
 
 
 def own(number: int) -> str:
@@ -28,3 +34,41 @@ def needed(group: str, **options: int) -> str:
     except (can.CanError, OSError) as error:
         pytest.skip(f"no multicast: {error}")
     return group
+
+
+def wait_for_frame(
+    bus: can.BusABC, identifier: int, data: bytes = b"", timeout: float = 10.0, request: can.Message | None = None
+) -> can.Message | None:
+    """The next frame with this identifier whose data begin so; None after `timeout` [s], whatever else is received.
+
+    `request` is sent at once and then every 0.2 s until the answer comes. The bus may echo our own frames.
+    """
+    deadline, next_request = time.monotonic() + timeout, time.monotonic()
+    while (now := time.monotonic()) < deadline:
+        if request is not None and now >= next_request:
+            bus.send(request)
+            next_request = now + 0.2
+        message = bus.recv(min(deadline - now, 0.2))
+        if message is not None and message.arbitration_id == identifier and bytes(message.data).startswith(data):
+            return message
+    return None
+
+
+def wait_for_boot(node: Any, timeout: float = BOOT_TIMEOUT) -> None:
+    """Return once a CANopen node answers an SDO request; AssertionError after `timeout` [s]."""
+    deadline = time.monotonic() + timeout
+    while time.monotonic() < deadline:
+        try:
+            node.sdo.upload(0x1000, 0)
+        except canopen.SdoCommunicationError:
+            continue
+        return
+    raise AssertionError(f"node {node.id} did not answer within {timeout} s")
+
+
+def wait_until(condition: Callable[[], bool], timeout: float = 10.0) -> bool:
+    """Whether a condition holds before `timeout` [s] is over; looked at every 10 ms."""
+    deadline = time.monotonic() + timeout
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    return condition()

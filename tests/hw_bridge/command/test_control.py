@@ -18,6 +18,7 @@ from hw_bridge.profiles import profile
 from hw_bridge.wire import Wire
 from hw_bridge.wire.link import Arrival
 from tests.hw_bridge.command.test_command import multicast  # noqa: F401 - a fixture
+from tests.hw_bridge.multicast import BOOT_TIMEOUT, wait_for_frame
 from twin.errors import SimulationError
 
 NODE = 3
@@ -107,20 +108,16 @@ def test_faults_of_a_process(multicast):  # noqa: F811
         port = process.stdout.readline().partition("--control ")[2].partition(".")[0]
         inject = [sys.executable, "-c", "from hw_bridge.command.drive import command; command()", "inject"]
         with can.Bus(channel=channel, interface="udp_multicast") as bus:
-            for _ in range(50):  # a drive that still boots tells no errors
-                bus.send(can.Message(arbitration_id=0x609, data=[0x40, 0, 0x10, 0, 0, 0, 0, 0], is_extended_id=False))
-                if (answer := bus.recv(0.2)) is not None and answer.arbitration_id == 0x589:
-                    break
+            # a drive that still boots sends no error frames
+            asked = can.Message(arbitration_id=0x609, data=[0x40, 0, 0x10, 0, 0, 0, 0, 0], is_extended_id=False)
+            assert wait_for_frame(bus, 0x589, timeout=BOOT_TIMEOUT, request=asked), "the drive does not boot"
             for words, identifier, data in (
                 (["emcy", "--code", "8611h"], 0x089, b"\x11\x86"),
                 (["reset"], 0x709, b"\0"),
             ):
                 done = subprocess.run([*inject, *words, "--control", port], capture_output=True, text=True, check=False)
                 assert (done.returncode, done.stderr) == (0, "")
-                while (message := bus.recv(5.0)) is not None:
-                    if message.arbitration_id == identifier and bytes(message.data).startswith(data):
-                        break
-                assert message is not None, words
+                assert wait_for_frame(bus, identifier, data), words
     finally:
         process.terminate()
         process.communicate(timeout=20)

@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-import time
 
 import canopen
 import pytest
@@ -16,7 +15,7 @@ from hw_bridge.device.storage import LOAD, SAVE
 from hw_bridge.dictionary import Code
 from hw_bridge.profiles import profile
 from tests.hw_bridge.bench import NODE, AbortedError, Bench
-from tests.hw_bridge.multicast import needed, own
+from tests.hw_bridge.multicast import needed, own, wait_for_boot
 from twin.errors import DeclarationError
 
 KEPT = 0x1017  # an object that all profiles have
@@ -171,7 +170,7 @@ def test_two_runs_of_the_process(tmp_path, build):
             process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
             try:
                 assert "node 3" in process.stdout.readline()
-                time.sleep(0.5)  # it boots
+                wait_for_boot(node)
                 found.append(node.sdo[0x6083].raw)
                 if run == 0:
                     node.sdo[0x6083].raw = 777
