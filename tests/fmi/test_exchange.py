@@ -12,6 +12,7 @@ from fmpy.validation import validate_fmu
 
 from tests.fmi.loaded import VERSIONS, Fmu
 from tests.fmi.parts import Failing, Masses, Sampler, Stiff
+from twin import compiler
 from twin.component import Component, PythonComponent, catalog, input, local, output, state
 from twin.errors import DeclarationError
 from twin.fmi import exporter
@@ -275,7 +276,8 @@ def test_flags_and_documentation_say_what_is_offered(fmus, version):
         zipfile.ZipFile(fmus[part, version][0]).read("modelDescription.xml").decode() for part in (Masses, Sampler)
     ]
     assert [text.count(f'providesDirectional{word}="true"') for text in texts] == [2, 0]
-    refused = exporter.plan(Gamma, version).files
+    no_c = compiler.Sources("Gamma", "", "")  # it has a function that cannot become C
+    refused = exporter.plan(Gamma, version, no_c).files
     assert b"<ModelExchange" in refused["modelDescription.xml"]
     assert b"Directional" not in refused["modelDescription.xml"]
     assert "not offered: `gamma(self.u)`" in refused["documentation/index.html"].decode()

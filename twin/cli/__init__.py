@@ -129,6 +129,7 @@ def invoke(command: click.Command, name: str) -> None:
 def called(command: click.Command, name: str) -> int:
     """Run a command to its exit code."""
     try:
+        refuse_bytes(sys.argv[1:])
         command(prog_name=name, standalone_mode=False)
     except SystemExit as ending:
         if not isinstance(ending.code, int):
@@ -153,6 +154,18 @@ def called(command: click.Command, name: str) -> int:
         say(f"error: {told(MemoryError(' '.join(str(error).split())[-120:]))[0]}", err=True)
         return 1
     return 0
+
+
+def refuse_bytes(arguments: list[str]) -> None:
+    """UsageError for an argument with bytes that are no text: recordings and reports could not name such a file."""
+    for one in arguments:
+        try:
+            one.encode()
+        except UnicodeEncodeError as error:
+            byte = os.fsencode(one[error.start])[0]
+            raise click.UsageError(
+                f"{printable(one)}: byte 0x{byte:02x} is not UTF-8 text. Rename the file or folder."
+            ) from None
 
 
 def memory_is_limited() -> bool:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from twin.run import Hardware, Outcome
-    from twin.scenario import Checked, Form, Scenario
+    from twin.scenario import Scenario
 
 ENGINE = Path(__file__).parents[1]
 SHOWN_WITH = ("rich.table", "rich.console", "twin.run.report")  # modules
@@ -156,7 +156,7 @@ def command(
             say("note: --half-step was left out, since the process that ran the scenario had died", err=True)
     else:
         finish_others(runs)
-        scenario, options["known"] = read(file, overrides, build, Form(form), hardware_file is None)
+        scenario = read(file, overrides, build)
         hardware = load_hardware(hardware_file, arm, build, trace, replay, dry) if hardware_file is not None else None
         display.title = scenario.title
         with display as progress:
@@ -177,19 +177,13 @@ def command(
     told(outcome, as_json, not no_report)
 
 
-def read(
-    file: Path, overrides: tuple[str, ...], build: Path, form: Form, alone: bool
-) -> tuple[Scenario, Checked | None]:
-    """The scenario; and what is known of its members, unless drives will stand for some of them."""
-    if not alone:
-        from twin.scenario import load_scenario
+def read(file: Path, overrides: tuple[str, ...], build: Path) -> Scenario:
+    """Read and check a scenario; FMUs of a package are unpacked below `build`."""
+    from twin.scenario import load_scenario, package
 
-        return load_scenario(file, overrides), None
-    from twin.scenario import checked
-
+    package.BUILD.set(build)
     with working(f"checking {file}"):
-        found = checked(file, overrides, build, form)
-    return found.scenario, found
+        return load_scenario(file, overrides)
 
 
 def refuse_together(on_drives: bool, trace: bool, replay: bool, half_step: bool, dry: bool = False) -> None:

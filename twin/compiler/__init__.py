@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from twin import late
 from twin.compiler import machine
-from twin.compiler.content import content_hash
 from twin.compiler.dependencies import dependencies, flow
+from twin.compiler.fingerprint import engine, fingerprint
 from twin.compiler.machine import (
     call_access,
     call_step,
@@ -30,7 +30,7 @@ from twin.compiler.machine import (
 )
 from twin.compiler.native import (
     compile_sources,
-    component_hash,
+    component_fingerprint,
     component_object,
     is_translated,
     load_component,
@@ -38,7 +38,7 @@ from twin.compiler.native import (
     load_symbols,
     model_name,
     problems,
-    source_hash,
+    reset_fingerprints,
     sources,
 )
 from twin.compiler.text import Sources
@@ -55,7 +55,7 @@ from twin.compiler.toolchain import (
     load,
     side_by_side,
 )
-from twin.compiler.zig import put
+from twin.compiler.zig import put, read_own
 
 if TYPE_CHECKING:
     from twin.compiler import library
@@ -87,11 +87,12 @@ __all__ = [
     "call_trial",
     "compile_c",
     "compile_sources",
-    "component_hash",
+    "component_fingerprint",
     "component_object",
-    "content_hash",
     "dependencies",
+    "engine",
     "entries",
+    "fingerprint",
     "flow",
     "host",
     "in_order",
@@ -112,8 +113,9 @@ __all__ = [
     "read64",
     "read_float",
     "read_float32",
+    "read_own",
+    "reset_fingerprints",
     "side_by_side",
-    "source_hash",
     "sources",
     "tangents",
     "translate",

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import ctypes
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import twin
 from twin.compiler import toolchain
-from twin.compiler.content import content_hash, text_hash
+from twin.compiler.fingerprint import fingerprint
 from twin.compiler.text import Sources, place_of
-from twin.compiler.zig import digest, kept, put
+from twin.compiler.zig import digest, kept, put, read_own
 from twin.component import Component, PythonComponent, functions, source
 from twin.errors import BuildError
 
@@ -31,40 +30,35 @@ def model_name(cls: type[Component]) -> str:
     return parts[1] + cls.sampled_as if of_a_folder else cls.__name__
 
 
-def component_hash(cls: type[Component], *more: str) -> str:
-    """Hash of what a component computes and of its memory; its tangents follow from the same functions."""
-    return content_hash(functions(cls), layout_text(cls), *more)
-
-
-def layout_text(cls: type[Component]) -> str:
-    """The record's fields, with those of a group's members."""
-    dtype = cls.layout.dtype
-    return str(dtype.descr if dtype.names is None else dtype.fields)
-
-
 def sources(cls: type[Component], name: str, build: Path) -> Sources:
-    """The C of a component, translated anew only if its Python, or the translator, is new."""
-    with toolchain.SYNTAX:
-        return _sources(cls, name, build)
-
-
-def _sources(cls: type[Component], name: str, build: Path) -> Sources:
+    """The C of a component; translated anew unless everything that the last translation could read is as it was."""
     if issubclass(cls, PythonComponent):
         raise BuildError(f"{cls.__name__}: is Python-side and cannot be compiled. Derive it from Component instead.")
-    place = _place(cls, name, build)
-    with contextlib.suppress(FileNotFoundError):
-        header, text = ((place / f"{name}.{suffix}").read_text(encoding="utf-8") for suffix in "hc")
-        if (place / "hash").read_text() == digest(header, text):  # a file that somebody changed is no longer ours
-            return Sources(name, header, text)
-    if problems := source.check(cls):
-        raise BuildError("\n".join(problems))
-    from twin.compiler.component import translate
+    with toolchain.SYNTAX:
+        place = _place(cls, name, build)
+        found = _kept(place, name) if place is not None else None
+        if found is not None:
+            return found
+        if problems := source.check(cls):
+            raise BuildError("\n".join(problems))
+        from twin.compiler.component import translate
 
-    made = translate(cls, name)
-    for file, content in ((f"{name}.c", made.source), (f"{name}.h", made.header)):
-        put(place / file, content.encode())
-    put(place / "hash", digest(made.header, made.source).encode())
-    return made
+        made = translate(cls, name)
+        place = place or build / "c" / f"{name}-{digest(made.header, made.source)[:16]}"
+        for file, content in ((f"{name}.c", made.source), (f"{name}.h", made.header)):
+            put(place / file, content.encode())
+        put(place / "hash", digest(made.header, made.source).encode())
+        return made
+
+
+def _kept(place: Path, name: str) -> Sources | None:
+    """The C that was kept in a folder; None if there is none, or if it is not what was written."""
+    try:
+        header, text = (read_own(place / f"{name}.{suffix}").decode() for suffix in "hc")
+        written = read_own(place / "hash").decode()
+    except (OSError, ValueError):
+        return None
+    return Sources(name, header, text) if written == digest(header, text) else None
 
 
 def problems(cls: type[Component], build: Path | None = None) -> list[str]:
@@ -85,28 +79,33 @@ def problems(cls: type[Component], build: Path | None = None) -> list[str]:
 
 
 def is_translated(cls: type[Component], build: Path) -> bool:
-    """Whether the C of a component is there."""
-    return (_place(cls, model_name(cls), build) / "hash").exists()
+    """Whether the C of a component as it is now is there."""
+    place = _place(cls, model_name(cls), build)
+    return place is not None and (place / "hash").exists()
 
 
-def source_hash(cls: type[Component], name: str, *more: str) -> str:
-    """Hash of what a component's C is made from: functions with the files they stand in, declarations, start values."""
-    declared = [repr(variable) for variable in cls.variables]
-    start = {key: value.tolist() for key, value in _starts(cls).items()}
-    told = [name, cls.__doc__ or "", cls.__qualname__, place_of(cls), twin.__version__]  # what its comments say
-    return text_hash(functions(cls), layout_text(cls), *told, *declared, repr(start), *more)
+def component_fingerprint(cls: type[Component], *more: str) -> str | None:
+    """Fingerprint of all that a component's C and FMU are made from; None for an untraceable component.
+
+    The record of a new instance is part of it, since `__init__` may compute start values.
+    """
+    key = cls, more
+    if key not in _fingerprints:
+        _fingerprints[key] = fingerprint(
+            cls, functions(cls), place_of(cls), twin.__version__, cls().record.tobytes(), *more
+        )
+    return _fingerprints[key]
 
 
-def _place(cls: type[Component], name: str, build: Path) -> Path:
-    """Folder of a component's C, named by what it is made from."""
-    return build / "c" / f"{name}-{source_hash(cls, name)[:16]}"
+def reset_fingerprints() -> None:
+    """Look at sources and values anew from now on; to be called when a run begins."""
+    _fingerprints.clear()
 
 
-def _starts(cls: type[Component]) -> dict[str, Any]:
-    """Start values as arrays."""
-    import numpy as np
-
-    return {name: np.asarray(value) for name, value in cls.start_values().items()}
+def _place(cls: type[Component], name: str, build: Path) -> Path | None:
+    """Folder of a component's C, named by its fingerprint."""
+    key = component_fingerprint(cls, name)
+    return build / "c" / f"{name}-{key[:16]}" if key else None
 
 
 def component_object(cls: type[Component], target: str, build: Path, name: str) -> bytes:
@@ -130,21 +129,24 @@ def load_symbols(made: Sources, build: Path, symbols: tuple[str, ...]) -> tuple[
     return tuple((ctypes.c_void_p * len(symbols)).from_address(table))
 
 
-_loaded: dict[tuple[type[Component], Path], tuple[int, int]] = {}  # classes do not change, code stays loaded
+_fingerprints: dict[tuple[type[Component], tuple[str, ...]], str | None] = {}  # of one run
+_loaded: dict[tuple[Sources, Path], tuple[int, int]] = {}  # by the C text: code stays loaded
 
 
 def load_component(cls: type[Component], build: Path) -> tuple[int, int]:
     """Addresses of a component's compiled `start(record, t)` and `step(record, t, h)`."""
-    if (cls, build) not in _loaded:
-        name = model_name(cls)
-        start, step = load_symbols(sources(cls, name, build), build, (f"{name}_start", f"{name}_step"))
-        _loaded[cls, build] = start, step
-    return _loaded[cls, build]
+    name = model_name(cls)
+    made = sources(cls, name, build)
+    if (made, build) not in _loaded:
+        start, step = load_symbols(made, build, (f"{name}_start", f"{name}_step"))
+        _loaded[made, build] = start, step
+    return _loaded[made, build]
 
 
 def load_record_function(dtype: np.dtype[Any], name: str, function: Any, head: str, build: Path) -> int:
     """Address of a function over a plain record, `int32_t NAME_run(record)`."""
-    key = text_hash((function,), str(dtype.descr), name, head)
+    key = fingerprint(function, dtype, name, head)
+    assert key is not None, "functions of the engine can be traced"
     path = build / "c" / f"{name}-{key[:16]}" / f"{name}.c"
 
     def made() -> bytes:

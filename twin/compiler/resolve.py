@@ -13,7 +13,7 @@ import linecache
 import sys
 import tokenize
 from functools import lru_cache
-from types import FunctionType
+from types import CodeType, FunctionType
 from typing import Any
 
 from twin.compiler.tree import walk
@@ -84,8 +84,44 @@ def _parse(path: str, text: str) -> File:
 
 
 def file_of(path: str) -> File:
-    """The parsed file at a path, or of text that `define` keeps."""
-    return _parse(path, "".join(linecache.getlines(path)))
+    """The parsed file at a path as it is now, or of text that `define` keeps."""
+    text = "".join(linecache.getlines(path))
+    if not path.startswith("<"):
+        with (
+            contextlib.suppress(OSError, SyntaxError, UnicodeError),
+            tokenize.open(path) as file,
+        ):  # linecache may hold an older text
+            text = file.read()
+    return _parse(path, text)
+
+
+@lru_cache(maxsize=256)
+def _codes(path: str, text: str) -> dict[tuple[str, int], CodeType]:
+    """Code of all functions of a file by name and first line, as its text says now."""
+    found: dict[tuple[str, int], CodeType] = {}
+    waiting = [compile(text, path, "exec", dont_inherit=True)]
+    while waiting:
+        inner = [one for one in waiting.pop().co_consts if isinstance(one, CodeType)]
+        found |= {(one.co_name, one.co_firstlineno): one for one in inner}
+        waiting += inner
+    return found
+
+
+def is_current(function: FunctionType) -> bool:
+    """Whether a function is what the text of its file says now, and not one of an older text."""
+    code = function.__code__
+    file = file_of(code.co_filename)
+    own = _codes(code.co_filename, file.text).get((code.co_name, code.co_firstlineno))
+    return own is not None and (own.co_code, own.co_names) == (code.co_code, code.co_names) and _same(own, code)
+
+
+def _same(one: CodeType, other: CodeType) -> bool:
+    """Whether the constants of two pieces of code are the same, to the bit and with their types."""
+    return repr(_constants(one)) == repr(_constants(other))
+
+
+def _constants(code: CodeType) -> list[Any]:
+    return [(one.co_code, _constants(one)) if isinstance(one, CodeType) else one for one in code.co_consts]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -144,7 +180,8 @@ def _find(function: FunctionType) -> Source:
     with contextlib.suppress(SyntaxError):  # somebody may be writing in the file by now
         file = file_of(code.co_filename)
         tree = file.functions.get(code.co_firstlineno)
-    if file is None or tree is None or tree.name != code.co_name:
+    is_file = not code.co_filename.startswith("<")
+    if file is None or tree is None or tree.name != code.co_name or (is_file and not is_current(function)):
         short = "/".join(code.co_filename.replace("\\", "/").split("/")[-2:])
         raise TranslationError(
             f"({short}:{code.co_firstlineno}): the source of `{function.__name__}` is not there. "

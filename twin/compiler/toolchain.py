@@ -123,7 +123,11 @@ def archive(target: str, objects: Mapping[str, bytes], build: Path) -> bytes:
 def load(library: bytes, build: Path, symbols: tuple[str, ...]) -> tuple[int, ...]:
     """Load a shared library into this process; addresses of its symbols, valid as long as the process."""
     path = build.resolve() / "loaded" / f"{zig.digest(library)}{PLATFORMS[host()].suffix}"
-    if not path.exists() or path.read_bytes() != library:
+    try:
+        is_there = zig.read_own(path) == library
+    except OSError:
+        is_there = False
+    if not is_there:
         zig.put(path, library)
     try:
         loaded = ctypes.CDLL(str(path))

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 PLACED = re.compile(r"^(?:\./)?(?P<place>[^\s:]+:\d+):\d+: (?:fatal )?error: (?P<message>.*)$", re.MULTILINE)
 HASH = 32  # bytes of a hash at the end of a kept file
+WRITABLE_BY_OTHERS = 0o022
 ERROR = re.compile(r"error: (?P<message>.*)$", re.MULTILINE)
 
 
@@ -89,17 +90,40 @@ def digest(*parts: str | bytes) -> str:
 
 
 def put(path: Path, data: bytes) -> None:
-    """Write a file at once: others see none of it or all, and who is second replaces it by the same."""
+    """Write a file atomically, so that nobody but its owner can change it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
-    partial.write_bytes(data)
-    partial.replace(path)
+    try:
+        partial.write_bytes(data)
+        if os.name == "posix":
+            partial.chmod(partial.stat().st_mode & ~WRITABLE_BY_OTHERS)
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)
+
+
+def read_own(path: Path) -> bytes:
+    """Content of a file of the cache; PermissionError if another user owns it, or may write to it.
+
+    What the cache holds is native code that will be loaded.
+    """
+    with path.open("rb") as file:
+        refuse_foreign(os.fstat(file.fileno()), path)
+        return file.read()
+
+
+def refuse_foreign(status: os.stat_result, path: Path) -> None:
+    """PermissionError if a file can be changed by others than this user and root."""
+    if not hasattr(os, "geteuid"):
+        return
+    if status.st_uid not in (os.geteuid(), 0) or status.st_mode & WRITABLE_BY_OTHERS:
+        raise PermissionError(f"{path}: another user may have written it")
 
 
 def kept(path: Path, make_: Callable[[], bytes]) -> bytes:
     """What a file of the cache holds, made if it is not there, or is not what was once written: its hash ends it."""
-    with contextlib.suppress(FileNotFoundError):
-        whole = path.read_bytes()
+    with contextlib.suppress(OSError):
+        whole = read_own(path)
         data = whole[:-HASH]
         if whole[-HASH:] == hashlib.sha256(data).digest():
             return data

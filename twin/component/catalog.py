@@ -12,11 +12,15 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from twin.component import source_import
 from twin.component.component import Component
 from twin.errors import DeclarationError, TwinError, described, nearest
 
 if TYPE_CHECKING:
     from types import ModuleType
+
+
+source_import.install()
 
 
 def places() -> list[str]:

@@ -7,26 +7,18 @@ from __future__ import annotations
 
 import hashlib
 import inspect
-import os
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from twin import compiler, installed
+from twin import compiler
 from twin.compiler import model_name
 from twin.component import PythonComponent
 from twin.errors import BuildError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from twin.component import Component
-
-ENGINE = Path(__file__).parents[1]
-DECISIVE = ("component", "compiler", "coupling/group.py", "fmi")  # what decides what an FMU is
-SUFFIXES = (".py", ".c", ".h", ".html")
-
-_keys: dict[tuple[type[Component], str], str] = {}  # classes do not change, and a scenario has each once per variant
 
 
 def readme(cls: type[Component]) -> str:
@@ -38,42 +30,22 @@ def readme(cls: type[Component]) -> str:
 
 
 def made_from(cls: type[Component], version: str) -> str:
-    """Hash of all that an FMU is made from: engine, component with its files and README. Cheap: nothing is made."""
-    if (cls, version) not in _keys:
-        name = model_name(cls)
-        more = [version, readme(cls), repr(cls.terminals), repr(cls.switches), repr(cls.period), repr(cls.method)]
-        _keys[cls, version] = compiler.source_hash(cls, name, _engine(), *more)
-    return _keys[cls, version]
-
-
-@cache
-def _engine() -> str:
-    """Hash of the engine's files that decide what an FMU is, and of the compiler's version."""
-    digest = hashlib.sha256(installed.version("ziglang").encode())
-    for file in sorted(one for name in DECISIVE for one in _files(str(ENGINE / name)) if one.endswith(SUFFIXES)):
-        with open(file, "rb") as content:
-            digest.update(content.read())
-    return digest.hexdigest()
-
-
-def _files(place: str) -> Iterator[str]:
-    """A file, or all files in a folder; pathlib takes ten times as long."""
-    if not os.path.isdir(place):  # noqa: PTH112
-        yield place
-        return
-    for folder, _, names in os.walk(place):
-        yield from (f"{folder}{os.sep}{name}" for name in names)
+    """Fingerprint of all that an FMU is made from, without making anything; empty for an untraceable component."""
+    return compiler.component_fingerprint(cls, model_name(cls), version, readme(cls)) or ""
 
 
 def is_built(cls: type[Component], build: Path, version: str = "3.0", wanted: Sequence[str] = ()) -> bool:
     """Whether the component's FMU is there as it would be made now, with all binaries that are wanted."""
     path = build / version / f"{model_name(cls)}.fmu"
     note = path.with_suffix(".hash")
-    words = note.read_text(errors="replace").split() if note.exists() and path.exists() else []
+    try:
+        words, data = compiler.read_own(note).decode(errors="replace").split(), compiler.read_own(path)
+    except OSError:
+        return False
     key, content, *present = words if len(words) > 1 else ["", ""]
     if not key or key != made_from(cls, version) or not set(wanted or (compiler.host(),)) <= set(present):
         return False
-    return content == hashlib.sha256(path.read_bytes()).hexdigest()  # a damaged file is made anew
+    return content == hashlib.sha256(data).hexdigest()  # a damaged file is made anew
 
 
 def build(cls: type[Component], version: str, build: Path, targets: Sequence[str] = ()) -> Path:
@@ -92,6 +64,7 @@ def build(cls: type[Component], version: str, build: Path, targets: Sequence[str
         note = path.with_suffix(".hash")
         note.unlink(missing_ok=True)
         compiler.put(path, content)
-        words = made_from(cls, version), hashlib.sha256(content).hexdigest(), *wanted
-        compiler.put(note, f"{' '.join(words)}\n".encode())
+        if key := made_from(cls, version):
+            words = key, hashlib.sha256(content).hexdigest(), *wanted
+            compiler.put(note, f"{' '.join(words)}\n".encode())
     return path

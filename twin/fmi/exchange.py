@@ -72,13 +72,12 @@ class ExchangeMember(ContinuousFMU):
         start_values: dict[str, Any] | None = None,
         visible: bool = False,
         logging: bool = False,
-        ours: bool = False,
         *,
         solver: str = "",
         tolerance: float | None = None,
     ) -> None:
         self.solver = exchange_solvers.check(solver) if solver else ""
-        super().__init__(name, path, start_values, visible, logging, ours)
+        super().__init__(name, path, start_values, visible, logging)
         self.tolerance = tolerance or self.default_experiment.tolerance
         self.identity["interface"] = "Model Exchange"
         exact = self.tolerance or exchange_solvers.TOLERANCE

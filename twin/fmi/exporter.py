@@ -24,7 +24,7 @@ from twin.dataclass import dataclass
 from twin.errors import BuildError
 from twin.fmi import description, terminals
 from twin.fmi.archive import FOLDERS
-from twin.fmi.built import ENGINE, build, is_built, made_from, readme
+from twin.fmi.built import build, is_built, readme
 from twin.fmi.description import Exposed
 from twin.fmi.sources import FOLDER, listed, source_files, to_compile
 from twin.fmi.table import model_c, source_code
@@ -33,7 +33,10 @@ from twin.revision import revision
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-__all__ = ["TARGETS", "VERSIONS", "build", "export", "is_built", "made", "made_from", "plan"]
+__all__ = ["TARGETS", "VERSIONS", "build", "export", "is_built", "made", "plan"]
+
+
+ENGINE = Path(__file__).parents[1]
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,8 +163,8 @@ class Plan:
     files: dict[str, bytes]
 
 
-def plan(cls: type[Component], version: str) -> Plan:
-    """What an export would contain; cheap, so it also decides whether one is needed."""
+def plan(cls: type[Component], version: str, own: compiler.Sources | None = None) -> Plan:
+    """What an export contains. `own`: the component's C, if it was translated already."""
     if issubclass(cls, PythonComponent):
         raise BuildError(
             f"{cls.__name__}: is Python-side and cannot be an FMU that needs no Python. "
@@ -179,7 +182,9 @@ def plan(cls: type[Component], version: str) -> Plan:
     for file in sorted(FOLDER.iterdir()):
         digest.update(file.read_bytes())
     digest.update(f"{TARGETS} {STATE_MACHINE} {TABLE} {installed.version('ziglang')} {_start_values(cls)}".encode())
-    token = f"{{{uuid.UUID(compiler.component_hash(cls, digest.hexdigest()))}}}"
+    own = own or compiler.translate(cls, name)
+    digest.update(f"{own.header}{own.source}".encode())
+    token = f"{{{uuid.UUID(digest.hexdigest()[:32])}}}"
     files = {"modelDescription.xml": words.describe(cls, name, token, exposed), **more}
     return Plan(name, token, model_c(cls, name, token, exposed, words.has_time, code), files)
 
@@ -202,14 +207,13 @@ def archive(files: dict[str, bytes]) -> bytes:
     return buffer.getvalue()
 
 
-def _content(cls: type[Component], version: str, made: Plan, build: Path, targets: Sequence[str]) -> bytes:
+def _content(own: compiler.Sources, version: str, made: Plan, build: Path, targets: Sequence[str]) -> bytes:
     words = VERSIONS[version]
     for platform in targets:
         if platform not in TARGETS:
             raise BuildError(f"platform {platform!r} is not known. Use one of {', '.join(TARGETS)}.")
     if f"{made.name}.h" in {file.name for file in FOLDER.iterdir()}:
         raise BuildError(f"{made.name}: this name is a file of the FMU's own. Rename the component.")
-    own = compiler.sources(cls, made.name, build)
     libraries = compiler.side_by_side(
         partial(library, made, words.source, own, platform, build) for platform in targets
     )
@@ -244,11 +248,12 @@ def export(
 
     With `sources` it also holds its C, and says how an importer compiles it.
     """
-    made = plan(cls, version)
+    own = compiler.sources(cls, model_name(cls), build)
+    made = plan(cls, version, own)
     made.files["documentation/origin.txt"] = origin(cls, made).encode()
     if sources:
-        _add_sources(version, made, compiler.sources(cls, made.name, build))
-    compiler.put(Path(path), _content(cls, version, made, build, targets or (compiler.host(),)))
+        _add_sources(version, made, own)
+    compiler.put(Path(path), _content(own, version, made, build, targets or (compiler.host(),)))
     return Path(path)
 
 
@@ -259,5 +264,6 @@ def made(cls: type[Component], version: str, build: Path, targets: Sequence[str]
     with compiler.SYNTAX:
         if problems := source.check(cls):
             raise BuildError("\n".join(problems))
-        planned = plan(cls, version)
-    return _content(cls, version, planned, build, targets)
+        own = compiler.sources(cls, model_name(cls), build)
+        planned = plan(cls, version, own)
+    return _content(own, version, planned, build, targets)

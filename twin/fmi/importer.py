@@ -31,7 +31,7 @@ class FMUMember(Calls, Member):
     """An FMU. Its archive is checked and unpacked here, its library loaded by `instantiate`.
 
     `start_values`: by variable name, `A[1,2]` for one element of an array; text is converted. Several instances of one
-    FMU share its library. `ours`: see `unpacked.share`. What hangs or crashes in the library cannot be caught.
+    FMU share its library. What hangs or crashes in the library cannot be caught.
     """
 
     alone: ClassVar[dict[str, FMUMember]] = {}  # by token: living instances of FMUs that allow one per process
@@ -45,7 +45,6 @@ class FMUMember(Calls, Member):
         start_values: dict[str, Any] | None = None,
         visible: bool = False,
         logging: bool = False,
-        ours: bool = False,
     ) -> None:
         self.name = name
         self.log: list[str] = []
@@ -58,7 +57,7 @@ class FMUMember(Calls, Member):
         self._log: binary.Log | None = None
         self._closed = False
         self._given: dict[str, np.ndarray[Any, Any]] = {}  # inputs that were set other than by the loop
-        self._unpacked = share(path, self.interface, ours)
+        self._unpacked = share(path, self.interface)
         try:
             self._describe(dict(start_values or {}))
         except BaseException:

@@ -27,18 +27,17 @@ def member(
     interface: str = "",
     solver: str = "",
     tolerance: float | None = None,
-    ours: bool = False,
     **options: Any,
 ) -> FMUMember:
     """An FMU as a member by the interface asked for, one of `INTERFACES`; else Co-Simulation if it has it.
 
-    `solver` and `tolerance`: of Model Exchange. `ours`: built of a component, see `unpacked.share`.
+    `solver` and `tolerance`: of Model Exchange.
     """
     if interface not in INTERFACES:
         raise FMUError(
             f"interface {interface!r} is not known. {nearest(interface, [one for one in INTERFACES if one])}"
         )
-    with share(path, INTERFACES[interface], ours) as unpacked:
+    with share(path, INTERFACES[interface]) as unpacked:
         if unpacked.interface == "ModelExchange":
             from twin.fmi.exchange import ExchangeMember
 
@@ -47,7 +46,7 @@ def member(
                 from twin.fmi.clock_exchange import ClockedExchangeMember
 
                 made = ClockedExchangeMember
-            return made(name, path, start_values, ours=ours, solver=solver, tolerance=tolerance, **options)
+            return made(name, path, start_values, solver=solver, tolerance=tolerance, **options)
         if solver or tolerance:
             word = "solver" if solver else "tolerance"
             advice = "Use interface model_exchange" if unpacked.description.has_exchange else "Leave it out"
@@ -55,9 +54,9 @@ def member(
         if unpacked.interface == "ScheduledExecution":
             from twin.fmi.clock_schedule import ScheduledMember
 
-            return ScheduledMember(name, path, start_values, ours=ours, **options)
+            return ScheduledMember(name, path, start_values, **options)
         if unpacked.description.clocks.every and unpacked.description.capabilities["hasEventMode"]:
             from twin.fmi.clock_events import EventMember
 
-            return EventMember(name, path, start_values, ours=ours, **options)
-        return FMUMember(name, path, start_values, ours=ours, **options)
+            return EventMember(name, path, start_values, **options)
+        return FMUMember(name, path, start_values, **options)

@@ -126,7 +126,7 @@ def simulation(case: Case, catalog: Catalog, form: Form, build: Path, recorder: 
     parts: dict[str, Member] = {}
     try:
         for name, spec in case.members.items():
-            made = spec.built or members.component_of(spec)
+            made = members.component_of(spec)
             parts[name] = members.make(name, made, case.values(name, catalog[name]), form, build, spec.exchange)
             if spec.isolate:
                 parts[name] = IsolatedMember(parts[name], build)

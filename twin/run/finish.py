@@ -72,9 +72,7 @@ def sources(cases: Iterable[Case]) -> dict[str, str]:
     found = {}
     for case in cases:
         for name, spec in case.members.items():
-            if spec.built is not None:
-                found.update({f"{name}.{variable}": source for variable, source in spec.built.sources})
-            elif not spec.component.endswith(".fmu"):
+            if not spec.component.endswith(".fmu"):
                 found.update(
                     {
                         f"{name}.{v.name}": v.source

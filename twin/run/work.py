@@ -37,11 +37,11 @@ from twin.run.cases import (
     simulation,
 )
 from twin.run.finish import finish
-from twin.scenario import Form, members
+from twin.scenario import Form, displayed, members
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog, CoSimulation
-    from twin.scenario import Case, Checked, Scenario
+    from twin.scenario import Case, Scenario
 
 WRITERS = ("pyarrow._parquet", "shutil")  # what the end needs, imported while the loop runs
 STRIDE = 0.02  # [s] that the loop's first calls take, before one lasts as long as loading a library
@@ -72,7 +72,6 @@ def run_scenario(
     report: bool = True,
     hardware: Hardware | None = None,
     link: Link | None = None,
-    known: Checked | None = None,
     needed: Sequence[str] = (),
     half_step: bool = False,
     logged: Sequence[str] = (),
@@ -80,8 +79,6 @@ def run_scenario(
     course: Course = run_case,
 ) -> Outcome:
     """Run a scenario and write its folder; a failing member or Ctrl-C ends it early, with what there is written.
-
-    `known`: what is known of it, if it has been checked with its members already (`twin.scenario.checked`).
 
     `needed`: modules that whoever calls needs at the end, imported while the loop runs. `half_step`: also run the first seed
     of each variant at half the step, and say what that changes. `logged`: members, or patterns of their names, whose FMUs'
@@ -93,11 +90,8 @@ def run_scenario(
     refuse_faults(scenario.cases(variants, seeds), hardware)
     if hardware is not None:
         scenario = hardware.apply(scenario)
-    catalogs = dict(known.catalogs) if known is not None else prepare(scenario)
-    if known is None:
-        from twin.scenario import displayed
-
-        scenario = displayed(scenario, catalogs)
+    catalogs = prepare(scenario)
+    scenario = displayed(scenario, catalogs)
     cases = scenario.cases(variants, seeds)
     refuse_names(logged, cases)
     outcome = begun(scenario, catalogs, root)
@@ -109,8 +103,6 @@ def run_scenario(
         with Stop(last=work.link.watched) as work.stop:
             link.keep(resume=str(outcome.folder), hint=f"Then: twin recover {outcome.folder}")
             work.build_members()
-            if known is not None:
-                known.keep(build)
             work.run(cases)
             if half_step:
                 work.halve()
@@ -192,7 +184,7 @@ class Work:
 
     def build_members(self) -> None:
         """Build what the members are made of; a run that is interrupted here has recorded nothing."""
-        used = [spec.built or members.component_of(spec) for case in self.cases for spec in case.members.values()]
+        used = [members.component_of(spec) for case in self.cases for spec in case.members.values()]
         try:
             with self.stop.armed():
                 members.prebuild(used, self.form, self.build, self.progress)

@@ -5,16 +5,15 @@ from typing import TYPE_CHECKING
 from twin import late
 
 if TYPE_CHECKING:
-    from twin.scenario import kept, members, package, shipped
+    from twin.scenario import members, package, shipped
     from twin.scenario.alone import alone
     from twin.scenario.check import check_against, event_problems
     from twin.scenario.console import Control, connected, controls_of
     from twin.scenario.dimensions import displayed
     from twin.scenario.grouping import group, part
-    from twin.scenario.kept import Checked, checked
     from twin.scenario.load import changed, examine, load_scenario, made_scenario, parse_scenario
     from twin.scenario.lookup import look_up
-    from twin.scenario.members import Built, Form, has_source, make
+    from twin.scenario.members import Form, has_source, make
     from twin.scenario.message import dotted, quoted, validate
     from twin.scenario.model import Keys, Period, Reference, Seed, Text, Time, Value, reference
     from twin.scenario.names import nearest
@@ -36,9 +35,7 @@ if TYPE_CHECKING:
     from twin.scenario.written import Dumper
 
 __all__ = [
-    "Built",
     "Case",
-    "Checked",
     "ConnectionSpec",
     "Control",
     "ControlSpec",
@@ -60,7 +57,6 @@ __all__ = [
     "alone",
     "changed",
     "check_against",
-    "checked",
     "connected",
     "controls_of",
     "displayed",
@@ -70,7 +66,6 @@ __all__ = [
     "examine",
     "group",
     "has_source",
-    "kept",
     "load_scenario",
     "look_up",
     "made_scenario",
@@ -96,9 +91,7 @@ __all__ = [
 __getattr__ = late.names(
     __name__,
     {
-        "Built": "members",
         "Case": "spec",
-        "Checked": "kept",
         "ConnectionSpec": "spec",
         "Control": "console",
         "ControlSpec": "spec",
@@ -120,7 +113,6 @@ __getattr__ = late.names(
         "alone": "alone",
         "changed": "load",
         "check_against": "check",
-        "checked": "kept",
         "connected": "console",
         "controls_of": "console",
         "displayed": "dimensions",
@@ -132,7 +124,6 @@ __getattr__ = late.names(
         "group": "grouping",
         "has_source": "members",
         "load_scenario": "load",
-        "kept": "",
         "look_up": "lookup",
         "made_scenario": "load",
         "make": "members",

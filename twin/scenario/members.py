@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 from twin import clock, compiler
 from twin.component import Component, PythonComponent, Role, catalog, resampled
 from twin.coupling import Member, MemberVariable, RecordMember, declared_variables, driven
-from twin.dataclass import dataclass
 from twin.errors import CouplingError, ScenarioError, TwinError, described
 
 if TYPE_CHECKING:
@@ -21,17 +20,6 @@ if TYPE_CHECKING:
 
     from twin.fmi import FMUMember
     from twin.scenario.spec import Exchange, MemberSpec
-
-
-@dataclass(frozen=True)
-class Built:
-    """An FMU that was built of a component of ours, with what its description does not tell: the class is not needed."""
-
-    path: str
-    period_ns: int
-    driven: tuple[str, ...]
-    renamed: tuple[tuple[str, str], ...]  # of the FMU's names to the component's
-    sources: tuple[tuple[str, str], ...]  # where a parameter's value comes from, by its name
 
 
 class Form(StrEnum):
@@ -110,7 +98,7 @@ def communication(spec: MemberSpec) -> clock.Time | None:
 
 def make(
     name: str,
-    component: str | type[Component] | Built,
+    component: str | type[Component],
     values: Mapping[str, Any],
     form: Form,
     build: Path,
@@ -122,34 +110,18 @@ def make(
     """
     if isinstance(component, str) and component.endswith(".fmu"):
         return imported(name, Path(component), values, exchange)
-    if isinstance(component, Built):
-        return opened(name, component, values, exchange)
     cls = catalog.component(component) if isinstance(component, str) else component
     asked = exchange is not None and exchange.is_asked_for
     if asked and (issubclass(cls, PythonComponent) or not has_source(cls)):
         raise CouplingError(f"{name}: is Python-side and no FMU. Leave out `interface` and what belongs to it.")
     form = (Form.fmu if asked else form) if has_source(cls) else Form.interpreted
     if form is Form.fmu and not issubclass(cls, PythonComponent):
-        return opened(name, as_built(cls, build), values, exchange)
+        return exported(name, cls, values, build, exchange)
     native = form is Form.compiled and not issubclass(cls, PythonComponent)
     part = instance(name, cls, values)
     code = compiler.load_component(cls, build) if native else None
     kind = "python" if issubclass(cls, PythonComponent) else str(form if native else Form.interpreted)
     return RecordMember(name, part, code, identity={"kind": kind, "component": str(component)})
-
-
-def as_built(cls: type[Component], build: Path) -> Built:
-    """A component's FMU, made if it is not there as it would be made now."""
-    from twin.fmi import built
-
-    derivatives = (v.name for v in cls.variables if v.role is Role.derivative)
-    return Built(
-        str(built.build(cls, "3.0", build)),
-        cls.period_ns,
-        tuple(sorted(driven(cls))),
-        tuple((derivative(name), name) for name in derivatives),
-        tuple((v.name, v.source) for v in cls.variables if v.source),
-    )
 
 
 def derivative(name: str) -> str:
@@ -158,17 +130,22 @@ def derivative(name: str) -> str:
     return f"der({part}{dot}{own.removeprefix('der_')})"
 
 
-def opened(name: str, fmu: Built, values: Mapping[str, Any], exchange: Exchange | None = None) -> FMUMember:
-    """The member of an FMU that is built of a component."""
-    member = imported(name, Path(fmu.path), values, exchange, ours=True)
-    member.period_ns, member.driven = fmu.period_ns, frozenset(fmu.driven)
-    for old, new in fmu.renamed:
-        member.rename(old, new)
+def exported(
+    name: str, cls: type[Component], values: Mapping[str, Any], build: Path, exchange: Exchange | None = None
+) -> FMUMember:
+    """A component's FMU as a member, built if it is not there as it would be built now."""
+    from twin.fmi import built
+
+    member = imported(name, built.build(cls, "3.0", build), values, exchange)
+    member.period_ns, member.driven = cls.period_ns, frozenset(driven(cls))
+    for variable in cls.variables:
+        if variable.role is Role.derivative:
+            member.rename(derivative(variable.name), variable.name)
     return member
 
 
 def prebuild(
-    components: Iterable[str | type[Component] | Built],
+    components: Iterable[str | type[Component]],
     form: Form,
     build: Path,
     progress: Callable[[str, float], object],
@@ -177,6 +154,7 @@ def prebuild(
 
     What cannot be built is told when its member is made.
     """
+    compiler.reset_fingerprints()
     if form is Form.interpreted:
         return
     from twin.fmi import built
@@ -184,7 +162,7 @@ def prebuild(
     classes = {
         one: catalog.component(one) if isinstance(one, str) else one
         for one in dict.fromkeys(components)
-        if not isinstance(one, Built) and not str(one).endswith(".fmu")
+        if not str(one).endswith(".fmu")
     }
     is_there = built.is_built if form is Form.fmu else compiler.is_translated
     lacking: list[type[Component]] = []
@@ -216,13 +194,11 @@ def instance(name: str, cls: type[Component], values: Mapping[str, Any]) -> Comp
     return part
 
 
-def imported(
-    name: str, path: Path, values: Mapping[str, Any], exchange: Exchange | None = None, ours: bool = False
-) -> FMUMember:
-    """Any FMU as a member; `ours`: built of a component."""
+def imported(name: str, path: Path, values: Mapping[str, Any], exchange: Exchange | None = None) -> FMUMember:
+    """Any FMU as a member."""
     from twin.fmi import member
 
     if exchange is None:
-        return member(name, path, dict(values), ours=ours)
+        return member(name, path, dict(values))
     solver, tolerance = exchange.solver, exchange.solver_tolerance
-    return member(name, path, dict(values), interface=exchange.interface, solver=solver, tolerance=tolerance, ours=ours)
+    return member(name, path, dict(values), interface=exchange.interface, solver=solver, tolerance=tolerance)

@@ -33,8 +33,6 @@ RHYTHM = ("period", "communication_step", "finite", "isolate", "interface", "sol
 
 def read(path: Path, shown: str, problems: list[str]) -> Node:
     """The tree of an SSP; what is wrong with it goes to `problems`."""
-    if (taken := tree.READ.get()) is not None:
-        taken.add(str(path.absolute()))
     package = ssp.opened(path, shown, BUILD.get())
     problems += package.problems
     known: dict[str, Any] = {}

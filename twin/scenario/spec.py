@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from twin.component import Component
     from twin.coupling import Catalog
     from twin.results import Analysis, Expectation, Metric, Plot
-    from twin.scenario.members import Built
     from twin.scenario.names import Variables
     from twin.scenario.node import Node
     from twin.scene import Scene
@@ -53,8 +52,8 @@ class Exchange:
 class MemberSpec:
     """A member as the file names it. `component`: a name in fmus/, `module:Class`, or the absolute path of an FMU.
 
-    `made` is the component if it is a group of another scenario, absolute/path.yaml#group; `built` its FMU, if that is known
-    to be what would be built now. `period_ns` is what it samples at, `communication_ns` how often it takes inputs and publishes; None: as the component says.
+    `made` is the component if it is a group of another scenario, absolute/path.yaml#group.
+    `period_ns` is what it samples at, `communication_ns` how often it takes inputs and publishes; None: as the component says.
     """
 
     component: str
@@ -66,7 +65,6 @@ class MemberSpec:
     where: str = field(default="", compare=False)
     places: dict[str, str] = field(default_factory=dict, compare=False)  # parameter or key -> file:line
     made: type[Component] | None = field(default=None, compare=False)
-    built: Built | None = field(default=None, compare=False)
     exchange: Exchange = field(default_factory=Exchange)
 
     def values(self, name: str, variables: Variables) -> tuple[dict[str, Any], list[str]]:
@@ -229,7 +227,7 @@ class Case:
         if problems:
             raise ScenarioError(problems)
         spec = self.members[member]
-        seeds = ["seed", *(name for name in variables if (spec.made or spec.built) and name.endswith(".seed"))]
+        seeds = ["seed", *(name for name in variables if spec.made and name.endswith(".seed"))]
         for name in seeds:
             own = variables.get(name)
             if (

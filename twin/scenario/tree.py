@@ -7,7 +7,6 @@ refused, aliases count as the nodes they stand for, and size and depth are limit
 from __future__ import annotations
 
 import re
-from contextvars import ContextVar
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -42,9 +41,6 @@ def scalar(text: str) -> Any:
     return float(text) if FLOAT.fullmatch(text) else text
 
 
-READ: ContextVar[set[str] | None] = ContextVar("READ", default=None)  # takes the names of all files that are read
-
-
 def read(path: Path, shown: str, problems: list[str] | None = None) -> Node:
     """Read a file; `shown` is how messages call it. What does not keep it from being read goes to `problems`, if given."""
     try:
@@ -54,8 +50,6 @@ def read(path: Path, shown: str, problems: list[str] | None = None) -> Node:
             data = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         raise ScenarioError(f"{shown}: cannot be read ({getattr(error, 'strerror', None) or error}).") from None
-    if (taken := READ.get()) is not None:
-        taken.add(str(path.absolute()))
     if data.startswith(b"PK\x03\x04"):
         raise ScenarioError(f"{shown}: {archive(path)}")
     if len(data) > MAX_BYTES:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin import compiler, installed
-from twin.component import catalog
+from twin.component import PythonComponent, catalog
 from twin.errors import ScenarioError
 from twin.results import recording, write_text
 from twin.scenario import members
@@ -37,18 +37,30 @@ def components(scenario: Scenario) -> dict[str, str]:
         if isinstance(made, Path):
             found[name] = hashlib.sha256(made.read_bytes()).hexdigest()
         else:
-            found[f"{name} ({compiler.model_name(made)})"] = compiler.source_hash(made, compiler.model_name(made))
+            found[f"{name} ({compiler.model_name(made)})"] = content_hash(made)
     return found
+
+
+def content_hash(cls: type[Component]) -> str:
+    """Hash of what a component computes; of one that cannot be traced, of the C that it becomes now."""
+    if key := compiler.component_fingerprint(cls):
+        return key
+    if issubclass(cls, PythonComponent):
+        raise ScenarioError(
+            f"{cls.__name__}: holds values that cannot be compared, so that nobody could tell whether it changes while the "
+            f"study runs. Keep files, generators and locks out of its class and module."
+        )
+    made = compiler.translate(cls, compiler.model_name(cls))
+    return hashlib.sha256(f"{made.header}{made.source}".encode()).hexdigest()
 
 
 def made_of(scenario: Scenario) -> Iterator[tuple[str, type[Component] | Path]]:
     """Each member of each variant with its component, or the FMU that it is."""
     for case in scenario.variants:
         for name, spec in case.members.items():
-            made: Any = spec.built or members.component_of(spec)
-            path = getattr(made, "path", made)
-            if isinstance(path, str) and path.endswith(".fmu"):
-                yield name, Path(path)
+            made = members.component_of(spec)
+            if isinstance(made, str) and made.endswith(".fmu"):
+                yield name, Path(made)
             else:
                 yield name, catalog.component(made) if isinstance(made, str) else made
 

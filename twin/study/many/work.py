@@ -180,12 +180,7 @@ def placed(study: Study, root: Path, resume: Path | None, command: str) -> tuple
 
 def prepared(study: Study, frozen: Path, build: Path) -> Job:
     """What a process has to know; what the members are made of is built."""
-    used = [
-        one
-        for case in chosen(study)
-        for spec in case.members.values()
-        if (one := spec.built or members.component_of(spec))
-    ]
+    used = [members.component_of(spec) for case in chosen(study) for spec in case.members.values()]
     members.prebuild(used, Form.compiled, build, silent)
     bands = tuple((name, one.text) for name, one in study.bands.items())
     options, every = study.scenario.overrides, study.keys.keep.every

@@ -1,0 +1,20 @@
+"""File names that are not text."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="file names that are not text")
+@pytest.mark.parametrize("words", [["check"], ["run", "--no-report"], ["simulate"]])
+def test_a_path_that_is_not_text_is_one_line(tmp_path, words):
+    path = os.fsencode(tmp_path) + b"/sc\xe9ne.yaml"
+    with open(path, "wb") as file:
+        file.write(b"stop_time: 1 s\nmembers: {heart: {component: heart}}\n")
+    line = [os.fsencode(sys.executable), b"-c", b"from twin.cli import main; main()", *map(os.fsencode, words), path]
+    done = subprocess.run(line, capture_output=True, cwd=tmp_path, check=False)
+    assert done.returncode == 2
+    assert rb"sc\udce9ne.yaml: byte 0xe9 is not UTF-8 text. Rename the file or folder." in done.stderr
+    assert not (tmp_path / "runs").exists()

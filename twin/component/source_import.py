@@ -1,0 +1,55 @@
+"""Import of components from the text of their files, never from bytecode that Python kept.
+
+Python takes kept bytecode for current if the source has the same size and modification time, so that an edit of equal length
+with a preserved time (`cp -p`, a container's layer) would go unseen. Applies to modules outside of the engine, the standard
+library and installed packages; a person's `fmus` counts wherever it is.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from types import ModuleType
+
+SKIPPED = {"twin", "hw_bridge", *sys.stdlib_module_names}
+
+
+class TextLoader(SourceFileLoader):
+    """Compiles a module from its text at each import."""
+
+    def path_stats(self, path: Any) -> Any:  # noqa: ARG002 - importlib's signature
+        """Refuse what bytecode would be compared with; importlib then neither reads nor writes any."""
+        raise OSError("bytecode is not used")
+
+
+class TextFinder(MetaPathFinder):
+    """Finds the modules that `TextLoader` loads, where Python's own finder does."""
+
+    def find_spec(
+        self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """The module with a loader that reads its text; None leaves it to the next finder."""
+        if name.partition(".")[0] in SKIPPED:
+            return None
+        spec = PathFinder.find_spec(name, path, target)
+        if spec is None or type(spec.loader) is not SourceFileLoader or spec.origin is None:
+            return None
+        parts = Path(spec.origin).parts
+        if "fmus" not in parts and ("site-packages" in parts or "dist-packages" in parts):
+            return None
+        spec.loader, spec.cached = TextLoader(name, spec.origin), None
+        return spec
+
+
+def install() -> None:
+    """Put the finder before Python's own, behind those that others have put in front, such as pytest's."""
+    if any(isinstance(one, TextFinder) for one in sys.meta_path):
+        return
+    places = [number for number, one in enumerate(sys.meta_path) if one is PathFinder]
+    sys.meta_path.insert(places[0] if places else len(sys.meta_path), TextFinder())
