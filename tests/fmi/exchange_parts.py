@@ -169,13 +169,17 @@ def library(model: str) -> bytes:
     return native_library(f"#define MODEL {MODELS[model]}\n{SOURCE.read_text()}")
 
 
-def exchange_fmu(folder: Path, model: str, version: str) -> Path:
-    """An FMU that offers Model Exchange alone."""
+def exchange_fmu(folder: Path, model: str, version: str, differences: bool = False) -> Path:
+    """An FMU that offers Model Exchange alone; `differences`: with directional derivatives that leave it at another point."""
     place = "linux64" if version == "2.0" else "x86_64-linux"
     described = described_2 if version == "2.0" else described_3
+    text = described(model)
+    if differences:
+        offered = "providesDirectionalDerivative" + "s" * (version != "2.0")
+        text = text.replace("<ModelExchange ", f'<ModelExchange {offered}="true" ')
     return archive(
-        folder / f"{model}{version[0]}.fmu",
-        {"modelDescription.xml": described(model).encode(), f"binaries/{place}/{model}.so": library(model)},
+        folder / f"{model}{version[0]}{differences or ''}.fmu",
+        {"modelDescription.xml": text.encode(), f"binaries/{place}/{model}.so": library(model)},
     )
 
 

@@ -76,6 +76,18 @@ def test_a_ball_bounces_when_it_must(folder, version, solver, error):
     assert found["bounces"][-1] == bounces == 4
 
 
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("solver", ["BDF", "Radau", "CVODE"])
+def test_derivatives_by_differences_do_not_move_the_model(folder, version, solver):
+    """After its directional derivatives were asked for, an FMU may stand at another time and in another state."""
+    needs(solver)
+    times, found, _ = alone(exchange_fmu(folder, "Ball", version, differences=True), 0.4, solver=solver, tolerance=1e-8)
+    assert found["h"][0] == 1.0
+    assert found["v"][0] == 0.0
+    np.testing.assert_allclose(found["v"], -G * times, atol=1e-6)
+    np.testing.assert_allclose(found["h"], heights(times)[0], atol=1e-6)
+
+
 def test_it_agrees_with_fmpy(folder):
     path = exchange_fmu(folder, "Ball", "2.0")
     theirs = simulate_fmu(str(path), stop_time=1.9, output_interval=0.01, relative_tolerance=1e-10)

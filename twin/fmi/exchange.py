@@ -290,3 +290,10 @@ class ExchangeMember(ContinuousFMU):
         super().move_to(t, states)
         if self.followed:
             self.followed.move_to(t)
+
+    def reset_point(self, t: float) -> None:
+        """Set the continuous inputs, too."""
+        super().reset_point(t)
+        for slot in self.slots.values():
+            if slot.is_input and slot.variable.variability == "continuous":
+                self.move(slot)

@@ -26,6 +26,7 @@ class ContinuousFMU(FMUMember):
     derivatives: np.ndarray[Any, Any]
     nominals: np.ndarray[Any, Any]
     indicators: np.ndarray[Any, Any]
+    _time: float | None = None  # of the point that it was moved to last [s]
 
     # events
 
@@ -96,10 +97,10 @@ class ContinuousFMU(FMUMember):
 
     def move_to(self, t: float, states: np.ndarray[Any, Any]) -> None:
         """Be at a time [s] and in a state."""
+        self._time = t
         self._evaluated("SetTime", t)
-        if len(states):
-            self.states[:] = states
-            self._vector("SetContinuousStates")
+        self.states[:] = states
+        self._vector("SetContinuousStates")
 
     def differentiate(self) -> np.ndarray[Any, Any]:
         """Derivatives of the states at the present point."""
@@ -129,7 +130,10 @@ class ContinuousFMU(FMUMember):
             raise binary.failed(self.name, error.function, error.status, self.log) from None
 
     def direction(self, unknowns: np.ndarray[Any, Any], known: int, seed: np.ndarray[Any, Any], size: int) -> Any:
-        """Directional derivative of unknowns, with `size` values in all, along a known variable."""
+        """Directional derivative of unknowns, with `size` values in all, along a known variable.
+
+        Time, states and inputs are set again afterwards: an FMU may take a finite difference and stay where that ended.
+        """
         found = np.zeros(size)
         pointer, word = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_uint)
         references = (ctypes.c_uint * 1)(known)
@@ -142,4 +146,10 @@ class ContinuousFMU(FMUMember):
             self._loaded.call(f"{self._prefix}GetDirectionalDerivative", self.instance, *arguments)
         except (CallError, MissingFunctionError) as error:
             raise Discarded(str(error)) from None
+        if self._state == CONTINUOUS and self._time is not None:
+            self.reset_point(self._time)
         return found
+
+    def reset_point(self, t: float) -> None:
+        """Set time [s], states and inputs of the present point once more."""
+        self.move_to(t, self.states)
