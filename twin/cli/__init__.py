@@ -19,7 +19,7 @@ from twin import __version__, installed
 from twin.cli.added import added, summary
 from twin.cli.terminal import nobody_reads, open_streams, say
 from twin.errors import TwinError, nearest, printable
-from twin.process import command_line, end
+from twin.process import command_line, end, memory_is_limited
 
 __all__ = ["group", "invoke", "main", "say"]
 
@@ -166,15 +166,6 @@ def refuse_bytes(arguments: list[str]) -> None:
             raise click.UsageError(
                 f"{printable(one)}: byte 0x{byte:02x} is not UTF-8 text. Rename the file or folder."
             ) from None
-
-
-def memory_is_limited() -> bool:
-    """Whether `ulimit -v` is set: then what cannot be loaded lacks memory."""
-    try:
-        import resource
-    except ImportError:  # elsewhere than on Unix
-        return False
-    return resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY
 
 
 def told(error: TwinError | OSError | MemoryError) -> list[str]:

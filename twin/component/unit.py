@@ -31,6 +31,7 @@ TOKEN = re.compile(
 NUMBER = r"\d{1,25}(?:\.\d{1,25})?(?:e[+-]?\d{1,3})?"
 DEFINED = re.compile(rf".{{0,30}} \{{(?P<factor>{NUMBER}) (?P<unit>[^{{}}]{{1,60}}?) \+ (?P<offset>-?{NUMBER})\}}")
 POWER = re.compile(r"\s*(?:\^|\*\*)\s*([+-]?\d)")
+PRODUCT = re.compile(rf"(?<=[{LETTER})\d])[.·](?=[{LETTER}(])")  # `N.m`, which pint knows up to 0.25
 SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 ATTACHED = re.compile(rf"(?<=[{LETTER}])([+-]?\d)(?![\w.])")  # `m2`, `s-1`: so Modelica writes powers
 
@@ -62,7 +63,8 @@ def short(text: str) -> str:
 
 def spelled(text: str) -> str:
     """A unit's text with its powers as `^2`; CouplingError if it is no product of symbols, or too much work."""
-    found = ATTACHED.sub(r"^\1", text.translate(SUPERSCRIPTS)) if len(text) <= symbols.LONGEST else ""
+    plain = text.translate(SUPERSCRIPTS) if len(text) <= symbols.LONGEST else ""
+    found = ATTACHED.sub(r"^\1", PRODUCT.sub("*", plain))
     found = POWER.sub(r"^\1", found)
     powers = [max(abs(int(power)), 1) for power in POWER.findall(found)]
     if not found or TOKEN.sub("", found) or math.prod(powers) > HIGHEST:

@@ -22,6 +22,7 @@ from twin.fmi import elf
 from twin.fmi.functions import Callbacks, ClockUpdate, Intermediate, Library, Logger2, Logger3, Preemption, memory
 from twin.fmi.markup import one_line
 from twin.fmi.unpacked import suffix
+from twin.process import memory_is_limited
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -32,6 +33,7 @@ STATUS = ("OK", "WARNING", "DISCARD", "ERROR", "FATAL", "PENDING")
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 EXCHANGE_2, CO_SIMULATION_2 = 0, 1  # fmi2Type
 LINES = 20  # log lines kept per instance
+MEMORY_ADVICE = "There is not enough memory: raise the limit (ulimit -v), or end other programs."
 
 
 def load(unpacked: Unpacked) -> Library:
@@ -42,9 +44,16 @@ def load(unpacked: Unpacked) -> Library:
         return Library(unpacked.binary)
     except OSError as error:
         reason = one_line(error).replace(f"{unpacked.folder}{os.sep}", "")
+        if lacks_memory(reason):
+            raise FMUError(f"{unpacked.path}: {reason}. {MEMORY_ADVICE}") from None
         raise FMUError(
             f"{unpacked.path}: Failed to load shared library: {reason}. Install what is missing, or export it for this machine."
         ) from None
+
+
+def lacks_memory(reason: str) -> bool:
+    """Whether the message of the dynamic loader says that there was no memory for a library."""
+    return "Cannot allocate memory" in reason or ("failed to map segment" in reason and memory_is_limited())
 
 
 class Log:

@@ -2,7 +2,7 @@
 
 from twin.process.death import Death
 from twin.process.link import Lines, Link
-from twin.process.owner import alive, owner, place_for, sweep
+from twin.process.owner import alive, memory_is_limited, owner, place_for, sweep
 from twin.process.stop import SIGNALS, Stop
 from twin.process.supervisor import command_line, end, supervise
 
@@ -15,6 +15,7 @@ __all__ = [
     "alive",
     "command_line",
     "end",
+    "memory_is_limited",
     "owner",
     "place_for",
     "supervise",

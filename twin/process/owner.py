@@ -110,3 +110,12 @@ def remove(one: Path) -> None:
     import shutil
 
     shutil.rmtree(one, ignore_errors=True)
+
+
+def memory_is_limited() -> bool:
+    """Whether `ulimit -v` is set: then what cannot be loaded lacks memory."""
+    try:
+        import resource
+    except ImportError:  # elsewhere than on Unix
+        return False
+    return resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY

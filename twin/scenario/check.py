@@ -18,6 +18,8 @@ from twin.scenario.names import find, inside, matching, nearest, no_element
 from twin.scenario.scenes import check_arrays
 from twin.scenario.spec import SETTABLE
 
+MOST_STEPS = 1e10  # of a run; 1e7 a second are fast
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
@@ -133,6 +135,11 @@ def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
             problems.append(
                 f"{stop}: the run of {clock.text(case.stop_ns - case.start_ns)} is not a multiple of step"
                 f" {clock.text(case.step_ns)}. Change stop_time or step."
+            )
+        elif (case.stop_ns - case.start_ns) / case.step_ns > MOST_STEPS:
+            problems.append(
+                f"{stop}: {float((case.stop_ns - case.start_ns) / case.step_ns):.3g} steps of {clock.text(case.step_ns)} until the end"
+                f" are more than {MOST_STEPS:.0e}, which take hours. Give a larger step or an earlier stop_time."
             )
     try:
         case.algorithm.divisions(case.step_ns)

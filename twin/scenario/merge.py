@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 Keys = tuple[str, ...]
 
 RHYTHM = ("period", "communication_step")  # of a member, whatever its component is
+DEEPEST = 50  # files that extend each other
 IDENTIFIED = "identified"  # in the file of a parameter set: how `twin identify` found it, which is no component
 
 
@@ -49,6 +50,8 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], above: tup
     target = path.parent / parent.value
     if target.resolve() in (own, *above):
         raise ScenarioError(f"{parent.place}: extends: {parent.value} extends this file again. Break the circle.")
+    if len(above) >= DEEPEST:
+        raise ScenarioError(f"{parent.place}: extends: more than {DEEPEST} files extend each other. Join some of them.")
     if not target.is_file():
         known = [other.name for other in target.parent.glob("*.y*ml")] if target.parent.is_dir() else []
         hint = nearest(target.name, known) or " Give a path relative to this file."

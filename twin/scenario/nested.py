@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from twin.scenario.node import Node
     from twin.scenario.spec import Scenario
 
+DEEPEST = 20  # groups in each other
 _above: ContextVar[tuple[str, ...]] = ContextVar("above", default=())  # files whose members are being made
 
 
@@ -65,6 +66,10 @@ def component(reference: str, load: Callable[[str], Scenario]) -> type[Component
     name, _, variant = rest.partition("@")
     if path in _above.get():
         raise ScenarioError(f"{path} is a part of itself. Break the circle.")
+    if len(_above.get()) >= DEEPEST:
+        raise ScenarioError(
+            f"{path}: groups lie in each other more than {DEEPEST} deep. Name the inner members directly."
+        )
     if not Path(path).is_file():
         known = [other.name for other in Path(path).parent.glob("*.y*ml")]
         raise ScenarioError(f"there is no file {path}.{nearest(Path(path).name, known)}")

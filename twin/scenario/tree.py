@@ -46,6 +46,8 @@ def read(path: Path, shown: str, problems: list[str] | None = None) -> Node:
     try:
         if path.is_dir():
             raise ScenarioError(f"{shown}: is a folder. Name a file in it, such as {shown}/contact.yaml.")
+        if path.exists() and not path.is_file():
+            raise ScenarioError(f"{shown}: is a pipe, a socket or a device. Give a regular file.")
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
