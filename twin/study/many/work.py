@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from twin.dataclass import dataclass
 from twin.errors import ScenarioError, TwinError
+from twin.process import Stop
 from twin.results import recording, write_text
 from twin.run import silent
 from twin.scenario import Form, members
@@ -135,32 +136,38 @@ def run_study(
     begun = time.perf_counter()
     workers = workers or cores()
     folder, told = placed(study, root, resume, command)
-    job = prepared(study, folder / told["frozen"], build)
     with ExitStack() as stack:
+        stop = stack.enter_context(Stop())
         journal = stack.enter_context(Journal(folder))
-        before = len(journal.rows)
-        runner = started(job, study.variants, scheduler, workers, memory or memory_of_each(workers), timeout)
-        stack.callback(runner.close)
-        cases = Cases(runner, journal, Teller(journal, expected(study), listen))
-        outcome = StudyOutcome(study, folder, table.together(study, [], journal), "completed", 0.0, before=before)
+        outcome = StudyOutcome(
+            study, folder, table.together(study, [], journal), "completed", 0.0, before=len(journal.rows)
+        )
+        requests: list[Request] = []
         try:
-            every_part(outcome, cases)
-        except KeyboardInterrupt:
+            with stop.armed():
+                job = prepared(study, folder / told["frozen"], build)
+                runner = started(job, study.variants, scheduler, workers, memory or memory_of_each(workers), timeout)
+                stack.callback(runner.close)
+                cases = Cases(runner, journal, Teller(journal, expected(study), listen))
+                requests = cases.requests
+                every_part(outcome, cases)
+        except KeyboardInterrupt:  # from here on further signals are only noted
             outcome.status = "interrupted"
-        runner.close()
-        outcome.cases = table.together(study, outcome_requests(study, cases), journal)
+        if requests:
+            runner.close()
+        outcome.cases = table.together(study, requests or list(study.requests()), journal)
         write_tables(outcome, journal)
         outcome.seconds = time.perf_counter() - begun
         manifest.write(folder, **{**told, **ended(outcome, workers, scheduler)})
-    if outcome.status == "completed":
-        (folder / JOURNAL).unlink()
-    if report:
         if outcome.status == "completed":
-            keep_runs(outcome, build)
-            manifest.write(folder, **{**manifest.read(folder), "runs": outcome.runs})
-        from twin.study.answers import write_report
+            (folder / JOURNAL).unlink()
+        if report and outcome.cases.rows:
+            if outcome.status == "completed":
+                keep_runs(outcome, build)
+                manifest.write(folder, **{**manifest.read(folder), "runs": outcome.runs})
+            from twin.study.answers import write_report
 
-        write_report(outcome)
+            write_report(outcome)
     return outcome
 
 
@@ -197,11 +204,6 @@ def every_part(outcome: StudyOutcome, cases: Cases) -> None:
         number = outcome.worst.last
     if study.keys.tune is not None:
         outcome.tuned = tune(study, cases, number)
-
-
-def outcome_requests(study: Study, cases: Cases) -> list[Request]:
-    """All that was asked for, also what was not reached."""
-    return cases.requests or list(study.requests())
 
 
 def expected(study: Study) -> int:
