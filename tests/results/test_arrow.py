@@ -36,7 +36,6 @@ def test_pandas_is_not_imported_where_it_is_installed(tmp_path):
 import numpy as np
 from pathlib import Path
 from twin.results import Signals, arrow, recording
-arrow.wake()
 table = Signals(np.arange(3.0), {"a.x": np.arange(3.0), "a.on": np.array([True, False, True])}, {})
 columns = [recording.Column("a.x"), recording.Column("a.on", np.dtype(bool)), recording.Column("a.missing")]
 with recording.SignalFile(Path("signals.parquet"), columns, {"scenario": "x"}) as file:

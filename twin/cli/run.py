@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import sys
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from twin import installed, late, revision
+from twin import installed
 from twin.cli import completion
 from twin.cli.terminal import bar, paper, say, working
 from twin.errors import DeclarationError, TwinError
@@ -24,7 +23,6 @@ if TYPE_CHECKING:
     from twin.scenario import Scenario
 
 ENGINE = Path(__file__).parents[1]
-SHOWN_WITH = ("rich.table", "rich.console", "twin.run.report")  # modules
 FORMS = ("fmu", "compiled", "interpreted")
 
 
@@ -139,9 +137,8 @@ def command(
         again = single(*place_of(of_study, runs))
         file, overrides, variants, seeds = again.file, (*again.options, *overrides), (again.variant,), (again.seed,)
     assert file is not None
-    with late.beside(partial(revision.checkout, ENGINE)):
-        from twin.run import resume, run_scenario
-        from twin.scenario import Form
+    from twin.run import resume, run_scenario
+    from twin.scenario import Form
 
     display = progress_display(of_study or file.stem, not as_json)
     options: dict[str, Any] = {
@@ -168,7 +165,6 @@ def command(
                 root=runs,
                 progress=progress,
                 hardware=hardware,
-                needed=() if as_json else SHOWN_WITH,
                 half_step=half_step,
                 **options,
             )

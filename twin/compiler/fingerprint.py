@@ -259,11 +259,9 @@ class Trace:
             if isinstance(value, base):
                 self.add(show(value), names)
                 found = True
-        for number in NUMBERS:
+        for number, show in NUMBERS:
             if isinstance(value, number):
-                self.put(
-                    number.__name__, number.__repr__(value)
-                )  # of a subclass, which may print itself in another way
+                self.put(number.__name__, show(value))  # of a subclass, which may print itself in another way
                 found = True
         if hasattr(value, "__wrapped__"):  # such as what functools.lru_cache gives
             self.add(value.__wrapped__, names)
@@ -356,7 +354,7 @@ def text_of(file: str) -> str:
         return "".join(linecache.getlines(file))
 
 
-NUMBERS: tuple[type[Any], ...] = (float, int, str, bytes, complex)
+NUMBERS: tuple[tuple[type[Any], Any], ...] = tuple((one, one.__repr__) for one in (float, int, str, bytes, complex))
 CONTAINERS: tuple[tuple[type[Any], Any], ...] = (
     (Mapping, items), (AbstractSet, in_order), (tuple, tuple), (list, list), (range, tuple),
 )  # fmt: skip

@@ -31,16 +31,6 @@ def writer(sink: Any, schema: Any, words: Sequence[str] = ()) -> Any:
     return ParquetWriter(sink, schema, compression="zstd", use_dictionary=[*words], writer_engine_version="V2")
 
 
-def wake() -> None:
-    """Write next to nothing to memory: the library takes up to 20 ms for the first file of a process."""
-    import pyarrow as pa
-
-    table = pa.Table.from_arrays([column(np.zeros(1))], names=["time"])
-    first = writer(pa.BufferOutputStream(), table.schema)
-    first.write_table(table)
-    first.close()
-
-
 def word(text: str) -> Any:
     """An array of one text."""
     import pyarrow as pa

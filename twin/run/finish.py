@@ -7,7 +7,6 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from twin import late
 from twin.component import catalog
 from twin.errors import SimulationError
 from twin.results import Journal, evaluate
@@ -27,11 +26,8 @@ def finish(outcome: Outcome, cases: Sequence[Case], report: bool, hardware: Hard
         judge = partial(
             evaluate, scenario.metrics, scenario.expectations, outcome.tables, scenario.paper_applies, outcome.endings
         )
-        if any(signals.is_large for signals in outcome.tables.values()):
-            write_signals(outcome)
-            outcome.evaluation = judge()
-        else:
-            outcome.evaluation = late.meanwhile(partial(write_signals, outcome), judge)
+        write_signals(outcome)
+        outcome.evaluation = judge()
         if hardware is not None:
             about.extra = {**about.extra, "hardware": hardware.report()}
             note(about, hardware.notes())

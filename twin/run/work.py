@@ -15,12 +15,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin import clock, late
+from twin import clock
 from twin.coupling import Ring
 from twin.dataclass import dataclass
 from twin.errors import ScenarioError, TwinError, nearest
 from twin.process import Lines, Link, Stop
-from twin.results import Ending, Journal, arrow, plain_column
+from twin.results import Ending, Journal, plain_column
 from twin.results import recording as results
 from twin.results import stream as streams
 from twin.run.cases import (
@@ -43,8 +43,6 @@ if TYPE_CHECKING:
     from twin.coupling import Catalog, CoSimulation
     from twin.scenario import Case, Scenario
 
-WRITERS = ("pyarrow._parquet", "shutil")  # what the end needs, imported while the loop runs
-STRIDE = 0.02  # [s] that the loop's first calls take, before one lasts as long as loading a library
 LOG = "log.txt"
 ABOUT = ("name", "title", "source", "description", "path", "step_ns", "algorithm")  # of a run, as they are
 
@@ -54,10 +52,6 @@ Course = Callable[["Case", "CoSimulation", Progress], object]  # takes a case fr
 
 def unheard(_line: str) -> None:
     """Nobody listens."""
-
-
-def nothing() -> None:
-    """Nothing is left to begin."""
 
 
 def run_scenario(
@@ -72,7 +66,6 @@ def run_scenario(
     report: bool = True,
     hardware: Hardware | None = None,
     link: Link | None = None,
-    needed: Sequence[str] = (),
     half_step: bool = False,
     logged: Sequence[str] = (),
     hear: Callable[[str], object] = unheard,
@@ -80,7 +73,7 @@ def run_scenario(
 ) -> Outcome:
     """Run a scenario and write its folder; a failing member or Ctrl-C ends it early, with what there is written.
 
-    `needed`: modules that whoever calls needs at the end, imported while the loop runs. `half_step`: also run the first seed
+    `half_step`: also run the first seed
     of each variant at half the step, and say what that changes. `logged`: members, or patterns of their names, whose FMUs'
     own log goes to log.txt and, line by line, to `hear`.
 
@@ -97,8 +90,7 @@ def run_scenario(
     outcome = begun(scenario, catalogs, root)
     link, journal = link or Link(), Journal(outcome.folder)
     journal.begin(header(outcome, cases, report), link.owners)
-    modules = (*WRITERS, *needed)
-    work = Work(outcome, cases, form, build, progress, report, hardware, link, journal, modules, logged, hear, course)
+    work = Work(outcome, cases, form, build, progress, report, hardware, link, journal, logged, hear, course)
     try:
         with Stop(last=work.link.watched) as work.stop:
             link.keep(resume=str(outcome.folder), hint=f"Then: twin recover {outcome.folder}")
@@ -169,16 +161,13 @@ class Work:
     hardware: Hardware | None
     link: Link
     journal: Journal
-    needed: Sequence[str] = WRITERS  # modules
     logged: Sequence[str] = ()  # patterns of members' names
     hear: Callable[[str], object] = unheard
     course: Course = run_case
     stop: Stop = None  # type: ignore[assignment]  # while the run goes on
-    begin_ahead: Callable[[], None] = nothing  # to import what the end needs
 
     def told(self, name: str, part: float) -> None:
         """Show how far a case is, and hear what a callback in native code has swallowed."""
-        self.begin_ahead()
         self.progress(name, part)
         self.stop.check()
 
@@ -220,8 +209,7 @@ class Work:
                 simulated = self.made(number, case)
             begin = time.perf_counter()
             try:
-                modules = self.needed if self.hardware is None else ()
-                with self.stop.armed(), late.ahead(*modules, then=arrow.wake, after=STRIDE) as self.begin_ahead:
+                with self.stop.armed():
                     self.course(case, simulated, self.told)
             finally:
                 took = time.perf_counter() - begin
