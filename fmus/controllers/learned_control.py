@@ -28,6 +28,7 @@ class LearnedControl(Component):
     """Variables of a force controller that learns: force in, velocity out, and what it says about itself."""
 
     period = 5e-3
+    buffers = (("delay", LINE - 2),)
 
     setpoint = input("N", "desired contact force", start=0.2, minimum=0.0, nominal=0.1)
     force = input("N", "measured contact force", nominal=0.1)

@@ -1,6 +1,6 @@
 """What an author touches: variables with units, components in plain Python, solvers, noise, the linter, the catalog."""
 
-from twin.component import catalog, solver, source, unit
+from twin.component import buffers, catalog, solver, source, unit
 from twin.component.component import (
     CONNECTABLE,
     Component,
@@ -50,6 +50,7 @@ __all__ = [
     "Terminal",
     "Type",
     "Variable",
+    "buffers",
     "catalog",
     "define",
     "euler",

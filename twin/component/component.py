@@ -87,6 +87,8 @@ class Component:
     method: ClassVar[solver.Method] = solver.rk4(1e-4)
     switches: ClassVar[tuple[str, ...]] = ()
     samples_at: ClassVar[str] = ""  # parameter [s]
+    # parameter [s] or [Hz], and most periods that its value or its inverse may take
+    buffers: ClassVar[tuple[tuple[str, float], ...]] = ()
 
     variables: ClassVar[tuple[Variable, ...]] = ()
     terminals: ClassVar[dict[str, Terminal]] = {}

@@ -6,7 +6,7 @@ checked by `twin.system`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from twin import clock
 from twin.errors import CouplingError, ScenarioError
@@ -152,6 +152,17 @@ def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
     return problems + check_events(case)
 
 
+def check_buffers(name: str, member: MemberSpec, values: dict[str, Any]) -> list[str]:
+    """Parameters that would outgrow a buffer of the component."""
+    from twin.component import buffers, catalog
+
+    if member.component.endswith(".fmu"):
+        return []
+    cls = member.made or catalog.component(member.component)
+    period = float(clock.seconds(member.period_ns or cls.period_ns))
+    return [f"{member.where}: {name}.{one}" for one in buffers.overflows(cls, values, period)] if period else []
+
+
 def missing_file(name: str, member: MemberSpec) -> list[str]:
     """An FMU that is not there."""
     from pathlib import Path
@@ -200,7 +211,8 @@ def check_against(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[s
     for case in scenario.variants:
         catalog = catalogs[case.variant]
         for name, member in case.members.items():
-            problems += member.values(name, catalog[name])[1]
+            values, wrong = member.values(name, catalog[name])
+            problems += wrong or check_buffers(name, member, values)
         targets = {connection.target for connection in case.system(catalog).single()[0]}
         for event in case.events:
             problems += event_problems(event, catalog, targets)

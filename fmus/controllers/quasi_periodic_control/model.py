@@ -37,6 +37,8 @@ class QuasiPeriodicControl(LearnedControl, BeatSearch):
     It has no phase: a beat that comes early is played back a beat later, and leaves it a beat behind.
     """
 
+    buffers = (*LearnedControl.buffers, ("rate_minimum", (MEMORY - REACH - 2) / LONGEST))
+
     learning = parameter(0.5, "", "part of a new beat in what is played back", minimum=0.0, maximum=1.0,
                          source="chosen: half, so that noise of one beat has faded after three; 0.3 and 0.8 are worse")
     kernel = parameter(4.0, "", "periods over which a sample is spread", minimum=0.5, maximum=5.0,

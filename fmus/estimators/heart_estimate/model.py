@@ -14,6 +14,7 @@ class HeartEstimate(Component):
     """
 
     period = 1e-3
+    buffers = (("latency", LINE),)
 
     position = input("m", "true wall position", display_unit="mm", nominal=5e-3)
     estimated_position = output("m", "estimated wall position", display_unit="mm")

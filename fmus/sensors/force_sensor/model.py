@@ -15,6 +15,7 @@ class ForceSensor(Component):
     """
 
     period = 5e-3
+    buffers = (("latency", LINE - 1),)
 
     force = input("N", "true contact force", minimum=0.0, maximum=17.0, nominal=0.3)
     measured_force = output("N", "measured contact force")

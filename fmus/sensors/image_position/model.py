@@ -28,6 +28,7 @@ class ImagePosition(Component):
     """
 
     period = 20e-3
+    buffers = (("latency", LINE),)
 
     tip_x = input("m", "true tip position", display_unit="mm", nominal=8e-3)
     tip_y = input("m", "true tip position", display_unit="mm", nominal=8e-3)
