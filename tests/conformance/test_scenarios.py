@@ -22,7 +22,7 @@ BODIES = 20  # bodies run at a few times real time, not at hundreds: their secon
 # by name: else each process that collects tests would read them all; the last one's estimators take seconds to compile
 LONG = {
     "bench_force", "bench_hysteresis", "bench_regripping", "bench_wall", "beyond_paper", "catheter_calibration",
-    "coordinate_feedforward", "coordinate_friction", "dynamic_regripping", "dynamic_regripping_sensitivity",
+    "coordinate_feedforward", "coordinate_friction", "dynamic_regripping", "dynamic_regripping_sensitivity", "heart_wall_ten_minutes",
     "heart_motion", "hysteresis_models", "injection_sequence", "needle", "omnidirectional", "rig_on_wall",
     "rotation", "rotation_compensated", "stepper_calibration", "travel_distance", "heart_wall_ahead",
 }  # fmt: skip

@@ -141,6 +141,11 @@ def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
                 f"{stop}: {float((case.stop_ns - case.start_ns) / case.step_ns):.3g} steps of {clock.text(case.step_ns)} until the end"
                 f" are more than {MOST_STEPS:.0e}, which take hours. Give a larger step or an earlier stop_time."
             )
+    if keys.valid_until is not None and case.stop_ns > keys.valid_until.stop_time:
+        problems.append(
+            f"{stop}: stop_time {clock.text(case.stop_ns)} is later than {clock.text(keys.valid_until.stop_time)}, until which this"
+            f" scenario is valid: {keys.valid_until.reason}"
+        )
     try:
         case.algorithm.divisions(case.step_ns)
     except CouplingError as error:

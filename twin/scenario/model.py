@@ -212,10 +212,11 @@ class WindowKeys(Keys):
 
 
 class MetricKeys(WindowKeys):
-    """One number per run; `paper` is one value, or one for each variant."""
+    """One number per run; `paper` is one value, or one for each variant. `window`: the worst of all spans of this length."""
 
     signal: Signal
     reduce: Literal["mean", "std", "rms", "max_abs", "min", "max", "final", "peak_to_peak"]
+    window: Time | None = None
     unit: Text = ""
     paper: Annotated[Any, BeforeValidator(published)] = None
     tolerance: Annotated[float, BeforeValidator(fraction)] | None = None
@@ -357,6 +358,13 @@ class RunKeys(Keys):
     parameter_sets: list[dict[Text, dict[str, Value]]] = []
 
 
+class ValidityKeys(Keys):
+    """The latest stop time for which a scenario is valid, and why."""
+
+    stop_time: Moment
+    reason: Annotated[str, Field(min_length=1)]
+
+
 class ScenarioKeys(RunKeys):
     """A scenario file."""
 
@@ -375,3 +383,4 @@ class ScenarioKeys(RunKeys):
     scenes: list[SceneKeys] = []
     groups: dict[str, Annotated[list[Text], BeforeValidator(one_or_more), Field(min_length=1)]] = {}
     console: list[ControlKeys] = []
+    valid_until: ValidityKeys | None = None

@@ -52,6 +52,8 @@ class HeartMotion(BeatSearch, QuasiPeriodic):
     tip_status = input("", "0 valid, 1 degraded, 2 lost", type=Int32, minimum=0, maximum=2)
     tip_age = input("s", "time since the tip was where it is said to be, when that was published", minimum=0.0,
                     display_unit="ms", nominal=1e-2)
+    contact_force = input("N", "measured force between tip and wall; below `contact_minimum` the tip says nothing of the wall",
+                          start=1.0, nominal=0.1)
     learn = input("", "whether samples are taken in; otherwise the learned motion is predicted", start=True, type=Boolean)
     enable = input("", "whether the estimate is published; otherwise it fades to zero", start=True, type=Boolean)
 
@@ -86,6 +88,11 @@ class HeartMotion(BeatSearch, QuasiPeriodic):
                      source="chosen: three of the paper's experiments; the deviation tells what it is worth")
     lesson = parameter(0.0, "s", "time for which it only learns, to predict alone afterwards; 0: both all the time",
                        minimum=0.0, source="0: the tip moves with the wall; else seven seconds or more")
+    travel_axis = parameter((0.0, 0.0, 0.0), "", "direction in which the gripper moves the tip; what the tip has come along it is "
+                        "added along `toward`; zero: the gripper stands",
+                        source="0: as the paper learns; else the free end's axis, since advance and bending add up to the wall's motion")
+    contact_minimum = parameter(0.02, "N", "measured force from which the tip is on the wall", display_unit="mN", minimum=0.0,
+                                source="chosen: ten times the sensor's zero error, a tenth of the setpoint")
     blend = parameter(1.0, "s", "time in which the estimate fades in and out", minimum=1e-2,
                       source="chosen: as the heart's own blend-in")
 
@@ -102,6 +109,7 @@ class HeartMotion(BeatSearch, QuasiPeriodic):
     off = local(0.0, "m", "latest innovation")
     place = local(0.0, "m", "latest sample along the direction")
     last_position = local(0.0, "m", "tip of the tick before", shape=(3,))
+    wall = local(0.0, "m", "tip as if the gripper stood: where the wall has carried it", shape=(3,), display_unit="mm")
     taught = local(0.0, "s", "how long the lesson has been going on")
     share = local(0.0, "", "part of the estimate that is published, before it is smoothed")
     doubt = local(0, "", "searches in a row that found another beat", type=Int32)
@@ -111,6 +119,7 @@ class HeartMotion(BeatSearch, QuasiPeriodic):
         forget(self)
         for i in range(3):
             self.last_position[i] = 0.0
+            self.wall[i] = 0.0
             self.axis[i] = self.toward[i]
             self.anchor[i] = 0.0
         for i in range(N):
@@ -141,9 +150,9 @@ class HeartMotion(BeatSearch, QuasiPeriodic):
             self.age = self.tip_age
         at = t - self.age
         fresh = seen and at > self.instant + 1e-9 and changed(self)
-        gained = fresh and remember(
-            self, SPACING, at, self.tip_position[0], self.tip_position[1], self.tip_position[2]
-        )
+        if fresh:
+            locate(self)
+        gained = fresh and remember(self, SPACING, at, self.wall[0], self.wall[1], self.wall[2])
         if self.mode == SEARCHING:
             if fresh:
                 self.instant = at
@@ -159,13 +168,22 @@ def taught(self: HeartMotion) -> bool:
     return self.taught > self.lesson and self.mode == FOLLOWING
 
 
+def locate(self: HeartMotion) -> None:
+    """Where the wall is: what the gripper has advanced the tip, the wall would have bent it farther if it had stood."""
+    travel = 0.0
+    for i in range(3):
+        travel += self.travel_axis[i] * self.tip_position[i]
+    for i in range(3):
+        self.wall[i] = self.tip_position[i] + travel * (self.toward[i] - self.travel_axis[i])
+
+
 def usable(self: HeartMotion) -> bool:
     """Whether the input is a place and a time; comparisons with what is no number are false."""
     if not self.learn or (self.lesson > 0.0 and taught(self)):
         return False
     if not (self.tip_status == VALID or self.tip_status == DEGRADED):
         return False
-    if not 0.0 <= self.tip_age <= OLDEST:
+    if not 0.0 <= self.tip_age <= OLDEST or not self.contact_force >= self.contact_minimum:
         return False
     near = True
     for i in range(3):
@@ -245,7 +263,7 @@ def follow(self: HeartMotion, at: float, fresh: bool, gained: bool) -> None:
 
 def weigh(self: HeartMotion, mean: float, variance: float, elapsed: float) -> None:
     """Take a sample in, unless it is an outlier, or one of a beat that is not as learned."""
-    self.place = along(self, self.tip_position[0], self.tip_position[1], self.tip_position[2])
+    self.place = along(self, self.wall[0], self.wall[1], self.wall[2])
     self.off = self.place - mean
     expected = variance
     variance += self.level if self.tip_status == VALID else 4.0 * self.level
