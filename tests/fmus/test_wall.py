@@ -57,3 +57,49 @@ def test_yields_more_slowly_than_it_is_pushed(native):
         wall.advance(0.2 + step * H, H)
         release.append(float(wall.force))
     assert sum(push) > 1.02 * sum(release) > 0.0
+
+
+@pytest.mark.parametrize("retracted", [-19e-3, -30e-3, -60e-3])
+def test_a_tip_that_is_pulled_back_does_not_drag_the_silicone(native, retracted):
+    """What the tip does not feel, the wall does not feel either: it recovers in the same time, however far the tip is away."""
+    wall = native(Wall)
+    wall.start(0.0)
+    hold(wall, 0.0)
+    before = float(wall.indentation)
+    depths = []
+    for step in range(40):
+        wall.tip_position = retracted
+        assert wall.advance(step * H, H) == 0
+        assert wall.force == 0.0
+        depths.append(float(wall.indentation))
+    # by itself: Hertz elastic force F(d) over its damping c F(d) + g, integrated with small steps
+    depth, expected = before, []
+    for _ in range(40):
+        for _ in range(1000):
+            elastic = 4 / 3 * 105e3 * np.sqrt(1.33e-3 * depth) * depth
+            depth -= 1e-6 * elastic / (8.0 * elastic + 0.1)
+        expected.append(depth)
+    np.testing.assert_allclose(depths, expected, rtol=5e-3, atol=2e-7)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_contact_gives_no_work_away(native, seed):
+    """Over motions that begin and end apart, the work done on tip and heart together is never negative."""
+    generator = np.random.default_rng(seed)
+    wall = native(Wall)
+    wall.tip_position = -40e-3
+    wall.start(0.0)
+    time = np.arange(0.0, 6.0, H)
+    window = np.sin(np.pi * time / 6.0) ** 2
+    tip = -40e-3 + window * (30e-3 + 8e-3 * np.sin(2 * np.pi * generator.uniform(0.5, 8.0) * time))
+    heart = window * 5e-3 * np.sin(2 * np.pi * generator.uniform(0.5, 3.0) * time)
+    work, least, last = 0.0, 0.0, (tip[0] - heart[0], 0.0)
+    for t, own, moved in zip(time, tip, heart, strict=True):
+        wall.tip_position, wall.heart_position = own, moved
+        wall.advance(t, H)
+        way, force = own - moved, float(wall.force)
+        work += 0.5 * (force + last[1]) * (way - last[0])
+        last = way, force
+        least = min(least, work)
+    assert work > 0.0
+    assert least > -1e-6

@@ -60,8 +60,5 @@ class Wall(Component):
         self.force = max(self.load, 0.0)
         self.displacement = -self.force / bending
 
-        # separated: the wall has recovered, and the free end carries no force
-        if self.load < 0.0 and self.indentation <= 0.0:
-            self.der_indentation = 0.0
-        else:
-            self.der_indentation = (self.load - elastic) / (self.dissipation * elastic + self.gel_drag)
+        # contact pushes only: where the tip is off the silicone, that recovers by itself, however far the tip is away
+        self.der_indentation = (self.force - elastic) / (self.dissipation * elastic + self.gel_drag)
