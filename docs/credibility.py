@@ -148,7 +148,7 @@ def numerical(values: list[float]) -> float:
 
 # ------------------------------------------------------------------------------------------------------------ validation
 
-FIT, ADJUSTED, PREDICTION = "fit", "adjusted", "prediction"
+FIT, ADJUSTED, ASSUMED, PREDICTION = "fit", "adjusted", "assumed", "prediction"
 
 # scenario -> (metric, what its variants' names begin with, how it came about, what the comparison may be used for)
 ROWS: dict[str, tuple[tuple[str, str, str, str], ...]] = {
@@ -160,8 +160,8 @@ ROWS: dict[str, tuple[tuple[str, str, str, str], ...]] = {
     ),
     "linear_grip": (("slip_load", "", FIT, "two values for two figures of each instrument"),),
     "rotational_grip": (("slip_torque", "", FIT, "one value for each instrument"),),
-    "rotation": (("error", "catheter, 72", FIT, "stiffness; other speeds are predictions"), ("error", "guidewire, 72", FIT, "friction; other speeds are predictions"),
-                 ("error", "", PREDICTION, "that speed does not count")),
+    "rotation": (("error", "catheter, 72", FIT, "stiffness; other speeds follow from friction without speed"), ("error", "guidewire, 72", FIT, "friction; other speeds follow from friction without speed"),
+                 ("error", "", ASSUMED, "friction without speed")),
     "stepper_calibration": (("lead", "", FIT, "an input"), ("lead_deviation", "", FIT, "an input")),
     "needle": (("slope", "", FIT, "an input"), ("per_pull", "", FIT, "an input"), ("table_std", "", FIT, "scatter fitted"),
                ("table_mean", "", PREDICTION, "the cause is not known")),
