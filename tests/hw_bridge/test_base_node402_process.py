@@ -10,6 +10,7 @@ import pytest
 from canopen.profiles.p402 import BaseNode402
 
 from benchmarks import hil
+from tests.hw_bridge.waiting import wait_for_node
 
 NODE = 5
 PERIOD = 0.01  # SYNC [s]
@@ -27,10 +28,10 @@ def node(name, build, tmp_path, monkeypatch):
     subprocess.run([sys.executable, "-c", "from twin.cli import main; main()", *words], check=True)
     network = canopen.Network()
     with hil.drive(name, "udp_multicast", hil.GROUP, build, NODE):
-        time.sleep(0.3)  # it boots
         network.connect(channel=hil.GROUP, interface="udp_multicast", port=hil.PORT, can_filters=FROM_DRIVES)
         found = network.add_node(BaseNode402(NODE, str(path)))
         try:
+            wait_for_node(found)
             configure(found)
             yield found
         finally:

@@ -23,7 +23,8 @@ from hw_bridge.wire import Wire
 from hw_bridge.wire.adapter import from_message, to_message
 from hw_bridge.wire.link import AnyLink
 from hw_bridge.wire.taken import refuse_if_taken
-from tests.hw_bridge.multicast import needed, own
+from tests.hw_bridge.multicast import PORT, needed, own
+from tests.hw_bridge.waiting import TIMEOUT, wait_for_frame, wait_for_node
 from twin import cli, installed
 from twin.errors import SimulationError
 
@@ -57,9 +58,7 @@ def test_it_refuses_where_another_node_answers(build, talks):
         thread = threading.Thread(target=wire.run)
         thread.start()
         try:
-            time.sleep(0.3)
-            while ours.recv(0) is not None:
-                pass
+            wait_for_frame(ours, 0x700 + wire.slave.node)
             if talks:
                 with pytest.raises(SimulationError, match="another node answers on this ID"):
                     refuse_if_taken(AnyLink(ours, "virtual"), NODE)
@@ -73,9 +72,9 @@ def test_it_refuses_where_another_node_answers(build, talks):
 @pytest.fixture
 def multicast(build):
     """A group of this test alone on loopback or the local network."""
-    channel = needed(own(74))
-    arguments = ["-p", "mclm", "-n", str(NODE), "-i", "udp_multicast", "-c", channel, "--build", str(build)]
-    return channel, [sys.executable, "-m", "hw_bridge.drive", *arguments]
+    channel = needed(own(74), port=PORT)
+    arguments = ["-p", "mclm", "-n", str(NODE), "-i", "udp_multicast", "-c", channel, "--option", f"port={PORT}"]
+    return channel, [sys.executable, "-m", "hw_bridge.drive", *arguments, "--build", str(build)]
 
 
 @pytest.mark.slow
@@ -87,9 +86,9 @@ def test_a_process_of_its_own(multicast, tmp_path):
     network = canopen.Network()
     try:
         assert "node 9" in process.stdout.readline()
-        network.connect(channel=channel, interface="udp_multicast")
+        network.connect(channel=channel, interface="udp_multicast", port=PORT)
         node = network.add_node(NODE, str(path))
-        time.sleep(0.5)
+        wait_for_node(node)
         assert node.sdo[0x1018][1].raw == 327
         again = subprocess.run(line, capture_output=True, text=True, check=False)
         assert again.returncode == 1
@@ -155,8 +154,8 @@ def test_slcan_over_a_serial_line(serial_line, build, tmp_path):
     try:
         assert "node 3" in process.stdout.readline()
         network.connect(interface="slcan", channel=ours, bitrate=1_000_000)
-        time.sleep(0.5)
         node = network.add_node(3, str(path))
+        wait_for_node(node)
         assert node.sdo[0x1018][2].raw == 0x61500000
         node.sdo[0x1800][2].raw = 1
         node.nmt.state = "OPERATIONAL"
@@ -165,7 +164,9 @@ def test_slcan_over_a_serial_line(serial_line, build, tmp_path):
         for _ in range(200):
             network.send_message(0x080, b"")
             time.sleep(0.005)
-        time.sleep(0.3)
+        end = time.monotonic() + TIMEOUT
+        while len(seen) < 200 and time.monotonic() < end:
+            time.sleep(0.01)
         assert len(seen) == 200
     finally:
         network.disconnect()
