@@ -238,8 +238,8 @@ def test_runs_again_to_the_bit(live, build, tmp_path):
     assert not (folder / ".recording").exists()
 
 
-def test_a_session_that_was_killed_runs_again_to_the_bit(live, build, tmp_path):
-    live.resume()
+def test_a_session_that_was_killed_runs_again_to_the_bit(start, build, tmp_path):
+    live = start(running=True)
     live.set(MASS, 0.8)
     presses = itertools.count(1000)
 

@@ -60,13 +60,15 @@ def command(
             study, root=runs, build=build, workers=workers, scheduler=scheduler, timeout=timeout, memory=int(memory * 1e9),
             resume=folder, listen=display, command=shlex.join(["twin", *sys.argv[1:]]), report=not no_report,
         )  # fmt: skip
-    answers = Answers(outcome.cases)
-    show(outcome, answers)
-    say(str(outcome.folder / ("cases.parquet" if no_report else "report.html")))
+    count = len(outcome.cases.rows)
+    answers = Answers(outcome.cases) if count else None
+    if answers is not None:
+        show(outcome, answers)
+        say(str(outcome.folder / ("cases.parquet" if no_report else "report.html")))
     if outcome.status == "interrupted":
-        say(f"interrupted: {len(outcome.cases.rows)} cases are kept. Go on with --resume.", err=True)
+        say(f"interrupted: {count} case{'s are' if count != 1 else ' is'} kept. Go on with --resume.", err=True)
         sys.exit(130)
-    if answers.failed:
+    if answers is not None and answers.failed:
         sys.exit(1)
 
 

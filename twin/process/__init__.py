@@ -3,7 +3,7 @@
 from twin.process.death import Death
 from twin.process.link import Lines, Link
 from twin.process.owner import alive, owner, place_for, sweep
-from twin.process.stop import SIGNALS, Stop
+from twin.process.stop import SIGNALS, Stop, handle_signals, is_interrupted
 from twin.process.supervisor import command_line, end, supervise
 
 __all__ = [
@@ -15,6 +15,8 @@ __all__ = [
     "alive",
     "command_line",
     "end",
+    "handle_signals",
+    "is_interrupted",
     "owner",
     "place_for",
     "supervise",

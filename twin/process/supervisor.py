@@ -87,12 +87,12 @@ def end(code: int) -> NoReturn:
 
     All of it is closed and written then, and to take Python apart takes as long as a tenth of what it was started for.
     """
-    if not Supervisor.forked or any(
-        not one.daemon for one in threading.enumerate() if one is not threading.main_thread()
-    ):
-        sys.exit(code)
+    if any(not one.daemon for one in threading.enumerate() if one is not threading.main_thread()):
+        sys.exit(code)  # after those threads, which a signal may have to end
     for one in SIGNALS:
         signal.signal(one, signal.SIG_IGN)
+    if not Supervisor.forked:
+        sys.exit(code)
     atexit._run_exitfuncs()
     import ctypes
 

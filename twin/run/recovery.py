@@ -45,7 +45,7 @@ def resume(
     recorded = streams.read(folder)
     work = restored(recorded, folder, link, form, build, progress, report, journal)
     work.logged, work.hear = logged, hear
-    with Stop(last=work.link.watched) as work.stop:
+    with Stop() as work.stop:
         work.link.keep(resume=str(folder), hint=f"Then: twin recover {folder}")
         left = bury(work, recorded)
         if others and left:

@@ -106,7 +106,7 @@ def run_scenario(
     modules = (*WRITERS, *needed)
     work = Work(outcome, cases, form, build, progress, report, hardware, link, journal, modules, logged, hear, course)
     try:
-        with Stop(last=work.link.watched) as work.stop:
+        with Stop() as work.stop:
             link.keep(resume=str(outcome.folder), hint=f"Then: twin recover {outcome.folder}")
             work.build_members()
             if known is not None:

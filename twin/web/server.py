@@ -6,6 +6,7 @@ What is asked for: pages, which `register` adds with NiceGUI's decorators before
 from __future__ import annotations
 
 import asyncio
+import signal
 import socket
 import webbrowser
 from contextlib import suppress
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.dataclass import dataclass
 from twin.errors import TwinError
+from twin.process import SIGNALS
 from twin.web import gate
 
 if TYPE_CHECKING:
@@ -62,7 +64,7 @@ def listening(port: int | None) -> socket.socket:
 
 @dataclass
 class Site:
-    """What is served. `start` (a path) is opened; `stop` is called at once at Ctrl-C or SIGTERM, before anything is waited for."""
+    """What is served. `start` (a path) is opened; `stop` is called at once at a signal, before anything is waited for."""
 
     title: str
     register: Callable[[FastAPI], None]
@@ -110,8 +112,13 @@ class Site:
         if self.opened:
             webbrowser.open(address)
         with suppress(KeyboardInterrupt):  # uvicorn hands the signal on when it has ended
-            _stopping(self.stop)(config).run(sockets=[sock])
-        self.said(self.over)
+            server = _stopping(self.stop)(config)
+            for one in SIGNALS:  # uvicorn itself handles SIGINT and SIGTERM alone
+                if signal.getsignal(one) is not signal.SIG_IGN:
+                    signal.signal(one, server.handle_exit)
+            server.run(sockets=[sock])
+        with suppress(OSError):  # a terminal that is closed
+            self.said(self.over)
 
 
 def _stopping(stop: Callable[[], None]) -> type[Server]:
@@ -121,7 +128,8 @@ def _stopping(stop: Callable[[], None]) -> type[Server]:
     class Stopping(uvicorn.Server):
         def handle_exit(self, sig: int, frame: FrameType | None) -> None:
             if not self.should_exit:
-                asyncio.get_running_loop().call_soon_threadsafe(stop)
+                with suppress(RuntimeError):  # nothing is served yet
+                    asyncio.get_running_loop().call_soon_threadsafe(stop)
             super().handle_exit(sig, frame)
 
     return Stopping

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from twin.dataclass import dataclass
 from twin.errors import ScenarioError, TwinError
+from twin.process import Stop
 from twin.results import recording, write_text
 from twin.run import silent
 from twin.scenario import Form, members
@@ -87,14 +88,19 @@ class Teller:
         self.failed += row.status != DONE
         done = len(self.journal.rows)
         rate = self._new / max(time.perf_counter() - self._begin, 1e-9)
-        self.listen(StudyProgress(self.part, done, self.count, self.failed, rate, max(self.count - done, 0) / rate))
+        try:
+            self.listen(StudyProgress(self.part, done, self.count, self.failed, rate, max(self.count - done, 0) / rate))
+        except BrokenPipeError:
+            raise
+        except OSError:  # a terminal that is closed, or a full disk: the cases are what counts
+            pass
 
 
 class Cases:
     """Runs what the journal does not have yet."""
 
-    def __init__(self, runner: Runner, journal: Journal, teller: Teller) -> None:
-        self.runner, self.journal, self.teller = runner, journal, teller
+    def __init__(self, runner: Runner, journal: Journal, teller: Teller, stop: Stop) -> None:
+        self.runner, self.journal, self.teller, self.stop = runner, journal, teller, stop
         self.requests: list[Request] = []
 
     def run(self, requests: Iterable[Request], part: str) -> list[Row]:
@@ -102,7 +108,12 @@ class Cases:
         wanted = list(requests)
         self.requests += wanted
         self.teller.part = part
-        for row in self.runner.run(one for one in wanted if one.number not in self.journal.rows):
+        rows = self.runner.run(one for one in wanted if one.number not in self.journal.rows)
+        while True:
+            with self.stop.armed():
+                row = next(rows, None)
+            if row is None:
+                break
             self.journal.add(row)
             self.teller.take(row)
         return [self.journal.rows[one.number] for one in wanted]
@@ -134,33 +145,37 @@ def run_study(
     study = load_study(study) if isinstance(study, str | Path) else study
     begun = time.perf_counter()
     workers = workers or cores()
-    folder, told = placed(study, root, resume, command)
-    job = prepared(study, folder / told["frozen"], build)
-    with ExitStack() as stack:
+    with Stop() as stop, ExitStack() as stack:
+        folder, told = placed(study, root, resume, command)
         journal = stack.enter_context(Journal(folder))
-        before = len(journal.rows)
-        runner = started(job, study.variants, scheduler, workers, memory or memory_of_each(workers), timeout)
-        stack.callback(runner.close)
-        cases = Cases(runner, journal, Teller(journal, expected(study), listen))
-        outcome = StudyOutcome(study, folder, table.together(study, [], journal), "completed", 0.0, before=before)
+        outcome = StudyOutcome(study, folder, table.together(study, [], journal), "completed", 0.0)
+        outcome.before, requests = len(journal.rows), list[Request]()
+        outcome.runs = {int(number): run for number, run in told.get("runs", {}).items() if (folder / run).is_dir()}
         try:
-            every_part(outcome, cases)
+            with stop.armed():
+                job = prepared(study, folder / told["frozen"], build)
+            with closing(
+                started(job, study.variants, scheduler, workers, memory or memory_of_each(workers), timeout)
+            ) as runner:
+                cases = Cases(runner, journal, Teller(journal, expected(study), listen), stop)
+                requests = cases.requests
+                every_part(outcome, cases)
         except KeyboardInterrupt:
             outcome.status = "interrupted"
-        runner.close()
-        outcome.cases = table.together(study, outcome_requests(study, cases), journal)
+        outcome.cases = table.together(study, requests or list(study.requests()), journal)
         write_tables(outcome, journal)
         outcome.seconds = time.perf_counter() - begun
-        manifest.write(folder, **{**told, **ended(outcome, workers, scheduler)})
-    if outcome.status == "completed":
-        (folder / JOURNAL).unlink()
-    if report:
-        if outcome.status == "completed":
-            keep_runs(outcome, build)
-            manifest.write(folder, **{**manifest.read(folder), "runs": outcome.runs})
-        from twin.study.answers import write_report
+        told |= ended(outcome, workers, scheduler)
+        manifest.write(folder, **told)
+        if report:
+            if outcome.status == "completed":
+                keep_runs(outcome, build, stop)
+                manifest.write(folder, **{**told, "status": outcome.status, "runs": outcome.runs})
+            from twin.study.answers import write_report
 
-        write_report(outcome)
+            write_report(outcome)
+        if outcome.status == "completed":  # else it goes on from there
+            (folder / JOURNAL).unlink()
     return outcome
 
 
@@ -169,7 +184,8 @@ def placed(study: Study, root: Path, resume: Path | None, command: str) -> tuple
     told = about(study, command)
     if resume is not None:
         folder = resume
-        told["started"] = manifest.refuse_changed(folder, told["inputs"])["started"]
+        known = manifest.refuse_changed(folder, told["inputs"])
+        told |= {"started": known["started"], "runs": known.get("runs", {})}
     else:
         folder = recording.folder(root, study.name)
         shutil.copyfile(study.path, folder / COPY)
@@ -202,11 +218,6 @@ def every_part(outcome: StudyOutcome, cases: Cases) -> None:
         number = outcome.worst.last
     if study.keys.tune is not None:
         outcome.tuned = tune(study, cases, number)
-
-
-def outcome_requests(study: Study, cases: Cases) -> list[Request]:
-    """All that was asked for, also what was not reached."""
-    return cases.requests or list(study.requests())
 
 
 def expected(study: Study) -> int:
@@ -277,16 +288,25 @@ def write_tables(outcome: StudyOutcome, journal: Journal) -> None:
         table.write_bands(outcome.folder, list(outcome.study.bands), journal)
 
 
-def keep_runs(outcome: StudyOutcome, build: Path) -> None:
+def keep_runs(outcome: StudyOutcome, build: Path, stop: Stop) -> None:
     """Run those cases again with all their signals that are worth looking at: the bits are the same."""
     from twin.study.answers import noteworthy
     from twin.study.many.repeat import repeat
 
     for number in noteworthy(outcome.cases, outcome.study.keys.keep):
+        if number in outcome.runs:  # of a study that goes on
+            continue
+        if stop.number:
+            outcome.status = "interrupted"
+            return
         try:
             again = repeat(outcome.folder, number, root=outcome.folder / "cases", build=build)
         except TwinError:  # its folder cannot be written, say: the study is there all the same
             continue
+        if again.run.status == "interrupted":
+            outcome.status = "interrupted"
+            shutil.rmtree(again.folder, ignore_errors=True)
+            return
         outcome.runs[number] = str(again.folder.relative_to(outcome.folder))
 
 

@@ -13,6 +13,8 @@ import sys
 from contextlib import suppress
 from typing import TYPE_CHECKING, BinaryIO
 
+from twin.process import SIGNALS
+
 if TYPE_CHECKING:
     from twin.study.many.engine import Job
 
@@ -54,7 +56,10 @@ def serve(take: BinaryIO, give: BinaryIO) -> None:
 
 def main() -> int:
     """Serve; the exit code tells whether memory ran out."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for whoever started us
+    for (
+        one
+    ) in SIGNALS:  # those of a terminal or a batch system reach all processes, and are for the one that started this
+        signal.signal(one, signal.SIG_IGN)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     give = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
