@@ -10,13 +10,13 @@ import hashlib
 import importlib.util
 import os
 import re
-import threading
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin import installed
 from twin.errors import BuildError
+from twin.files import write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -91,9 +91,7 @@ def digest(*parts: str | bytes) -> str:
 def put(path: Path, data: bytes) -> None:
     """Write a file at once: others see none of it or all, and who is second replaces it by the same."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
-    partial.write_bytes(data)
-    partial.replace(path)
+    write_atomically(path, data)
 
 
 def kept(path: Path, make_: Callable[[], bytes]) -> bytes:

@@ -110,9 +110,17 @@ def interrupt(retry: Callable[[], object]) -> NoReturn:
             before(unraisable)
             return
         signal.signal(signal.SIGINT, lambda *_: retry())
-        timer = threading.Timer(RETRY, _thread.interrupt_main)
+        timer = threading.Timer(RETRY, interrupt_main_thread)
         timer.daemon = True
         timer.start()
 
     sys.unraisablehook = ignored
     raise KeyboardInterrupt
+
+
+def interrupt_main_thread() -> None:
+    """Send SIGINT to the main thread: a real signal, where there are any, ends what it waits for."""
+    if hasattr(signal, "pthread_kill") and (number := threading.main_thread().ident) is not None:
+        signal.pthread_kill(number, signal.SIGINT)
+    else:
+        _thread.interrupt_main()

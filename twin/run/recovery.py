@@ -100,11 +100,12 @@ def bury(work: Work, recorded: Stream) -> list[Case]:
         variant, seed = recorded.cases[part.number]
         if part.end is None:
             death = recorded.located(part.number, link.death)
+            known = "" if link.death else streams.explanation(outcome.folder)
             part.end = {
                 "end": part.number,
                 "complete": False,
-                "failure": f"{variant}, seed {seed}: {death.text()}",
-                "interrupted": death.from_outside,
+                "failure": known or f"{variant}, seed {seed}: {death.text()}",
+                "interrupted": death.from_outside and not known,
                 "took": 0.0,
                 "last": None,
             }

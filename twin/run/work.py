@@ -102,7 +102,13 @@ def run_scenario(
     refuse_names(logged, cases)
     outcome = begun(scenario, catalogs, root)
     link, journal = link or Link(), Journal(outcome.folder)
-    journal.begin(header(outcome, cases, report), link.owners)
+    try:
+        journal.begin(header(outcome, cases, report), link.owners)
+    except OSError as error:
+        import shutil
+
+        shutil.rmtree(outcome.folder, ignore_errors=True)  # nothing is in it
+        raise OSError(error.errno, error.strerror, str(outcome.folder)) from error
     modules = (*WRITERS, *needed)
     work = Work(outcome, cases, form, build, progress, report, hardware, link, journal, modules, logged, hear, course)
     try:

@@ -27,6 +27,7 @@ from twin.component import Component, PythonComponent, catalog
 from twin.coupling import Algorithm, MemberVariable, TerminalMember
 from twin.dataclass import dataclass
 from twin.errors import ScenarioError, TwinError
+from twin.files import write_atomically
 from twin.results import Curve, Expectation, Expression, Metric, Plot, Window, expression
 from twin.scenario.members import Built, Form, as_built, communication, component_of
 from twin.scenario.node import Node, Place
@@ -221,9 +222,7 @@ def sources(folder: str) -> str:
 def put(place: Path, text: str) -> None:
     """Write a file at once: others see none of it or all."""
     place.parent.mkdir(parents=True, exist_ok=True)
-    partial = place.with_name(f".{place.name}.{os.getpid()}")
-    partial.write_text(text)
-    partial.replace(place)
+    write_atomically(place, text)
 
 
 def digest(*words: str) -> str:

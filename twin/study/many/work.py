@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import time
 from contextlib import ExitStack, closing
@@ -11,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from twin.dataclass import dataclass
-from twin.errors import ScenarioError, TwinError
+from twin.errors import ScenarioError, SimulationError, TwinError
 from twin.process import Stop
 from twin.results import recording, write_text
 from twin.run import silent
@@ -162,10 +163,25 @@ def run_study(
                 every_part(outcome, cases)
         except KeyboardInterrupt:
             outcome.status = "interrupted"
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise SimulationError(unwritten(folder, len(journal.rows), error)) from error
         outcome.cases = table.together(study, requests or list(study.requests()), journal)
-        write_tables(outcome, journal)
         outcome.seconds = time.perf_counter() - begun
-        told |= ended(outcome, workers, scheduler)
+        finish(outcome, journal, {**told, **ended(outcome, workers, scheduler)}, build, stop, report)
+        if outcome.status == "completed":  # else it goes on from there
+            (folder / JOURNAL).unlink()
+    return outcome
+
+
+def finish(
+    outcome: StudyOutcome, journal: Journal, told: dict[str, Any], build: Path, stop: Stop, report: bool
+) -> None:
+    """Write tables, manifest and report, and the runs that are kept; SimulationError if they cannot be written."""
+    folder = outcome.folder
+    try:
+        write_tables(outcome, journal)
         manifest.write(folder, **told)
         if report:
             if outcome.status == "completed":
@@ -174,9 +190,14 @@ def run_study(
             from twin.study.answers import write_report
 
             write_report(outcome)
-        if outcome.status == "completed":  # else it goes on from there
-            (folder / JOURNAL).unlink()
-    return outcome
+    except OSError as error:
+        raise SimulationError(unwritten(folder, len(journal.rows), error)) from error
+
+
+def unwritten(folder: Path, count: int, error: OSError) -> str:
+    """Why a study cannot be written, and what to do, in one line."""
+    why = os.strerror(error.errno) if error.errno else " ".join(str(error).split())
+    return f"{folder}: cannot be written ({why}). {count} cases are kept: free some space, then go on with --resume."
 
 
 def placed(study: Study, root: Path, resume: Path | None, command: str) -> tuple[Path, dict[str, Any]]:
@@ -188,7 +209,7 @@ def placed(study: Study, root: Path, resume: Path | None, command: str) -> tuple
         told |= {"started": known["started"], "runs": known.get("runs", {})}
     else:
         folder = recording.folder(root, study.name)
-        shutil.copyfile(study.path, folder / COPY)
+        write_text(folder / COPY, study.path.read_text(encoding="utf-8"))
     write_text(folder / told["frozen"], study.scenario.frozen())
     manifest.write(folder, **{**told, "status": "running"})
     return folder, told
