@@ -16,6 +16,7 @@ from hw_bridge.fault import LARGEST, MEANINGS, Cause, Fault
 from hw_bridge.profiles import DEVICES, MODULES, device, profile
 from twin.cli import say
 from twin.files import write_atomically
+from twin.process import SIGNALS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -264,9 +265,9 @@ def _stop_on_signals(stop: threading.Event) -> None:
     def handle(_signal: int, _frame: FrameType | None) -> None:
         stop.set()
 
-    for one in ("SIGINT", "SIGTERM", "SIGHUP"):
-        if hasattr(signal, one):
-            signal.signal(getattr(signal, one), handle)
+    for one in SIGNALS:
+        if signal.getsignal(one) is not signal.SIG_IGN:
+            signal.signal(one, handle)
 
 
 def main() -> None:
