@@ -2,11 +2,12 @@
 
 from twin.process.death import Death
 from twin.process.link import Lines, Link
-from twin.process.owner import alive, owner, place_for, sweep
+from twin.process.owner import PREFIX, alive, owner, place_for, sweep
 from twin.process.stop import SIGNALS, Stop, handle_signals, is_interrupted
 from twin.process.supervisor import command_line, end, supervise
 
 __all__ = [
+    "PREFIX",
     "SIGNALS",
     "Death",
     "Lines",
