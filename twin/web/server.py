@@ -6,8 +6,10 @@ What is asked for: pages, which `register` adds with NiceGUI's decorators before
 from __future__ import annotations
 
 import asyncio
+import logging
 import signal
 import socket
+import traceback
 import webbrowser
 from contextlib import suppress
 from dataclasses import field
@@ -97,7 +99,7 @@ class Site:
             gzip_middleware_factory=None,  # nobody is far away
             reconnect_timeout=30.0,  # a busy machine answers late; what moves does not hang on this
         )
-        for task in self.tasks:
+        for task in (ignore_malformed_messages, *self.tasks):
             pages.on_startup(task)
         config = uvicorn.Config(
             gate.Gate(app, token, port),
@@ -119,6 +121,23 @@ class Site:
             server.run(sockets=[sock])
         with suppress(OSError):  # a terminal that is closed
             self.said(self.over)
+
+
+def ignore_malformed_messages() -> None:
+    """Do not print what libraries raise on a message that no page of ours sends: it is dropped, and its sender is not told.
+
+    Exceptions of our own pages are NiceGUI's to log, which does not let them come this far.
+    """
+    for name in ("engineio.server", "socketio.server"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+
+    def handle(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        trace = getattr(context.get("exception"), "__traceback__", None)
+        frames = [frame.f_globals.get("__name__", "") for frame, _ in traceback.walk_tb(trace)]
+        if not any(name.startswith("socketio.") for name in frames):
+            loop.default_exception_handler(context)
+
+    asyncio.get_running_loop().set_exception_handler(handle)
 
 
 def _stopping(stop: Callable[[], None]) -> type[Server]:
