@@ -14,6 +14,7 @@ from twin.process.stop import SIGNALS, once
 @pytest.fixture(autouse=True)
 def handlers_stay():
     before = {one: signal.getsignal(one) for one in SIGNALS}
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
     yield
     for one, handler in before.items():
         signal.signal(one, handler)

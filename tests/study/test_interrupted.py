@@ -21,6 +21,13 @@ def study(tmp_path_factory):
     return load_study(study_file(tmp_path_factory.mktemp("study")))
 
 
+@pytest.fixture(autouse=True)
+def interruptible():
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background job ignores it
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 def impatient():
     """Several signals one after the other: the first may interrupt."""
     for _ in range(3):
