@@ -22,7 +22,7 @@ from outcomes import PAGE, outcomes, table
 
 from twin.cli import describe
 from twin.component import catalog
-from twin.results import coherent, plotting
+from twin.results import coherent, figures
 from twin.scenario import load_scenario, shipped
 
 if TYPE_CHECKING:
@@ -189,7 +189,7 @@ def trajectory(path: Path, cls: type[Component]) -> str:
         ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=8)
         ax.set_ylabel(f"{role} [{unit or '-'}]", fontsize=8)
     axes[-1].set_xlabel("time [s]")
-    return plotting.as_svg(figure)
+    return figures.as_svg(figure)
 
 
 def scenario_page(path: Path, came_out: Path | None) -> str:

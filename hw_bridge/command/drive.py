@@ -15,6 +15,8 @@ from hw_bridge.dictionary import cia401
 from hw_bridge.fault import LARGEST, MEANINGS, Cause, Fault
 from hw_bridge.profiles import DEVICES, MODULES, device, profile
 from twin.cli import say
+from twin.files import write_atomically
+from twin.process import SIGNALS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -82,7 +84,7 @@ def command(
         raise click.UsageError(f"Name --profile: {', '.join([*MODULES, *DEVICES])}.")
     chosen = profile(name) if name in MODULES else device(name)
     if write_eds is not None:
-        write_eds.write_text(files.export(chosen))
+        write_atomically(write_eds, files.export(chosen))
         return
     if interface is None or channel is None:
         raise click.UsageError("Name --interface and --channel, such as -i socketcan -c vcan0, or use --write-eds.")
@@ -263,9 +265,9 @@ def _stop_on_signals(stop: threading.Event) -> None:
     def handle(_signal: int, _frame: FrameType | None) -> None:
         stop.set()
 
-    for one in ("SIGINT", "SIGTERM", "SIGHUP"):
-        if hasattr(signal, one):
-            signal.signal(getattr(signal, one), handle)
+    for one in SIGNALS:
+        if signal.getsignal(one) is not signal.SIG_IGN:
+            signal.signal(one, handle)
 
 
 def main() -> None:

@@ -117,7 +117,7 @@ def picture(path: Path, curves: dict[str, Response], unit: str, factor: float) -
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    from twin.results import plotting
+    from twin.results import figures, plotting
 
     with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": "step"}):
         figure = Figure(figsize=(plotting.WIDTH, 4.6), layout="constrained")
@@ -131,4 +131,4 @@ def picture(path: Path, curves: dict[str, Response], unit: str, factor: float) -
         below.set_ylabel("current [A]")
         below.set_xlabel("time since the step [ms]")
         above.legend()
-        path.write_text(plotting.as_svg(figure))
+        path.write_text(figures.as_svg(figure))

@@ -10,7 +10,7 @@ import pytest
 from canopen.profiles.p402 import BaseNode402
 
 from benchmarks import hil
-from tests.hw_bridge.multicast import wait_for_boot
+from tests.hw_bridge.waiting import wait_for_node
 
 NODE = 5
 PERIOD = 0.01  # SYNC [s]
@@ -31,7 +31,7 @@ def node(name, build, tmp_path, monkeypatch):
         network.connect(channel=hil.GROUP, interface="udp_multicast", port=hil.PORT, can_filters=FROM_DRIVES)
         found = network.add_node(BaseNode402(NODE, str(path)))
         try:
-            wait_for_boot(found)
+            wait_for_node(found)
             configure(found)
             yield found
         finally:

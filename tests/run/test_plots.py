@@ -23,6 +23,7 @@ from twin.results import (
     evaluate,
     expression,
     failures,
+    figures,
     marks,
     plotting,
 )
@@ -157,7 +158,7 @@ def test_places_in_plots_are_short_and_rounded() -> None:
     """The path of a drawn line is at most half a hundredth of a point off."""
     exact = '<path d="M 1.23456 -7.996 L 0.004 12 C 1.5e-05 2"/><text x="3.14159">3.14159 &lt;</text>'
     short = '<path d="M 1.23 -8 L 0 12 C 1.5e-05 2"/><text x="3.14">3.14159 &lt;</text>'
-    assert plotting.shortened(exact) == short
+    assert figures.shortened(exact) == short
     svg = plotting.draw(PLOTS[1], tables())
     paths = [element.get("d", "") for element in ET.fromstring(svg).iter(f"{SVG}path")]
     assert not re.search(r"\.\d{3}", " ".join(paths))

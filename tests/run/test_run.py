@@ -228,7 +228,9 @@ def test_interrupted_from_outside(tmp_path: Path, build: Path, number: signal.Si
         assert task.stderr is not None
         lines = iter(task.stderr.readline, "")
         assert next(line for line in lines if not line.startswith("building ")) == "running base, seed 0\n"
-        time.sleep(0.2)
+        while not (rows := [*tmp_path.glob("runs/s/*/.recording/0.rows")]) or rows[0].stat().st_size < 1600:
+            assert task.poll() is None
+            time.sleep(0.005)
         for _ in range(5):  # impatient
             task.send_signal(number)
             time.sleep(0.01)

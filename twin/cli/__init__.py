@@ -10,8 +10,8 @@ import errno
 import gc
 import importlib
 import os
-import signal
 import sys
+from contextlib import suppress
 
 import click
 
@@ -19,7 +19,7 @@ from twin import __version__, installed
 from twin.cli.added import added, summary
 from twin.cli.terminal import nobody_reads, open_streams, say
 from twin.errors import TwinError, nearest, printable
-from twin.process import command_line, end, memory_is_limited
+from twin.process import command_line, end, handle_signals, is_interrupted, memory_is_limited
 
 __all__ = ["group", "invoke", "main", "say"]
 
@@ -107,12 +107,8 @@ def main() -> None:
 
 
 def invoke(command: click.Command, name: str) -> None:
-    """Run a command; an expected failure is one line on stderr and exit code 1. SIGTERM ends it like Ctrl-C.
-
-    So does SIGINT where a script's background jobs would ignore it: what may move a machine has to be stoppable.
-    """
-    for one in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(one, signal.default_int_handler)
+    """Run a command; an expected failure is one line on stderr and exit code 1. Other signals end it like Ctrl-C."""
+    handle_signals()
     open_streams()
     command_line()
     stdout = sys.stdout
@@ -123,7 +119,18 @@ def invoke(command: click.Command, name: str) -> None:
             code = nobody_reads()
     except BrokenPipeError:
         code = nobody_reads()
+    except Exception:
+        if not is_interrupted():
+            raise
+        code = interrupted()  # what was interrupted may fail in any way
     end(code)
+
+
+def interrupted() -> int:
+    """Say that a signal has ended the command; its exit code."""
+    with suppress(OSError):  # the terminal may be closed
+        say("interrupted", err=True)
+    return 130
 
 
 def called(command: click.Command, name: str) -> int:
@@ -146,8 +153,7 @@ def called(command: click.Command, name: str) -> int:
             say(f"error: {line}", err=True)
         return 1
     except (click.Abort, KeyboardInterrupt):  # before RuntimeError, of which the first is one
-        say("interrupted", err=True)
-        return 130
+        return interrupted()
     except (ImportError, SystemError, RuntimeError) as error:  # the last: no memory for a thread
         if not memory_is_limited():
             raise

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import keyword
 import re
+import shutil
+from contextlib import contextmanager
 from importlib import resources, util
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from twin.cli.terminal import say
 from twin.errors import TwinError
+from twin.files import write_atomically
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 NAME = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -79,25 +85,37 @@ def new_component(place: Path) -> tuple[Path, str]:
         "model.py": template("model.py.txt", title=title, class_name=class_name),
         "README.md": template("component.md", title=title),
     }
-    place.mkdir(parents=True)
-    for file, text in files.items():
-        (place / file).write_text(text)
+    with whole(place):
+        for file, text in files.items():
+            write_atomically(place / file, text)
 
-    from twin.conformance import reference
+        from twin.conformance import reference
 
-    reference.regenerate(written(place, class_name), place / "expected.csv")
+        reference.regenerate(written(place, class_name), place / "expected.csv")
     return place, class_name
+
+
+@contextmanager
+def whole(place: Path) -> Iterator[None]:
+    """Make a folder that stays only if all is written into it."""
+    place.mkdir(parents=True)
+    try:
+        yield
+    except BaseException:
+        shutil.rmtree(place, ignore_errors=True)
+        raise
 
 
 def new_project(name: str) -> Path:
     """Write the folder of a project."""
     place, part = Path(name), f"{name}_plant"
     refuse_existing(place)
-    new_component(place / "fmus" / part)
-    for file, source in PROJECT.items():
-        path = place / file.format(name=name)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(template(f"project/{source}", name=name, part=part, title=titled(name)))
+    with whole(place):
+        new_component(place / "fmus" / part)
+        for file, source in PROJECT.items():
+            path = place / file.format(name=name)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_atomically(path, template(f"project/{source}", name=name, part=part, title=titled(name)))
     return place
 
 

@@ -51,26 +51,24 @@ def command(
     twin study thousand_patients
     twin run --case thousand_patients:713     one of its cases, all signals
     """
-    from twin.process import Stop
     from twin.study import Answers, latest, load_study, run_study
 
     study = load_study(file)
     folder = latest(runs, study.name) if resume else None
-    with Stop(last=True), Display(study.title) as display:
+    with Display(study.title) as display:
         outcome = run_study(
             study, root=runs, build=build, workers=workers, scheduler=scheduler, timeout=timeout, memory=int(memory * 1e9),
             resume=folder, listen=display, command=shlex.join(["twin", *sys.argv[1:]]), report=not no_report,
         )  # fmt: skip
-    if not outcome.cases.rows:
-        say(f"{outcome.folder}: interrupted before the first case. Go on with --resume.", err=True)
-        sys.exit(130)
-    answers = Answers(outcome.cases)
-    show(outcome, answers)
-    say(str(outcome.folder / ("cases.parquet" if no_report else "report.html")))
+    count = len(outcome.cases.rows)
+    answers = Answers(outcome.cases) if count else None
+    if answers is not None:
+        show(outcome, answers)
+        say(str(outcome.folder / ("cases.parquet" if no_report else "report.html")))
     if outcome.status == "interrupted":
-        say(f"interrupted: {len(outcome.cases.rows)} cases are kept. Go on with --resume.", err=True)
+        say(f"interrupted: {count} case{'s are' if count != 1 else ' is'} kept. Go on with --resume.", err=True)
         sys.exit(130)
-    if answers.failed:
+    if answers is not None and answers.failed:
         sys.exit(1)
 
 

@@ -10,13 +10,13 @@ import hashlib
 import importlib.util
 import os
 import re
-import threading
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin import installed
 from twin.errors import BuildError
+from twin.files import write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -92,14 +92,7 @@ def digest(*parts: str | bytes) -> str:
 def put(path: Path, data: bytes) -> None:
     """Write a file atomically, so that nobody but its owner can change it."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
-    try:
-        partial.write_bytes(data)
-        if os.name == "posix":
-            partial.chmod(partial.stat().st_mode & ~WRITABLE_BY_OTHERS)
-        partial.replace(path)
-    finally:
-        partial.unlink(missing_ok=True)
+    write_atomically(path, data, mode=~WRITABLE_BY_OTHERS)
 
 
 def read_own(path: Path) -> bytes:

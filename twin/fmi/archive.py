@@ -18,7 +18,7 @@ from twin import compiler
 from twin.errors import FMUError
 from twin.fmi import markup, model, terminals
 from twin.fmi.unpacked import Unpacked, digest, suffix
-from twin.process import place_for
+from twin.process import PREFIX, owner, place_for
 
 if TYPE_CHECKING:
     from typing import IO
@@ -55,7 +55,9 @@ def unpack(path: str | Path, interface: str = "") -> Unpacked:
             # the folder is canonical: a library's own idea of its path must not differ
             files = needed(entries, binary)
             place = place_for(sum(info.file_size for info in files.values()))
-            temporary = tempfile.TemporaryDirectory(prefix="twin-fmu-", dir=place, ignore_cleanup_errors=True)
+            temporary = tempfile.TemporaryDirectory(
+                prefix=f"{PREFIX}{owner()}-fmu-", dir=place, ignore_cleanup_errors=True
+            )
             root = Path(temporary.name).resolve()
             extract(path, archive, files, root / "fmu")
         (root / "fmu" / "resources").mkdir(exist_ok=True)

@@ -2,11 +2,12 @@
 
 from twin.process.death import Death
 from twin.process.link import Lines, Link
-from twin.process.owner import alive, memory_is_limited, owner, place_for, sweep
-from twin.process.stop import SIGNALS, Stop
+from twin.process.owner import PREFIX, alive, memory_is_limited, owner, place_for, sweep
+from twin.process.stop import SIGNALS, Stop, handle_signals, is_interrupted
 from twin.process.supervisor import command_line, end, supervise
 
 __all__ = [
+    "PREFIX",
     "SIGNALS",
     "Death",
     "Lines",
@@ -15,6 +16,8 @@ __all__ = [
     "alive",
     "command_line",
     "end",
+    "handle_signals",
+    "is_interrupted",
     "memory_is_limited",
     "owner",
     "place_for",

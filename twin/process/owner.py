@@ -86,7 +86,7 @@ def place_for(size: int) -> str | None:
 
 
 def folder_of(place: Path, who: str) -> Path:
-    """The folder for temporary files of a run."""
+    """The folder for temporary files of a run; what begins with its name is its process's too, and is swept with it."""
     return place / f"{PREFIX}{who}"
 
 
@@ -97,8 +97,8 @@ def sweep(place: Path) -> None:
     except OSError:
         return
     for one in left:
-        who = one.name.removeprefix(PREFIX)
-        if who.replace("-", "").isdecimal() and who.count("-") == 1 and not alive(who):
+        pid, start, *_ = [*one.name.removeprefix(PREFIX).split("-"), ""]
+        if pid.isdecimal() and start.isdecimal() and not alive(f"{pid}-{start}"):
             remove(one)
 
 

@@ -2,32 +2,35 @@
 
 from __future__ import annotations
 
+import _thread
 import signal
+import sys
 import threading
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, NoReturn, Self
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
 ENDING = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK")
 SIGNALS = [getattr(signal, one) for one in ENDING if hasattr(signal, one)]
+RETRY = 0.01  # from an interrupt that Python ignored to the next one [s]
 
 
 class Stop:
     """While it is entered, the first signal raises KeyboardInterrupt where it is `armed`; elsewhere it is only noted.
 
-    A signal that would have killed the process does so at the end. `last`: the process ends after it, and no further signal
-    changes how. Outside of the main thread it does nothing.
+    At its end a signal that would have killed the process does so; a surrounding `Stop` takes it over; and where a command
+    was interrupted (`once`), further signals change nothing. Outside of the main thread it does nothing.
     """
 
-    def __init__(self, last: bool = False) -> None:
-        self._last = last
+    def __init__(self) -> None:
         self.number = 0  # the first signal that came
         self._armed = 0
         self._before: dict[int, Any] = {}
 
     def __enter__(self) -> Self:
+        self._hook = sys.unraisablehook
         if threading.current_thread() is threading.main_thread():
             for one in SIGNALS:
                 if signal.getsignal(one) not in (signal.SIG_IGN, None):
@@ -35,15 +38,20 @@ class Stop:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for one, handler in self._before.items():
-            signal.signal(one, signal.SIG_IGN if self._last and self.number else handler)
-        if self.number and not self._last and self._before.get(self.number) is signal.SIG_DFL:
+        handler = self._before.get(self.number)
+        for one, before in self._before.items():
+            signal.signal(one, signal.SIG_IGN if handler is once else before)
+        sys.unraisablehook = self._hook
+        surrounding = getattr(handler, "__self__", None)
+        if isinstance(surrounding, Stop):
+            surrounding.number = surrounding.number or self.number
+        elif handler is signal.SIG_DFL:
             signal.raise_signal(self.number)
 
     def _heard(self, number: int, _frame: object) -> None:
         first, self.number = not self.number, self.number or number
         if first and self._armed:
-            raise KeyboardInterrupt
+            interrupt(self.check)
 
     def check(self) -> None:
         """Raise again what native frames or a callback swallowed."""
@@ -65,4 +73,54 @@ def once(_number: int, _frame: object) -> None:
     """A handler of signals: the first one interrupts, and no other changes how that ends."""
     for one in SIGNALS:
         signal.signal(one, signal.SIG_IGN)
+    interrupt(once_more)
+
+
+def once_more() -> NoReturn:
+    """Raise an interrupt that was ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     raise KeyboardInterrupt
+
+
+def is_interrupted() -> bool:
+    """Whether a signal has reached `once`, which no other signal follows."""
+    return signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+
+
+def handle_signals() -> None:
+    """Let the first signal interrupt the process of a command; those that it was told to ignore stay ignored.
+
+    Not so SIGINT and SIGTERM, which a script's background jobs would ignore: what may move a machine has to be stoppable.
+    """
+    for one in SIGNALS:
+        if one in (signal.SIGINT, signal.SIGTERM) or signal.getsignal(one) is not signal.SIG_IGN:
+            signal.signal(one, once)
+
+
+def interrupt(retry: Callable[[], object]) -> NoReturn:
+    """Raise KeyboardInterrupt in a handler of signals.
+
+    Python ignores exceptions in callbacks, such as those of weak references, and prints them. Then `retry` is called in a
+    handler a moment later.
+    """
+    before = sys.unraisablehook
+
+    def ignored(unraisable: Any) -> None:
+        if unraisable.exc_type is not KeyboardInterrupt:
+            before(unraisable)
+            return
+        signal.signal(signal.SIGINT, lambda *_: retry())
+        timer = threading.Timer(RETRY, interrupt_main_thread)
+        timer.daemon = True
+        timer.start()
+
+    sys.unraisablehook = ignored
+    raise KeyboardInterrupt
+
+
+def interrupt_main_thread() -> None:
+    """Send SIGINT to the main thread: a real signal, where there are any, ends what it waits for."""
+    if hasattr(signal, "pthread_kill") and (number := threading.main_thread().ident) is not None:
+        signal.pthread_kill(number, signal.SIGINT)
+    else:
+        _thread.interrupt_main()

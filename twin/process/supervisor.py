@@ -48,6 +48,8 @@ def supervise(timeout: float = 0.0) -> Link:
         return Link()
     places = [one for one in (temporary(), memory()) if one is not None]
     folders = [made(folder_of(one, owner())) for one in places]
+    with suppress(OSError):  # no process can be had
+        remove_at_end([one for one in folders if one])
     supervisor = Supervisor(Shared(), timeout, *folders)
     link = supervisor.begin()
     if link is not None:
@@ -72,6 +74,33 @@ def made(folder: Path) -> str:
     return str(folder)
 
 
+def remove_at_end(folders: list[str]) -> None:
+    """Start a process that removes folders when this one and its children are dead, even if all are killed at once.
+
+    It has a session of its own and holds nothing open but the end of a pipe, whose other ends these processes hold.
+    """
+    if not folders:
+        return
+    end, _ = os.pipe()
+    if (pid := os.fork()) != 0:
+        os.close(end)
+        os.waitpid(pid, 0)
+        return
+    os.setsid()
+    if os.fork() == 0:
+        for one in SIGNALS:
+            signal.signal(one, signal.SIG_IGN)
+        nothing = os.open(os.devnull, os.O_RDWR)
+        for one in range(3):
+            os.dup2(nothing, one)
+        os.closerange(3, end)
+        os.closerange(end + 1, os.sysconf("SC_OPEN_MAX"))
+        os.read(end, 1)
+        for folder in folders:
+            remove(Path(folder))
+    os._exit(0)
+
+
 def leave(code: int) -> NoReturn:
     """End this process, which has begun nothing that would have to be ended; no signal changes how."""
     for one in SIGNALS:
@@ -87,12 +116,12 @@ def end(code: int) -> NoReturn:
 
     All of it is closed and written then, and to take Python apart takes as long as a tenth of what it was started for.
     """
-    if not Supervisor.forked or any(
-        not one.daemon for one in threading.enumerate() if one is not threading.main_thread()
-    ):
-        sys.exit(code)
+    if any(not one.daemon for one in threading.enumerate() if one is not threading.main_thread()):
+        sys.exit(code)  # after those threads, which a signal may have to end
     for one in SIGNALS:
         signal.signal(one, signal.SIG_IGN)
+    if not Supervisor.forked:
+        sys.exit(code)
     atexit._run_exitfuncs()
     import ctypes
 

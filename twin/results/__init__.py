@@ -15,14 +15,21 @@ from twin.results.signals import Signals, Window, coherent, shown, within
 from twin.results.stream import Journal, Stream, column_of, plain_column, unfinished
 
 if TYPE_CHECKING:
-    from twin.results import calibration, plotting
+    from twin.results import calibration, figures, plotting
     from twin.results.comparison import compared
     from twin.results.exported import export
     from twin.results.plotting import histogram
 
 __getattr__ = late.names(
     __name__,
-    {"calibration": "", "compared": "comparison", "export": "exported", "histogram": "plotting", "plotting": ""},
+    {
+        "calibration": "",
+        "compared": "comparison",
+        "export": "exported",
+        "figures": "",
+        "histogram": "plotting",
+        "plotting": "",
+    },
 )
 
 __all__ = [
@@ -54,6 +61,7 @@ __all__ = [
     "expression",
     "failures",
     "figure",
+    "figures",
     "histogram",
     "marks",
     "plain_column",

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import re
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +10,7 @@ import numpy as np
 from twin.component import unit as units
 from twin.errors import ScenarioError
 from twin.results import dimension, expression, marks
+from twin.results.figures import as_svg
 from twin.results.metrics import Curve, Plot
 from twin.results.signals import coherent
 
@@ -30,11 +29,6 @@ POINTS = 1400  # about twice the pixels across a panel: more cannot be seen
 WIDTH = 9.4  # [inch]
 LEGEND = 130  # letters beside each other in it
 
-# In SVG, `<` and `"` stand for themselves nowhere but in tags: what is between tags is what people read.
-TAG = re.compile(r"<[A-Za-z][^>]*>")
-PLACES = re.compile(r'(?<=\s)(?:d|x|y|points)="[^"]*"')
-DECIMAL = re.compile(r"-?\d+\.\d{3,}(?![\de])")
-
 STYLE: dict[str, Any] = {
     "font.family": ["sans-serif"], "font.sans-serif": ["Inter", "Helvetica Neue", "Arial", "DejaVu Sans"],
     "font.size": 9.5, "svg.fonttype": "none", "axes.spines.top": False, "axes.spines.right": False,
@@ -43,6 +37,7 @@ STYLE: dict[str, Any] = {
     "xtick.color": "#7b8794", "ytick.color": "#7b8794", "xtick.labelcolor": "#3e4c59", "ytick.labelcolor": "#3e4c59",
     "axes.grid": True, "grid.color": "#e4e7eb", "grid.linewidth": 0.7, "axes.axisbelow": True,
     "legend.frameon": False, "legend.fontsize": 9, "lines.linewidth": 1.2, "path.simplify_threshold": 0.2,
+    "text.parse_math": False,  # names and titles come from files: a $ is a $
 }  # fmt: skip
 
 
@@ -244,7 +239,7 @@ def histogram(values: Any, label: str, salt: str = "") -> str:
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    with mpl.rc_context({**STYLE, "svg.hashsalt": f"{label}{salt}"}):
+    with mpl.rc_context({**STYLE, "text.parse_math": True, "svg.hashsalt": f"{label}{salt}"}):
         figure = Figure((WIDTH, 2.9), layout="constrained")
         axis = figure.subplots()
         axis.hist(values, bins=100, color=COLORS[0], log=True)
@@ -266,25 +261,6 @@ def bars(values: Mapping[str, float], label: str) -> str:
         axis.grid(visible=False, axis="y")
         axis.set_xlabel(label)
         return as_svg(figure)
-
-
-def as_svg(figure: Any) -> str:
-    """A figure as an SVG element, small and the same every time."""
-    text = io.StringIO()
-    figure.savefig(text, format="svg", metadata={"Date": None, "Creator": None})
-    svg = text.getvalue()
-    svg = re.sub(r"<metadata>.*?</metadata>", "", svg[svg.index("<svg") :], flags=re.DOTALL)
-    return shortened(svg).replace("<svg ", '<svg role="img" ', 1)
-
-
-def shortened(svg: str) -> str:
-    """The same with places to a hundredth of a point, which halves the file; text that people read stays as it is."""
-    return TAG.sub(lambda tag: PLACES.sub(lambda places: DECIMAL.sub(rounded, places[0]), tag[0]), svg)
-
-
-def rounded(number: re.Match[str]) -> str:
-    """A decimal with at most two digits behind its point, the nearest one."""
-    return f"{float(number[0]):.2f}".rstrip("0").rstrip(".")
 
 
 def drawable(plot: Plot, tables: Tables, variant: str) -> bool:

@@ -24,6 +24,7 @@ from twin import clock, installed
 from twin.component import unit
 from twin.dataclass import dataclass
 from twin.errors import TwinError
+from twin.files import write_atomically
 from twin.results import arrow
 from twin.results.metrics import Ending, Evaluation, Figure
 from twin.results.signals import coherent
@@ -192,12 +193,7 @@ def read_signals(
 
 def write_text(path: Path, text: str) -> None:
     """Write a file as a whole or not at all."""
-    beside = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        beside.write_text(text, encoding="utf-8")
-        beside.replace(path)
-    finally:
-        beside.unlink(missing_ok=True)
+    write_atomically(path, text)
 
 
 def write_summary(path: Path, summary: Mapping[str, Any]) -> None:

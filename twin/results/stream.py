@@ -5,6 +5,7 @@
         0.rows           rows of 64-bit words, of the first case: the tick, then Float64 or Int64; the last may be cut off
         0.position       where the loop was: tick, address of the call at work, what is done outside of the loop
         owner            the process that writes, or finishes
+        reserve          why the journal does not go on: room that is taken at the begin, for a disk that is full then
 
 At the end signals.parquet holds the same, and the folder is removed.
 """
@@ -32,8 +33,9 @@ from twin.results.signals import Signals
 if TYPE_CHECKING:
     from twin.coupling import Layout
 
-FOLDER, JOURNAL, OWNER = ".recording", "journal.jsonl", "owner"
+FOLDER, JOURNAL, OWNER, RESERVE = ".recording", "journal.jsonl", "owner", "reserve"
 FORMAT = 1
+ROOM = 2048  # of the reserve [byte]
 LARGE = 1 << 28  # rows of more are not read at once [byte]
 SLICE = 1 << 26  # but so many [byte]
 
@@ -47,10 +49,13 @@ class Journal:
         self.trouble: OSError | None = None
 
     def begin(self, about: Mapping[str, Any], owners: str) -> None:
-        """Make the folder and the first line."""
+        """Make the folder and the first line; OSError if they cannot be written."""
         self.folder.mkdir()
         self.own(owners)
+        (self.folder / RESERVE).write_bytes(b" " * ROOM)
         self.add(format=FORMAT, run=about)
+        if self.trouble is not None:
+            raise self.trouble
 
     def own(self, owners: str) -> None:
         """Say which processes look after the recording."""
@@ -62,12 +67,25 @@ class Journal:
         self.add(start=number)
 
     def add(self, **line: Any) -> None:
-        """Append a line, in one piece."""
+        """Append a line, in one piece or not at all: a disk that becomes full takes a part of it first."""
+        left = (json.dumps(line, ensure_ascii=False) + "\n").encode()
         try:
             with (self.folder / JOURNAL).open("ab", buffering=0) as file:
-                file.write((json.dumps(line, ensure_ascii=False) + "\n").encode())
+                end = file.seek(0, os.SEEK_END)
+                try:
+                    while left:
+                        left = left[file.write(left) :]
+                except OSError:
+                    file.truncate(end)
+                    raise
         except OSError as error:
             self.trouble = self.trouble or error
+            self.explain(line.get("failure") or f"{self.folder / JOURNAL}: cannot be written ({error.strerror})")
+
+    def explain(self, reason: str) -> None:
+        """Keep why the journal does not go on, in the room that was taken for it."""
+        with suppress(OSError), (self.folder / RESERVE).open("r+b", buffering=0) as file:
+            file.write(reason.encode()[:ROOM].ljust(ROOM))
 
     def rows(self, number: int, layout: Layout) -> tuple[Path, Path]:
         """Say how the rows of a case lie; the files for them and for the position."""
@@ -174,6 +192,14 @@ def read(run: Path) -> Stream:
         elif "end" in line:
             parts[-1].end = line
     return Stream(folder, lines[0]["run"], parts)
+
+
+def explanation(run: Path) -> str:
+    """Why the journal of a recording did not go on, or nothing."""
+    try:
+        return (run / FOLDER / RESERVE).read_text(encoding="utf-8", errors="ignore").strip()
+    except OSError:
+        return ""
 
 
 def has_begun(run: Path) -> bool:

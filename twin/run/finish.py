@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -33,6 +34,8 @@ def finish(outcome: Outcome, cases: Sequence[Case], report: bool, hardware: Hard
             note(about, hardware.notes())
         write(outcome, cases, report, hardware.pictures() if hardware is not None else [])
     except OSError as error:
+        with suppress(OSError):
+            journal.own("")  # this process may live on, and does not finish it
         raise SimulationError(unwritten(outcome, journal, error)) from error
     journal.remove()
 

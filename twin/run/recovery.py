@@ -45,7 +45,7 @@ def resume(
     recorded = streams.read(folder)
     work = restored(recorded, folder, link, form, build, progress, report, journal)
     work.logged, work.hear = logged, hear
-    with Stop(last=work.link.watched) as work.stop:
+    with Stop() as work.stop:
         work.link.keep(resume=str(folder), hint=f"Then: twin recover {folder}")
         left = bury(work, recorded)
         if others and left:
@@ -100,11 +100,12 @@ def bury(work: Work, recorded: Stream) -> list[Case]:
         variant, seed = recorded.cases[part.number]
         if part.end is None:
             death = recorded.located(part.number, link.death)
+            known = "" if link.death else streams.explanation(outcome.folder)
             part.end = {
                 "end": part.number,
                 "complete": False,
-                "failure": f"{variant}, seed {seed}: {death.text()}",
-                "interrupted": death.from_outside,
+                "failure": known or f"{variant}, seed {seed}: {death.text()}",
+                "interrupted": death.from_outside and not known,
                 "took": 0.0,
                 "last": None,
             }

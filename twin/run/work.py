@@ -89,10 +89,16 @@ def run_scenario(
     refuse_names(logged, cases)
     outcome = begun(scenario, catalogs, root)
     link, journal = link or Link(), Journal(outcome.folder)
-    journal.begin(header(outcome, cases, report), link.owners)
+    try:
+        journal.begin(header(outcome, cases, report), link.owners)
+    except OSError as error:
+        import shutil
+
+        shutil.rmtree(outcome.folder, ignore_errors=True)  # nothing is in it
+        raise OSError(error.errno, error.strerror, str(outcome.folder)) from error
     work = Work(outcome, cases, form, build, progress, report, hardware, link, journal, logged, hear, course)
     try:
-        with Stop(last=work.link.watched) as work.stop:
+        with Stop() as work.stop:
             link.keep(resume=str(outcome.folder), hint=f"Then: twin recover {outcome.folder}")
             work.build_members()
             work.run(cases)

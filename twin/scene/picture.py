@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.results import plotting, write_text
+from twin.errors import printable
+from twin.results import figures, plotting, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -109,7 +110,7 @@ def images(frames: Frames, dpi: int) -> Iterator[Any]:
             canvas.restore_region(ground)
             paint_walls(axis, frames, instant, (True,))
             paint(axis, frames, instant)
-            axis.set_title(f"{frames.title}, {time:.2f} s", parse_math=False)
+            axis.set_title(f"{printable(frames.title)}, {time:.2f} s")
             moving = [artist for artist in axis.get_children() if artist not in standing]
             for artist in sorted(moving, key=lambda one: one.get_zorder()):
                 axis.draw_artist(artist)
@@ -138,13 +139,9 @@ def figure(frames: Frames, title: str = "", instants: int = 1) -> Any:
             prepare(axis, frames)
             paint_walls(axis, frames, int(instant))
             paint(axis, frames, int(instant))
-            axis.set_title(
-                ", ".join(filter(None, [title, f"{frames.time[instant]:g} s" if last else ""])), parse_math=False
-            )
+            axis.set_title(", ".join(filter(None, [title, f"{frames.time[instant]:g} s" if last else ""])))
         handles, labels = drawn.axes[0].get_legend_handles_labels()
         legend = drawn.legend(handles, labels, loc="upper left", ncols=max(len(labels), 1), bbox_to_anchor=(0.02, 1.0))
-        for text in legend.get_texts():
-            text.set_parse_math(False)
         for line in legend.get_lines():
             line.set_linewidth(min(line.get_linewidth(), WIDEST))
     return drawn
@@ -155,7 +152,7 @@ def as_svg(drawn: Any, salt: str) -> str:
     import matplotlib as mpl
 
     with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": salt}):
-        return plotting.as_svg(drawn)
+        return figures.as_svg(drawn)
 
 
 def save(drawn: Any, target: Path) -> None:
@@ -166,4 +163,4 @@ def save(drawn: Any, target: Path) -> None:
         write_text(target, as_svg(drawn, target.stem))
         return
     with mpl.rc_context(plotting.STYLE):
-        drawn.savefig(target, metadata={"Software": None})
+        figures.save(drawn, target, metadata={"Software": None})

@@ -17,6 +17,7 @@ from lxml import etree
 from twin.component import unit
 from twin.dataclass import dataclass
 from twin.errors import CouplingError, ScenarioError
+from twin.files import write_atomically
 from twin.ssp import own
 from twin.ssp.document import SPACE, SSC, SSD, SSV, root_of, violations
 from twin.ssp.model import ROLES_1, Linear
@@ -192,7 +193,7 @@ def write(outline: Outline, path: Path) -> None:
             entry.create_system = 3  # Unix on every machine
             entry.external_attr = 0o100644 << 16
             archive.writestr(entry, content)
-    path.write_bytes(buffer.getvalue())
+    write_atomically(path, buffer.getvalue())
 
 
 def text(root: Any) -> bytes:

@@ -238,9 +238,10 @@ def search(model: Model, count: int, seed: int, progress: Progress) -> Found:
         found.sigmas = settle(residuals, found, tell)
     except KeyboardInterrupt:
         found.interrupted = True
-        if residuals.best is None:
+        if residuals.best is not None:
+            found.places = residuals.best[1]
+        elif not found.starts:
             raise
-        found.places = residuals.best[1]
         found.sigmas = estimated(residuals, found.places)
     found.failures = len(residuals.failures)
     found.simulations, found.derivatives = model.count, model.derivatives

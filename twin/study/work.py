@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
+from contextlib import ExitStack, nullcontext
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError
+from twin.process import Stop
 from twin.study.engine import Model
 from twin.study.intervals import METHODS, known
 from twin.study.loading import load
@@ -41,16 +43,20 @@ def identify(
         raise ScenarioError("starts: one at least is needed.")
     started = datetime.now(UTC).astimezone()
     begin = time.perf_counter()
-    with Model(problem, build) as model:
-        found = search(model, starts, seed, progress)
-        method = "jacobian" if found.interrupted else intervals
+    with Stop() as stop, ExitStack() as stack:
+        with stop.armed():
+            model = stack.enter_context(Model(problem, build))
+            found = search(model, starts, seed, progress)
+
+        def tell(what: str, part: float) -> None:
+            progress(what, part, "")
+
         try:
-            knowledge = known(model, found, method, seed, lambda what, part: progress(what, part, ""))
+            with nullcontext() if found.interrupted else stop.armed():
+                knowledge = known(model, found, "jacobian" if found.interrupted else intervals, seed, tell)
         except KeyboardInterrupt:
-            if found.interrupted:
-                raise
             found.interrupted = True
-            knowledge = known(model, found, "jacobian", seed, lambda what, part: progress(what, part, ""))
+            knowledge = known(model, found, "jacobian", seed, tell)
         predicted = model.predicted(found.places)
         found.simulations, found.seconds = model.count, time.perf_counter() - begin
     return Result(problem, found, knowledge, predicted, command, started)

@@ -6,7 +6,10 @@ What is asked for: pages, which `register` adds with NiceGUI's decorators before
 from __future__ import annotations
 
 import asyncio
+import logging
+import signal
 import socket
+import traceback
 import webbrowser
 from contextlib import suppress
 from dataclasses import field
@@ -15,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.dataclass import dataclass
 from twin.errors import TwinError
+from twin.process import SIGNALS
 from twin.web import gate
 
 if TYPE_CHECKING:
@@ -62,7 +66,7 @@ def listening(port: int | None) -> socket.socket:
 
 @dataclass
 class Site:
-    """What is served. `start` (a path) is opened; `stop` is called at once at Ctrl-C or SIGTERM, before anything is waited for."""
+    """What is served. `start` (a path) is opened; `stop` is called at once at a signal, before anything is waited for."""
 
     title: str
     register: Callable[[FastAPI], None]
@@ -95,7 +99,7 @@ class Site:
             gzip_middleware_factory=None,  # nobody is far away
             reconnect_timeout=30.0,  # a busy machine answers late; what moves does not hang on this
         )
-        for task in self.tasks:
+        for task in (ignore_malformed_messages, *self.tasks):
             pages.on_startup(task)
         config = uvicorn.Config(
             gate.Gate(app, token, port),
@@ -110,8 +114,30 @@ class Site:
         if self.opened:
             webbrowser.open(address)
         with suppress(KeyboardInterrupt):  # uvicorn hands the signal on when it has ended
-            _stopping(self.stop)(config).run(sockets=[sock])
-        self.said(self.over)
+            server = _stopping(self.stop)(config)
+            for one in SIGNALS:  # uvicorn itself handles SIGINT and SIGTERM alone
+                if signal.getsignal(one) is not signal.SIG_IGN:
+                    signal.signal(one, server.handle_exit)
+            server.run(sockets=[sock])
+        with suppress(OSError):  # a terminal that is closed
+            self.said(self.over)
+
+
+def ignore_malformed_messages() -> None:
+    """Do not print what libraries raise on a message that no page of ours sends: it is dropped, and its sender is not told.
+
+    Exceptions of our own pages are NiceGUI's to log, which does not let them come this far.
+    """
+    for name in ("engineio.server", "socketio.server"):
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+
+    def handle(loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        trace = getattr(context.get("exception"), "__traceback__", None)
+        frames = [frame.f_globals.get("__name__", "") for frame, _ in traceback.walk_tb(trace)]
+        if not any(name.startswith("socketio.") for name in frames):
+            loop.default_exception_handler(context)
+
+    asyncio.get_running_loop().set_exception_handler(handle)
 
 
 def _stopping(stop: Callable[[], None]) -> type[Server]:
@@ -121,7 +147,8 @@ def _stopping(stop: Callable[[], None]) -> type[Server]:
     class Stopping(uvicorn.Server):
         def handle_exit(self, sig: int, frame: FrameType | None) -> None:
             if not self.should_exit:
-                asyncio.get_running_loop().call_soon_threadsafe(stop)
+                with suppress(RuntimeError):  # nothing is served yet
+                    asyncio.get_running_loop().call_soon_threadsafe(stop)
             super().handle_exit(sig, frame)
 
     return Stopping

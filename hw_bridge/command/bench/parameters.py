@@ -10,6 +10,7 @@ import click
 
 from hw_bridge.command.bench.options import NODE, PROFILE, on_a_bus, paragraph, table
 from twin.cli import say
+from twin.files import write_atomically
 
 if TYPE_CHECKING:
     from hw_bridge.command.bench.options import BusChoice
@@ -106,7 +107,7 @@ def dump_command(bus: BusChoice, node: str, file: Path, profile: str | None) -> 
         asked = line.node(node, profile or "")
         objects.learn(asked)
         text, refused = dcf.dump(asked, bus.keys.bit_rate if bus.keys is not None else bus.bit_rate)
-        file.write_text(text, encoding="latin-1")
+        write_atomically(file, text.encode("latin-1"))
         count = text.count("ParameterValue=")
         say(f"{file}: {count} values of {asked.name} ({asked.profile.title}).")
         for one in refused:

@@ -23,7 +23,8 @@ from hw_bridge.wire import Wire
 from hw_bridge.wire.adapter import from_message, to_message
 from hw_bridge.wire.link import AnyLink
 from hw_bridge.wire.taken import refuse_if_taken
-from tests.hw_bridge.multicast import BOOT_TIMEOUT, needed, own, wait_for_boot, wait_for_frame, wait_until
+from tests.hw_bridge.multicast import PORT, needed, own
+from tests.hw_bridge.waiting import TIMEOUT, wait_for_frame, wait_for_node
 from twin import cli, installed
 from twin.errors import SimulationError
 
@@ -57,8 +58,7 @@ def test_it_refuses_where_another_node_answers(build, talks):
         thread = threading.Thread(target=wire.run)
         thread.start()
         try:
-            booted = 0x700 + wire.slave.node
-            assert wait_for_frame(ours, booted, b"\0", BOOT_TIMEOUT)
+            wait_for_frame(ours, 0x700 + wire.slave.node)
             if talks:
                 with pytest.raises(SimulationError, match="another node answers on this ID"):
                     refuse_if_taken(AnyLink(ours, "virtual"), NODE)
@@ -72,9 +72,9 @@ def test_it_refuses_where_another_node_answers(build, talks):
 @pytest.fixture
 def multicast(build):
     """A group of this test alone on loopback or the local network."""
-    channel = needed(own(74))
-    arguments = ["-p", "mclm", "-n", str(NODE), "-i", "udp_multicast", "-c", channel, "--build", str(build)]
-    return channel, [sys.executable, "-m", "hw_bridge.drive", *arguments]
+    channel = needed(own(74), port=PORT)
+    arguments = ["-p", "mclm", "-n", str(NODE), "-i", "udp_multicast", "-c", channel, "--option", f"port={PORT}"]
+    return channel, [sys.executable, "-m", "hw_bridge.drive", *arguments, "--build", str(build)]
 
 
 @pytest.mark.slow
@@ -86,9 +86,9 @@ def test_a_process_of_its_own(multicast, tmp_path):
     network = canopen.Network()
     try:
         assert "node 9" in process.stdout.readline()
-        network.connect(channel=channel, interface="udp_multicast")
+        network.connect(channel=channel, interface="udp_multicast", port=PORT)
         node = network.add_node(NODE, str(path))
-        wait_for_boot(node)
+        wait_for_node(node)
         assert node.sdo[0x1018][1].raw == 327
         again = subprocess.run(line, capture_output=True, text=True, check=False)
         assert again.returncode == 1
@@ -155,7 +155,7 @@ def test_slcan_over_a_serial_line(serial_line, build, tmp_path):
         assert "node 3" in process.stdout.readline()
         network.connect(interface="slcan", channel=ours, bitrate=1_000_000)
         node = network.add_node(3, str(path))
-        wait_for_boot(node)
+        wait_for_node(node)
         assert node.sdo[0x1018][2].raw == 0x61500000
         node.sdo[0x1800][2].raw = 1
         node.nmt.state = "OPERATIONAL"
@@ -164,7 +164,9 @@ def test_slcan_over_a_serial_line(serial_line, build, tmp_path):
         for _ in range(200):
             network.send_message(0x080, b"")
             time.sleep(0.005)
-        assert wait_until(lambda: len(seen) >= 200)
+        end = time.monotonic() + TIMEOUT
+        while len(seen) < 200 and time.monotonic() < end:
+            time.sleep(0.01)
         assert len(seen) == 200
     finally:
         network.disconnect()

@@ -1,8 +1,10 @@
 """`twin drive inject`: faults of a running drive, and frames that are disturbed on a wire."""
 
+import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 
 import can
@@ -17,11 +19,14 @@ from hw_bridge.fault import Cause, Fault, problem
 from hw_bridge.profiles import profile
 from hw_bridge.wire import Wire
 from hw_bridge.wire.link import Arrival
+from tests.hw_bridge.command.test_command import NODE as PROCESS_NODE
 from tests.hw_bridge.command.test_command import multicast  # noqa: F401 - a fixture
-from tests.hw_bridge.multicast import BOOT_TIMEOUT, wait_for_frame
+from tests.hw_bridge.multicast import PORT
+from tests.hw_bridge.waiting import wait_for_boot, wait_for_frame
 from twin.errors import SimulationError
 
 NODE = 3
+STALL = 0.4  # longer than a drive takes to boot [s]
 
 
 class Line:
@@ -107,17 +112,17 @@ def test_faults_of_a_process(multicast):  # noqa: F811
     try:
         port = process.stdout.readline().partition("--control ")[2].partition(".")[0]
         inject = [sys.executable, "-c", "from hw_bridge.command.drive import command; command()", "inject"]
-        with can.Bus(channel=channel, interface="udp_multicast") as bus:
-            # a drive that still boots sends no error frames
-            asked = can.Message(arbitration_id=0x609, data=[0x40, 0, 0x10, 0, 0, 0, 0, 0], is_extended_id=False)
-            assert wait_for_frame(bus, 0x589, timeout=BOOT_TIMEOUT, request=asked), "the drive does not boot"
+        process.send_signal(signal.SIGSTOP)  # on another machine a drive takes longer to boot
+        threading.Timer(STALL, process.send_signal, [signal.SIGCONT]).start()
+        with can.Bus(channel=channel, interface="udp_multicast", port=PORT) as bus:
+            wait_for_boot(bus, PROCESS_NODE)  # a drive that still boots tells no errors
             for words, identifier, data in (
-                (["emcy", "--code", "8611h"], 0x089, b"\x11\x86"),
-                (["reset"], 0x709, b"\0"),
+                (["emcy", "--code", "8611h"], 0x080 + PROCESS_NODE, b"\x11\x86"),
+                (["reset"], 0x700 + PROCESS_NODE, b"\0"),
             ):
                 done = subprocess.run([*inject, *words, "--control", port], capture_output=True, text=True, check=False)
                 assert (done.returncode, done.stderr) == (0, "")
-                assert wait_for_frame(bus, identifier, data), words
+                wait_for_frame(bus, identifier, data)
     finally:
         process.terminate()
         process.communicate(timeout=20)

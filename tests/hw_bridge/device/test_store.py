@@ -15,7 +15,8 @@ from hw_bridge.device.storage import LOAD, SAVE
 from hw_bridge.dictionary import Code
 from hw_bridge.profiles import profile
 from tests.hw_bridge.bench import NODE, AbortedError, Bench
-from tests.hw_bridge.multicast import needed, own, wait_for_boot
+from tests.hw_bridge.multicast import PORT, needed, own
+from tests.hw_bridge.waiting import wait_for_node
 from twin.errors import DeclarationError
 
 KEPT = 0x1017  # an object that all profiles have
@@ -141,7 +142,7 @@ def test_any_value_is_taken_or_refused_in_one_line(build, tmp_path, data):
 
 @pytest.mark.slow
 def test_two_runs_of_the_process(tmp_path, build):
-    channel = needed(own(78))
+    channel = needed(own(78), port=PORT)
     path = tmp_path / "mclm.eds"
     path.write_text(eds.export(profile("mclm")))
     line = [
@@ -156,13 +157,15 @@ def test_two_runs_of_the_process(tmp_path, build):
         "udp_multicast",
         "-c",
         channel,
+        "--option",
+        f"port={PORT}",
         "--build",
         str(build),
         "--store",
         str(tmp_path / "memory.json"),
     ]
     network = canopen.Network()
-    network.connect(channel=channel, interface="udp_multicast")
+    network.connect(channel=channel, interface="udp_multicast", port=PORT)
     found = []
     try:
         node = network.add_node(NODE, str(path))
@@ -170,7 +173,7 @@ def test_two_runs_of_the_process(tmp_path, build):
             process = subprocess.Popen(line, stdout=subprocess.PIPE, text=True)
             try:
                 assert "node 3" in process.stdout.readline()
-                wait_for_boot(node)
+                wait_for_node(node)
                 found.append(node.sdo[0x6083].raw)
                 if run == 0:
                     node.sdo[0x6083].raw = 777

@@ -7,12 +7,11 @@ import uuid
 import pytest
 
 from hw_bridge.dictionary import State
-from tests.hw_bridge.multicast import needed, own
+from tests.hw_bridge.multicast import PORT, needed, own
 from tests.hw_bridge.wire.wired import rig, until, wired
 from twin.errors import SimulationError
 
 pytestmark = [pytest.mark.slow, pytest.mark.real_time]
-PORT = 43178  # of these tests alone
 BOOTED = 200_000_000  # after that a drive tells errors [ns]
 SAFE = (State.DISABLED, State.READY, State.FAULT)
 

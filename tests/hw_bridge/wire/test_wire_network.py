@@ -81,7 +81,7 @@ def test_an_interface_that_fails(pair, monkeypatch, method, message):
 
     monkeypatch.setattr(network.bus, method, failing)
     with pytest.raises(SimulationError, match=f"{message}: unplugged"):
-        network.send(Frame(0)) if method == "send" else network.advance(network.now + 1_000_000)
+        network.send(Frame(0)) if method == "send" else network.advance(network.now + 20_000_000_000)
 
 
 def test_bus_off_of_the_interface(pair, monkeypatch):
@@ -105,7 +105,7 @@ def test_a_bus_full_of_foreign_frames_does_not_keep_the_program(pair, monkeypatc
     monkeypatch.setattr(network.bus, "recv", lambda _timeout: can.Message(arbitration_id=1, is_extended_id=True))
     begin = time.monotonic()
     network.advance(network.now + 1_000_000)
-    assert time.monotonic() - begin < 1.0
+    assert time.monotonic() - begin < 20.0  # else it would not end at all
 
 
 def test_what_came_late_is_heard(pair):
@@ -140,7 +140,7 @@ def test_garbage_on_a_serial_line_is_passed_over(monkeypatch):
             os.write(ours, line)
             network.advance(network.now + 20_000_000)
         os.write(ours, b"t18121122\r")
-        network.advance(network.now + 50_000_000)
+        network.advance(network.now + 20_000_000_000, lambda: heard[-1:] == [Frame(0x181, b"\x11\x22")])
         assert heard[-1] == Frame(0x181, b"\x11\x22")
         assert all(frame.id <= 0x7FF and len(frame.data) <= 8 for frame in heard)
     finally:
@@ -174,7 +174,7 @@ def test_an_adapter_that_is_unplugged(pair, monkeypatch):
     with pytest.raises(SimulationError, match=r"bus: does not take frames: .* Check the adapter"):
         network.send(Frame(0x123))
     with pytest.raises(SimulationError, match=r"bus: cannot be read: handle is gone\. Check the adapter"):
-        network.advance(network.now + 1_000_000_000)
+        network.advance(network.now + 20_000_000_000)
     network.close()
     assert gc.isenabled()
     real.shutdown()
@@ -204,5 +204,6 @@ def test_what_comes_back_is_not_another_masters(pair):
     network.send(Frame(0x080))
     for _ in range(2):
         other.send(can.Message(arbitration_id=0x080, is_extended_id=False))
+    network.advance(network.now + 20_000_000_000, lambda: bool(heard))
     network.advance(network.now + 20_000_000)
     assert heard == [Frame(0x080)]

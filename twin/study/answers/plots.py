@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.results import coherent, plotting
+from twin.results import coherent, figures, plotting
 from twin.study.design import SAMPLED
 from twin.study.many.engine import DONE
 
@@ -36,7 +36,7 @@ def drawn(size: tuple[float, float], salt: str, paint: Callable[[Any], None], **
     with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": salt}):
         figure = Figure(size, layout="constrained")
         paint(figure.subplots(squeeze=False, **grid))
-        return plotting.as_svg(figure)
+        return figures.as_svg(figure)
 
 
 def parallel(cases: Cases, metric: str, variant: str) -> str:

@@ -32,7 +32,7 @@ class Journal:
                 row = parsed(line, self.path)
                 self._keep(row, end)
                 end += len(line)
-        self._file = self.path.open("ab")
+        self._file = self.path.open("ab", buffering=0)
         self._file.truncate(end)
         self._end = end
 
@@ -42,9 +42,9 @@ class Journal:
 
     def add(self, row: Row) -> None:
         """Write a row; it is there from now on, whatever happens to this process."""
-        line = json.dumps(vars(row), allow_nan=False).encode() + b"\n"
-        self._file.write(line)
-        self._file.flush()
+        line = left = json.dumps(vars(row), allow_nan=False).encode() + b"\n"
+        while left:  # a disk that becomes full takes a part of it first
+            left = left[self._file.write(left) :]
         self._keep(row, self._end)
         self._end += len(line)
 

@@ -187,8 +187,9 @@ class Pool:
 
     def __init__(self, job: Job, workers: int, memory: int, timeout: float = 0.0) -> None:
         self._processes = [Process(job, memory, timeout) for _ in range(workers)]
-        self._wanted: queue.Queue[Request | None] = queue.Queue()
-        self._rows: queue.Queue[Row | NotReadyError] = queue.Queue()
+        # simple queues: a signal that interrupts one that waits leaves no lock behind
+        self._wanted: queue.SimpleQueue[Request | None] = queue.SimpleQueue()
+        self._rows: queue.SimpleQueue[Row | NotReadyError] = queue.SimpleQueue()
         self._threads = [threading.Thread(target=self._work, args=(one,), daemon=True) for one in self._processes]
         for one in self._threads:
             one.start()

@@ -36,7 +36,9 @@ class Cases:
     @property
     def values(self) -> Array:
         """Values of the factors and knobs, (n, k)."""
-        return np.array([one.all_values for one in self.requests], np.float64).reshape(len(self.requests), -1)
+        return np.array([one.all_values for one in self.requests], np.float64).reshape(
+            len(self.requests), len(self.study.all_factors)
+        )
 
     @property
     def metrics(self) -> Array:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from twin.dataclass import dataclass
-from twin.errors import ScenarioError, TwinError
+from twin.errors import ScenarioError, SimulationError, TwinError
 from twin.process import Stop
 from twin.results import recording, write_text
 from twin.run import silent
@@ -88,14 +89,19 @@ class Teller:
         self.failed += row.status != DONE
         done = len(self.journal.rows)
         rate = self._new / max(time.perf_counter() - self._begin, 1e-9)
-        self.listen(StudyProgress(self.part, done, self.count, self.failed, rate, max(self.count - done, 0) / rate))
+        try:
+            self.listen(StudyProgress(self.part, done, self.count, self.failed, rate, max(self.count - done, 0) / rate))
+        except BrokenPipeError:
+            raise
+        except OSError:  # a terminal that is closed, or a full disk: the cases are what counts
+            pass
 
 
 class Cases:
     """Runs what the journal does not have yet."""
 
-    def __init__(self, runner: Runner, journal: Journal, teller: Teller) -> None:
-        self.runner, self.journal, self.teller = runner, journal, teller
+    def __init__(self, runner: Runner, journal: Journal, teller: Teller, stop: Stop) -> None:
+        self.runner, self.journal, self.teller, self.stop = runner, journal, teller, stop
         self.requests: list[Request] = []
 
     def run(self, requests: Iterable[Request], part: str) -> list[Row]:
@@ -103,7 +109,12 @@ class Cases:
         wanted = list(requests)
         self.requests += wanted
         self.teller.part = part
-        for row in self.runner.run(one for one in wanted if one.number not in self.journal.rows):
+        rows = self.runner.run(one for one in wanted if one.number not in self.journal.rows)
+        while True:
+            with self.stop.armed():
+                row = next(rows, None)
+            if row is None:
+                break
             self.journal.add(row)
             self.teller.take(row)
         return [self.journal.rows[one.number] for one in wanted]
@@ -135,40 +146,58 @@ def run_study(
     study = load_study(study) if isinstance(study, str | Path) else study
     begun = time.perf_counter()
     workers = workers or cores()
-    folder, told = placed(study, root, resume, command)
-    with ExitStack() as stack:
-        stop = stack.enter_context(Stop())
+    with Stop() as stop, ExitStack() as stack:
+        folder, told = placed(study, root, resume, command)
         journal = stack.enter_context(Journal(folder))
-        outcome = StudyOutcome(
-            study, folder, table.together(study, [], journal), "completed", 0.0, before=len(journal.rows)
-        )
-        requests: list[Request] = []
+        outcome = StudyOutcome(study, folder, table.together(study, [], journal), "completed", 0.0)
+        outcome.before, requests = len(journal.rows), list[Request]()
+        outcome.runs = {int(number): run for number, run in told.get("runs", {}).items() if (folder / run).is_dir()}
         try:
             with stop.armed():
                 job = prepared(study, folder / told["frozen"], build)
-                runner = started(job, study.variants, scheduler, workers, memory or memory_of_each(workers), timeout)
-                stack.callback(runner.close)
-                cases = Cases(runner, journal, Teller(journal, expected(study), listen))
+            with closing(
+                started(job, study.variants, scheduler, workers, memory or memory_of_each(workers), timeout)
+            ) as runner:
+                cases = Cases(runner, journal, Teller(journal, expected(study), listen), stop)
                 requests = cases.requests
                 every_part(outcome, cases)
-        except KeyboardInterrupt:  # from here on further signals are only noted
+        except KeyboardInterrupt:
             outcome.status = "interrupted"
-        if requests:
-            runner.close()
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise SimulationError(unwritten(folder, len(journal.rows), error)) from error
         outcome.cases = table.together(study, requests or list(study.requests()), journal)
-        write_tables(outcome, journal)
         outcome.seconds = time.perf_counter() - begun
-        manifest.write(folder, **{**told, **ended(outcome, workers, scheduler)})
-        if outcome.status == "completed":
+        finish(outcome, journal, {**told, **ended(outcome, workers, scheduler)}, build, stop, report)
+        if outcome.status == "completed":  # else it goes on from there
             (folder / JOURNAL).unlink()
-        if report and outcome.cases.rows:
+    return outcome
+
+
+def finish(
+    outcome: StudyOutcome, journal: Journal, told: dict[str, Any], build: Path, stop: Stop, report: bool
+) -> None:
+    """Write tables, manifest and report, and the runs that are kept; SimulationError if they cannot be written."""
+    folder = outcome.folder
+    try:
+        write_tables(outcome, journal)
+        manifest.write(folder, **told)
+        if report:
             if outcome.status == "completed":
-                keep_runs(outcome, build)
-                manifest.write(folder, **{**manifest.read(folder), "runs": outcome.runs})
+                keep_runs(outcome, build, stop)
+                manifest.write(folder, **{**told, "status": outcome.status, "runs": outcome.runs})
             from twin.study.answers import write_report
 
             write_report(outcome)
-    return outcome
+    except OSError as error:
+        raise SimulationError(unwritten(folder, len(journal.rows), error)) from error
+
+
+def unwritten(folder: Path, count: int, error: OSError) -> str:
+    """Why a study cannot be written, and what to do, in one line."""
+    why = os.strerror(error.errno) if error.errno else " ".join(str(error).split())
+    return f"{folder}: cannot be written ({why}). {count} cases are kept: free some space, then go on with --resume."
 
 
 def placed(study: Study, root: Path, resume: Path | None, command: str) -> tuple[Path, dict[str, Any]]:
@@ -176,10 +205,11 @@ def placed(study: Study, root: Path, resume: Path | None, command: str) -> tuple
     told = about(study, command)
     if resume is not None:
         folder = resume
-        told["started"] = manifest.refuse_changed(folder, told["inputs"])["started"]
+        known = manifest.refuse_changed(folder, told["inputs"])
+        told |= {"started": known["started"], "runs": known.get("runs", {})}
     else:
         folder = recording.folder(root, study.name)
-        shutil.copyfile(study.path, folder / COPY)
+        write_text(folder / COPY, study.path.read_text(encoding="utf-8"))
     write_text(folder / told["frozen"], study.scenario.frozen())
     manifest.write(folder, **{**told, "status": "running"})
     return folder, told
@@ -274,16 +304,25 @@ def write_tables(outcome: StudyOutcome, journal: Journal) -> None:
         table.write_bands(outcome.folder, list(outcome.study.bands), journal)
 
 
-def keep_runs(outcome: StudyOutcome, build: Path) -> None:
+def keep_runs(outcome: StudyOutcome, build: Path, stop: Stop) -> None:
     """Run those cases again with all their signals that are worth looking at: the bits are the same."""
     from twin.study.answers import noteworthy
     from twin.study.many.repeat import repeat
 
     for number in noteworthy(outcome.cases, outcome.study.keys.keep):
+        if number in outcome.runs:  # of a study that goes on
+            continue
+        if stop.number:
+            outcome.status = "interrupted"
+            return
         try:
             again = repeat(outcome.folder, number, root=outcome.folder / "cases", build=build)
         except TwinError:  # its folder cannot be written, say: the study is there all the same
             continue
+        if again.run.status == "interrupted":
+            outcome.status = "interrupted"
+            shutil.rmtree(again.folder, ignore_errors=True)
+            return
         outcome.runs[number] = str(again.folder.relative_to(outcome.folder))
 
 

@@ -56,11 +56,10 @@ def serve(take: BinaryIO, give: BinaryIO) -> None:
 
 def main() -> int:
     """Serve; the exit code tells whether memory ran out."""
-    for one in SIGNALS:
-        if one != signal.SIGTERM:
-            signal.signal(
-                one, signal.SIG_IGN
-            )  # a terminal sends them to the study's own process, too, which ends this one
+    for (
+        one
+    ) in SIGNALS:  # those of a terminal or a batch system reach all processes, and are for the one that started this
+        signal.signal(one, signal.SIG_IGN)
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     give = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)

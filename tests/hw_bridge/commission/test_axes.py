@@ -1,0 +1,48 @@
+"""Whether a drive turns or moves along a line: by the units of its file, else by its motor; what a person types follows it."""
+
+from math import radians
+
+import pytest
+
+from hw_bridge.commission import axis
+from hw_bridge.hardware import load
+from twin.errors import SimulationError
+
+NONE = ""
+LINE = ", limits: {position: [-40 mm, 40 mm], velocity: 100 mm/s}"
+TURN = ", limits: {position: [-90 deg, 90 deg], velocity: 100 deg/s}"
+BOTH = ", limits: {position: [-90 deg, 90 deg], velocity: 100 mm/s}"
+
+
+def drive(tmp_path, profile, limits):
+    path = tmp_path / "bench.yaml"
+    path.write_text(f"simulated: true\nnodes:\n  shaft: {{node: 3, profile: {profile}{limits}}}\n")
+    return axis(path, load(path), "3")
+
+
+@pytest.mark.parametrize(
+    ("profile", "limits", "rotary"),
+    [
+        ("epos4", NONE, True),  # a motor that turns
+        ("faulhaber_v3", NONE, False),  # linear motors
+        ("mclm", NONE, False),
+        ("epos4", LINE, False),  # a spindle on it
+        ("epos4", TURN, True),
+        ("faulhaber_v3", LINE, False),
+        ("mclm", TURN, True),
+    ],
+)
+def test_what_a_drive_moves_and_how_it_is_told(tmp_path, profile, limits, rotary):
+    found = drive(tmp_path, profile, limits)
+    assert (found.name, found.rotary, found.unit) == ("shaft", rotary, "rad" if rotary else "m")
+    own, other = ("5 deg", "5 mm") if rotary else ("5 mm", "5 deg")
+    assert found.si(own, "--by") == pytest.approx(radians(5.0) if rotary else 5e-3)
+    assert found.si(f"{own}/s", "--speed", "/s") == pytest.approx(radians(5.0) if rotary else 5e-3)
+    assert found.told(found.si(own, "--by")) == own
+    with pytest.raises(SimulationError):
+        found.si(other, "--by")
+
+
+def test_quantities_of_both_kinds_are_refused(tmp_path):
+    with pytest.raises(SimulationError, match="some of its quantities are of a line, others of a turn"):
+        drive(tmp_path, "epos4", BOTH)

@@ -1,0 +1,54 @@
+"""Figures whose texts come from files: nothing in them is a formula, breaks the SVG or ends in a warning."""
+
+import re
+import warnings
+from xml.dom import minidom
+
+import numpy as np
+import pytest
+
+from twin.results import Plot, Signals, expression, histogram, plotting
+from twin.results.metrics import Curve
+from twin.scene import picture
+
+TEXTS = (
+    "\x1b[31m red",
+    "\x00\x07",
+    "\u202eright to left",
+    "العربية",
+    "😀 中文",
+    "$5 and $6_{",
+    r"$\frac{1$",
+    "</text></svg><script>x</script>",
+    "a\nb",
+)
+
+
+@pytest.mark.parametrize("text", TEXTS)
+def test_texts_are_drawn_as_they_are(text, tmp_path):
+    time = np.linspace(0.0, 1.0, 20)
+    tables = {(name, 0): Signals(time, {"a.x": time, "a.y": -time}) for name in (f"one {text}", "other")}
+    plot = Plot(text, (Curve(expression.parse("a.x"), text),), label=text, x_label=text)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        drawn = [plotting.draw(plot, tables), plotting.bars({text: 1.0, "b": 2.0}, text)]
+    for svg in drawn:
+        root = minidom.parseString(svg).documentElement
+        assert root.getElementsByTagName("script") == []
+        assert not re.search(r"[\x00-\x08\x0b-\x1f\x1b\u202a-\u202e]", svg)
+
+
+def test_powers_of_ten_stay_formulas():
+    svg = histogram(np.r_[np.zeros(5000), 1.0], "jitter [ms]")
+    assert "mathdefault" not in re.sub("<!--.*?-->", "", svg, flags=re.DOTALL)
+
+
+def test_a_picture_of_any_title(tmp_path):
+    from matplotlib.figure import Figure
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        figure = Figure()
+        figure.subplots().set_title("".join(TEXTS).replace("$", ""))
+        picture.save(figure, tmp_path / "a.png")
+    assert (tmp_path / "a.png").stat().st_size > 1000
