@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from twin import clock
-from twin.errors import CouplingError, ScenarioError
+from twin.errors import CouplingError, DeclarationError, ScenarioError
 from twin.scenario import value
 from twin.scenario.console import check_console, check_controls
 from twin.scenario.dimensions import check_units
@@ -18,7 +18,7 @@ from twin.scenario.names import find, inside, matching, nearest, no_element
 from twin.scenario.scenes import check_arrays
 from twin.scenario.spec import SETTABLE
 
-MOST_STEPS = 1e10  # of a run; 1e7 a second are fast
+MOST_STEPS = 1e12  # of a run; 1e7 a second are fast
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -139,7 +139,7 @@ def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
         elif (case.stop_ns - case.start_ns) / case.step_ns > MOST_STEPS:
             problems.append(
                 f"{stop}: {float((case.stop_ns - case.start_ns) / case.step_ns):.3g} steps of {clock.text(case.step_ns)} until the end"
-                f" are more than {MOST_STEPS:.0e}, which take hours. Give a larger step or an earlier stop_time."
+                f" are more than {MOST_STEPS:.0e}, which take days. Give a larger step or an earlier stop_time."
             )
     if keys.valid_until is not None and case.stop_ns > keys.valid_until.stop_time:
         problems.append(
@@ -163,7 +163,10 @@ def check_buffers(name: str, member: MemberSpec, values: dict[str, Any]) -> list
 
     if member.component.endswith(".fmu"):
         return []
-    cls = member.made or catalog.component(member.component)
+    try:
+        cls = member.made or catalog.component(member.component)
+    except DeclarationError:  # said where its variables are looked up
+        return []
     period = float(clock.seconds(member.period_ns or cls.period_ns))
     return [f"{member.where}: {name}.{one}" for one in buffers.overflows(cls, values, period)] if period else []
 
