@@ -357,6 +357,13 @@ class RunKeys(Keys):
     parameter_sets: list[dict[Text, dict[str, Value]]] = []
 
 
+class MutationKeys(Keys):
+    """How many deliberate faults the expectations were tried with, and which they do not notice, each with the reason."""
+
+    tried: Annotated[int, Field(strict=True, ge=0)]
+    unnoticed: dict[Text, Text] = {}
+
+
 class ScenarioKeys(RunKeys):
     """A scenario file."""
 
@@ -375,3 +382,4 @@ class ScenarioKeys(RunKeys):
     scenes: list[SceneKeys] = []
     groups: dict[str, Annotated[list[Text], BeforeValidator(one_or_more), Field(min_length=1)]] = {}
     console: list[ControlKeys] = []
+    mutations: MutationKeys | None = None
