@@ -16,14 +16,14 @@ import argparse
 import json
 import random
 import re
-from collections.abc import Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+from benchmarks.mutation_lines import Patch, labeled, late, patch_of_line
 from twin.dataclass import dataclass
 from twin.errors import ScenarioError, TwinError
 from twin.results import Signals, evaluate
@@ -33,13 +33,12 @@ from twin.scenario import Form, Scenario, load_scenario, parse_scenario
 BUILD = Path("build")
 SCENARIOS = Path("scenarios")
 TABLE = Path(__file__).parent / "mutations.yaml"
+LINES = Path(__file__).parent / "mutation_sets.yaml"
 PAGE = Path("docs/explanation/verdicts.md")
 FIRST_SEED = 101  # of those that no scenario lists
-LATE = "benchmarks.parts:Late"
+SEEDS = 5  # as many of them
 FACTORS = {"three times": 3.0, "a third": 1 / 3, "zero": 0.0}
 NUMBER = re.compile(r"^(-?[\d.]+(?:e-?\d+)?)( .*)?$")
-
-Patch = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -65,16 +64,14 @@ def patched(name: str, patch: Patch) -> Scenario:
     return parse_scenario(text, SCENARIOS / f"{name} mutated.yaml")
 
 
-def verdicts(name: str, patch: Patch, variants: tuple[str, ...] = (), seeds: tuple[int, ...] = ()) -> Verdicts:
-    """Run the scenario with a patch and judge it, published figures as if the settings were the paper's."""
+def tables_of(
+    scenario: Scenario, variants: tuple[str, ...], seeds: tuple[int, ...]
+) -> tuple[dict[tuple[str, int], Signals], str]:
+    """What each variant and seed records, with its analyses, and the first failure of a run."""
     tables: dict[tuple[str, int], Signals] = {}
     failure = ""
-    try:
-        scenario = patched(name, patch)
-        catalogs = prepare(scenario)
-    except ScenarioError as error:
-        return Verdicts({}, refusal=str(error).splitlines()[0])
-    for case in scenario.cases(variants, seeds or scenario.seeds[:1]):
+    catalogs = prepare(scenario)
+    for case in scenario.cases(variants, seeds):
         simulated = simulation(case, catalogs[case.variant], Form.compiled, BUILD)
         try:
             run_case(case, simulated, silent)
@@ -84,6 +81,17 @@ def verdicts(name: str, patch: Patch, variants: tuple[str, ...] = (), seeds: tup
             failure = failure or f"{case.name}: {str(error).splitlines()[0]}"
         finally:
             simulated.terminate()
+    return tables, failure
+
+
+def verdicts(name: str, patch: Patch, variants: tuple[str, ...] = (), seeds: tuple[int, ...] = ()) -> Verdicts:
+    """Run the scenario with a patch and judge it, published figures as if the settings were the paper's."""
+    try:
+        scenario = patched(name, patch)
+        prepare(scenario)
+    except ScenarioError as error:
+        return Verdicts({}, refusal=str(error).splitlines()[0])
+    tables, failure = tables_of(scenario, variants, seeds or scenario.seeds[:1])
     result = evaluate(scenario.metrics, scenario.expectations, tables)
     found = {one.name: one.verdict for one in result.outcomes}
     for figure in result.figures:
@@ -130,17 +138,6 @@ def number(text: str) -> float | str:
     return text if " " in text else float(text)
 
 
-def late(source: str, target: str) -> Patch:
-    """A connection whose values come 50 ms later."""
-    return {
-        "members": {"late": {"component": LATE}},
-        "connections": [
-            {"from": source, "to": "late.u", "convert": False},
-            {"from": "late.y", "to": target, "convert": False},
-        ],
-    }
-
-
 def every(items: list[Any], most: int) -> list[Any]:
     """At most so many, by lot, always the same, in their order."""
     chosen = random.Random(0).sample(range(len(items)), min(most, len(items)))
@@ -155,83 +152,89 @@ def expanded(patch: Patch) -> Patch:
     return late(source, target)
 
 
-def examine(name: str, table: dict[str, Any], most: int, jobs: int) -> list[str]:
-    """Run a scenario whole, with seeds of its own and broken; print, and give the rows of its table."""
+def mutations_of(name: str, table: dict[str, Any], lines: list[Any], most: int = 0) -> dict[str, Patch]:
+    """All mutations of a scenario by their labels: those of both files, and `most` generic ones."""
+    scenario = load_scenario(SCENARIOS / f"{name}.yaml")
+    catalogs = prepare(scenario)
+    chosen = {
+        label: expanded(patch) for key in ("central", "others") for label, patch in (table.get(key) or {}).items()
+    }
+    chosen |= dict(every(list(generic(name)), most) if most else [])
+    for label, written in labeled(lines):
+        chosen[label] = patch_of_line(written, scenario, catalogs) if isinstance(written, str) else written
+    return chosen
+
+
+def examine(name: str, table: dict[str, Any], lines: list[Any], most: int, only: str = "") -> str:
+    """Run a scenario whole, with seeds of its own and broken; print, and give its row of the page."""
     variants = tuple(table.get("variants", ()))
-    central, others = (
-        {label: expanded(patch) for label, patch in (table.get(key) or {}).items()} for key in ("central", "others")
-    )
-    chosen = [*central.items(), *others.items(), *every(list(generic(name)) if most else [], most)]
+    chosen = mutations_of(name, table, lines, most)
     own = load_scenario(SCENARIOS / f"{name}.yaml").seeds if table.get("all_seeds") else ()
     run = partial(verdicts, name, variants=variants, seeds=own)
     whole = run({})
-    if jobs > 1:
-        with ProcessPoolExecutor(jobs) as pool:
-            results = list(pool.map(run, [patch for _, patch in chosen]))
-    else:
-        results = [run(patch) for _, patch in chosen]
     judged = [key for key, verdict in whole.outcomes.items() if verdict == "pass"]
-    rows = ["| broken on purpose | noticed by |", "|---|---|"]
+    unnoticed: list[str] = []
     caught: set[str] = set()
-    for (label, _), result in zip(chosen, results, strict=True):
-        if result.refusal and label in central:
-            raise ScenarioError(f"{TABLE.name}: {name}, {label}: {result.refusal}")
-        if result.refusal:
+    for label, patch in chosen.items():
+        if only not in label:
             continue
+        result = run(patch)
+        if result.refusal:
+            raise ScenarioError(f"{name}, {label}: {result.refusal}")
         noticed = [one for one in result.noticed if one in judged or one.endswith("is a number")]
         caught.update(noticed)
-        who = "; ".join(noticed + ([f"the run ends: {result.failure}"] if result.failure else [])) or "nobody"
-        print(f"mutations_{name}_{label}: {who}", flush=True)
-        rows.append(f"| {label} | {'**nobody**' if who == 'nobody' and label in central else who} |")
-    seeds = tuple(range(FIRST_SEED, FIRST_SEED + table.get("seeds", 0)))
-    unlisted = verdicts(name, {}, variants, seeds) if seeds else Verdicts({})
-    rows.append("")
-    for text in summary(name, whole, judged, caught, seeds, unlisted):
-        print(text, flush=True)
-        rows.append(text.partition(": ")[2])
-    return rows
-
-
-def summary(
-    name: str, whole: Verdicts, judged: list[str], caught: set[str], seeds: tuple[int, ...], unlisted: Verdicts
-) -> Iterator[str]:
-    """What holds for the table as a whole, as `name: value` lines."""
-    silent_ones = [one for one in judged if one not in caught]
-    yield (
-        f"mutations_{name}_expectations: {len(judged)} expectations, {len(judged) - len(silent_ones)} of them noticed "
-        "something."
+        who = "; ".join(noticed + ([f"the run ends: {result.failure}"] if result.failure else []))
+        print(f"mutations_{name}_{label}: {who or 'not noticed'}", flush=True)
+        unnoticed += [] if who else [label]
+    seeds = tuple(range(FIRST_SEED, FIRST_SEED + table.get("seeds", SEEDS)))
+    unlisted = verdicts(name, {}, variants, seeds) if not only else Verdicts({})
+    idle = [one for one in judged if one not in caught]
+    for text, listed in (
+        ("noticed nothing", idle), ("not judged, as one seed alone does not pass", whole.noticed),
+        (f"fails at {len(seeds)} seeds that are not listed", unlisted.noticed),
+    ):  # fmt: skip
+        if listed:
+            print(f"mutations_{name}: {text}: {'; '.join(listed)}", flush=True)
+    print(f"mutations_{name}_score: {len(chosen) - len(unnoticed)} of {len(chosen)}", flush=True)
+    return (
+        f"| `{name}` | {len(chosen) - len(unnoticed)} of {len(chosen)} | {'; '.join(unnoticed) or '-'} "
+        f"| {'; '.join(idle) or '-'} | {'; '.join(unlisted.noticed) or '-'} |"
     )
-    if silent_ones:
-        yield f"mutations_{name}_never: Never: {'; '.join(silent_ones)}."
-    if whole.noticed:
-        yield f"mutations_{name}_not_judged: Not judged, as one seed alone does not pass: {'; '.join(whole.noticed)}."
-    if seeds:
-        failed = "; ".join(unlisted.noticed) or "nothing"
-        yield f"mutations_{name}_other_seeds: At {len(seeds)} seeds that it does not list, {failed} fails."
 
 
-def write(name: str, rows: Iterable[str]) -> None:
-    """Put a table into the page, in its place."""
-    page = PAGE.read_text() if PAGE.exists() else "# Verdicts\n"
-    begin, end = f"<!-- mutations {name} -->\n", "<!-- end -->"
-    if begin not in page:
-        page += f"\n## {name}\n\n{begin}{end}\n"
-    head, _, rest = page.partition(begin)
-    PAGE.write_text(f"{head}{begin}" + "\n".join(rows) + f"\n{end}{rest.partition(end)[2]}")
+def write(name: str, row: str) -> None:
+    """Put a scenario's row into the page's table, and the sum of all rows below it."""
+    begin, end = "<!-- results mutations -->\n", "<!-- end -->"
+    head, _, rest = PAGE.read_text().partition(begin)
+    old, _, tail = rest.partition(end)
+    rows = {line.split("`")[1]: line for line in old.splitlines() if line.startswith("| `")} | {name: row}
+    scores = [re.search(r"\| (\d+) of (\d+) \|", line) for line in rows.values()]
+    noticed, tried = (sum(int(score[part]) for score in scores if score) for part in (1, 2))
+    lines = [
+        "| scenario | noticed | not noticed | expectations that noticed nothing | fails at unlisted seeds |",
+        "|---|---|---|---|---|",
+        *(rows[key] for key in sorted(rows)),
+        "",
+        f"In all {noticed} of {tried}, {100 * noticed / tried:.0f} %.",
+    ]
+    PAGE.write_text(f"{head}{begin}" + "\n".join(lines) + f"\n{end}{tail}")
 
 
 def main() -> None:
-    """Run the tables."""
+    """Run the mutations of some scenarios or of all."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.mutations")
     parser.add_argument("scenario", nargs="*")
     parser.add_argument("--generic", type=int, default=0, metavar="N")
-    parser.add_argument("--jobs", type=int, default=1, metavar="N")
+    parser.add_argument(
+        "--only", default="", metavar="TEXT", help="mutations whose label has this; the page stays as it is"
+    )
     asked = parser.parse_args()
-    table = yaml.safe_load(TABLE.read_text())
-    for name in asked.scenario or table:
+    table, lines = (yaml.safe_load(path.read_text()) for path in (TABLE, LINES))
+    for name in asked.scenario or lines:
         own = table.get(name, {})
-        most = asked.generic or own.get("generic", 0)
-        write(name, examine(name, own, most, asked.jobs))
+        row = examine(name, own, lines.get(name, []), asked.generic or own.get("generic", 0), asked.only)
+        if not (asked.only or asked.generic):
+            write(name, row)
 
 
 if __name__ == "__main__":

@@ -45,22 +45,23 @@ class Drift(Component):
 
 
 class Late(Component):
-    """What comes in, 50 ms later: for scenarios that are broken on purpose."""
+    """What comes in, some milliseconds later: for scenarios that are broken on purpose."""
 
     period = 1e-3
 
     u = input("", "what comes in")
     y = output("", "the same, late")
-    line = local(0.0, "", "values that wait, a ring", shape=(50,))
+    steps = parameter(50, "", "delay, in periods", minimum=1, maximum=100, type=Int64, source="assumed")
+    line = local(0.0, "", "values that wait, a ring", shape=(100,))
     place = local(0, "", "of the oldest", type=Int64)
 
     def initialize(self):
         self.place = 0
-        for i in range(50):
+        for i in range(100):
             self.line[i] = self.u
         self.y = self.u
 
     def step(self, t, h):
         self.y = self.line[self.place]
         self.line[self.place] = self.u
-        self.place = (self.place + 1) % 50
+        self.place = (self.place + 1) % self.steps

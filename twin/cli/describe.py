@@ -124,6 +124,10 @@ def show_scenario(path: Path) -> None:
     ]
     table("metric", metrics)
     table("expectation", [(one.name, "", limits(one), "") for one in scenario.expectations])
+    if (record := scenario.mutations) is not None:
+        noticed = record.tried - len(record.unnoticed)
+        say(f"The expectations notice {noticed} of {record.tried} deliberate faults (benchmarks/mutations.py).")
+        table("fault that they do not notice", [(name, "", "", why) for name, why in record.unnoticed.items()], "why")
 
 
 def limits(one: Expectation) -> str:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from twin.scene import Scene
 
 LEFT_OUT = ("stop_time", "events", "seeds", "seed", "record", "parameter_sets", "analyses", "metrics", "expect",
-            "plots", "scenes", "console")  # fmt: skip
+            "plots", "scenes", "console", "mutations")  # fmt: skip
 WHEN = ("from", "to", "variants", "per")  # of a plot or scene: which part of which runs it shows
 
 

@@ -14,7 +14,17 @@ from twin.scenario.message import validate
 from twin.scenario.node import Node, Place
 from twin.scenario.override import overridden
 from twin.scenario.shipped import located
-from twin.scenario.spec import Case, ConnectionSpec, EventSpec, Exchange, FaultSpec, MemberSpec, RecordSpec, Scenario
+from twin.scenario.spec import (
+    Case,
+    ConnectionSpec,
+    EventSpec,
+    Exchange,
+    FaultSpec,
+    MemberSpec,
+    MutationRecord,
+    RecordSpec,
+    Scenario,
+)
 from twin.scenario.tree import parse
 
 if TYPE_CHECKING:
@@ -108,6 +118,7 @@ def assembled(written: Node, path: Path, overrides: Sequence[str], imports: bool
         {name: tuple(members) for name, members in keys.groups.items()}, tuple(overrides),
         not any(touches(option) for option in effective) and not changes_the_papers(root, str(path)), root, written,
         pictures, console.controls(keys, kept),
+        MutationRecord(keys.mutations.tried, dict(keys.mutations.unnoticed)) if keys.mutations else None,
     )  # fmt: skip
     problems += check.check(scenario, keys, kept, trees)
     cases = tuple(replace(case, record=record) for case in scenario.variants)

@@ -23,6 +23,7 @@ Keys = tuple[str, ...]
 
 RHYTHM = ("period", "communication_step")  # of a member, whatever its component is
 DEEPEST = 50  # files that extend each other
+OWN = ("mutations",)  # what was found out about one file's expectations says nothing of those that extend it
 IDENTIFIED = "identified"  # in the file of a parameter set: how `twin identify` found it, which is no component
 
 
@@ -57,6 +58,7 @@ def complete(root: Node, path: Path, shown: str, problems: list[str], above: tup
         hint = nearest(target.name, known) or " Give a path relative to this file."
         raise ScenarioError(f"{parent.place}: extends: there is no file {parent.value}.{hint}")
     base = load(target, str(Path(shown).parent / parent.value), problems, (own, *above))
+    base = Node({key: node for key, node in base.entries.items() if key not in OWN}, base.place)
     problems += strays(root, base) + idle(root, base)
     result = merged(base, root)
     return Node({key: node for key, node in result.entries.items() if key != "extends"}, root.place)

@@ -365,6 +365,13 @@ class ValidityKeys(Keys):
     reason: Annotated[str, Field(min_length=1)]
 
 
+class MutationKeys(Keys):
+    """How many deliberate faults the expectations were tried with, and which they do not notice, each with the reason."""
+
+    tried: Annotated[int, Field(strict=True, ge=0)]
+    unnoticed: dict[Text, Text] = {}
+
+
 class ScenarioKeys(RunKeys):
     """A scenario file."""
 
@@ -384,3 +391,4 @@ class ScenarioKeys(RunKeys):
     groups: dict[str, Annotated[list[Text], BeforeValidator(one_or_more), Field(min_length=1)]] = {}
     console: list[ControlKeys] = []
     valid_until: ValidityKeys | None = None
+    mutations: MutationKeys | None = None

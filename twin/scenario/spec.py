@@ -273,6 +273,14 @@ class Case:
 
 
 @dataclass(frozen=True)
+class MutationRecord:
+    """Deliberate faults that the expectations were tried with. `unnoticed`: those without effect on them -> reason."""
+
+    tried: int
+    unnoticed: dict[str, str]
+
+
+@dataclass(frozen=True)
 class Scenario:
     """A checked scenario file. `paper_applies`: no `--set` changed anything the published figures depend on."""
 
@@ -299,6 +307,7 @@ class Scenario:
     written: Node = field(repr=False, compare=False)  # the tree before `overrides`
     scenes: tuple[Scene, ...] = ()
     console: tuple[ControlSpec, ...] = ()
+    mutations: MutationRecord | None = None
     text: str = field(default="", repr=False, compare=False)  # of `frozen`, where it is known
 
     def cases(self, variants: Sequence[str] = (), seeds: Sequence[int] = ()) -> list[Case]:
