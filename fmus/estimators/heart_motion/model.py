@@ -232,7 +232,7 @@ def follow(self: HeartMotion, at: float, fresh: bool, gained: bool) -> None:
         self.instant = at
         mean, variance = average(self.values, N)
         self.sigma = sqrt(variance)
-        if fresh:
+        if fresh and self.mode == FOLLOWING:  # a correction would make the estimate jump while it fades out
             weigh(self, mean, variance, elapsed)
     if self.mode == FOLLOWING and gained and self.count == RING:
         find_direction(self, 0.02)
