@@ -3,6 +3,7 @@
 from math import floor, pi, sqrt
 
 from fmus.beat_search import RING, TREND, BeatSearch, along, find_anchor, find_direction, forget, refine, remember, scan
+from fmus.measured_motion import MeasuredMotion, forget_samples, measured_instead, smooth
 from fmus.quasi_periodic import (
     HARMONICS,
     OFFSET,
@@ -38,7 +39,7 @@ LONGEST = 8.0  # [s] that a ring of five seconds may span: not more than three w
 MEMORY, TROUBLED = 5.0, 0.7  # [s], part of that time that disturbances may take before all is learned anew
 
 
-class HeartMotion(BeatSearch, QuasiPeriodic):
+class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
     """Heart motion along its principal direction, learned from the tracked tip over some beats and predicted ahead.
 
     Al-Ahmad et al. (RACS), section IV.A: an unscented Kalman filter of a quasi-periodic motion; state of eq. (4).
@@ -131,6 +132,7 @@ class HeartMotion(BeatSearch, QuasiPeriodic):
         self.off_beat = False
         self.off = 0.0
         self.place = 0.0
+        forget_samples(self)
         self.sigma = 0.0
         publish(self, 0.0, 0.0)
 
@@ -247,6 +249,7 @@ def weigh(self: HeartMotion, mean: float, variance: float, elapsed: float) -> No
     """Take a sample in, unless it is an outlier, or one of a beat that is not as learned."""
     self.place = along(self, self.tip_position[0], self.tip_position[1], self.tip_position[2])
     self.off = self.place - mean
+    smooth(self, self.instant, self.place)
     expected = variance
     variance += self.level if self.tip_status == VALID else 4.0 * self.level
     ratio = self.off * self.off / variance
@@ -267,6 +270,12 @@ def weigh(self: HeartMotion, mean: float, variance: float, elapsed: float) -> No
             self.level = max(self.level, self.noise_minimum * self.noise_minimum)
 
 
+def doubtful(self: HeartMotion) -> bool:
+    """Whether the learned motion is not the heart's: a beat out of time, another rate found, or a rate that no heart has."""
+    rate = self.mean[RATE] / (2.0 * pi)
+    return self.off_beat or self.doubt > 0 or not 0.75 * self.rate_minimum < rate < 1.33 * self.rate_maximum
+
+
 def watch(self: HeartMotion) -> None:
     """Search on beside the filter: a filter at half or twice the rate that is found three times in a row has to go."""
     if not scan(self):
@@ -277,7 +286,9 @@ def watch(self: HeartMotion) -> None:
     else:
         self.doubt = 0
     if self.doubt >= 3:
-        leave(self)
+        begin(self)
+        if self.doubt > 0:
+            leave(self)
 
 
 def realign(self: HeartMotion) -> None:
@@ -339,6 +350,7 @@ def publish(self: HeartMotion, t: float, h: float) -> None:
     growth = 6.0 * self.share * (1.0 - self.share) * (self.share - before) / max(h, 1e-9)
     tau = t + h + self.horizon - self.instant
     position, velocity, breath = ahead(self, tau, 0.0)
+    position, velocity = measured_instead(self, doubtful(self), t + h + self.horizon, h, position, velocity)
     self.position = part * position
     self.velocity = part * velocity + growth * position
     turns = (self.mean[PHASE] + self.mean[RATE] * tau) / (2.0 * pi)
@@ -358,5 +370,5 @@ def publish(self: HeartMotion, t: float, h: float) -> None:
     self.rate = self.mean[RATE] / (2.0 * pi) if known else 0.0
     self.status = LOST
     if known:
-        sure = self.unseen < PASSING and self.doubt == 0
+        sure = self.unseen < PASSING and not doubtful(self)
         self.status = VALID if sure else DEGRADED
