@@ -2,7 +2,7 @@
 
 from math import floor
 
-from twin.component import ERROR, OK, Component, Int64, input, local, normal, output, parameter, seed_stream
+from twin.component import ERROR, OK, Component, Int64, input, local, normal, output, parameter, seed_stream, uniform
 
 LINE = 32  # periods that a value may wait
 
@@ -29,8 +29,8 @@ class ForceSensor(Component):
 
     zero_deviation = parameter(2e-3, "N", "standard deviation of the zero error that is left when a run starts", display_unit="mN",
                                minimum=0.0, source="paper, section V.B: mean errors of 1.6 to 2.0 mN; two thirds of the resolution")
-    drift_deviation = parameter(5e-5, "N/s", "standard deviation of the rate at which the zero drifts during a run",
-                                display_unit="mN/min", minimum=0.0, source="estimate: 1 to 5 mN/min, the middle of it")
+    drift_maximum = parameter(5.0 / 60e3, "N/s", "largest rate at which the zero drifts during a run; drawn evenly from minus that to that",
+                              display_unit="mN/min", minimum=0.0, source="estimate: slow drift of 1 to 5 mN/min")
     zero_offset = parameter(0.0, "N", "zero error beyond the one that is drawn", display_unit="mN",
                             source="0: zeroed before each run; a fault")
     drift = parameter(0.0, "N/s", "drift rate beyond the one that is drawn", display_unit="mN/min", source="0: a fault")
@@ -52,7 +52,7 @@ class ForceSensor(Component):
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)
         self.drawn_zero = self.zero_deviation * normal(self.stream)
-        self.drawn_drift = self.drift_deviation * normal(self.stream)
+        self.drawn_drift = self.drift_maximum * (2.0 * uniform(self.stream) - 1.0)
         self.shown = self.force
         value = rounded(self.force + zero_error(self, 0.0), self.resolution)
         for i in range(LINE):
