@@ -104,7 +104,7 @@ def values(outcome: Outcome, metric: str, variant: str) -> np.ndarray:
 
 def span(found: np.ndarray, factor: float = 1e3, digits: int = 1) -> str:
     """Least to largest of the seeds."""
-    return f"{factor * found.min():.{digits}f} to {factor * found.max():.{digits}f}"
+    return " to ".join(dict.fromkeys(f"{factor * value:.{digits}f}" for value in (found.min(), found.max())))
 
 
 def in_range(outcome: Outcome, variant: str) -> str:

@@ -241,7 +241,7 @@ def follow(self: HeartMotion, at: float, fresh: bool, gained: bool) -> None:
         watch(self)
         if self.disturbance * self.mean[RATE] > self.patience * 2.0 * pi:
             realign(self)
-    if self.mode == FOLLOWING and (self.unseen > self.hold or self.trouble > TROUBLED):
+    if self.mode == FOLLOWING and self.unseen > self.hold:
         leave(self)
 
 
@@ -277,7 +277,10 @@ def doubtful(self: HeartMotion) -> bool:
 
 
 def watch(self: HeartMotion) -> None:
-    """Search on beside the filter: a filter at half or twice the rate that is found three times in a row has to go."""
+    """Search on beside the filter: what is found three times in a row at half or twice the rate is begun with anew.
+
+    So is a beat that is mostly not as learned. Until the search explains enough of it, what is measured is published.
+    """
     if not scan(self):
         return
     ratio = self.mean[RATE] / (2.0 * pi * self.beat_rate)
@@ -285,10 +288,8 @@ def watch(self: HeartMotion) -> None:
         self.doubt += 1
     else:
         self.doubt = 0
-    if self.doubt >= 3:
+    if self.doubt >= 3 or self.trouble > TROUBLED:
         begin(self)
-        if self.doubt > 0:
-            leave(self)
 
 
 def realign(self: HeartMotion) -> None:
