@@ -138,6 +138,7 @@ LABELS = {
     ("controller", "servomotor"): "target velocity", ("servomotor", "sheath"): "gripper\nposition",
     ("sheath", "servomotor"): "reaction", ("sheath", "wall"): "tip\nposition", ("wall", "sheath"): "contact force",
     ("wall", "sensor"): "contact force", ("sensor", "controller"): "measured force",
+    ("sensor", "estimate"): "contact?",
 }  # fmt: skip
 
 
