@@ -56,8 +56,8 @@ nodes:
 
 LONG = """extends: {scenario}
 stop_time: {seconds} s
-metrics: {{force_error_std: null, force_error_max: null, force_error_mean: null}}
-expect: [{{name: clinical range, signal: sensor.measured_force, within: [0.1 N, 0.4 N]}}]
+metrics: {{force_error_std: null, force_error_max: null, force_error_mean: null, estimate_error_std: null}}
+expect: [{{name: clinical range, signal: wall.force, within: [0.1 N, 0.4 N]}}]
 plots: []
 """
 

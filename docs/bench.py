@@ -40,7 +40,7 @@ WRAPS = (90, 180, 270)
 
 # scenario with the lumped model, with bodies; metrics that are compared
 COMPARED = (
-    ("heart_wall_force", ("bench_force", "bench_wall"), ("force_error_std", "force_error_max")),
+    ("heart_wall_replay", ("bench_force", "bench_wall"), ("force_error_std", "force_error_max")),
     ("hysteresis_identification", ("bench_hysteresis",), ("tracking_error_std", "tracking_error_max", "residual",
                                                           "alpha_x", "alpha", "beta", "delta", "gamma")),
 )  # fmt: skip

@@ -201,7 +201,7 @@ def tissue() -> None:
 def rows(folder: Path) -> str:
     """The force experiment with this contact, beside the simple wall and the wall of bodies."""
     found: dict[str, Any] = {}
-    for name in ("heart_wall_force", "contact_force", "bench_wall"):
+    for name in ("heart_wall_replay", "contact_force", "bench_wall"):
         run = twin.load(ROOT / "scenarios" / f"{name}.yaml").run(seeds=[1], report=False, out=folder)
         found[name] = run.summary["metrics"]["force_error_std"]["variants"]
     lines = ["| variant | paper | wall | tip_contact | bodies (bench_wall) |", "|---|---|---|---|---|"]
@@ -209,7 +209,7 @@ def rows(folder: Path) -> str:
     for variant, values in found["contact_force"].items():
         cells = ["", "", f"{values['mean']:.4f} N", ""]
         if variant in papers:
-            others = (found[one][variant]["mean"] for one in ("heart_wall_force", "bench_wall"))
+            others = (found[one][variant]["mean"] for one in ("heart_wall_replay", "bench_wall"))
             cells[0], cells[1], cells[3] = (f"{one:.4f} N" for one in (papers[variant], *others))
         lines.append(f"| {variant} | {' | '.join(cells)} |")
     return "\n".join(lines)

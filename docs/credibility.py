@@ -152,7 +152,7 @@ FIT, ADJUSTED, ASSUMED, PREDICTION = "fit", "adjusted", "assumed", "prediction"
 
 # scenario -> (metric, what its variants' names begin with, how it came about, what the comparison may be used for)
 ROWS: dict[str, tuple[tuple[str, str, str, str], ...]] = {
-    "heart_wall_force": (
+    "heart_wall_replay": (
         ("force_error_std", "PI+FF+BW", ADJUSTED, "silicone; one machine"),
         ("force_error_std", "PI+FF", ADJUSTED, "silicone; one machine"),
         ("force_error_std", "PI", FIT, "length of the free tip"),

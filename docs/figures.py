@@ -22,7 +22,7 @@ from twin.run import Outcome, run_scenario
 from twin.scenario import Form, load_scenario, parse_scenario
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
 ROOT = Path(__file__).parents[1]
 FIGURES = ROOT / "docs" / "figures"
@@ -60,22 +60,28 @@ def run(name: str, folder: Path) -> Outcome:
     return run_scenario(scenario, root=folder / "runs", build=ROOT / "build", report=False)
 
 
+def span(values: Iterable[float], digits: str) -> str:
+    """Least to largest, or one number where both are written alike."""
+    ordered = sorted(values)
+    return " to ".join(dict.fromkeys((format(ordered[0], digits), format(ordered[-1], digits))))
+
+
 def table(summary: Mapping[str, Any]) -> str:
-    """Metrics with a published figure and a tolerance, as a table in Markdown."""
+    """Metrics with a published figure and a tolerance, as a table in Markdown: least to largest of the seeds."""
     count = len(
         {seed for one in summary["metrics"].values() for row in one["variants"].values() for seed in row["values"]}
     )
-    mean = f", mean of {count} seeds" if count > 1 else ""
-    rows = [f"| metric | variant | paper | twin{mean} | twin / paper |", "|---|---|---|---|---|"]
+    seeds = f", {count} seeds" if count > 1 else ""
+    rows = [f"| metric | variant | paper | twin{seeds} | twin / paper |", "|---|---|---|---|---|"]
     for metric in summary["metrics"].values():
         if metric["tolerance"] is None:
             continue
+        unit = metric["unit"]
         for variant, one in metric["variants"].items():
-            unit = metric["unit"]
-            rows.append(
-                f"| {metric['description']} | {variant} | {one['paper']:#.3g} {unit} | {one['mean']:#.3g} {unit} "
-                f"| {one['ratio']:.2f} |"
-            )
+            values, paper = one["values"].values(), one["paper"]
+            known = f"{paper:#.3g} {unit}" if paper is not None else ""
+            ratio = span((value / paper for value in values), ".2f") if paper else ""
+            rows.append(f"| {metric['description']} | {variant} | {known} | {span(values, '#.3g')} {unit} | {ratio} |")
     return "\n".join(rows)
 
 
@@ -132,6 +138,7 @@ LABELS = {
     ("controller", "servomotor"): "target velocity", ("servomotor", "sheath"): "gripper\nposition",
     ("sheath", "servomotor"): "reaction", ("sheath", "wall"): "tip\nposition", ("wall", "sheath"): "contact force",
     ("wall", "sensor"): "contact force", ("sensor", "controller"): "measured force",
+    ("sensor", "estimate"): "contact?",
 }  # fmt: skip
 
 
@@ -299,7 +306,8 @@ def main() -> None:
         outcomes = {scenario: run(scenario, folder) for scenario in TABLES}
         write_tables(outcomes)
         draw_system(outcomes["heart_wall_force"])
-        draw_plots(outcomes["heart_wall_force"], {"Contact force": "force.svg", "What the sheath keeps": "sheath.svg"})
+        draw_plots(outcomes["heart_wall_force"], {"Contact force": "force.svg"})
+        draw_plots(run("heart_wall_replay", folder), {"What the sheath keeps": "sheath.svg"})
         draw_plots(outcomes["hysteresis_identification"], {"Heart and tip": "tracking.svg"})
         draw_plots(outcomes["dynamic_regripping"], {"Tracking error": "regripping.svg"})
         draw_plots(outcomes["smooth_regripping"], {"Speed of the tip over that commanded": "hand_over.svg"})

@@ -109,7 +109,7 @@ def scenario(cases: dict[str, tuple[str, float, dict[str, float]]]) -> str:
             members.setdefault(member, {"parameters": {}})["parameters"][own] = plain
         variants[name] = {"members": members, "events": [{"at": LESSON, "set": {"controller.proportional": gain}}]}
     content = {
-        "extends": str(ROOT / "scenarios" / "heart_wall_force.yaml"),
+        "extends": str(ROOT / "scenarios" / "heart_wall_replay.yaml"),
         "variants": dict.fromkeys(CONTROLLERS) | variants,
         "metrics": {name: {"paper": None, "tolerance": None} for name in ("force_error_std", "force_error_max")},
         "expect": [],

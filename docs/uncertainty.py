@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     Values = NDArray[np.float64]
 
-SCENARIO = "heart_wall_force"
+SCENARIO = "heart_wall_replay"
 VARIANTS = ("PI", "PI+FF", "PI+FF+BW")
 METRICS = ("force_error_std", "force_error_max")
 SAMPLES, TRAJECTORIES, SEED = 64, 6, 1  # SEED of the samples; the runs have the scenario's first

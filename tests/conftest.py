@@ -57,7 +57,7 @@ ORDER = (
 )
 BY_CASE = ("conformance/", "test_docs.py")
 # made of the same components: what takes seconds to compile is compiled once
-ALIKE = {"best_gains": "heart_wall_force", "contact_force": "heart_wall_force"}
+ALIKE = {"best_gains": "heart_wall_replay", "contact_force": "heart_wall_replay"}
 MULTICAST = (
     "hw_bridge/command/test_command.py",
     "hw_bridge/command/test_control.py",

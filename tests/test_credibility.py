@@ -52,7 +52,7 @@ def test_every_published_row_has_its_kind_and_stands_on_the_page(docs):
 
 
 def test_the_paper_s_force_rows_are_the_scenario_s(docs):
-    metrics = load_scenario(ROOT / "scenarios" / "heart_wall_force.yaml").metrics
+    metrics = load_scenario(ROOT / "scenarios" / "heart_wall_replay.yaml").metrics
     for variant, values in docs.PAPER.items():
         told = [1e3 * metrics[name].paper[variant] for name in docs.METRICS]
         assert list(values) == pytest.approx(told), variant

@@ -22,12 +22,13 @@ BODIES = 20  # bodies run at a few times real time, not at hundreds: their secon
 # by name: else each process that collects tests would read them all; the last one's estimators take seconds to compile
 LONG = {
     "bench_force", "bench_hysteresis", "bench_regripping", "bench_wall", "beyond_paper", "catheter_calibration",
-    "coordinate_feedforward", "coordinate_friction", "dynamic_regripping", "dynamic_regripping_sensitivity", "heart_wall_ten_minutes",
+    "coordinate_feedforward", "coordinate_friction", "dynamic_regripping", "dynamic_regripping_sensitivity",
     "heart_motion", "hysteresis_models", "injection_sequence", "needle", "omnidirectional", "rig_on_wall",
-    "rotation", "rotation_compensated", "stepper_calibration", "travel_distance", "heart_wall_ahead",
+    "rotation", "rotation_compensated", "stepper_calibration", "travel_distance", "heart_wall_ahead", "heart_wall_ten_minutes",
 }  # fmt: skip
 FAST = {  # seeds and variants that run at once, all of them as a slow test; each verdict on what ran counts
     "heart_wall_force": (("seeds=[1]",), ()),  # all of them in the README's command
+    "heart_wall_replay": (("seeds=[1]",), ()),
     "hysteresis_identification": (("seeds=[1]",), ("uncompensated", "compensated")),  # fits for seconds: see below
     "best_gains": (("seeds=[1]",), ("PI", "PI+FF+BW", "worst corner")),
     "in_vivo_navigation": ((), ("live",)),  # both rigs for 30 s; the others take 72 s

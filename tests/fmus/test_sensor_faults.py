@@ -1,4 +1,4 @@
-"""Faults of EM tracker and force sensor: off they change nothing, on they do what they say."""
+"""Errors and faults of EM tracker and force sensor: off they change nothing, on they do what they say."""
 
 import numpy as np
 import pytest
@@ -7,6 +7,8 @@ from fmus.force_sensor.model import ForceSensor
 
 from fmus.gratings import DEGRADED, LOST, VALID
 from twin.component import ERROR
+
+STILL = {"noise": 0.0, "resolution": 1e-9, "zero_deviation": 0.0, "drift_maximum": 0.0}  # a sensor without errors
 
 
 def stepped(member, count, change=None):
@@ -54,7 +56,7 @@ def test_losses_are_as_many_as_asked_and_the_noise_is_no_other_without(native):
 
 
 def test_the_force_drifts_and_follows_the_temperature(native):
-    sensor = native(ForceSensor, force=0.2, noise=0.0, resolution=1e-9, drift=1e-3, temperature_sensitivity=5e-3)
+    sensor = native(ForceSensor, force=0.2, **STILL, drift=1e-3, temperature_sensitivity=5e-3)
     values = [float(one.measured_force) for one in stepped(sensor, 2001)]
     assert values[-1] == pytest.approx(0.2 + 1e-3 * 10.0, abs=1e-8)
     sensor.temperature = 295.15
@@ -62,11 +64,36 @@ def test_the_force_drifts_and_follows_the_temperature(native):
     assert sensor.measured_force == pytest.approx(0.21, abs=1e-8)
 
 
+def test_zero_error_and_drift_are_drawn_once_per_run(native):
+    """Each seed is another run: a zero error and a drift rate of the distributions that are stated."""
+    zeros, drifts = [], []
+    for seed in range(1, 401):
+        sensor = native(ForceSensor, force=0.2, seed=seed, noise=0.0, resolution=1e-9)
+        sensor.start(0.0)
+        zeros.append(float(sensor.measured_force) - 0.2)
+        assert sensor.advance(60.0, 5e-3) == 0
+        drifts.append(float(sensor.measured_force) - 0.2 - zeros[-1])
+    assert np.mean(zeros) == pytest.approx(0.0, abs=4e-4)
+    assert np.std(zeros) == pytest.approx(2e-3, rel=0.1)
+    assert np.std(drifts) == pytest.approx(10e-3 / np.sqrt(12), rel=0.1)  # in a minute
+    assert np.abs(drifts).max() <= 5e-3 + 1e-9
+    assert abs(np.corrcoef(zeros, drifts)[0, 1]) < 0.15
+
+
+def test_zero_offset_is_a_fault_beyond_the_drawn_zero_error(native):
+    sound, faulty = (native(ForceSensor, force=0.2, zero_offset=zero) for zero in (0.0, -0.15))
+    difference = [
+        float(b.measured_force) - float(a.measured_force)
+        for a, b in zip(stepped(sound, 50), stepped(faulty, 50), strict=True)
+    ]
+    np.testing.assert_allclose(difference, -0.15, atol=1e-9)  # 48 steps of the resolution
+
+
 def test_hysteresis_is_the_width_of_the_loop(native):
     def cycle(sensor, step):
         sensor.force = 0.3 - 0.2 * np.cos(2 * np.pi * step / 100)
 
-    sensor = native(ForceSensor, noise=0.0, resolution=1e-9, hysteresis=0.02)
+    sensor = native(ForceSensor, **STILL, hysteresis=0.02)
     values = [float(one.measured_force) for one in stepped(sensor, 200, cycle)]
     rising, falling = values[125], values[175]
     assert falling - rising == pytest.approx(0.02, abs=1e-6)
@@ -76,7 +103,7 @@ def test_latency_is_beyond_the_period(native):
     def ramp(sensor, step):
         sensor.force = float(step)
 
-    sensor = native(ForceSensor, noise=0.0, resolution=1e-9, latency=20e-3)
+    sensor = native(ForceSensor, **STILL, latency=20e-3)
     values = [float(one.measured_force) for one in stepped(sensor, 30, ramp)]
     np.testing.assert_allclose(values[4:], np.arange(26), atol=1e-8)
 

@@ -17,14 +17,16 @@ def sampled(member, output, count, h):
 
 
 def test_force_is_noisy_and_rounded(native):
-    values = sampled(native(ForceSensor, force=0.2), "measured_force", 20000, 5e-3)
+    values = sampled(
+        native(ForceSensor, force=0.2, zero_deviation=0.0, drift_maximum=0.0), "measured_force", 20000, 5e-3
+    )
     np.testing.assert_allclose(values * 320.0, np.round(values * 320.0), atol=1e-9)
     assert values.mean() == pytest.approx(0.2, abs=2e-4)
     assert values.std() == pytest.approx(np.hypot(3e-3, 1 / 320 / np.sqrt(12)), rel=0.03)
 
 
 def test_force_is_published_one_period_later():
-    sensor = ForceSensor(force=0.1, noise=0.0)
+    sensor = ForceSensor(force=0.1, noise=0.0, zero_deviation=0.0, drift_maximum=0.0)
     sensor.start(0.0)
     sensor.force = 0.2
     for step in range(5):

@@ -40,7 +40,6 @@ class Metric:
     variants: tuple[str, ...] = ()
     description: str = ""
     where: str = field(default="", compare=False)
-    sliding: float = 0.0  # length of the spans of which the worst counts [s]; 0: all samples at once
 
     @property
     def is_difference(self) -> bool:
@@ -224,30 +223,10 @@ def figure(metric: Metric, variant: str, tables: Mapping[tuple[str, int], Signal
     for (name, seed), signals in tables.items():
         if name != variant or not signals.has(metric.signal):
             continue
-        pieces = signals.pieces(metric.signal, metric.window)
-        if metric.sliding:
-            value = worst_span(metric.reduce, metric.sliding, list(pieces))
-        else:
-            value = reduced(metric.reduce, (samples for _, samples in pieces))
+        value = reduced(metric.reduce, (samples for _, samples in signals.pieces(metric.signal, metric.window)))
         values[seed] = value if np.isfinite(value) else None
         scale = max(scale, signals.scale(metric.signal) if np.isfinite(value) else 0.0)
     return Figure(metric, variant, values, metric.paper.get(variant), scale=scale)
-
-
-def worst_span(reduce: str, length: float, pieces: list[tuple[Any, Any]]) -> float:
-    """The worst of all spans of `length` [s], each a tenth of it later than the one before: the least for `min`, else the largest.
-
-    NaN if the samples do not fill one span.
-    """
-    if not pieces:
-        return np.nan
-    time, samples = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
-    if not len(time) or time[-1] - time[0] < length * (1 - 1e-9):
-        return np.nan
-    starts = np.arange(time[0], time[-1] - length * (1 - 1e-9), 0.1 * length)
-    bounds = np.searchsorted(time, np.stack([starts, starts + length]) - 1e-9 * length)
-    values = [float(reduced(reduce, [samples[first:last]])) for first, last in bounds.T]
-    return min(values) if reduce == "min" else max(values, key=abs)
 
 
 def judged(one: Figure, paper_applies: bool) -> Figure:

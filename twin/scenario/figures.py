@@ -104,9 +104,8 @@ class Builder:
         where = str(self.tree.find(path).place)
         variants = self.known((*path, "variants"), keys.variants, f"{what}.variants")
         metric = Metric(
-            name, keys.signal, keys.reduce, window, unit, {}, keys.tolerance, variants, keys.description, where,
-            float(clock.seconds(keys.window or 0)),
-        )  # fmt: skip
+            name, keys.signal, keys.reduce, window, unit, {}, keys.tolerance, variants, keys.description, where
+        )
         for variant, raw in paper.items():
             figure = self.si((*path, "paper", variant), raw, unit, f"{what}.paper", metric.is_difference)
             if figure is not None and variant in self.variants:

@@ -212,11 +212,10 @@ class WindowKeys(Keys):
 
 
 class MetricKeys(WindowKeys):
-    """One number per run; `paper` is one value, or one for each variant. `window`: the worst of all spans of this length."""
+    """One number per run; `paper` is one value, or one for each variant."""
 
     signal: Signal
     reduce: Literal["mean", "std", "rms", "max_abs", "min", "max", "final", "peak_to_peak"]
-    window: Time | None = None
     unit: Text = ""
     paper: Annotated[Any, BeforeValidator(published)] = None
     tolerance: Annotated[float, BeforeValidator(fraction)] | None = None

@@ -3,6 +3,7 @@
 from math import floor, pi, sqrt
 
 from fmus.beat_search import RING, TREND, BeatSearch, along, find_anchor, find_direction, forget, refine, remember, scan
+from fmus.measured_motion import MeasuredMotion, forget_samples, measured_instead, smooth
 from fmus.quasi_periodic import (
     HARMONICS,
     OFFSET,
@@ -38,7 +39,7 @@ LONGEST = 8.0  # [s] that a ring of five seconds may span: not more than three w
 MEMORY, TROUBLED = 5.0, 0.7  # [s], part of that time that disturbances may take before all is learned anew
 
 
-class HeartMotion(BeatSearch, QuasiPeriodic):
+class HeartMotion(BeatSearch, QuasiPeriodic, MeasuredMotion):
     """Heart motion along its principal direction, learned from the tracked tip over some beats and predicted ahead.
 
     Al-Ahmad et al. (RACS), section IV.A: an unscented Kalman filter of a quasi-periodic motion; state of eq. (4).
@@ -52,8 +53,6 @@ class HeartMotion(BeatSearch, QuasiPeriodic):
     tip_status = input("", "0 valid, 1 degraded, 2 lost", type=Int32, minimum=0, maximum=2)
     tip_age = input("s", "time since the tip was where it is said to be, when that was published", minimum=0.0,
                     display_unit="ms", nominal=1e-2)
-    contact_force = input("N", "measured force between tip and wall; below `contact_minimum` the tip says nothing of the wall",
-                          start=1.0, nominal=0.1)
     learn = input("", "whether samples are taken in; otherwise the learned motion is predicted", start=True, type=Boolean)
     enable = input("", "whether the estimate is published; otherwise it fades to zero", start=True, type=Boolean)
 
@@ -88,11 +87,6 @@ class HeartMotion(BeatSearch, QuasiPeriodic):
                      source="chosen: three of the paper's experiments; the deviation tells what it is worth")
     lesson = parameter(0.0, "s", "time for which it only learns, to predict alone afterwards; 0: both all the time",
                        minimum=0.0, source="0: the tip moves with the wall; else seven seconds or more")
-    travel_axis = parameter((0.0, 0.0, 0.0), "", "direction in which the gripper moves the tip; what the tip has come along it is "
-                        "added along `toward`; zero: the gripper stands",
-                        source="0: as the paper learns; else the free end's axis, since advance and bending add up to the wall's motion")
-    contact_minimum = parameter(0.02, "N", "measured force from which the tip is on the wall", display_unit="mN", minimum=0.0,
-                                source="chosen: ten times the sensor's zero error, a tenth of the setpoint")
     blend = parameter(1.0, "s", "time in which the estimate fades in and out", minimum=1e-2,
                       source="chosen: as the heart's own blend-in")
 
@@ -109,7 +103,6 @@ class HeartMotion(BeatSearch, QuasiPeriodic):
     off = local(0.0, "m", "latest innovation")
     place = local(0.0, "m", "latest sample along the direction")
     last_position = local(0.0, "m", "tip of the tick before", shape=(3,))
-    wall = local(0.0, "m", "tip as if the gripper stood: where the wall has carried it", shape=(3,), display_unit="mm")
     taught = local(0.0, "s", "how long the lesson has been going on")
     share = local(0.0, "", "part of the estimate that is published, before it is smoothed")
     doubt = local(0, "", "searches in a row that found another beat", type=Int32)
@@ -119,7 +112,6 @@ class HeartMotion(BeatSearch, QuasiPeriodic):
         forget(self)
         for i in range(3):
             self.last_position[i] = 0.0
-            self.wall[i] = 0.0
             self.axis[i] = self.toward[i]
             self.anchor[i] = 0.0
         for i in range(N):
@@ -140,6 +132,7 @@ class HeartMotion(BeatSearch, QuasiPeriodic):
         self.off_beat = False
         self.off = 0.0
         self.place = 0.0
+        forget_samples(self)
         self.sigma = 0.0
         publish(self, 0.0, 0.0)
 
@@ -150,9 +143,9 @@ class HeartMotion(BeatSearch, QuasiPeriodic):
             self.age = self.tip_age
         at = t - self.age
         fresh = seen and at > self.instant + 1e-9 and changed(self)
-        if fresh:
-            locate(self)
-        gained = fresh and remember(self, SPACING, at, self.wall[0], self.wall[1], self.wall[2])
+        gained = fresh and remember(
+            self, SPACING, at, self.tip_position[0], self.tip_position[1], self.tip_position[2]
+        )
         if self.mode == SEARCHING:
             if fresh:
                 self.instant = at
@@ -168,22 +161,13 @@ def taught(self: HeartMotion) -> bool:
     return self.taught > self.lesson and self.mode == FOLLOWING
 
 
-def locate(self: HeartMotion) -> None:
-    """Where the wall is: what the gripper has advanced the tip, the wall would have bent it farther if it had stood."""
-    travel = 0.0
-    for i in range(3):
-        travel += self.travel_axis[i] * self.tip_position[i]
-    for i in range(3):
-        self.wall[i] = self.tip_position[i] + travel * (self.toward[i] - self.travel_axis[i])
-
-
 def usable(self: HeartMotion) -> bool:
     """Whether the input is a place and a time; comparisons with what is no number are false."""
     if not self.learn or (self.lesson > 0.0 and taught(self)):
         return False
     if not (self.tip_status == VALID or self.tip_status == DEGRADED):
         return False
-    if not 0.0 <= self.tip_age <= OLDEST or not self.contact_force >= self.contact_minimum:
+    if not 0.0 <= self.tip_age <= OLDEST:
         return False
     near = True
     for i in range(3):
@@ -250,21 +234,22 @@ def follow(self: HeartMotion, at: float, fresh: bool, gained: bool) -> None:
         self.instant = at
         mean, variance = average(self.values, N)
         self.sigma = sqrt(variance)
-        if fresh:
+        if fresh and self.mode == FOLLOWING:  # a correction would make the estimate jump while it fades out
             weigh(self, mean, variance, elapsed)
     if self.mode == FOLLOWING and gained and self.count == RING:
         find_direction(self, 0.02)
         watch(self)
         if self.disturbance * self.mean[RATE] > self.patience * 2.0 * pi:
             realign(self)
-    if self.mode == FOLLOWING and (self.unseen > self.hold or self.trouble > TROUBLED):
+    if self.mode == FOLLOWING and self.unseen > self.hold:
         leave(self)
 
 
 def weigh(self: HeartMotion, mean: float, variance: float, elapsed: float) -> None:
     """Take a sample in, unless it is an outlier, or one of a beat that is not as learned."""
-    self.place = along(self, self.wall[0], self.wall[1], self.wall[2])
+    self.place = along(self, self.tip_position[0], self.tip_position[1], self.tip_position[2])
     self.off = self.place - mean
+    smooth(self, self.instant, self.place)
     expected = variance
     variance += self.level if self.tip_status == VALID else 4.0 * self.level
     ratio = self.off * self.off / variance
@@ -285,8 +270,17 @@ def weigh(self: HeartMotion, mean: float, variance: float, elapsed: float) -> No
             self.level = max(self.level, self.noise_minimum * self.noise_minimum)
 
 
+def doubtful(self: HeartMotion) -> bool:
+    """Whether the learned motion is not the heart's: a beat out of time, another rate found, or a rate that no heart has."""
+    rate = self.mean[RATE] / (2.0 * pi)
+    return self.off_beat or self.doubt > 0 or not 0.75 * self.rate_minimum < rate < 1.33 * self.rate_maximum
+
+
 def watch(self: HeartMotion) -> None:
-    """Search on beside the filter: a filter at half or twice the rate that is found three times in a row has to go."""
+    """Search on beside the filter: what is found three times in a row at half or twice the rate is begun with anew.
+
+    So is a beat that is mostly not as learned. Until the search explains enough of it, what is measured is published.
+    """
     if not scan(self):
         return
     ratio = self.mean[RATE] / (2.0 * pi * self.beat_rate)
@@ -294,8 +288,8 @@ def watch(self: HeartMotion) -> None:
         self.doubt += 1
     else:
         self.doubt = 0
-    if self.doubt >= 3:
-        leave(self)
+    if self.doubt >= 3 or self.trouble > TROUBLED:
+        begin(self)
 
 
 def realign(self: HeartMotion) -> None:
@@ -357,6 +351,7 @@ def publish(self: HeartMotion, t: float, h: float) -> None:
     growth = 6.0 * self.share * (1.0 - self.share) * (self.share - before) / max(h, 1e-9)
     tau = t + h + self.horizon - self.instant
     position, velocity, breath = ahead(self, tau, 0.0)
+    position, velocity = measured_instead(self, doubtful(self), t + h + self.horizon, h, position, velocity)
     self.position = part * position
     self.velocity = part * velocity + growth * position
     turns = (self.mean[PHASE] + self.mean[RATE] * tau) / (2.0 * pi)
@@ -376,5 +371,5 @@ def publish(self: HeartMotion, t: float, h: float) -> None:
     self.rate = self.mean[RATE] / (2.0 * pi) if known else 0.0
     self.status = LOST
     if known:
-        sure = self.unseen < PASSING and self.doubt == 0
+        sure = self.unseen < PASSING and not doubtful(self)
         self.status = VALID if sure else DEGRADED

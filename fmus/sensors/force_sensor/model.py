@@ -2,16 +2,17 @@
 
 from math import floor
 
-from twin.component import ERROR, OK, Component, Int64, input, local, normal, output, parameter, seed_stream
+from twin.component import ERROR, OK, Component, Int64, input, local, normal, output, parameter, seed_stream, uniform
 
 LINE = 32  # periods that a value may wait
 
 
 class ForceSensor(Component):
-    """Force sensor behind the wall: white noise, then rounding to the sensor's resolution.
+    """Force sensor behind the wall: zero error, drift and white noise, then rounding to the sensor's resolution.
 
-    ATI Nano17 SI-12-0.12, one axis. A value is published one period after it was sampled, and `latency` later still: whole
-    periods up to 31, else ERROR. Drift, temperature, hysteresis and latency are off unless they are set.
+    ATI Nano17 SI-12-0.12, one axis. The zero error and the drift rate of a run are drawn from the seed at the start. A value
+    is published one period after it was sampled, and `latency` later still: whole periods up to 31, else ERROR.
+    Temperature, hysteresis and latency are off unless they are set.
     """
 
     period = 5e-3
@@ -27,7 +28,13 @@ class ForceSensor(Component):
     seed = parameter(1, "", "seed of the noise; give every noisy member its own", type=Int64, fixed=True,
                      source="arbitrary")
 
-    drift = parameter(0.0, "N/s", "change of the zero over time", source="0: zeroed before each run; estimate 1 to 5 mN/min")
+    zero_deviation = parameter(2e-3, "N", "standard deviation of the zero error that is left when a run starts", display_unit="mN",
+                               minimum=0.0, source="paper, section V.B: mean errors of 1.6 to 2.0 mN; two thirds of the resolution")
+    drift_maximum = parameter(5.0 / 60e3, "N/s", "largest rate at which the zero drifts during a run; drawn evenly from minus that to that",
+                              display_unit="mN/min", minimum=0.0, source="estimate: slow drift of 1 to 5 mN/min")
+    zero_offset = parameter(0.0, "N", "zero error beyond the one that is drawn", display_unit="mN",
+                            source="0: zeroed before each run; a fault")
+    drift = parameter(0.0, "N/s", "drift rate beyond the one that is drawn", display_unit="mN/min", source="0: a fault")
     temperature = parameter(293.15, "K", "of the sensor", source="20 degC, where it was zeroed")
     temperature_sensitivity = parameter(0.0, "N/K", "change of the zero per temperature",
                                         source="0: a bench at rest; estimate 5 mN/K, 0.03 % of 17 N")
@@ -36,6 +43,8 @@ class ForceSensor(Component):
     latency = parameter(0.0, "s", "age of a value beyond one period, such as of a filter or a network", display_unit="ms",
                         minimum=0.0, source="0: its own controller reads it")
 
+    drawn_zero = local(0.0, "N", "zero error that was drawn")
+    drawn_drift = local(0.0, "N/s", "drift rate that was drawn")
     shown = local(0.0, "N", "force behind the hysteresis")
     line = local(0.0, "N", "values of the last periods, a ring", shape=(LINE,))
     head = local(0, "", "place of the latest value in the ring", type=Int64)
@@ -43,8 +52,10 @@ class ForceSensor(Component):
 
     def initialize(self) -> None:
         seed_stream(self.stream, self.seed)
+        self.drawn_zero = self.zero_deviation * normal(self.stream)
+        self.drawn_drift = self.drift_maximum * (2.0 * uniform(self.stream) - 1.0)
         self.shown = self.force
-        value = rounded(self.force + warmed(self), self.resolution)
+        value = rounded(self.force + zero_error(self, 0.0), self.resolution)
         for i in range(LINE):
             self.line[i] = value
         self.head = 0
@@ -57,16 +68,16 @@ class ForceSensor(Component):
 
         # play: what is shown stays until the force has gone back by the hysteresis
         self.shown = min(max(self.shown, self.force - 0.5 * self.hysteresis), self.force + 0.5 * self.hysteresis)
-        zero = self.drift * t + warmed(self)
         self.head = (self.head + 1) % LINE
-        self.line[self.head] = rounded(self.shown + zero + self.noise * normal(self.stream), self.resolution)
+        self.line[self.head] = rounded(self.shown + zero_error(self, t) + self.noise * normal(self.stream), self.resolution)
         self.measured_force = self.line[(self.head - age + LINE) % LINE]
         return OK
 
 
-def warmed(self: ForceSensor) -> float:
-    """Zero [N] that the temperature makes."""
-    return self.temperature_sensitivity * (self.temperature - 293.15)
+def zero_error(self: ForceSensor, t: float) -> float:
+    """What the sensor shows without any force [N]: zero error, drift and temperature."""
+    zero = self.drawn_zero + self.zero_offset + (self.drawn_drift + self.drift) * t
+    return zero + self.temperature_sensitivity * (self.temperature - 293.15)
 
 
 def rounded(force: float, resolution: float) -> float:
