@@ -44,7 +44,7 @@ def time_ours(path: Path, members: int, steps: int) -> tuple[float, float]:
     return 1e9 * took / (sweeps * members), sweeps / steps
 
 
-def time_force(algorithm: str, stop: str = "13 s") -> float:
+def time_force(algorithm: str, stop: str = "22 s") -> float:
     """Processor time of the force scenario [s]; step control without rejecting: as many steps as `jacobi`."""
     options = [] if algorithm in ("jacobi", "iterative") else ["algorithm.tolerance=1", "algorithm.smallest=0.5 ms"]
     scenario = load_scenario(FORCE, ["seeds=1", f"stop_time={stop}", f"algorithm={algorithm}", *options])

@@ -272,7 +272,7 @@ if __name__ == "__main__":
     while True:
         live.hold("command.live_speed[1]", 0.01, time.monotonic_ns())
         time.sleep(0.03)
-        if live.state.held and live.state.time > 0.02 and not is_told:
+        if live.state.held and live.state.time > 0.2 and not is_told:
             print(live.state.folder, live.process.pid, flush=True)
             is_told = True
 """
