@@ -178,8 +178,11 @@ class Trace:
 
     def class_(self, value: type, names: frozenset[str]) -> None:
         """Hash all that a class and its bases have, and where it stands."""
-        self.put("class", value.__module__, value.__qualname__)
-        module = sys.modules.get(value.__module__)
+        name = (
+            value.__module__ if isinstance(value.__module__, str) else "builtins"
+        )  # some types of C have a descriptor there
+        self.put("class", name, value.__qualname__)
+        module = sys.modules.get(name)
         file = getattr(module, "__file__", None) or ""
         if is_fixed(value.__module__):
             return
@@ -188,7 +191,7 @@ class Trace:
         ):  # not one that the engine made at run time
             return
         if is_installed(file):
-            self.put(package_version(value.__module__), text_of(file))
+            self.put(package_version(name), text_of(file))
             return
         if not self.is_known(id(value), value):
             for base in value.__mro__[1:]:
@@ -322,9 +325,9 @@ def slot_names(base: type) -> list[str]:
     return [name for name in ([slots] if isinstance(slots, str) else slots) if name not in ("__dict__", "__weakref__")]
 
 
-def is_fixed(module: str) -> bool:
-    """Whether a module changes with the version of its package only."""
-    return module.partition(".")[0] in FIXED or module == "builtins"
+def is_fixed(module: Any) -> bool:
+    """Whether a module changes with the version of its package only; some types of C have a descriptor for its name."""
+    return not isinstance(module, str) or (module.partition(".")[0] in FIXED or module == "builtins")
 
 
 def is_installed(file: str) -> bool:

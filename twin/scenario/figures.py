@@ -67,21 +67,16 @@ class Builder:
         """A part of the longest variant's run that is not empty."""
         begin, end = self.keys.start_time, self.end
         start, stop = keys.start, keys.stop
-        if path[0] in ("plots", "scenes") and end is not None and stop is not None and stop > end and self.is_shortened:
-            stop = None  # `--set stop_time=...` may cut a plot short, never a metric
+        if end is not None and stop is not None and stop > end:
+            stop = None  # a run that is shorter than the window is judged to its end
         span = f"outside the run, {clock.text(begin)} to {clock.text(end or 0)}. Change it or stop_time."
         if start is not None and not (begin <= start and (end is None or start < end)):
             self.problem((*path, "from"), f"{what}: from {clock.text(start)} lies {span}")
-        elif stop is not None and not (begin <= stop and (end is None or stop <= end)):
+        elif stop is not None and stop < begin:
             self.problem((*path, "to"), f"{what}: to {clock.text(stop)} lies {span}")
         elif start is not None and stop is not None and stop <= start:
             self.problem((*path, "to"), f"{what}: to is not after from. Swap them.")
         return Window(start, stop)
-
-    @property
-    def is_shortened(self) -> bool:
-        """Whether stop_time comes from an option."""
-        return self.tree.find(("stop_time",)).place.file.startswith("--set")
 
     @property
     def end(self) -> clock.Time | None:
