@@ -12,7 +12,7 @@ from twin.run import run_scenario
 from twin.scenario import load_scenario, parse_scenario
 
 ROOT = Path(__file__).parents[3]
-SCENARIO = ROOT / "scenarios/heart_wall_force.yaml"
+SCENARIO = ROOT / "scenarios/heart_wall_replay.yaml"
 BENCH = ROOT / "hw_bridge/benches/simulated_force.yaml"
 
 
