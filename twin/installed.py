@@ -14,6 +14,7 @@ from functools import cache, reduce
 from typing import Any
 
 SUFFIX = ".dist-info"
+STANDARD_LIBRARY = os.path.dirname(os.__file__) + os.sep  # noqa: PTH120 - quicker
 
 
 @cache
@@ -35,6 +36,15 @@ def folders() -> dict[str, tuple[str, str]]:
 def normal(package: str) -> str:
     """A package's name as all its spellings have it."""
     return re.sub(r"[-_.]+", "-", package).lower()
+
+
+def is_standard_library(module: str) -> bool:
+    """Whether an imported module is Python's own, and not a user's file of the same name."""
+    top = module.partition(".")[0]
+    if top not in sys.stdlib_module_names:
+        return False
+    file = getattr(sys.modules.get(top), "__file__", None)
+    return file is None or file.startswith(STANDARD_LIBRARY)
 
 
 def version(package: str) -> str:

@@ -1,12 +1,15 @@
 """Fingerprint of a component: a hash of everything that its translation to C can read.
 
-Translation is skipped only if the fingerprint is that of the previous translation. It is a superset of what the translator
-reads, found without the translator's help: for each function its code and the text of its file, and all values that a name
-in it can lead to, whether through globals, closures, modules, classes, base classes, instances or properties. Numbers and
-arrays count to the last bit. A value that cannot be described exactly makes the component untraceable: it is then
-translated every time. Compiled objects are keyed by the C text itself (`toolchain.compile_c`).
+Translation is skipped only if the fingerprint is that of the previous translation. It does not follow what the translator
+reads; it covers everything in reach of it:
 
-The engine and the libraries that components may call count by the content of the engine's files and by their versions.
+1. the text of every module that the component's module imports, directly or through others, as it is on disk now;
+2. the value of every global name of these modules, through objects, classes, closures and containers, to the last bit;
+3. computed attributes (properties, `__getattr__`), evaluated for every name that a function in reach uses;
+4. the engine's files, and the versions of Python and of the libraries that the engine writes with.
+
+An object whose content cannot be described exactly makes the component untraceable: it is translated every time.
+Compiled objects are keyed by the C text itself (`toolchain.compile_c`).
 """
 
 from __future__ import annotations
@@ -40,22 +43,25 @@ from typing import Any
 import numpy as np
 
 from twin import installed
+from twin.compiler.imports import imports_of
 
 ENGINE = Path(__file__).parents[1]
 SUFFIXES = (".py", ".c", ".h", ".html", ".xsd")
-LIBRARIES = ("numpy", "ziglang", "pint", "jinja2", "markdown-it-py")  # whose versions decide what is written
-FIXED = {"numpy", "scipy", *sys.stdlib_module_names}  # packages that change with their version only
+LIBRARIES = ("numpy", "scipy", "ziglang", "pint", "jinja2", "markdown-it-py")  # whose versions decide what is written
+VERSIONED = {"numpy", "scipy"}  # packages that change with their version only
 PLAIN = (bool, int, str, bytes, NoneType, EllipsisType)
 NATIVE = (
     BuiltinFunctionType, WrapperDescriptorType, MethodDescriptorType, GetSetDescriptorType, MemberDescriptorType, np.ufunc,
 )  # fmt: skip
+WRAPPER_TYPES = (MethodType, staticmethod, classmethod, property, functools.partial, functools.cached_property)
 WRAPPERS = ("__func__", "__self__", "__wrapped__", "fget", "fset", "fdel", "func", "args", "keywords")
-UNREAD = {  # of a class: what Python adds by itself, and what the engine derives from a component on first use
+UNREAD = {  # of classes and modules: what Python adds by itself, and what the engine derives from a component on first use
     "_functions", "_tangents",
     "__dict__", "__weakref__", "__annotations__", "__annotate__", "__annotate_func__", "__annotations_cache__",
     "__abstractmethods__", "_abc_impl", "__firstlineno__", "__static_attributes__", "__parameters__", "__orig_bases__",
+    "__builtins__", "__cached__", "__loader__", "__spec__", "__file__", "__path__", "__conditional_annotations__",
 }  # fmt: skip
-MISSING = object()
+LARGEST = 300_000  # values in reach; walking over more takes longer than translation
 
 
 class UntraceableError(Exception):
@@ -79,23 +85,35 @@ def engine() -> str:
 
 def fingerprint(*values: Any) -> str | None:
     """Hash of all that values, such as component classes and texts, can lead to; None if something is untraceable."""
-    trace = Trace()
-    try:
-        for value in values:
-            trace.add(value, frozenset())
-    except (UntraceableError, RecursionError):
-        return None
-    trace.digest.update(engine().encode())
-    return trace.digest.hexdigest()
+    attributes: frozenset[str] = frozenset()
+    while True:
+        trace = Trace(attributes)
+        try:
+            for value in values:
+                trace.add(value)
+            trace.finish()
+        except (UntraceableError, RecursionError):
+            return None
+        if trace.used <= attributes:  # all were evaluated
+            trace.digest.update(engine().encode())
+            return trace.digest.hexdigest()
+        attributes |= trace.used
 
 
 class Trace:
-    """Walks over values and hashes what it finds, each object once, in an order that is the same in every process."""
+    """Hashes values and the modules in their reach, each object once, in an order that is the same in every process.
 
-    def __init__(self) -> None:
+    attributes: names of attributes that are evaluated where an object computes them.
+    """
+
+    def __init__(self, attributes: frozenset[str] = frozenset()) -> None:
         self.digest = hashlib.sha256()
-        self.seen: dict[Any, int] = {}
-        self.held: list[Any] = []  # an address may not be used again while the walk goes on
+        self.attributes = sorted(attributes)
+        self.used: set[str] = set()  # names that the functions in reach use
+        self.modules: dict[str, None] = {}  # in reach, in the order in which they were found
+        self.packages: dict[str, None] = {}  # those of them that are values, so that submodules are attributes
+        self.numbers: dict[int, int] = {}  # of objects that were walked over, by address
+        self.objects: list[Any] = []  # keeps them alive: an address must not be used again
 
     def put(self, *words: object) -> None:
         """Hash words; no two sequences give the same bytes."""
@@ -103,17 +121,72 @@ class Trace:
             data = str(word).encode("utf-8", "surrogatepass")
             self.digest.update(b"%d:" % len(data) + data)
 
-    def is_known(self, key: Any, value: Any) -> bool:
-        """Whether something was walked over before; then only its number counts."""
-        if key in self.seen:
-            self.put("known", self.seen[key])
+    def is_known(self, value: Any) -> bool:
+        """Whether an object was walked over before; then only its number counts."""
+        if id(value) in self.numbers:
+            self.put("known", self.numbers[id(value)])
             return True
-        self.seen[key] = len(self.seen)
-        self.held.append(value)
+        if len(self.objects) > LARGEST:
+            raise UntraceableError("too many values are in reach")
+        self.numbers[id(value)] = len(self.objects)
+        self.objects.append(value)
         return False
 
-    def add(self, value: Any, names: frozenset[str]) -> None:
-        """Hash a value. `names`: those that stand in the function which reaches it, so that it may use as attributes."""
+    def finish(self) -> None:
+        """Hash the modules in reach; each may bring more of them."""
+        done: set[str] = set()
+        while waiting := [name for name in (*self.modules, *self.submodules()) if name not in done]:
+            for name in waiting:
+                done.add(name)
+                if (module := sys.modules.get(name)) is not None:
+                    self.module(name, module)
+
+    def module(self, name: str, value: ModuleType) -> None:
+        """Hash the text and all global values of a module, and find what it imports."""
+        text = text_of(getattr(value, "__file__", None) or "")
+        self.put("module", name, text)
+        for imported in imports_of(text, getattr(value, "__package__", None) or ""):
+            if imported in sys.modules:
+                self.reach(imported)
+        # a package has its imported submodules as attributes, also those that another component imported
+        self.members({key: one for key, one in vars(value).items() if sys.modules.get(f"{name}.{key}") is not one})
+        if "__getattr__" in vars(value):
+            self.computed(value, set(self.attributes) - vars(value).keys())
+
+    def submodules(self) -> list[str]:
+        """Submodules that can be read as attributes of packages which are values themselves."""
+        named = [f"{package}.{name}" for package in self.packages for name in self.attributes]
+        return [name for name in named if name in sys.modules]
+
+    def reach(self, name: Any) -> None:
+        """Note that a module is in reach, unless it is the engine's or changes with its version only."""
+        if (
+            isinstance(name, str)
+            and not is_fixed(name)
+            and not is_of_engine(getattr(sys.modules.get(name), "__file__", None))
+        ):
+            self.modules.setdefault(name)
+
+    def members(self, members: Mapping[str, Any]) -> None:
+        """Hash the members of a class or a module by their names."""
+        for name, value in sorted(members.items()):
+            if name not in UNREAD:
+                self.put(name)
+                self.add(value)
+
+    def computed(self, owner: Any, names: AbstractSet[str]) -> None:
+        """Hash attributes that an object computes when they are read."""
+        for name in sorted(names):
+            try:
+                value = getattr(owner, name)
+            except Exception as error:
+                self.put(name, type(error).__name__)
+            else:
+                self.put(name)
+                self.add(value)
+
+    def add(self, value: Any) -> None:
+        """Hash a value."""
         kind = type(value)
         if kind in PLAIN:
             self.put(kind.__name__, repr(value))
@@ -126,11 +199,14 @@ class Trace:
         elif kind in (tuple, list):
             self.put(kind.__name__, len(value))
             for item in value:
-                self.add(item, names)
+                self.add(item)
         elif isinstance(value, ModuleType):
-            self.module(value, names)
+            self.put("module", value.__name__)
+            self.reach(value.__name__)
+            if value.__name__ in self.modules and hasattr(value, "__path__"):
+                self.packages.setdefault(value.__name__)
         elif isinstance(value, type):
-            self.class_(value, names)
+            self.class_(value)
         elif isinstance(value, FunctionType):
             self.function(value)
         elif isinstance(value, CodeType):
@@ -139,168 +215,129 @@ class Trace:
             owner = getattr(value, "__self__", None)
             self.put("native", getattr(value, "__module__", ""), getattr(value, "__qualname__", value.__name__))
             if owner is not None and not isinstance(owner, ModuleType):
-                self.add(owner, names)
+                self.add(owner)
         elif isinstance(value, PurePath):
             self.put("path", kind.__name__, value)
         else:
-            self.instance(value, names)
+            self.class_(kind)
+            if not self.is_known(value):
+                self.state(value)
+                self.computed(value, computed_names(value, self.attributes))
 
     def array(self, value: Any) -> None:
         """Hash an array or a scalar of NumPy bytewise; elements that are objects one by one."""
         array = np.asarray(value)
         self.put("array", type(value).__name__, array.shape)
-        self.add(array.dtype, frozenset())
+        self.add(array.dtype)
         if array.dtype.hasobject:
             for item in array.reshape(-1).tolist():
-                self.add(item, frozenset())
+                self.add(item)
         else:
             self.put(hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest())
 
-    def module(self, value: ModuleType, names: frozenset[str]) -> None:
-        """Hash those names of a module that the function has words for."""
-        name = value.__name__
-        self.put("module", name)
-        if not is_fixed(name):
-            self.attributes(value, names & vars(value).keys() if "__getattr__" not in vars(value) else names, names)
-
-    def attributes(self, owner: Any, wanted: frozenset[str], names: frozenset[str]) -> None:
-        """Hash the values of attributes, also of those that are computed; each once for an owner."""
-        for name in sorted(wanted):
-            try:
-                value = getattr(owner, name, MISSING)
-            except Exception as error:
-                self.put(name, type(error).__name__)
-                continue
-            if value is not MISSING:
-                self.put(name)
-                if not self.is_known((id(owner), name), value):
-                    self.add(value, names)
-
-    def class_(self, value: type, names: frozenset[str]) -> None:
-        """Hash all that a class and its bases have, and where it stands."""
-        name = (
-            value.__module__ if isinstance(value.__module__, str) else "builtins"
-        )  # some types of C have a descriptor there
-        self.put("class", name, value.__qualname__)
-        module = sys.modules.get(name)
-        file = getattr(module, "__file__", None) or ""
-        if is_fixed(value.__module__):
+    def class_(self, value: type) -> None:
+        """Hash all that a class and its bases have; those of the engine and of fixed packages by name."""
+        name = value.__module__
+        self.put("class", name if isinstance(name, str) else "", value.__qualname__)
+        module = sys.modules.get(name) if isinstance(name, str) else None
+        if module is None or is_fixed(name):
             return
-        if (
-            is_of_engine(file) and getattr(module, value.__name__, None) is value
-        ):  # not one that the engine made at run time
-            return
-        if is_installed(file):
-            self.put(package_version(name), text_of(file))
-            return
-        if not self.is_known(id(value), value):
+        self.reach(name)
+        if is_of_engine(getattr(module, "__file__", None)) and getattr(module, value.__name__, None) is value:
+            return  # a class that the engine makes at run time is not there by its name
+        if not self.is_known(value):
             for base in value.__mro__[1:]:
-                self.class_(base, names)
-            for name, found in sorted(vars(value).items()):
-                if name not in UNREAD:
-                    self.put(name)
-                    self.add(found, names)
-        if type(value) is not type and not is_fixed(type(value).__module__):
-            self.attributes(value, names - vars(value).keys(), names)
+                self.class_(base)
+            self.members(vars(value))
+            if type(value) is not type:
+                self.class_(type(value))
+                self.computed(value, computed_names(value, self.attributes) - vars(value).keys())
 
     def function(self, value: FunctionType) -> None:
-        """Hash a function's code, the text of its file, and all that its names lead to."""
-        code = value.__code__
+        """Hash a function's code and the values that it carries; its text and its globals count with its module."""
         self.put("function", value.__module__, value.__qualname__)
-        if is_of_engine(code.co_filename) or is_fixed(value.__module__ or "") or self.is_known(id(value), value):
+        file = value.__code__.co_filename
+        if is_of_engine(file) or is_fixed(value.__module__ or "") or self.is_known(value):
             return
-        self.code(code)
-        if not self.is_known(("file", code.co_filename), code):
-            self.put(text_of(code.co_filename))
-        if is_installed(code.co_filename):
-            self.put(package_version(value.__module__))
-            return
-        names = frozenset(names_in(code))
+        self.code(value.__code__)
+        self.reach(value.__module__)
+        module = sys.modules.get(value.__module__ or "")
+        if module is None or value.__globals__ is not vars(module):  # made by `exec`
+            self.put(text_of(file))
+            named = names_in(value.__code__)
+            self.members({name: value.__globals__[name] for name in named if name in value.__globals__})
         for part in (value.__defaults__, value.__kwdefaults__, vars(value) or None):
-            self.add(part, names)
-        for name, cell in zip(code.co_freevars, value.__closure__ or (), strict=True):
+            self.add(part)
+        for name, cell in zip(value.__code__.co_freevars, value.__closure__ or (), strict=True):
             self.put(name)
             try:
-                self.add(cell.cell_contents, names)
+                self.add(cell.cell_contents)
             except ValueError:  # not assigned yet
                 self.put("empty")
-        for name in sorted(names & value.__globals__.keys()):
-            self.put(name)
-            self.add(value.__globals__[name], names)
 
     def code(self, value: CodeType) -> None:
-        """Hash byte code with its constants."""
+        """Hash byte code with its constants, and note the names that it uses."""
+        self.used.update(value.co_names)
         self.put(value.co_code.hex(), value.co_names, value.co_varnames, value.co_freevars, value.co_argcount)
         self.put(value.co_name, value.co_firstlineno, value.co_flags)
         for constant in value.co_consts:
-            self.add(constant, frozenset())
+            self.add(constant)
 
-    def instance(self, value: Any, names: frozenset[str]) -> None:
-        """Hash the state of an object, its class, and those attributes that the function has words for."""
-        kind = type(value)
-        self.class_(kind, names)
-        if not self.is_known(id(value), value):
-            self.state(value, names)
-        if not is_fixed(kind.__module__):
-            self.attributes(value, names, names)
-
-    def state(self, value: Any, names: frozenset[str]) -> None:
+    def state(self, value: Any) -> None:
         """Hash what an object holds; UntraceableError if it does not show it."""
         kind = type(value)
         if isinstance(value, Enum):
             self.put("enum", value.name)
-            self.add(value._value_, names)
+            self.add(value._value_)
             return
-        if isinstance(
-            value, MethodType | staticmethod | classmethod | property | functools.partial | functools.cached_property
-        ):
+        if isinstance(value, WRAPPER_TYPES):
             for name in WRAPPERS:
-                self.add(getattr(value, name, None), names)
+                self.add(getattr(value, name, None))
             return
-        found = False
+        is_shown = False
         for base, show in CONTAINERS:
             if isinstance(value, base):
-                self.add(show(value), names)
-                found = True
-        for number, show in NUMBERS:
+                self.add(show(value))
+                is_shown = True
+        for number in NUMBERS:
             if isinstance(value, number):
-                self.put(number.__name__, show(value))  # of a subclass, which may print itself in another way
-                found = True
+                show_number: Any = number.__repr__  # a subclass may print itself in another way
+                self.put(number.__name__, show_number(value))
+                is_shown = True
         if hasattr(value, "__wrapped__"):  # such as what functools.lru_cache gives
-            self.add(value.__wrapped__, names)
-            found = True
+            self.add(value.__wrapped__)
+            is_shown = True
         slots = [name for base in kind.__mro__ for name in slot_names(base)]
         fields = {**getattr(value, "__dict__", {}), **{name: getattr(value, name, None) for name in slots}}
         if fields or hasattr(value, "__dict__") or slots:
-            self.add(fields, names)
-            found = True
-        if not found:
-            self.reduced(value, names)
+            self.add(fields)
+            is_shown = True
+        if not is_shown or any(is_opaque(base) for base in kind.__mro__):
+            self.reduced(value)
 
-    def reduced(self, value: Any, names: frozenset[str]) -> None:
+    def reduced(self, value: Any) -> None:
         """Hash what pickle would write of an object that is not made in Python."""
         kind = type(value)
         try:
             parts = value.__reduce_ex__(2)
-        except Exception:
-            parts = "nothing"
-        if isinstance(parts, str):
-            if (version := package_version(kind.__module__)) is None:
-                raise UntraceableError(f"{kind.__qualname__} does not show what it holds")
-            self.put("native object", kind.__qualname__, version)
-            return
-        for part in parts:
-            self.add(list(part) if hasattr(part, "__next__") else part, names)
+        except Exception as error:
+            raise UntraceableError(f"{kind.__qualname__} does not show what it holds") from error
+        for part in [parts] if isinstance(parts, str) else parts:
+            self.add(list(part) if hasattr(part, "__next__") else part)
 
 
-@cache
-def package_version(module: str) -> str | None:
-    """Version of the installed package that a module belongs to; None if it belongs to none."""
-    from importlib import metadata
+def computed_names(value: Any, attributes: list[str]) -> set[str]:
+    """Names of attributes whose values an object computes: its properties and other descriptors, or any name."""
+    bases = [base for base in type(value).__mro__ if not is_fixed(base.__module__)]
+    if any("__getattr__" in vars(base) or "__getattribute__" in vars(base) for base in bases):
+        return set(attributes)
+    computed = {name for base in bases for name, one in vars(base).items() if is_descriptor(one)}
+    return computed & set(attributes)
 
-    top = module.partition(".")[0]
-    names = metadata.packages_distributions().get(top, ())
-    return " ".join(f"{name} {metadata.version(name)}" for name in sorted(names)) or None
+
+def is_descriptor(value: Any) -> bool:
+    """Whether reading an attribute runs code of its class; functions and slots only give what is there."""
+    return not isinstance(value, (FunctionType, staticmethod, classmethod, *NATIVE)) and hasattr(type(value), "__get__")
 
 
 def items(value: Mapping[Any, Any]) -> list[Any]:
@@ -325,15 +362,16 @@ def slot_names(base: type) -> list[str]:
     return [name for name in ([slots] if isinstance(slots, str) else slots) if name not in ("__dict__", "__weakref__")]
 
 
+def is_opaque(base: type) -> bool:
+    """Whether a class is made in C and may hold what its instances' attributes do not show."""
+    return not issubclass(base, SHOWN) and base is not object and not vars(base).keys() & PYTHON_MADE
+
+
 def is_fixed(module: Any) -> bool:
     """Whether a module changes with the version of its package only; some types of C have a descriptor for its name."""
-    return not isinstance(module, str) or (module.partition(".")[0] in FIXED or module == "builtins")
-
-
-def is_installed(file: str) -> bool:
-    """Whether a file belongs to an installed package, whose version and own text count, and not what they lead to."""
-    parts = Path(file).parts
-    return ("site-packages" in parts or "dist-packages" in parts) and "fmus" not in parts
+    if not isinstance(module, str):
+        return True
+    return module.partition(".")[0] in VERSIONED or installed.is_standard_library(module)
 
 
 def is_of_engine(file: str | None) -> bool:
@@ -349,15 +387,17 @@ def names_in(code: CodeType) -> list[str]:
 
 def text_of(file: str) -> str:
     """The text of a source file as it is now; of functions that the engine wrote, what it keeps of them."""
-    if file.startswith("<"):
-        return "".join(linecache.getlines(file))
-    try:
-        return hashlib.sha256(Path(file).read_bytes()).hexdigest()
-    except OSError:
-        return "".join(linecache.getlines(file))
+    if file and not file.startswith("<"):
+        try:
+            return Path(file).read_bytes().decode("utf-8", "surrogateescape")
+        except OSError:
+            pass
+    return "".join(linecache.getlines(file))
 
 
-NUMBERS: tuple[tuple[type[Any], Any], ...] = tuple((one, one.__repr__) for one in (float, int, str, bytes, complex))
+NUMBERS: tuple[type[Any], ...] = (float, int, str, bytes, complex)
+PYTHON_MADE = {"__dict__", "__weakref__", "__slots__"}  # one of them is in each class that is made in Python
 CONTAINERS: tuple[tuple[type[Any], Any], ...] = (
     (Mapping, items), (AbstractSet, in_order), (tuple, tuple), (list, list), (range, tuple),
 )  # fmt: skip
+SHOWN = (*NUMBERS, *(one for one, _ in CONTAINERS))

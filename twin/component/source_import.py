@@ -13,11 +13,13 @@ from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from twin import installed
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from types import ModuleType
 
-SKIPPED = {"twin", "hw_bridge", *sys.stdlib_module_names}
+ENGINE = {"twin", "hw_bridge"}
 
 
 class TextLoader(SourceFileLoader):
@@ -35,10 +37,12 @@ class TextFinder(MetaPathFinder):
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         """The module with a loader that reads its text; None leaves it to the next finder."""
-        if name.partition(".")[0] in SKIPPED:
+        if name.partition(".")[0] in ENGINE:
             return None
         spec = PathFinder.find_spec(name, path, target)
         if spec is None or type(spec.loader) is not SourceFileLoader or spec.origin is None:
+            return None
+        if spec.origin.startswith(installed.STANDARD_LIBRARY):
             return None
         parts = Path(spec.origin).parts
         if "fmus" not in parts and ("site-packages" in parts or "dist-packages" in parts):
