@@ -98,12 +98,12 @@ def solve(self: Instrument) -> int:
     )
     if not agreed:
         return CONTRADICTS
-    apart = (
+    is_separate = (
         separate(self, 0, thrust_1, thrust_2, torque_1 - torque_2)
         and separate(self, 1, thrust_2, thrust_3, torque_2 - torque_3)
         and separate(self, 2, thrust_3, self.tip_force, torque_3 - self.tip_torque)
     )
-    if not apart:
+    if not is_separate:
         return SHARED
 
     # as far as the numbers tell: a position that rounding keeps is no motion of a grip either
