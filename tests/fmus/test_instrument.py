@@ -101,7 +101,7 @@ def test_is_passive(native, seed, kind):
     moves = np.diff(np.column_stack((*paths, values[:, 5:])), axis=0)
     efforts = 0.5 * (values[1:, :5] + values[:-1, :5])
     work = np.cumsum(np.sum(efforts * moves, axis=1))
-    assert np.ptp(part.slip_distance) > 1e-3  # it did slip
+    assert np.abs(part.slip_distance).max() > 1e-3  # it did slip
     assert work.min() > -2e-5
     assert work[-1] > 5e-3
 

@@ -133,13 +133,13 @@ def correlation(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def unseparated(fit: Fit) -> list[str]:
     """Pairs of constants that the data cannot separate, one line each: correlation over `TOGETHER`."""
-    found = correlation(fit.covariance)
+    matrix = correlation(fit.covariance)
     names = Constants._fields
     return [
-        f"{names[i]} and {names[k]} cannot be separated: correlation {found[i, k]:.3f}. Judge amplitude and share instead."
+        f"{names[i]} and {names[k]} cannot be separated: correlation {matrix[i, k]:.3f}. Judge amplitude and share instead."
         for i in range(len(names))
         for k in range(i + 1, len(names))
-        if abs(found[i, k]) > TOGETHER
+        if abs(matrix[i, k]) > TOGETHER
     ]
 
 
