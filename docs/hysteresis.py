@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import matplotlib as mpl
 import numpy as np
 from figures import ROOT, run, save
-from fmus.bouc_wen_compensator.identify import PAPER, simulate
+from fmus.bouc_wen_compensator.identify import PAPER, Fit, correlation, identify, simulate
 from fmus.bouc_wen_compensator.model import BoucWenCompensator
 from fmus.hysteresis_models import constants
 from fmus.prandtl_ishlinskii_compensator import identify as plays
@@ -54,6 +54,35 @@ def table(summary: Mapping[str, Any]) -> str:
     return "\n".join(rows)
 
 
+def known(name: str, values: np.ndarray, covariance: np.ndarray) -> str:
+    """Row of a parametrization: relative standard deviations, correlations, and how unlike its combinations are known."""
+    relative = np.sqrt(np.diag(covariance)) / np.abs(values)
+    scaled = np.sqrt(np.linalg.eigvalsh(covariance / np.outer(values, values)))
+    between = np.abs(correlation(covariance)[2:, 2:][np.triu_indices(3, 1)]).max()
+    cells = [
+        *(f"{100.0 * one:.1f} %" for one in relative),
+        f"{between:.2f}",
+        f"{100.0 * scaled[-1]:.0f} %",
+        f"{scaled[-1] / scaled[0]:.0f}",
+    ]
+    return f"| {name} | {' | '.join(cells)} |"
+
+
+def identifiability(fits: Mapping[int, Fit]) -> str:
+    """What the chirp tells of the constants and of the shape, for each seed of the tracker."""
+    rows = [
+        "| seed: as | alpha_x | alpha | beta, amplitude | delta, share | gamma | largest correlation of the last three | worst known combination | over the best known |",
+        "|---" * 9 + "|",
+    ]  # fmt: skip
+    for seed, fit in fits.items():
+        c = fit.constants
+        printed = f"{seed}: beta {c.beta:.3f}, delta {c.delta:.3f}, gamma {c.gamma:.2f}"
+        rows.append(known(printed, np.array(c), fit.covariance))
+        shaped = f"{seed}: amplitude {fit.shape.amplitude:.2f} mm, share {fit.shape.share:.2f}, gamma {c.gamma:.2f}"
+        rows.append(known(shaped, np.array((c.alpha_x, c.alpha, *fit.shape, c.gamma)), fit.shape_covariance))
+    return "\n".join(rows)
+
+
 def draw_loops() -> None:
     """The loop of each rate-independent model under a sine of 5 mm, from its second period on."""
     path = 5e-3 * np.sin(2.0 * np.pi * np.arange(0.0, 3.0, 1e-3))
@@ -76,8 +105,15 @@ def main() -> None:
     """Draw and write everything."""
     with tempfile.TemporaryDirectory() as name:
         outcome = run("hysteresis_models", Path(name))
-    marks = re.compile(r"(<!-- results hysteresis_models -->\n).*?(<!-- end -->)", re.DOTALL)
-    PAGE.write_text(marks.sub(lambda match: match[1] + table(outcome.summary) + "\n" + match[2], PAGE.read_text()))
+        chirps = run("hysteresis_identification", Path(name)).tables
+    fits = {
+        seed: identify(one.values["tracker.sampled_reference"][1:], one.values["tracker.measured_position"][1:])
+        for (variant, seed), one in chirps.items()
+        if variant == "chirp"
+    }
+    for mark, text in (("hysteresis_models", table(outcome.summary)), ("identifiability", identifiability(fits))):
+        marks = re.compile(rf"(<!-- results {mark} -->\n).*?(<!-- end -->)", re.DOTALL)
+        PAGE.write_text(marks.sub(lambda match, text=text: match[1] + text + "\n" + match[2], PAGE.read_text()))
     draw_loops()
 
 

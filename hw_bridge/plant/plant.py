@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.device import Drive, Motor
 from hw_bridge.dictionary import State
-from hw_bridge.profiles import MotorModel, profile
+from hw_bridge.profiles import MotorModel, member_load, profile
 from twin.component import Float64, Role
 
 if TYPE_CHECKING:
@@ -68,9 +68,8 @@ class Plant:
     def feel(self) -> None:
         """Take over load and parameters that changed."""
         views = self.axis.views
-        for name in ("load_force", "load_torque"):
-            if name in views:
-                self.motor.load(float(views[name]) * self.load)
+        if (load := member_load(views)) is not None:
+            self.motor.load(load * self.load)
         for key, before in self.parameters.items():
             if (value := float(views[key])) != before:
                 self.parameters[key] = value

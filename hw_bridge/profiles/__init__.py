@@ -2,7 +2,7 @@
 
 from hw_bridge.profiles.catalog import DEVICES, MODULES, UNFIT, device, identity, profile
 from hw_bridge.profiles.description import Currents, Device, Fault, Profile, Reaction, Rules, Units
-from hw_bridge.profiles.motor import EFFORT, MotorModel
+from hw_bridge.profiles.motor import EFFORT, MotorModel, member_load
 
 __all__ = [
     "DEVICES",
@@ -19,5 +19,6 @@ __all__ = [
     "Units",
     "device",
     "identity",
+    "member_load",
     "profile",
 ]

@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from twin.component import catalog
 
 # what a component with this load calls its target in cst, and the force or torque of one ampere
 EFFORT = {"load_force": ("target_force", "force_constant"), "load_torque": ("target_torque", "torque_constant")}
+
+
+def member_load(views: Mapping[str, Any]) -> float | None:
+    """Sum of the loads of a member [N or N*m], a piston's recoil among them; None if it has none."""
+    loads = [float(views[name]) for name in (*EFFORT, "recoil_force") if name in views]
+    return sum(loads) if loads else None
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from hw_bridge.bus import unconnected
 from hw_bridge.dictionary import cia301
 from hw_bridge.plant import Plant, beginning
+from hw_bridge.profiles import member_load
 from hw_bridge.shadow.symptoms import SYMPTOMS, Figures, Sample, Symptom, figures_of
 
 if TYPE_CHECKING:
@@ -91,8 +92,7 @@ class Shadow:
         way = node.sign * node.units.position * (node.raw_position - position)
         if self._zero is None:  # both may have begun anywhere
             self._zero = way
-        views = self.axis.views
-        load = next((float(views[name]) for name in ("load_force", "load_torque") if name in views), 0.0)
+        load = member_load(self.axis.views) or 0.0
         sample = Sample(
             way - self._zero,
             node.sign * node.units.velocity * (node.raw_velocity - velocity),

@@ -1,6 +1,17 @@
 import numpy as np
 import pytest
-from fmus.bouc_wen_compensator.identify import PAPER, Constants, identify, simulate
+from fmus.bouc_wen_compensator.identify import (
+    PAPER,
+    Constants,
+    Shape,
+    correlation,
+    from_shape,
+    identify,
+    shape,
+    shape_slope,
+    simulate,
+    unseparated,
+)
 from fmus.bouc_wen_compensator.model import BoucWenCompensator
 
 # slope alpha_x - g between 0.7 and 1.9 everywhere: the bound of the inverse is never met
@@ -85,3 +96,46 @@ def test_identification_recovers_known_constants():
     assert np.all(np.abs(np.subtract(fit.constants, truth)) < 5.0 * np.array(fit.standard_errors))
     assert fit.offset == pytest.approx(1.5e-3, abs=2e-6)
     assert fit.residual == pytest.approx(2e-6, rel=0.1)
+
+
+def test_the_shape_is_another_way_to_say_the_constants():
+    for constants in (ROUND, PAPER):
+        again = from_shape(constants.alpha_x, constants.alpha, shape(constants), constants.gamma)
+        np.testing.assert_allclose(again, constants, rtol=1e-12)
+    assert np.isnan(shape(Constants(1.0, 1.0, 0.01, -0.02, 2.0))).all()
+
+
+def test_h_saturates_at_the_amplitude():
+    ramp = np.linspace(0.0, 60e-3, 6001)
+    h = ROUND.alpha_x * ramp[-1] - simulate(ROUND, ramp)[-1]
+    assert h == pytest.approx(1e-3 * shape(ROUND).amplitude, rel=1e-3)
+
+
+def test_the_slope_of_the_shape_is_that_of_differences():
+    for i in range(5):
+        step = np.zeros(5)
+        step[i] = 1e-6
+        ends = [Constants(*(np.array(ROUND) + side * step)) for side in (1.0, -1.0)]
+        named = [np.array((c.alpha_x, c.alpha, *shape(c), c.gamma)) for c in ends]
+        np.testing.assert_allclose((named[0] - named[1]) / 2e-6, shape_slope(ROUND)[:, i], rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_noise_hides_beta_and_gamma_but_not_amplitude_and_share(seed):
+    """The shipped constants and the tracker's noise: beta and gamma are said to be inseparable; the shape is found."""
+    truth = Constants(1.076, 1.087, 0.0368, 0.0261, 3.6)
+    x_in = chirp(80.0)
+    x_out = simulate(truth, x_in) + 0.2e-3 * np.random.default_rng(seed).standard_normal(x_in.size)
+    fit = identify(x_in, x_out)
+    named = unseparated(fit)
+    assert any(line.startswith("beta and gamma cannot be separated: correlation -0.9") for line in named), named
+    assert not any("alpha" in line for line in named)
+    relative = np.sqrt(np.diag(fit.shape_covariance)) / np.array(
+        (fit.constants.alpha_x, fit.constants.alpha, *fit.shape, fit.constants.gamma)
+    )
+    assert fit.standard_errors.beta / fit.constants.beta > 0.12
+    assert relative[2] < 0.015
+    assert relative[3] < 0.08
+    assert np.abs(np.subtract(fit.shape, shape(truth)) / shape(truth)).max() < 0.15
+    assert np.abs(correlation(fit.shape_covariance)[np.triu_indices(5, 1)]).max() < 0.97
+    assert isinstance(fit.shape, Shape)

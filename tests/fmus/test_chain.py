@@ -133,6 +133,24 @@ def test_support_forces_carry_the_instrument():
     assert 0.05 < part.force < 0.3
 
 
+def test_instrument_and_wall_feel_the_same_while_it_presses_and_leaves():
+    """The wall's springs carry what acts on the tip, but for the pad's inertia, which is nothing in the mean over a whole motion."""
+    part = ChainOnWall()
+    part.start(0.0)
+    on_wall, on_tip = [], []
+    for i in range(1500):
+        part.gripper_position = -12.5e-3 * (1.0 - np.cos(2.0 * np.pi * i * H / 1.5))
+        part.advance(i * H, H)
+        on_wall.append(np.array(part.wall_force))
+        on_tip.append(np.array(part.support_force[-1]))
+    on_wall, on_tip = np.array(on_wall), np.array(on_tip)
+    touches = np.abs(on_tip).max(axis=1) > 0.0
+    assert 0.1 < touches.mean() < 0.9
+    assert on_wall[touches].max() > 0.1
+    np.testing.assert_allclose(on_wall.mean(axis=0), -on_tip.mean(axis=0), atol=1e-3)
+    assert np.sqrt(np.mean((on_wall + on_tip) ** 2)) < 0.01
+
+
 def test_a_fiber_in_the_bodies_feels_both_bends_and_the_leaning_tip():
     part = ChainOnWall()
     part.start(0.0)

@@ -63,6 +63,33 @@ def test_no_overlap_no_force(native):
     assert not pushed(native, DEPTH + way, np.full(len(way), -0.01)).any()
 
 
+@pytest.mark.parametrize(("speed", "turning"), [(1e-3, 4.0), (-5e-3, 4.0), (1e-3, -40.0)])
+def test_turning_takes_its_part_of_the_friction(native, speed, turning):
+    """Steady: force and torque over radius are friction against the sliding of the surface, v along and radius w around."""
+    part = native(CoaxialFriction, viscosity=0.0)
+    part.wire_position, part.catheter_position = 2.0 * DEPTH, DEPTH
+    part.start(0.0)
+    for step in range(1, 10001):
+        part.wire_position = 2.0 * DEPTH + speed * step * H
+        part.wire_angle = turning * step * H
+        assert part.advance(step * H, H) == 0
+        assert part.catheter_torque == -part.wire_torque
+    around = 0.45e-3 * turning
+    assert part.wire_force == pytest.approx(LIMIT * speed / np.hypot(speed, around), rel=1e-6)
+    assert part.wire_torque == pytest.approx(0.45e-3 * LIMIT * around / np.hypot(speed, around), rel=1e-6)
+
+
+def test_turning_both_alike_is_no_sliding(native):
+    part = native(CoaxialFriction)
+    part.wire_position, part.catheter_position = 2.0 * DEPTH, DEPTH
+    part.start(0.0)
+    for step in range(1, 1001):
+        part.wire_angle = part.catheter_angle = 2.0 * step * H
+        part.advance(step * H, H)
+    assert part.wire_torque == 0.0
+    assert part.wire_force == 0.0
+
+
 def test_it_never_gives_energy(native):
     random = np.random.default_rng(1)
     apart = np.cumsum(random.normal(0.0, 5e-5, 20000))
@@ -71,6 +98,28 @@ def test_it_never_gives_energy(native):
     work = np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(apart))
     stored = 0.5 * force[1:] ** 2 / 500.0
     taken = work - stored
+    assert taken.min() >= -1e-9
+    assert taken[-1] > 0.01
+
+
+def test_nor_does_it_when_both_slide_and_turn(native):
+    random = np.random.default_rng(2)
+    apart, turned = np.cumsum(random.normal(0.0, 5e-5, 20000)), np.cumsum(random.normal(0.0, 0.1, 20000))
+    part = native(CoaxialFriction)
+    part.wire_position, part.catheter_position = 2.0 * DEPTH, DEPTH
+    part.start(0.0)
+    apart[0] = turned[0] = 0.0
+    loads = []
+    for step, (way, angle) in enumerate(zip(apart, turned, strict=True)):
+        part.wire_position, part.wire_angle = 2.0 * DEPTH + way, angle
+        assert part.advance(step * H, H) == 0
+        loads.append((float(part.wire_force), float(part.wire_torque)))
+    force, torque = np.array(loads).T
+    work = np.cumsum(
+        0.5 * (force[1:] + force[:-1]) * np.diff(apart) + 0.5 * (torque[1:] + torque[:-1]) * np.diff(turned)
+    )
+    taken = work - 0.5 * (force[1:] ** 2 + (torque[1:] / 0.45e-3) ** 2) / 500.0
+    assert np.hypot(force, torque / 0.45e-3).max() > 0.9 * LIMIT
     assert taken.min() >= -1e-9
     assert taken[-1] > 0.01
 

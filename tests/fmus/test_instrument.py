@@ -101,7 +101,7 @@ def test_is_passive(native, seed, kind):
     moves = np.diff(np.column_stack((*paths, values[:, 5:])), axis=0)
     efforts = 0.5 * (values[1:, :5] + values[:-1, :5])
     work = np.cumsum(np.sum(efforts * moves, axis=1))
-    assert np.ptp(part.slip_distance) > 1e-3  # it did slip
+    assert np.abs(part.slip_distance).max() > 1e-3  # it did slip
     assert work.min() > -2e-5
     assert work[-1] > 5e-3
 
@@ -302,14 +302,14 @@ def test_the_communication_step_hardly_counts(native, h):
     assert tips[0] == pytest.approx(tips[1], rel=0.01)
 
 
-def forth_and_back(part, steps):
-    """Push and turn, hold, go back, without compiled code: what nodes, grips and thrusts do."""
+def forth_and_back(part, steps, motion=(2e-3, 0.3)):
+    """Push [m] and turn [rad], hold, go back, without compiled code: what nodes, grips and thrusts do."""
     part.start(0.0)
     found = []
     for step in range(steps):
         phase = step * H / 0.05
-        part.gripper_position[0], part.gripper_velocity[0] = 2e-3 * np.sin(phase) ** 3, 0.0
-        part.gripper_angle = 0.3 * np.sin(phase) ** 3
+        part.gripper_position[0], part.gripper_velocity[0] = motion[0] * np.sin(phase) ** 3, 0.0
+        part.gripper_angle = motion[1] * np.sin(phase) ** 3
         part.advance(step * H, H)
         found.append((*part.position, *part.angle, part.gripper_force[0], part.thrust[1], 100.0 * part.gripper_torque))
     return np.array(found)
@@ -320,25 +320,86 @@ KINDS = pytest.mark.parametrize(
 )
 
 
+ONE_WAY = pytest.mark.parametrize("motion", [(2e-3, 0.0), (0.0, 0.3)], ids=["push", "turn"])
+
+
 @KINDS
-def test_elimination_finds_what_moving_one_node_after_the_other_does(kind, monkeypatch):
-    values = {**HELD, **kind, "tip_force": 0.2}
-    exact = forth_and_back(Instrument(**values), 50)
+@ONE_WAY
+def test_elimination_finds_what_moving_one_node_after_the_other_does(kind, motion, monkeypatch):
+    values = {**HELD, **kind, "tip_force": 0.2 if motion[0] else 0.0}
+    exact = forth_and_back(Instrument(**values), 50, motion)
     monkeypatch.setattr("fmus.instrument.model.eliminate", lambda part, rate: False)
-    swept = forth_and_back(Instrument(**values), 50)
-    assert np.all(np.ptp(exact[:, [0, 1]], axis=0) > 2e-4)
-    assert np.all(np.ptp(exact[:, [4, 5]], axis=0) > 5e-3)
+    swept = forth_and_back(Instrument(**values), 50, motion)
+    assert np.all(np.ptp(exact[:, [0, 1]], axis=0) > 2e-4) or not motion[0]
+    assert np.all(np.ptp(exact[:, [4, 5]], axis=0) > 5e-3) or not motion[1]
     assert exact[:, :4] == pytest.approx(swept[:, :4], abs=1e-7)
-    assert exact[:, 4:8] == pytest.approx(swept[:, 4:8], abs=1e-8)
+    assert exact[:, 4:8] == pytest.approx(swept[:, 4:8], abs=1e-7)  # of 1e-8 N m that a node may be off balance: 5e-7
     assert exact[:, 8:] == pytest.approx(swept[:, 8:], abs=5e-4)
 
 
 @KINDS
+@ONE_WAY
 @pytest.mark.parametrize("depth", [0.5, -0.1])
-def test_grips_that_hold_leave_nothing_to_sweep(kind, depth, monkeypatch):
-    """Reversals, play, sticking and free nodes: all solved by elimination."""
+def test_grips_that_hold_leave_nothing_to_sweep(kind, motion, depth, monkeypatch):
+    """Reversals, play, sticking and free nodes: all solved by elimination, if it is pushed only or turned only."""
     monkeypatch.setattr("fmus.instrument.model.sweep", lambda part, dt: pytest.fail("swept"))
-    forth_and_back(Instrument(**{**HELD, **kind, "initial_insertion": depth}), 160)
+    forth_and_back(Instrument(**{**HELD, **kind, "initial_insertion": depth}), 160, motion)
+
+
+@KINDS
+def test_nodes_that_slide_both_ways_are_balanced_by_few_sweeps(kind, monkeypatch):
+    values = {**HELD, **kind, "tip_force": 0.2}
+    usual = forth_and_back(Instrument(**values), 80)
+    for name, value in (("SWEEPS", 2000), ("FORCE_TOLERANCE", 1e-8), ("TORQUE_TOLERANCE", 1e-12)):
+        monkeypatch.setattr(f"fmus.instrument.sweeps.{name}", value)
+    exact = forth_and_back(Instrument(**values), 80)
+    assert usual[:, :4] == pytest.approx(exact[:, :4], abs=1e-7)
+    assert usual[:, 4:8] == pytest.approx(exact[:, 4:8], abs=2e-5)
+    assert usual[:, 8:] == pytest.approx(exact[:, 8:], abs=2e-4)
+
+
+CONTACT = {"friction_coefficient": 0.0, "drag": 0.0, "drag_free": 1e-3, "play": 0.0, "bending_stiffness": 1.0}
+
+
+@pytest.mark.parametrize(("speed", "turning"), [(1e-3, 1.25), (-5e-3, 1.25), (2e-3, -6.0), (0.02, 0.5)])
+def test_friction_is_against_the_one_direction_of_sliding(native, speed, turning):
+    """Steady: the force is friction v / s and the torque radius friction (radius w) / s, with s of v and radius w."""
+    part = native(Instrument, **HELD, **CONTACT, torsional_drag=1e-9, initial_insertion=0.7)
+    part.start(0.0)
+    advance(part, 20e-3 / abs(speed), speed, turning)
+    around = 1.335e-3 * turning
+    sliding = np.hypot(speed, around)
+    assert part.free_length_force == pytest.approx(2.2 * speed / sliding, rel=1e-4)
+    assert part.gripper_torque == pytest.approx(-1.335e-3 * 2.2 * around / sliding, rel=1e-4)
+    assert part.tip_velocity == pytest.approx(speed, rel=1e-4)
+
+
+def test_turning_frees_what_friction_holds(native):
+    """A push that friction holds back reaches the tip when the instrument is turned; without turning it never does."""
+    held = []
+    for turning in (0.0, 1.25):
+        part = native(Instrument, **HELD, **CONTACT)
+        part.start(0.0)
+        advance(part, 0.1, 5e-3)
+        assert part.tip_position == 0.0
+        advance(part, 0.4)
+        assert part.free_length_force > 0.5
+        advance(part, 8.0, 0.0, turning)
+        held.append((float(part.tip_position), float(part.free_length_force)))
+    (stuck, thrust), (freed, rest) = held
+    assert stuck == 0.0
+    assert thrust > 0.5
+    assert freed == pytest.approx(0.5e-3, rel=1e-3)
+    assert abs(rest) < 1e-3
+
+
+def test_pushing_lets_the_twist_go(native):
+    part = native(Instrument, **HELD, **CONTACT)
+    part.start(0.0)
+    advance(part, 2.0, turning=0.5)
+    assert part.gripper_angle - part.tip_angle > 0.3
+    advance(part, 2.0, 5e-3)
+    assert part.tip_angle == pytest.approx(float(part.gripper_angle), abs=1e-4)
 
 
 def test_a_closed_grip_without_stiffness_slips(native):

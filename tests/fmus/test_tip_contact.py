@@ -152,3 +152,37 @@ def test_a_jump_too_far_is_an_error(native):
     part.start()
     part.tip_position = 0.5
     assert part.advance(0.0, H) != 0
+
+
+@pytest.mark.parametrize("degrees", [0, 30, 60, 78])
+@pytest.mark.parametrize("friction", [0.0, 0.1, 0.3])
+def test_the_root_carries_what_the_wall_carries(native, degrees, friction):
+    """Action and reaction over approach, press and retreat: the wall's normal and friction force, turned, are the force on the root.
+
+    While the tip sticks, the section is in the wall's hands: then and at any other time neither pulls the other along the normal.
+    """
+    angle = np.deg2rad(degrees)
+    part = native(TipContact, contact_angle=angle, friction=friction)
+    off = part.surface_position - 3e-3
+    part.tip_position = off
+    assert part.start() == 0
+    rows = []
+    for step in range(1, 1501):
+        part.tip_position = off + 11e-3 * 0.5 * (1.0 - np.cos(2.0 * np.pi * step / 1500))
+        assert part.advance(step * H, H) == 0
+        names = ("force", "normal_force", "friction_force", "indentation", "tip_position")
+        rows.append([float(getattr(part, name)) for name in names])
+    force, normal, along, depth, root = np.array(rows).T
+    assert force.max() > 0.002
+    assert normal.min() >= 0.0
+    np.testing.assert_allclose(force, np.cos(angle) * normal + np.sin(angle) * along, atol=1e-7)
+    assert not np.abs(along[normal == 0.0]).max() > 1e-7
+    assert not normal[depth < 0.0].any()
+
+    # along the axis friction alone can pull, at an angle at which it is steeper than the wall's normal
+    assert (force.min() < -5e-4) == (friction * np.tan(angle) > 1.0)
+
+    # what is put in at the root is never less than what comes back
+    work = np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(root))
+    assert work.min() > -1e-9
+    assert work[-1] > 0.0

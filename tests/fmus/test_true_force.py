@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from fmus.force_sensor.model import ForceSensor
 
 from twin.run import run_scenario
 from twin.scenario import load_scenario
@@ -17,6 +18,22 @@ def test_no_expectation_limits_the_measured_force(path):
     expect = (yaml.safe_load(path.read_text()) or {}).get("expect") or []
     limits = [entry["name"] for entry in expect if "measured_force" in str(entry.get("signal"))]
     assert not limits, f"{limits}: judge the true force, such as wall.force"
+
+
+STUDIED = {"patient_force.yaml"}  # studies draw zero and drift of their own
+
+
+@pytest.mark.parametrize("path", sorted(SCENARIOS.rglob("*.yaml")), ids=lambda path: path.stem)
+def test_no_force_sensor_is_better_than_it_is(path):
+    """The nominal case has the paper's zero error and the drift: no scenario takes them away."""
+    text = path.read_text()
+    assert path.name in STUDIED or not any(f"{key}:" in text for key in ("zero_deviation", "drift_maximum"))
+
+
+def test_the_sensor_has_the_papers_zero_error_and_the_estimated_drift():
+    """Paper, section V.B: means of 1.8, 1.6 and 2.0 mN; drift of 1 to 5 mN/min."""
+    assert pytest.approx(2e-3) == ForceSensor.zero_deviation.start
+    assert pytest.approx(5e-3 / 60.0) == ForceSensor.drift_maximum.start
 
 
 @pytest.mark.parametrize(("zero", "holds"), [("0 mN", True), ("-150 mN", False), ("150 mN", False)])

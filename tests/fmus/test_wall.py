@@ -103,3 +103,40 @@ def test_contact_gives_no_work_away(native, seed):
         least = min(least, work)
     assert work > 0.0
     assert least > -1e-6
+
+
+def press_and_retract(part, seconds=2.0, h=1e-4):
+    """Approach from 5 mm off, press by 12 mm beyond the first touch, retract: the part after each step."""
+    steps = round(seconds / h)
+    off = part.surface_position - 5e-3
+    part.tip_position = off
+    part.start(0.0)
+    for step in range(1, steps + 1):
+        part.tip_position = off + 17e-3 * 0.5 * (1.0 - np.cos(2.0 * np.pi * step / steps))
+        assert part.advance(step * h, h) == 0
+        yield part
+
+
+def test_the_tip_feels_what_the_silicone_feels(native):
+    """Action and reaction over approach, contact and retreat: the bent section's force and that of the silicone's own motion."""
+    h = 1e-4
+    rows = [
+        (float(w.force), float(w.tip_position) - float(w.surface_position), float(w.indentation), float(w.displacement))
+        for w in press_and_retract(native(Wall), h=h)
+    ]
+    force, approach, depth, bent = np.array(rows).T
+    k = 3 * 4.3e-4 / 48e-3**3
+
+    # on the silicone: Hertz, and its damping at the speed with which it gives way [N]
+    elastic = 4 / 3 * 105e3 * np.sqrt(1.33e-3 * np.maximum(depth, 0.0)) * np.maximum(depth, 0.0)
+    on_silicone = elastic + (8.0 * elastic + 0.1) * np.gradient(depth, h)
+
+    # on the tip: the section's bending, and none where it is off
+    on_tip = k * np.maximum(approach - depth, 0.0)
+    touches = force > 0.0
+    assert 0.3 < touches.mean() < 0.9
+    assert force.max() > 0.1
+    np.testing.assert_allclose(on_tip, force, atol=2e-5)
+    np.testing.assert_allclose(on_silicone[2:-2], force[2:-2], atol=2e-4)
+    np.testing.assert_allclose(bent, -force / k, rtol=1e-12)
+    assert not on_tip[~touches].any()

@@ -3,16 +3,18 @@
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from fmus.bouc_wen_compensator.model import BoucWenCompensator
 from scipy.stats import chi2
 
 from benchmarks import identify as benchmark
-from tests.study.recordings import FILE, MODEL, identify_file, recorded, simulated
+from tests.study.recordings import FILE, MODEL, identify_file, recorded, simulated, write
 from twin.cli.identify import command
 from twin.component import catalog
 from twin.fmi import exporter
 from twin.scenario import parse_scenario
 from twin.study import identify, load, read_estimate
 from twin.study.engine import Model
+from twin.study.verdict import pairs
 
 TRUTH = {"sheath.play[2]": 0.7e-3}
 
@@ -81,10 +83,44 @@ def test_two_values_that_only_count_together_are_told(folder, build):
     text = FILE.replace("fit: {", 'fit: {"sheath.play[3]": {from: 0 mm, to: 1.5 mm}, ')
     result = found(folder, build, text)
     first, second = result.verdicts
-    assert any("not to be told from sheath.play[2]: correlation -" in one for one in first)
-    assert any("not to be told from sheath.play[3]: correlation -" in one for one in second)
+    assert any("cannot be separated from sheath.play[2]: correlation -" in one for one in first)
+    assert any("cannot be separated from sheath.play[3]: correlation -" in one for one in second)
     profiled = found(folder, build, text, intervals="profile")
     assert any("flat profile" in one for own in profiled.verdicts for one in own)
+
+
+BOUC_WEN = """
+component: bouc_wen_compensator
+data: [wanted.csv, gripper.csv]
+inputs: {"wanted [m]": bouc_wen_compensator.position}
+outputs: {"gripper [m]": bouc_wen_compensator.compensated_position}
+set: {bouc_wen_compensator.alpha_x: 1.9, bouc_wen_compensator.alpha: 1.2}
+fit:
+  bouc_wen_compensator.beta: {from: 0.01, to: 0.1}
+  bouc_wen_compensator.delta: {from: 0, to: 0.1}
+  bouc_wen_compensator.gamma: {from: 1, to: 3}
+"""
+
+
+def test_saturation_and_sharpness_of_bouc_wen_cannot_be_separated(tmp_path, build):
+    """Their report says so, with the correlation, whether their intervals are narrow or wide."""
+    part = BoucWenCompensator(alpha_x=1.9, alpha=1.2, beta=0.04, delta=0.04, gamma=1.5)
+    time = np.arange(0.0, 10.0, 5e-3)
+    wanted = 8e-3 * np.sin(2.0 * np.pi * (0.1 * time + 0.145 * time * time))
+    gripper = np.empty(len(time))
+    part.start(0.0)
+    for step, place in enumerate(wanted):
+        part.position = place
+        part.advance(step * 5e-3, 5e-3)
+        gripper[step] = part.compensated_position
+    noise = 0.1e-3 * np.random.default_rng(1).standard_normal(len(time[::5]))
+    write(tmp_path / "wanted.csv", "time [s],wanted [m]", time, wanted)
+    write(tmp_path / "gripper.csv", "time [s],gripper [m]", time[::5], gripper[::5] + noise)
+    result = found(tmp_path, build, BOUC_WEN, starts=1)
+    said = [*(line for own in result.verdicts for line in own), *pairs(result.problem, result.knowledge)]
+    for one, other, sign in (("beta", "gamma", "-"), ("delta", "gamma", "-"), ("beta", "delta", "")):
+        told = [line for line in said if f".{one}" in line and f".{other}" in line and "cannot be separated" in line]
+        assert any(f"correlation {sign}0.9" in line for line in told), (one, other, said)
 
 
 def test_a_value_without_effect_is_told_and_left_out(folder, build):

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     Told = Callable[[str, float], object]
 
 METHODS = ("jacobian", "profile", "bootstrap")
-TOGETHER = 0.99  # correlation from which two unknowns are not to be told apart
+TOGETHER = 0.95  # correlation beyond which a variance is over ten times what it is with the other unknown known
 SHARE = 0.3  # part of a direction from which an unknown belongs to it
 WIDEST = 0.5  # standard deviation of a combination, as part of the range, from which the data do not tell it
 NOTHING = 1e-7  # change of the residuals by an unknown, as part of that by the strongest one, that is none

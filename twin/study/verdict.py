@@ -31,7 +31,7 @@ def verdicts(problem: Problem, found: Found, knowledge: Knowledge) -> list[list[
         for k, name in enumerate(names):
             r = float(knowledge.correlation[i, k])
             if k != i and abs(r) > TOGETHER and not is_narrow(knowledge, i):
-                texts[i].append(f"not to be told from {name}: correlation {r:.4f}")
+                texts[i].append(f"cannot be separated from {name}: correlation {r:.4f}")
     for i, text in combinations(names, knowledge):
         if not any("correlation" in one for one in texts[i]):
             texts[i].append(text)
@@ -44,10 +44,10 @@ def is_narrow(knowledge: Knowledge, i: int) -> bool:
 
 
 def pairs(problem: Problem, knowledge: Knowledge) -> list[str]:
-    """Unknowns that are known, but hold together."""
+    """Unknowns that are known, but only together."""
     names = [one.name for one in problem.unknowns]
     return [
-        f"{names[i]} and {names[k]} hold together, correlation {knowledge.correlation[i, k]:.4f}. Take both from one file."
+        f"{names[i]} and {names[k]} cannot be separated, correlation {knowledge.correlation[i, k]:.4f}. Take both from one file."
         for i in range(len(names))
         for k in range(i)
         if abs(knowledge.correlation[i, k]) > TOGETHER and is_narrow(knowledge, i) and is_narrow(knowledge, k)

@@ -3,7 +3,7 @@
 from math import cbrt, ceil, exp, pi, sqrt
 
 from fmus.dead_zone import beyond
-from twin.component import Boolean, Component, input, local, output, parameter, terminal
+from twin.component import Boolean, Component, Int32, input, local, output, parameter, terminal
 
 GAS_CONSTANT = 287.06  # [J/(kg K)], dry air
 HEAT_VOLUME = 2.5 * GAS_CONSTANT  # [J/(kg K)], specific heat at constant volume
@@ -42,6 +42,7 @@ class PneumaticCylinder(Component):
     pressure_extend = output("Pa", "gauge pressure in the chamber that extends", display_unit="bar")
     pressure_retract = output("Pa", "gauge pressure in the chamber that retracts", display_unit="bar")
     tension = output("N", "axial tension in the braid")
+    recoil_force = output("N", "of the moving mass on the carriage, positive distal, mean over the last step")
 
     holder = terminal(
         "moving holder, on the piston", extension=extension, tension=tension, contact_extension=contact_extension,
@@ -55,6 +56,8 @@ class PneumaticCylinder(Component):
                        source="type code -10-A")
     mass = parameter(0.03, "kg", "piston, rod and moving sleeve holder", minimum=1e-3,
                      source="estimate: cylinder 6 to 10 g, printed holder and link 15 to 30 g")
+    orientation = parameter(1, "", "+1: the piston extends distally (gripper 1); -1: proximally (gripper 2)", type=Int32,
+                            minimum=-1, maximum=1, fixed=True, source="paper, section III.A, as braided_sleeve")
     friction_coulomb = parameter(1.5, "N", "seal friction in motion", minimum=0.0, source="estimate: 1 to 2 N")
     friction_static = parameter(3.0, "N", "seal friction at rest", minimum=0.0,
                                 source="estimate: 2 to 4 N; less than 7.9 N, since 1 bar suffices to move it")
@@ -108,6 +111,7 @@ class PneumaticCylinder(Component):
         self.switched = self.valve
         self.waited = 0.0
         self.piston_velocity = 0.0
+        self.recoil_force = 0.0
         force = supply * piston_area(self, 0 if self.valve else 1) - self.friction_coulomb
         self.piston_position = (
             resting_position(self, force) if self.valve else -max(force, 0.0) / self.cushion_stiffness
@@ -140,12 +144,16 @@ class PneumaticCylinder(Component):
         supply = AMBIENT + max(self.supply_pressure, 0.0)
         measure(self, 0)
         measure(self, 1)
+        before = self.piston_velocity
         for _ in range(count):
             switch(self, dt)
             fed = 0 if self.switched else 1
             exchange(self, dt, fed, supply, fill, room, fill_ratio, fill_slope)
             exchange(self, dt, 1 - fed, AMBIENT, vent, room, vent_ratio, vent_slope)
             move(self, dt)
+
+        # the mean over the step, so that the carriage gets the whole momentum of an impact that is shorter than a step
+        self.recoil_force = -self.orientation * self.mass * (self.piston_velocity - before) / h
         publish(self)
 
 

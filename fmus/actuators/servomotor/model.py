@@ -25,6 +25,7 @@ class Servomotor(Component):
     target_velocity = input("m/s", "60FFh, followed in csv", display_unit="mm/s", nominal=0.05)
     target_force = input("N", "6071h as a force on the rod, followed in cst", nominal=5.0)
     load_force = input("N", "force of the load on the rod, positive distal", nominal=3.0)
+    recoil_force = input("N", "force of what moves on the carriage, such as a piston, positive distal", nominal=10.0)
     mode_of_operation = input("", "6060h: 8 csp, 9 csv, 10 cst", start=9, type=Int32, minimum=8, maximum=10)
 
     position_actual_value = output("m", "6064h, what the Hall sensors measure", display_unit="mm")
@@ -45,7 +46,8 @@ class Servomotor(Component):
         velocity_actual_value=velocity_actual_value, current=current, limited=limited,
     )
 
-    mass = parameter(0.65, "kg", "moved mass", minimum=1e-3, source="estimate: rod 0.15 kg, gripper carriage 0.5 kg")
+    mass = parameter(0.65, "kg", "moved mass", minimum=1e-3,
+                     source="estimate: rod 0.15 kg, gripper carriage with cylinder and piston 0.5 kg")
     force_constant = parameter(
         11.64, "N/A", "force per current (rms); the back-EMF follows from it", minimum=1e-6,
         source="LM 2070 datasheet, recalled",
@@ -195,7 +197,7 @@ def move(self: Servomotor, demand: float) -> None:
     for _ in range(substeps):
         current = demand + (self.winding_current - demand) * decay
         self.winding_current = driven(current, top, back * self.rod_velocity)
-        force = self.force_constant * self.winding_current + self.load_force
+        force = self.force_constant * self.winding_current + self.load_force + self.recoil_force
         v = beyond(left * (self.rod_velocity + push * force), braking)
         x = self.rod_position + dt * v
         if abs(x) > end:

@@ -1,7 +1,9 @@
 """Identification of the Bouc-Wen constants from sampled gripper and tip positions, by least squares.
 
 Al-Ahmad et al. (RACS), section IV.B. The valley is flat: tracker noise alone moves gamma between 2 and 5 and beta by a
-factor of four at the same residual. Judge a fit by its residual and by the tracking it gives, not by its constants.
+factor of four at the same residual. Judge a fit by its residual and by the tracking it gives, not by its constants. What the
+data determine is the `Shape`: the amplitude at which h saturates and the share of beta, as in the normalized model of
+Ikhouane and Rodellar, Systems with Hysteresis, Wiley 2007 (sigma is `share`, n is gamma, rho is alpha over `amplitude`).
 """
 
 from __future__ import annotations
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 LONGEST = 0.15  # longest step of x_in in the integration of h [mm]
+TOGETHER = 0.95  # correlation beyond which a variance is over ten times what it is with the other constant known
 LARGEST = 50.0  # bound of |h| while the search tries constants that do not saturate [mm]
 
 
@@ -34,14 +37,43 @@ class Constants(NamedTuple):
     gamma: float
 
 
+class Shape(NamedTuple):
+    """Saturation of h in quantities that data determine: NaN where h does not saturate (beta + delta not positive).
+
+    `amplitude` [mm]: |h| of a long motion, (alpha / (beta + delta))^(1 / gamma). `share`: beta / (beta + delta).
+    """
+
+    amplitude: float
+    share: float
+
+
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Result of an identification. `offset` [m]: of the tip's frame; `residual` [m]: root mean square."""
+    """Result of an identification. `offset` [m]: of the tip's frame; `residual` [m]: root mean square.
+
+    `covariance`: of the constants, (5, 5), for residuals without correlation.
+    """
 
     constants: Constants
-    standard_errors: Constants
+    covariance: NDArray[np.float64]
     offset: float
     residual: float
+
+    @property
+    def standard_errors(self) -> Constants:
+        """Standard deviations of the constants."""
+        return Constants(*np.sqrt(np.diag(self.covariance)).tolist())
+
+    @property
+    def shape(self) -> Shape:
+        """Amplitude and share of these constants."""
+        return shape(self.constants)
+
+    @property
+    def shape_covariance(self) -> NDArray[np.float64]:
+        """Covariance of alpha_x, alpha, amplitude, share, gamma, (5, 5), by linearization."""
+        slope = shape_slope(self.constants)
+        return np.array(slope @ self.covariance @ slope.T)
 
 
 PAPER = Constants(1.91, 1.57, 0.0132, -0.0055, 2.56)
@@ -65,6 +97,50 @@ def simulate(constants: Iterable[float], x_in: NDArray[np.float64]) -> NDArray[n
     c = Constants(*constants)
     h, _ = hysteresis(c, x_in / MILLIMETER)
     return c.alpha_x * x_in - MILLIMETER * h
+
+
+def shape(c: Constants) -> Shape:
+    """What of the saturation data determine."""
+    both = c.beta + c.delta
+    if not both > 0.0:
+        return Shape(float("nan"), float("nan"))
+    return Shape((c.alpha / both) ** (1.0 / c.gamma), c.beta / both)
+
+
+def from_shape(alpha_x: float, alpha: float, saturation: Shape, gamma: float) -> Constants:
+    """Constants of eqs. (1) and (2) from a `Shape`: the inverse of `shape`."""
+    both = alpha / saturation.amplitude**gamma
+    return Constants(alpha_x, alpha, saturation.share * both, (1.0 - saturation.share) * both, gamma)
+
+
+def shape_slope(c: Constants) -> NDArray[np.float64]:
+    """Derivatives of alpha_x, alpha, amplitude, share, gamma by the constants, (5, 5)."""
+    amplitude, share = shape(c)
+    both = c.beta + c.delta
+    slope = np.eye(5)
+    by_both = -amplitude / (c.gamma * both)
+    slope[2] = (0.0, amplitude / (c.gamma * c.alpha), by_both, by_both, -amplitude * log(c.alpha / both) / c.gamma**2)
+    slope[3] = (0.0, 0.0, (1.0 - share) / both, -share / both, 0.0)
+    return slope
+
+
+def correlation(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Correlation of a covariance; what has no variance has none."""
+    deviations = np.sqrt(np.diag(covariance))
+    scale = np.where(deviations > 0.0, deviations, 1.0)
+    return np.array(covariance / np.outer(scale, scale))
+
+
+def unseparated(fit: Fit) -> list[str]:
+    """Pairs of constants that the data cannot separate, one line each: correlation over `TOGETHER`."""
+    matrix = correlation(fit.covariance)
+    names = Constants._fields
+    return [
+        f"{names[i]} and {names[k]} cannot be separated: correlation {matrix[i, k]:.3f}. Judge amplitude and share instead."
+        for i in range(len(names))
+        for k in range(i + 1, len(names))
+        if abs(matrix[i, k]) > TOGETHER
+    ]
 
 
 def identify(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> Fit:
@@ -93,9 +169,8 @@ def identify(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> Fit:
 
     # pseudo-inverse, since constants of a start that never saturates cannot be told apart
     covariance = np.linalg.pinv(best.jac.T @ best.jac) * 2.0 * best.cost / freedom
-    errors = np.sqrt(np.diag(covariance))
     residual = float(np.sqrt(2.0 * best.cost / tip.size))
-    return Fit(Constants(*map(float, best.x[:5])), Constants(*map(float, errors[:5])),
+    return Fit(Constants(*map(float, best.x[:5])), covariance[:5, :5],
                MILLIMETER * float(best.x[5]), MILLIMETER * residual)  # fmt: skip
 
 
@@ -103,11 +178,17 @@ def analysis(x_in: NDArray[np.float64], x_out: NDArray[np.float64]) -> dict[str,
     """The identification for a scenario: constants, residual, and what the fitted model answers to x_in."""
     fit = identify(x_in, x_out)
     model = simulate(fit.constants, x_in) + fit.offset
-    return {**fit.constants._asdict(), "residual": fit.residual, "offset": fit.offset, "x_model": model}
+    together = correlation(fit.covariance)
+    return {
+        **fit.constants._asdict(), "residual": fit.residual, "offset": fit.offset, "x_model": model,
+        "amplitude": MILLIMETER * fit.shape.amplitude, "share": fit.shape.share,
+        "beta_gamma_correlation": float(together[2, 4]),
+    }  # fmt: skip
 
 
 analysis.outputs = {  # type: ignore[attr-defined]
     **dict.fromkeys(Constants._fields, ""), "residual": "m", "offset": "m", "x_model": "m",
+    "amplitude": "m", "share": "", "beta_gamma_correlation": "",
 }  # fmt: skip
 
 

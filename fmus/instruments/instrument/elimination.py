@@ -20,12 +20,12 @@ BUCKLED = 2.0
 SHIFT, FORCE = 1e-14, 1e-9
 TURN, TORQUE = 1e-13, 1e-13
 
-# what a solution turned out to be
-AGREES, CONTRADICTS, GRIP_SLIPS = 0, 1, 2
+# what a solution turned out to be; SHARED: a grip slips, or a node's axial and torsional friction share one limit
+AGREES, CONTRADICTS, SHARED = 0, 1, 2
 
 
 def eliminate(self: Instrument, rate: float) -> bool:
-    """One implicit Euler step of 1 / `rate` [s]; False, and nothing has moved, if a grip slips or no solution agrees."""
+    """One implicit Euler step of 1 / `rate` [s]; False, and nothing has moved, if limits are shared or no solution agrees."""
     for _ in range(TRIALS):
         found = solve(self)
         if found != CONTRADICTS:
@@ -98,12 +98,19 @@ def solve(self: Instrument) -> int:
     )
     if not agreed:
         return CONTRADICTS
+    is_separate = (
+        separate(self, 0, thrust_1, thrust_2, torque_1 - torque_2)
+        and separate(self, 1, thrust_2, thrust_3, torque_2 - torque_3)
+        and separate(self, 2, thrust_3, self.tip_force, torque_3 - self.tip_torque)
+    )
+    if not is_separate:
+        return SHARED
 
     # as far as the numbers tell: a position that rounding keeps is no motion of a grip either
     x, angle = self.position[0] + moved_0, self.angle[0] + turned_0
     moved_0, turned_0 = x - self.position[0], angle - self.angle[0]
     if not (sticks(self, 0, moved_0, turned_0) and sticks(self, 1, moved_0, turned_0)):
-        return GRIP_SLIPS
+        return SHARED
     for g in range(2):
         self.deflection[g] -= moved_0
         self.twist[g] -= turned_0
@@ -205,6 +212,18 @@ def turned(
         self.turn[1] = slides(self.turn[1], turned_2, force_2, limit_2, TURN, TORQUE)
         self.turn[2] = slides(self.turn[2], turned_3, force_3, limit_3, TURN, TORQUE)
     return agreed, turned_0, turned_1, turned_2, turned_3, torque_1, torque_2, torque_3
+
+
+def separate(self: Instrument, j: int, near: float, far: float, torque: float) -> bool:
+    """Whether the friction of a node is only axial or only torsional, or holds both together."""
+    force = near - far
+    limit = friction(self, j, near, far)
+    if abs(force) <= FORCE or abs(torque) <= TORQUE or limit <= 0.0 or self.radius <= 0.0:
+        return True
+    if self.slide[j] != 0.0 or self.turn[j] != 0.0:
+        return False
+    arm = torque / self.radius
+    return force * force + arm * arm <= (limit + FORCE) * (limit + FORCE)
 
 
 def sticks(self: Instrument, g: int, moved: float, turned: float) -> bool:

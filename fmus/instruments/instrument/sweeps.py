@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from math import sqrt
 from typing import TYPE_CHECKING
 
 from fmus.instrument.elimination import friction
+from fmus.instrument.ellipse import multiplier
 
 from fmus.dead_zone import beyond
 
@@ -73,12 +73,23 @@ def relax(self: Instrument, i: int, dt: float) -> float:
         torsional_stiffness += self.torsional_stiffness[i]
 
     rigidity = stiffness + drag / dt
-    moved = self.position[i] - self.position_last[i]
-    change = beyond(force + stiffness * moved, limit) / rigidity - moved
-    self.position[i] += change
     torsional_rigidity = torsional_stiffness + self.torsional_drag / dt
+    moved = self.position[i] - self.position_last[i]
     turned = self.angle[i] - self.angle_last[i]
-    turn = beyond(torque + torsional_stiffness * turned, torque_limit) / torsional_rigidity - turned
+    force += stiffness * moved
+    torque += torsional_stiffness * turned
+
+    # friction is against the sliding, which has one direction: where the node slides both ways, they share it
+    if force != 0.0 and torque != 0.0 and limit > 0.0 and torque_limit > 0.0:
+        radius = torque_limit / limit
+        m = multiplier(abs(force) / limit, abs(torque) / torque_limit, rigidity, torsional_rigidity / (radius * radius))
+        force -= force / (1.0 + m * rigidity)
+        torque -= torque / (1.0 + m * torsional_rigidity / (radius * radius))
+    else:
+        force, torque = beyond(force, limit), beyond(torque, torque_limit)
+    change = force / rigidity - moved
+    self.position[i] += change
+    turn = torque / torsional_rigidity - turned
     self.angle[i] += turn
     return max(rigidity * abs(change) / FORCE_TOLERANCE, torsional_rigidity * abs(turn) / TORQUE_TOLERANCE)
 
@@ -126,18 +137,7 @@ def load_grip(self: Instrument, g: int) -> None:
     if a * a + b * b <= 1.0:
         return
 
-    # multiplier m of (a / (1 + m p))^2 + (b / (1 + m q))^2 = 1, by Newton's method from a lower bound
-    m = (sqrt(a * a + b * b) - 1.0) / max(p, q)
-    if a > 1.0:
-        m = max(m, (a - 1.0) / p)
-    if b > 1.0:
-        m = max(m, (b - 1.0) / q)
-    for _ in range(30):
-        along, about = a / (1.0 + m * p), b / (1.0 + m * q)
-        excess = along * along + about * about - 1.0
-        if excess <= 1e-14:
-            break
-        m += 0.5 * excess / (along * along * p / (1.0 + m * p) + about * about * q / (1.0 + m * q))
+    m = multiplier(a, b, p, q)
     self.grip_force[g] = force / (1.0 + m * p)
     self.grip_torque[g] = torque / (1.0 + m * q)
 

@@ -25,7 +25,7 @@ class TipContact(Component):
     tip_position = input("m", "root of the distal section, positive distal", display_unit="mm", nominal=5e-3)
     heart_position = input("m", "wall position, positive away from the instrument", display_unit="mm", nominal=5e-3)
 
-    force = output("N", "contact force along the root's axis, never pulling")
+    force = output("N", "contact force along the root's axis; pulls only where friction drags the tip along")
     displacement = output("m", "of the tip by the contact, across the root's axis; negative is away from it, as in wall", display_unit="mm")
     normal_force = output("N", "contact force along the wall's normal, never negative")
     friction_force = output("N", "contact force along the wall, positive against a tip that slides as it gives way")
@@ -122,7 +122,7 @@ def carry(self: TipContact, h: float) -> int:
             part *= 0.5
         else:
             return ERROR
-    self.force = max(-self.load_along, 0.0)
+    self.force = -self.load_along if self.pressed > 0.0 else 0.0
     self.normal_force = self.pressed
     self.friction_force = tangential(self, self.load_along, self.load_across)
     self.indentation = self.deep

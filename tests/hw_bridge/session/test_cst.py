@@ -64,10 +64,11 @@ def test_a_slower_cycle_holds_the_force(deflected):
     assert min(errors) < 10e-6
 
 
+@pytest.mark.parametrize("loads", [{"load_force": -3.0}, {"load_force": 2.0, "recoil_force": -5.0}])
 @pytest.mark.parametrize("inverted", [False, True])
-def test_force_and_its_sign(build, inverted):
+def test_force_and_its_sign(build, inverted, loads):
     rig = Rig(build, {"servomotor": node(inverted=inverted)})
-    rig.set(mode_of_operation=CST, target_force=4.0, load_force=-3.0)
+    rig.set(mode_of_operation=CST, target_force=4.0, **loads)
     rig.go(60)
     assert rig.drive.dictionary.get(0x6061) == Mode.CST
     assert rig.get("force") == pytest.approx(4.0, abs=UNIT)
