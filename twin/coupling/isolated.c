@@ -12,15 +12,19 @@
 
 enum { RETURN, STEP, GET, MESSAGE };
 enum { OK, WARNING, DISCARD, ERROR };
+enum { FMI3, FMI2, COMPONENT, NO_SIZE = -1 }; /* as in compiler/machine.py */
 
 typedef int64_t __attribute__((aligned(1))) Word;
 typedef int32_t (*Access)(void *instance, const void *references, uint64_t count, void *values, uint64_t size);
-typedef int32_t (*Step)(void *instance, double t, double h, int64_t set, void *event, void *terminate, void *early, void *last);
+typedef int32_t (*Access2)(void *instance, const void *references, uint64_t count, void *values);
+typedef int32_t (*Step)(void *instance, double t, double h, bool set, void *event, void *terminate, void *early, void *last);
+typedef int32_t (*Step2)(void *instance, double t, double h, int32_t set);
+typedef int32_t (*StepComponent)(void *instance, double t, double h);
 typedef int64_t (*Transfer)(int file, void *bytes, uint64_t count);
 typedef int (*Affinity)(int process, uint64_t size, const void *mask);
 
 typedef struct Row { /* a call that moves values; all but the last five as its member's process knows it */
-    Access function;
+    void *function;
     void *instance;
     const void *references;
     int64_t count;
@@ -41,7 +45,8 @@ typedef struct {
     Row *wanted, *at, *rows; /* to be read; at work, none: the step; all */
     double t, h;
     char flags[32];
-    Step step;
+    void *step;
+    int64_t signature;
     void *instance;
     Transfer read, write;
     Affinity set_affinity;
@@ -88,7 +93,7 @@ int32_t isolated_get(Channel *c, Row *row, uint64_t count, char *values, uint64_
     return (int32_t)row->status;
 }
 
-int32_t isolated_step(Channel *c, double t, double h, int64_t is_final, char *event, char *terminate, char *early, char *last) {
+int32_t isolated_step(Channel *c, double t, double h, bool is_final, char *event, char *terminate, char *early, char *last) {
     c->t = t;
     c->h = h;
     c->is_final = is_final;
@@ -105,7 +110,9 @@ void isolated_tell(Channel *c) { send(c, c->call, MESSAGE); }
 
 static int32_t access(Channel *c, Row *row) {
     c->at = row;
-    row->status = row->function(row->instance, row->references, row->count, row->values, row->size);
+    row->status = row->size == NO_SIZE
+                      ? ((Access2)row->function)(row->instance, row->references, row->count, row->values)
+                      : ((Access)row->function)(row->instance, row->references, row->count, row->values, row->size);
     c->at = 0;
     return (int32_t)row->status;
 }
@@ -128,11 +135,17 @@ static void follow(Channel *c) {
     c->set_affinity(0, sizeof mask, mask); /* where that is forbidden, it costs time and no more */
 }
 
+static int32_t call_step(Channel *c) {
+    if (c->signature == COMPONENT) return ((StepComponent)c->step)(c->instance, c->t, c->h);
+    if (c->signature == FMI2) return ((Step2)c->step)(c->instance, c->t, c->h, (int32_t)c->is_final);
+    return ((Step)c->step)(c->instance, c->t, c->h, c->is_final, c->flags, c->flags + 8, c->flags + 16, c->flags + 24);
+}
+
 static int32_t step(Channel *c) {
     follow(c);
     int32_t status = set(c);
     if (status <= WARNING)
-        status = c->step(c->instance, c->t, c->h, c->is_final, c->flags, c->flags + 8, c->flags + 16, c->flags + 24);
+        status = call_step(c);
     for (Row *row = c->rows; row; row = row->next)
         if (!row->write) {
             row->fresh = row->pending && status <= WARNING;

@@ -44,6 +44,7 @@ CHANNEL = (
     "early",
     "last",
     "step",
+    "signature",
     "instance",
     "read",
     "write",
@@ -168,6 +169,7 @@ class Served:
         """Instantiate the member; the name of what steps it."""
         self.inner.instantiate()
         self.channel["step"], self.channel["instance"] = self.inner.step_function, self.inner.instance
+        self.channel["signature"] = self.inner.step_signature
         return self.inner.step_name
 
     def get(self, name: str) -> Any:
@@ -208,7 +210,7 @@ class Served:
             self.inner.instance,
             made.references.ctypes.data,
         )
-        row["count"], row["size"] = made.count, made.size
+        row["count"], row["size"] = made.count, made.size_argument
         if self.last is None:
             self.channel["rows"] = place
         else:
