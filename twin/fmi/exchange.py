@@ -94,6 +94,10 @@ class ExchangeMember(ContinuousFMU):
         self._kept: list[Any] = []  # callbacks
         self._callback = machine.STEP(self._step)
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(state)
+        self._callback = machine.STEP(self._step)
+
     # call sequence
 
     def _find_step(self) -> None:

@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from twin.fmi.tables import Inputs
 
 
+POINTERS = ("_saved", "_places", "_callback")  # into this process
+
+
 class FMUMember(Calls, Member):
     """An FMU. Its archive is checked and unpacked here, its library loaded by `instantiate`.
 
@@ -64,6 +67,14 @@ class FMUMember(Calls, Member):
         except BaseException:
             self._unpacked.close()
             raise
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Not yet instantiated, for another process."""
+        return {name: value for name, value in vars(self).items() if name not in POINTERS}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._saved, self._places = ctypes.c_void_p(), list[ctypes.c_void_p]()
 
     # description
 
