@@ -188,3 +188,12 @@ def test_the_identifier_of_an_emergency_in_use_stays(make):
     assert len(bench.frames(0x93)) == 1
     with pytest.raises(AbortedError):
         bench.write(0x1005, 1 << 30 | 0x80)  # it sends no SYNC
+
+
+def test_an_emergency_of_a_drive_without_its_object_has_the_predefined_identifier(make):
+    """CiA 301, predefined connection set: 80h plus the node-ID, where a vendor's EDS file lacks 1014h."""
+    bench = make("faulhaber_v3")
+    del bench.drive.port.dictionary.values[0x1014, 0]
+    bench.drive.inject(0x8611)
+    bench.go(2)
+    assert len(bench.frames(0x80 + NODE)) == 1
