@@ -61,7 +61,15 @@ def export(profile: Profile | Device) -> str:
     whole.device_information.product_name = profile.title
     target = io.StringIO()
     eds.export_eds(whole, target, dict(DATED))
-    return target.getvalue()
+    lines = target.getvalue().split("\n")
+    rates = [i for i, line in enumerate(lines) if line.startswith("BaudRate_")]
+    # canopen takes them from a set of constants, whose order is another one once its bytecode is cached
+    lines[rates[0] : rates[-1] + 1] = sorted(lines[rates[0] : rates[-1] + 1], key=_baud_rate)
+    return "\n".join(lines)
+
+
+def _baud_rate(line: str) -> int:
+    return int(line.removeprefix("BaudRate_").partition("=")[0])
 
 
 def load(path: Path, own: Iterable[Entry] = ()) -> tuple[Entry, ...]:

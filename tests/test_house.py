@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -26,6 +27,18 @@ COMMANDS = {
 def test_house(name):
     done = subprocess.run([sys.executable, *COMMANDS[name]], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
+
+
+def test_only_the_supervisor_forks():
+    """It does so while its process has one thread; all else is started anew. No warning about forks is silenced."""
+    forking = re.compile(r"\bfork(pty)?\(|[\"']fork(server)?[\"']|multiprocessing.*\bProcess\b")
+    found = {
+        str(path.relative_to(ROOT))
+        for tree in ("twin", "hw_bridge", "fmus")
+        for path in ROOT.glob(f"{tree}/**/*.py")
+        if any(forking.search(line) and "hasattr" not in line for line in path.read_text().splitlines())
+    }
+    assert found == {"twin/process/supervisor.py"}
 
 
 def statements(nodes):

@@ -67,4 +67,4 @@ def test_a_member_apart_says_what_it_needs(twin, tmp_path):
     )
     code, said = twin("run", "apart.yaml", "--variant", "plain", "--no-report")
     assert code == 1
-    assert "sensor: `isolate` needs fork, which this system lacks. Leave it out." in said
+    assert "sensor: `isolate` needs POSIX, which this system lacks. Leave it out." in said

@@ -6,13 +6,15 @@ are physical. A motor that is switched off is one whose current limit is 0.
 
 from __future__ import annotations
 
-import ctypes
 from math import isfinite
 from pathlib import Path
+
+import numpy as np
 
 from hw_bridge.bus import MILLISECOND
 from hw_bridge.profiles import EFFORT, MotorModel
 from twin import clock
+from twin.compiler import machine
 from twin.component import OK
 from twin.coupling import RecordMember
 from twin.errors import SimulationError
@@ -50,8 +52,8 @@ class Motor:
         member.enter_initialization(0.0, None)
         member.exit_initialization()
         member.get(model.position)
-        prototype = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_double, ctypes.c_double)
-        self._step = prototype(member.step_function)
+        self._step = machine.stepper(member.step_function, member.step_signature)
+        self._flags = np.zeros(4, np.int64)
         self.strongest = float(self._views["current_maximum"])  # the motor's own limit [A]
         if "current_continuous" in self._views:
             self._views["current_continuous"][...] = 10.0 * self.strongest  # I2t is the drive's, by its own objects
@@ -170,5 +172,6 @@ class Motor:
 
     def advance(self, time: int) -> None:
         """Go one control cycle on from `time` [ns]."""
-        if self._step(self._member.instance, clock.seconds(time), clock.seconds(CYCLE)) != OK:
+        begin, flags = clock.seconds(time), int(self._flags.ctypes.data)
+        if self._step(self._member.instance, begin, clock.seconds(CYCLE), True, flags) != OK:
             raise SimulationError(f"motor: {uneven(self.get('drive_period')) or 'its step failed.'}")

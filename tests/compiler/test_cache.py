@@ -39,7 +39,7 @@ def use(build: Path) -> bytes:
     member.instantiate()
     member.enter_initialization(0.0, 1.0)
     member.exit_initialization()
-    assert compiler.call_step(member.step_function, member.instance, 0.0, 1e-3, 0) == 0
+    assert member.try_step(0.0, 1e-3, np.zeros(4, np.int64)) == 0
     assert np.float64(member.get("y")) == 7.0
     return built.build(Seven, "3.0", build).read_bytes()
 

@@ -108,3 +108,46 @@ def test_a_name_that_means_the_same_stays() -> None:
     assert unit.describe("C {1.0 K + 273.15}") == celsius
     assert unit.shown("C {1.0 K + 273.15}") == "C"
     assert unit.defined("x", Unit(0.0, 0.0, NONE)) == "x"
+
+
+@pytest.mark.parametrize("text", ["pond", "mil", "N/pond", "m^2*mil", "quarters", "degRe", "ch", "mHg", "kpond"])
+def test_what_versions_of_pint_differ_about_is_refused(text: str) -> None:
+    """Found by comparing every name that pint 0.24.4, 0.25.3 and 0.26.2 know."""
+    with pytest.raises(CouplingError, match=r"^unit .*: versions of pint differ about its size\. Write it like"):
+        unit.describe(text)
+
+
+# sizes by their definitions: international yard and pound of 1959, standard gravity, conventional mercury
+POUND, INCH, GRAVITY = 0.45359237, 0.0254, 9.80665
+
+
+@pytest.mark.parametrize(
+    ("text", "size"),
+    [
+        ("kgf", GRAVITY),
+        ("gf", GRAVITY / 1000),
+        ("lb", POUND),
+        ("oz", POUND / 16),
+        ("lbf", POUND * GRAVITY),
+        ("ozf", POUND / 16 * GRAVITY),
+        ("inch", INCH),
+        ("ft", 12 * INCH),
+        ("yd", 36 * INCH),
+        ("mile", 5280 * 12 * INCH),
+        ("psi", POUND * GRAVITY / INCH**2),
+        ("mmHg", 13.5951 * GRAVITY),
+        ("inHg", 13595.1 * GRAVITY * INCH),
+        ("atm", 101325.0),
+        ("torr", 101325.0 / 760),
+        ("cal", 4.184),
+        ("hp", 550 * 12 * INCH * POUND * GRAVITY),
+        ("knot", 1852 / 3600),
+        ("dyn", 1e-5),
+        ("erg", 1e-7),
+        ("poise", 0.1),
+        ("arcmin", math.pi / 10800),
+        ("turn", 2 * math.pi),
+    ],
+)
+def test_sizes_do_not_depend_on_the_version_of_pint(text: str, size: float) -> None:
+    assert unit.describe(text).factor == pytest.approx(size, rel=1e-6 if "Hg" in text else 1e-12)

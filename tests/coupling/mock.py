@@ -80,7 +80,7 @@ class Mock(Member):
     def way(self, count):
         if self.forgets:
             self.saved = ctypes.c_void_p()
-            self._way = [machine.ACCESS(lambda *_: OK) for _ in range(2)]
+            self._way = [machine.STATE(lambda *_: OK) for _ in range(2)]
             called = [ctypes.cast(one, ctypes.c_void_p).value for one in self._way]
             return Way(get=called[0], set=called[1], places=(ctypes.addressof(self.saved),) * count)
         return Way(self.instance, len(self.memory))

@@ -6,7 +6,7 @@ from scipy.linalg import expm
 
 from benchmarks.couplings import Answering, Mass
 from tests.coupling.mock import Taker
-from tests.coupling.parts import Clock, Gain, Lag, SlowHold, couple
+from tests.coupling.parts import Clock, Gain, Hold, Lag, SlowClock, SlowHold, couple
 from twin.coupling import Algorithm, Connection, CoSimulation, System
 from twin.errors import CouplingError, SimulationError
 from twin.fmi import FMUMember, exporter
@@ -341,3 +341,16 @@ def test_steps_that_stay_unsolved_are_made_in_whole(build):
     loop.terminate()
     assert loop.recording().signals["clock.y"].tolist() == pytest.approx([0.0, 0.001, 0.002, 0.003])
     assert "step_doubling: 3 steps did not agree after the last iteration" in " ".join(loop.notes)
+
+
+@pytest.mark.parametrize("name", ["predictive", "iterative", "step_doubling"])
+def test_what_a_slow_member_publishes_is_seen_from_the_next_step_on(name, build):
+    """A slow clock publishes at 10, 20, 30 ms; a member that is stepped every 2 ms holds what it saw when its step began."""
+    parts = {"slow": SlowClock(), "fast": Hold()}
+    run = couple(build, parts, ["slow.y -> fast.u"], Algorithm(name), step=2_000_000)
+    run.initialize(0, 30_000_000)
+    run.advance(30_000_000)
+    run.terminate()
+    recorded = run.recording()
+    begins = np.round(recorded.time[:-1] * 1e3).astype(int)
+    assert recorded.signals["fast.y"][1:].tolist() == [begin // 10 * 0.01 for begin in begins]

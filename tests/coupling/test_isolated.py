@@ -1,6 +1,6 @@
 """A member in a process of its own that does not end."""
 
-import os
+import signal
 import time
 
 import pytest
@@ -8,7 +8,7 @@ import pytest
 from twin.component import PythonComponent, output
 from twin.coupling import CoSimulation, IsolatedMember, RecordMember, isolated
 
-pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="a member is isolated by fork")
+pytestmark = pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="a member is isolated by POSIX")
 
 
 class Endless(PythonComponent):

@@ -79,7 +79,7 @@ def test_what_is_set_by_hand_comes_there(made):
 
 def test_a_process_that_ends_is_told(made):
     def kill(system):
-        os.kill(system.members["k"]._pid, signal.SIGKILL)
+        os.kill(system.members["k"]._process.pid, signal.SIGKILL)
 
     with pytest.raises(SimulationError, match=r"k: was killed \(SIGKILL\) by somebody.* in fmi3DoStep"):
         ran(made(TICKING, ["k"]), 500 * MS, kill)

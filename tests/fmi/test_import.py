@@ -57,15 +57,15 @@ class Run:
         self.member.close()
 
     def step(self, t: float, h: float) -> int:
-        return machine.call_step(self.member.step_function, self.member.instance, t, h, self.flags.ctypes.data)
+        member = self.member
+        flags = self.flags.ctypes.data
+        return machine.call_step(member.step_function, member.step_signature, member.instance, t, h, flags)
 
 
 def move(member: FMUMember, names: list[str], write: bool, values: np.ndarray) -> int:
     access = member.access(names, write)
     assert access.size == values.size
-    return machine.call_access(
-        access.function, member.instance, access.references.ctypes.data, access.count, values.ctypes.data, access.size
-    )
+    return access.call(member.instance, values.ctypes.data)
 
 
 def test_all_types_fmi2(all_types_2: Path) -> None:

@@ -56,6 +56,12 @@ def test_a_file_that_is_none(tmp_path):
         eds.load(path)
 
 
+def test_baud_rates_stand_in_order():
+    """The same profile gives the same file, whether canopen's bytecode is cached or not."""
+    found = [int(rate) for rate in re.findall(r"^BaudRate_(\d+)=", GOOD, re.MULTILINE)]
+    assert found == [10, 20, 50, 125, 250, 500, 800, 1000]
+
+
 def test_an_unknown_profile():
     with pytest.raises(DeclarationError, match="Did you mean 'epos4'"):
         profile("epos5")
@@ -99,6 +105,7 @@ GOOD = eds.export(profile("epos4"))
         (without(GOOD, "3001(sub\\w)?").encode(), "says not how maxon EPOS4 scales"),
         (eds.export(profile("mclm")).encode(), "says not how maxon EPOS4 scales"),
     ],
+    ids=["empty", "zeros", "cut", "UTF-16", "default", "range", "access", "type", "scale", "another profile"],
 )
 def test_files_of_others_and_broken_ones(tmp_path, data, message):
     path = tmp_path / "drive.eds"

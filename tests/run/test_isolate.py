@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import os
 import re
+import signal
+import subprocess
+import sys
+import threading
 import time
 import zipfile
 from pathlib import Path
@@ -12,8 +16,10 @@ import numpy as np
 import pytest
 
 from tests.run.endings import MODES, ending_fmu
+from tests.run.isolated_parts import Leaves, Mixed
 from tests.run.test_endings import ENDS, results
-from twin.component import Component, PythonComponent, input, local, output, parameter
+from twin import compiler
+from twin.component import PythonComponent, output, resampled
 from twin.coupling import Connection, CoSimulation, IsolatedMember, RecordMember, System
 from twin.errors import CouplingError
 from twin.fmi import FMUMember, exporter
@@ -21,75 +27,15 @@ from twin.run import run_scenario
 from twin.scenario import Form, parse_scenario, part
 
 ROOT = Path(__file__).parents[2]
-pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="a member is isolated by fork")
-
-
-class Mixed(Component):
-    """Variables of several types, an array among them."""
-
-    period = 1e-3
-
-    u = input("1", "what is weighed", start=0.5)
-    count = input("1", "a whole number", type="Int32")
-    gain = parameter(0.75, "1", "weight")
-    y = output("1", "sum and product", shape=(3,))
-    total = output("1", "sum of whole numbers", type="Int32")
-    even = output("1", "whether that is even", type="Boolean")
-    inner = local(0.0, "1", "mean")
-
-    def step(self, t, h):
-        self.inner = self.gain * self.inner + (1.0 - self.gain) * self.u
-        self.y[0] = self.u + self.inner
-        self.y[1] = self.u * self.inner
-        self.y[2] = t + h
-        self.total = self.total + self.count + 1
-        self.even = self.total % 2 == 0
-
-
-class Spoils(Component):
-    """Is infinite from 20 ms on."""
-
-    period = 1e-3
-
-    y = output("1", "one, then infinite")
-
-    def step(self, t, h):
-        self.y = 1.0
-        if t > 0.0195:
-            self.y = 1e308 * 1e308
-
-
-class Leaves(PythonComponent):
-    """Ends its process where `when` says, or fails there; tells its process."""
-
-    period = 1e-3
-
-    when = parameter(0, "1", "1: initialization, 2: step, 3: termination, 4: an error in a step", type="Int32")
-    pid = output("1", "process", type="Int64")
-
-    def initialize(self):
-        self.pid = os.getpid()
-        if self.when == 1:
-            os._exit(5)
-
-    def step(self, t, h):
-        self.pid = os.getpid()
-        if t > 0.0025 and self.when == 2:
-            os._exit(5)
-        if t > 0.0025 and self.when == 4:
-            raise ValueError("no more")
-
-    def close(self):
-        if self.when == 3:
-            os._exit(5)
+pytestmark = pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="a member is isolated by POSIX")
 
 
 SCENARIO = """
     stop_time: 50 ms
     members:
-      a: {{component: "tests.run.test_isolate:Mixed", parameters: {{u: 0.3}}{0}}}
-      b: {{component: "tests.run.test_isolate:Mixed", communication_step: 5 ms, finite: false{0}}}
-      c: {{component: "tests.run.test_isolate:Mixed"}}
+      a: {{component: "tests.run.isolated_parts:Mixed", parameters: {{u: 0.3}}{0}}}
+      b: {{component: "tests.run.isolated_parts:Mixed", communication_step: 5 ms, finite: false{0}}}
+      c: {{component: "tests.run.isolated_parts:Mixed"}}
     connections:
       - {{from: "a.y[1]", to: b.u}}
       - {{from: b.total, to: a.count}}
@@ -161,7 +107,7 @@ def test_values_of_every_type_go_across(version, build):
 
 
 def test_what_is_not_finite_is_found_in_an_isolated_member_too(build, tmp_path):
-    text = '{stop_time: 50 ms, members: {m: {component: "tests.run.test_isolate:Spoils", isolate: true}}}'
+    text = '{stop_time: 50 ms, members: {m: {component: "tests.run.isolated_parts:Spoils", isolate: true}}}'
     outcome = run_scenario(parse_scenario(text), Form.compiled, root=tmp_path, build=build, report=False)
     assert "m.y is inf at t = 21 ms, with finite inputs." in outcome.summary["reason"]
 
@@ -194,7 +140,7 @@ def test_an_end_anywhere_ends_the_case_and_no_other(when, reason, rows, build, t
     before = left()
     text = f"""
         stop_time: 10 ms
-        members: {{m: {{component: "tests.run.test_isolate:Leaves", isolate: true}}}}
+        members: {{m: {{component: "tests.run.isolated_parts:Leaves", isolate: true}}}}
         variants: {{ill: {{members: {{m: {{parameters: {{when: {when}}}}}}}}}, well: {{}}}}
     """
     outcome = run_scenario(parse_scenario(text), root=tmp_path, build=build, report=False)
@@ -217,7 +163,7 @@ def test_an_isolated_fmu_may_end_its_process_and_the_run_goes_on_in_the_same(tmp
         step: 100 ms
         members:
           a: {{component: {fmu}, isolate: true}}
-          b: {{component: "tests.run.test_isolate:Leaves", communication_step: 100 ms}}
+          b: {{component: "tests.run.isolated_parts:Leaves", communication_step: 100 ms}}
         variants: {{first: {{}}, {variants}, last: {{}}}}
         record: {{variables: ["a.y*", b.pid]}}
     """)
@@ -241,36 +187,121 @@ def test_an_isolated_fmu_may_end_its_process_and_the_run_goes_on_in_the_same(tmp
     assert processes["last"] != processes["hang"]  # `--timeout` ended that one
 
 
-def test_an_isolated_process_dies_with_the_one_that_forked_it(build, fmu):
-    inner = FMUMember("a", fmu, {"mode": MODES["hang"]})
-    out, back = os.pipe()
-    child = os.fork()
-    if child == 0:
-        member = IsolatedMember(inner, build)
-        member.instantiate()
-        member.enter_initialization(0.0, None)
-        member.exit_initialization()
-        os.write(back, f"{member._pid}\n".encode())
-        members = {"a": member}
-        simulated = CoSimulation(members, System({"a": member.variables}, []).links(), 1_000_000, build=build)
-        simulated._fill(None)
-        simulated.advance(400_000_000)
-        os._exit(0)
-    pid = int(os.read(out, 20))
-    time.sleep(0.1)
-    os.kill(child, 9)
-    os.waitpid(child, 0)
-    inner.close()
-    os.close(out)
-    os.close(back)
+DIES = """
+import sys
+from pathlib import Path
+from tests.run.endings import MODES
+from twin.coupling import CoSimulation, IsolatedMember, System
+from twin.fmi import FMUMember
+
+fmu, build = map(Path, sys.argv[1:])
+member = IsolatedMember(FMUMember("a", fmu, {"mode": MODES["hang"]}), build)
+simulated = CoSimulation({"a": member}, System({"a": member.variables}, []).links(), 100_000_000, build=build)
+simulated.initialize(0)
+print(member._process.pid, flush=True)
+simulated.advance(400_000_000)
+"""
+
+
+def test_an_isolated_process_dies_with_the_one_that_started_it(build, fmu):
+    line = [sys.executable, "-c", DIES, str(fmu), str(build)]
+    with subprocess.Popen(line, cwd=ROOT, stdout=subprocess.PIPE, text=True) as program:
+        pid = int(program.stdout.readline())
+        time.sleep(0.1)
+        assert Path(f"/proc/{pid}").exists()
+        program.kill()
     end = time.monotonic() + 20
     while Path(f"/proc/{pid}").exists() and " Z " not in Path(f"/proc/{pid}/stat").read_text():
         assert time.monotonic() < end
         time.sleep(0.005)
 
 
+def test_no_process_with_threads_is_forked(build, monkeypatch, recwarn):
+    """A fork copies one thread, and the locks that the others hold: neither Python nor C libraries go on from there."""
+
+    def fork():
+        raise AssertionError("forked")
+
+    for name in ("fork", "forkpty"):
+        monkeypatch.setattr(os, name, fork)
+    is_over = threading.Event()
+    other = threading.Thread(target=is_over.wait)
+    other.start()
+    try:
+        member = IsolatedMember(RecordMember("m", Mixed(), identity={}), build)
+        member.instantiate()
+        assert int(Path(f"/proc/{member._process.pid}/stat").read_text().rsplit(")", 1)[1].split()[1]) == os.getpid()
+        member.close()
+    finally:
+        is_over.set()
+        other.join()
+    assert not recwarn.list
+
+
+def test_every_fork_is_of_a_process_with_one_thread(build, tmp_path):
+    """The supervisor of a command forks: at its start, while nothing else runs. Native threads count too."""
+    (tmp_path / "sitecustomize.py").write_text(COUNTS_THREADS)
+    (tmp_path / "s.yaml").write_text(ISOLATED)
+    environment = {**os.environ, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ROOT}", "FORKS": str(tmp_path / "forks")}
+    words = ["run", "s.yaml", "--build", str(build), "--no-report"]
+    line = [sys.executable, "-W", "error::DeprecationWarning:twin", "-c", "from twin.cli import main; main()", *words]
+    done = subprocess.run(line, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert set((tmp_path / "forks").read_text().split()) == {"1"}
+
+
+COUNTS_THREADS = """
+import os
+
+fork = os.fork
+
+def counted():
+    with open(os.environ["FORKS"], "a") as file:
+        file.write(f"{len(os.listdir('/proc/self/task'))}\\n")
+    return fork()
+
+os.fork = counted
+"""
+ISOLATED = """
+title: isolated
+stop_time: 5 ms
+members:
+  a: {component: "tests.run.isolated_parts:Mixed", isolate: true}
+  b: {component: "tests.run.isolated_parts:Mixed", isolate: true}
+variants: {one: {}, two: {}}
+"""
+
+
+def test_a_class_that_another_process_cannot_import(build):
+    class Local(PythonComponent):
+        """Defined in a function."""
+
+        y = output("1", "nothing")
+
+    before = left()
+    with pytest.raises(CouplingError, match=r"m: another process cannot make it: .*Local.*Define its class at the top"):
+        IsolatedMember(RecordMember("m", Local(), identity={}), build)
+    script = type("Script", (PythonComponent,), {"__module__": "__main__", "y": output("1", "y"), "__doc__": "S."})
+    with pytest.raises(CouplingError, match=r"m: another process cannot make it: .*is in the script that runs"):
+        IsolatedMember(RecordMember("m", script(), identity={}), build)
+    assert left() == before
+
+
+@pytest.mark.parametrize("has_code", [False, True])
+def test_a_component_at_another_period_keeps_it(has_code, build):
+    cls = resampled(Mixed, 5_000_000)
+    code = compiler.load_component(cls, build) if has_code else None
+    member = IsolatedMember(RecordMember("m", cls(u=0.25), code), build)
+    simulated = CoSimulation({"m": member}, [], 1_000_000, build=build)
+    simulated.initialize(0)
+    simulated.advance(12_000_000)
+    values = simulated.recording().signals
+    simulated.terminate()
+    assert values["m.total"].tolist() == [0] * 5 + [1] * 5 + [2] * 3
+
+
 def test_no_member_of_a_group_is_isolated():
-    text = '{stop_time: 5 ms, members: {m: {component: "tests.run.test_isolate:Mixed", isolate: true}}}'
+    text = '{stop_time: 5 ms, members: {m: {component: "tests.run.isolated_parts:Mixed", isolate: true}}}'
     with pytest.raises(
         CouplingError, match=r"member 'm' has `isolate: true`, and a group is one piece of code\. Remove"
     ):

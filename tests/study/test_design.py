@@ -7,6 +7,7 @@ from scipy import stats
 from tests.study.patients import STUDY, study_file
 from twin.errors import ScenarioError
 from twin.study.design import Distribution, load_study, valued
+from twin.study.design.distribution import TAIL
 
 EVEN = np.linspace(0.005, 0.995, 100)
 
@@ -38,6 +39,31 @@ def test_a_truncated_log_normal_stays_inside():
     assert found[0] == pytest.approx(0.8)
     assert found[2] == pytest.approx(1.1)
     assert 0.8 < found[1] < 1.1
+
+
+@pytest.mark.parametrize(
+    ("kind", "numbers", "low", "high", "ends"),
+    [
+        ("normal", (0.0, 1.0), -np.inf, np.inf, (TAIL, 1.0 - TAIL)),
+        ("normal", (0.0, 1.0), -2.0, np.inf, (0.0, 1.0 - TAIL)),
+        ("log_normal", (1.0, 2.0), -np.inf, 3.0, (TAIL, 1.0)),
+        ("log_normal", (1.0, 2.0), 0.5, 3.0, (0.0, 1.0)),
+        ("uniform", (0.0, 1.0), -np.inf, np.inf, (0.0, 1.0)),
+        ("log_uniform", (1.0, 10.0), -np.inf, np.inf, (0.0, 1.0)),
+        ("values", (1.0, 2.0, 5.0), -np.inf, np.inf, (0.0, 1.0)),
+    ],
+)
+def test_a_design_that_wants_both_ends_gets_finite_ones(kind, numbers, low, high, ends):
+    own = Distribution(kind, numbers, low, high)
+    assert own.ends == ends
+    assert np.isfinite(own.values(np.array(own.ends))).all()
+
+
+def test_all_values_of_a_list_are_equally_likely():
+    parts = (np.arange(300) + 0.5) / 300
+    found = Distribution("values", (1.0, 2.0, 5.0)).values(parts)
+    assert found.tolist() == [1.0] * 100 + [2.0] * 100 + [5.0] * 100
+    assert Distribution("values", (1.0, 2.0, 5.0)).values(np.array([0.0, 1.0])).tolist() == [1.0, 5.0]
 
 
 def test_values_come_in_the_units_of_their_variables(tmp_path):

@@ -13,6 +13,7 @@ from twin.compiler.dependencies import dependencies, flow
 from twin.compiler.fingerprint import engine, fingerprint
 from twin.compiler.machine import (
     call_access,
+    call_state,
     call_step,
     call_trial,
     read8,
@@ -83,6 +84,7 @@ __all__ = [
     "Tangents",
     "archive",
     "call_access",
+    "call_state",
     "call_step",
     "call_trial",
     "compile_c",

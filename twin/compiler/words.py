@@ -236,33 +236,50 @@ _STORES = [
         ("write8", "int64_t", "int8_t"), ("write_float", "double", "double"), ("write_float32", "double", "float"),
     )
 ]  # fmt: skip
+_STEPS = """
+typedef int32_t (*fmi3_t)(void *, double, double, bool, void *, void *, void *, void *);
+typedef int32_t (*fmi2_t)(void *, double, double, int32_t);
+typedef int32_t (*component_t)(void *, double, double);
+if (signature == COMPONENT) return ((component_t)function)((void *)instance, t, h);
+if (signature == FMI2) return ((fmi2_t)function)((void *)instance, t, h, FINAL);
+return ((fmi3_t)function)((void *)instance, t, h, FINAL, (void *)flags, (void *)(flags + 8), (void *)(flags + 16),
+                          (void *)(flags + 24));
+"""
+
+
+def _step(word: str, final: int) -> Word:
+    text = _STEPS.replace("FINAL", str(final))
+    for name in ("COMPONENT", "FMI2"):
+        text = text.replace(f"signature == {name}", f"signature == {getattr(machine, name)}")
+    return _helper(
+        f"int64_t {word}(int64_t function, int64_t signature, int64_t instance, double t, double h, int64_t flags)",
+        text,
+        acts=True,
+    )
+
+
 _CALLS = [
     _helper(
         "int64_t call_access(int64_t function, int64_t instance, int64_t references, int64_t count, int64_t values, int64_t size)",
-        """
+        f"""
 typedef int32_t (*access_t)(void *, const void *, size_t, void *, size_t);
+typedef int32_t (*fmi2_access_t)(void *, const void *, size_t, void *);
+if (size == {machine.NO_SIZE})
+    return ((fmi2_access_t)function)((void *)instance, (const void *)references, (size_t)count, (void *)values);
 return ((access_t)function)((void *)instance, (const void *)references, (size_t)count, (void *)values, (size_t)size);
 """,
         acts=True,
     ),
     _helper(
-        "int64_t call_step(int64_t function, int64_t instance, double t, double h, int64_t flags)",
+        "int64_t call_state(int64_t function, int64_t instance, int64_t state)",
         """
-typedef int32_t (*step_t)(void *, double, double, int64_t, void *, void *, void *, void *);
-return ((step_t)function)((void *)instance, t, h, 1, (void *)flags, (void *)(flags + 8), (void *)(flags + 16),
-                          (void *)(flags + 24));
+typedef int32_t (*state_t)(void *, void *);
+return ((state_t)function)((void *)instance, (void *)state);
 """,
         acts=True,
     ),
-    _helper(
-        "int64_t call_trial(int64_t function, int64_t instance, double t, double h, int64_t flags)",
-        """
-typedef int32_t (*trial_t)(void *, double, double, int64_t, void *, void *, void *, void *);
-return ((trial_t)function)((void *)instance, t, h, 0, (void *)flags, (void *)(flags + 8), (void *)(flags + 16),
-                           (void *)(flags + 24));
-""",
-        acts=True,
-    ),
+    _step("call_step", 1),
+    _step("call_trial", 0),
 ]
 MACHINE = {getattr(machine, word.name): word for word in (*_LOADS, *_STORES, *_CALLS)}
 

@@ -81,8 +81,8 @@ class MemberTarget:
         """Step from t to t + h [s]."""
         self._write()
         self.known.clear()
-        address = int(self.flags.ctypes.data)
-        return machine.call_step(self.member.step_function, self.member.instance, t, h, address)
+        member, address = self.member, int(self.flags.ctypes.data)
+        return machine.call_step(member.step_function, member.step_signature, member.instance, t, h, address)
 
     def _write(self) -> None:
         for variable in sorted(self.changed):

@@ -1,4 +1,5 @@
-/* A member in a process of its own, and the loop that calls it: both map the memory that these structs lie in.
+/* A member in a process of its own, and the loop that calls it: both map the memory that these structs lie in, each at an
+   address of its own. So places in it are offsets from its begin, where the channel lies; 0 is none.
 
    The loop's calls of setters only write down values. A step is one call across: the other process sets what was
    written down, steps, and reads what the loop read after the step before. So a member costs one exchange per step.
@@ -12,21 +13,25 @@
 
 enum { RETURN, STEP, GET, MESSAGE };
 enum { OK, WARNING, DISCARD, ERROR };
+enum { FMI3, FMI2, COMPONENT, NO_SIZE = -1 }; /* as in compiler/machine.py */
 
 typedef int64_t __attribute__((aligned(1))) Word;
 typedef int32_t (*Access)(void *instance, const void *references, uint64_t count, void *values, uint64_t size);
-typedef int32_t (*Step)(void *instance, double t, double h, int64_t set, void *event, void *terminate, void *early, void *last);
+typedef int32_t (*Access2)(void *instance, const void *references, uint64_t count, void *values);
+typedef int32_t (*Step)(void *instance, double t, double h, bool set, void *event, void *terminate, void *early, void *last);
+typedef int32_t (*Step2)(void *instance, double t, double h, int32_t set);
+typedef int32_t (*StepComponent)(void *instance, double t, double h);
 typedef int64_t (*Transfer)(int file, void *bytes, uint64_t count);
 typedef int (*Affinity)(int process, uint64_t size, const void *mask);
 
-typedef struct Row { /* a call that moves values; all but the last five as its member's process knows it */
-    Access function;
+typedef struct { /* a call that moves values; function, instance and references as its member's process knows them */
+    void *function;
     void *instance;
     const void *references;
     int64_t count;
-    char *values;
+    int64_t values; /* offset */
     int64_t size;
-    struct Row *next;
+    int64_t next; /* offset */
     int64_t bytes;
     int64_t write;
     int64_t pending; /* write: to be done before the next call; read: it was wanted since the last step */
@@ -38,13 +43,15 @@ typedef struct {
     int64_t call, called, back, returned; /* ends of the pipes: written, read, written, read */
     int64_t is_dead;
     int64_t status;
-    Row *wanted, *at, *rows; /* to be read; at work, none: the step; all */
+    int64_t wanted, at, rows; /* offsets: to be read; at work, none: the step; all */
     double t, h;
     char flags[32];
-    Step step;
+    void *step;
+    int64_t signature;
     void *instance;
-    Transfer read, write;
-    Affinity set_affinity;
+    Transfer read, write;         /* of the loop's process */
+    Transfer own_read, own_write; /* of the member's process */
+    Affinity set_affinity;        /* of the member's process */
     int64_t loop_core, own_core; /* none: -1 */
     int64_t is_final; /* nobody will go back before the step's begin */
 } Channel;
@@ -55,19 +62,23 @@ static void copy(char *target, const char *source, int64_t bytes) {
     for (; i < bytes; i++) target[i] = source[i];
 }
 
-static void send(Channel *c, int64_t file, char what) { c->write((int)file, &what, 1); }
+static Row *row_at(Channel *c, int64_t offset) { return offset ? (Row *)((char *)c + offset) : 0; }
+
+static char *values_of(Channel *c, Row *row) { return (char *)c + row->values; }
+
+static void send(Transfer write, int64_t file, char what) { write((int)file, &what, 1); }
 
 /* What was sent; nothing but a signal interrupts it. False: the other is dead. */
-static bool receive(Channel *c, int64_t file, char *what) {
+static bool receive(Transfer read, int64_t file, char *what) {
     int64_t count;
-    while ((count = c->read((int)file, what, 1)) < 0) {}
+    while ((count = read((int)file, what, 1)) < 0) {}
     return count > 0;
 }
 
 static int32_t call(Channel *c, char what) {
     if (c->is_dead) return ERROR;
-    send(c, c->call, what);
-    if (receive(c, c->returned, &what)) return (int32_t)c->status;
+    send(c->write, c->call, what);
+    if (receive(c->read, c->returned, &what)) return (int32_t)c->status;
     c->is_dead = 1;
     return ERROR;
 }
@@ -75,20 +86,20 @@ static int32_t call(Channel *c, char what) {
 /* ------------------------------------------------------------------------------------------------- for the loop */
 
 int32_t isolated_set(Channel *c, Row *row, uint64_t count, const char *values, uint64_t size) {
-    copy(row->values, values, row->bytes);
+    copy(values_of(c, row), values, row->bytes);
     row->pending = 1;
     return c->is_dead ? ERROR : OK;
 }
 
 int32_t isolated_get(Channel *c, Row *row, uint64_t count, char *values, uint64_t size) {
-    c->wanted = row;
+    c->wanted = (char *)row - (char *)c;
     if (!row->fresh && call(c, GET) > WARNING) return (int32_t)c->status > WARNING ? (int32_t)c->status : ERROR;
     row->pending = 1;
-    copy(values, row->values, row->bytes);
+    copy(values, values_of(c, row), row->bytes);
     return (int32_t)row->status;
 }
 
-int32_t isolated_step(Channel *c, double t, double h, int64_t is_final, char *event, char *terminate, char *early, char *last) {
+int32_t isolated_step(Channel *c, double t, double h, bool is_final, char *event, char *terminate, char *early, char *last) {
     c->t = t;
     c->h = h;
     c->is_final = is_final;
@@ -99,20 +110,23 @@ int32_t isolated_step(Channel *c, double t, double h, int64_t is_final, char *ev
     return status;
 }
 
-void isolated_tell(Channel *c) { send(c, c->call, MESSAGE); }
+void isolated_tell(Channel *c) { send(c->write, c->call, MESSAGE); }
 
 /* ----------------------------------------------------------------------------------------------- for the member */
 
 static int32_t access(Channel *c, Row *row) {
-    c->at = row;
-    row->status = row->function(row->instance, row->references, row->count, row->values, row->size);
+    char *values = values_of(c, row);
+    c->at = (char *)row - (char *)c;
+    row->status = row->size == NO_SIZE
+                      ? ((Access2)row->function)(row->instance, row->references, row->count, values)
+                      : ((Access)row->function)(row->instance, row->references, row->count, values, row->size);
     c->at = 0;
     return (int32_t)row->status;
 }
 
 static int32_t set(Channel *c) {
     int32_t status = OK;
-    for (Row *row = c->rows; row && status <= WARNING; row = row->next)
+    for (Row *row = row_at(c, c->rows); row && status <= WARNING; row = row_at(c, row->next))
         if (row->write && row->pending) {
             row->pending = 0;
             status = access(c, row);
@@ -128,12 +142,18 @@ static void follow(Channel *c) {
     c->set_affinity(0, sizeof mask, mask); /* where that is forbidden, it costs time and no more */
 }
 
+static int32_t call_step(Channel *c) {
+    if (c->signature == COMPONENT) return ((StepComponent)c->step)(c->instance, c->t, c->h);
+    if (c->signature == FMI2) return ((Step2)c->step)(c->instance, c->t, c->h, (int32_t)c->is_final);
+    return ((Step)c->step)(c->instance, c->t, c->h, c->is_final, c->flags, c->flags + 8, c->flags + 16, c->flags + 24);
+}
+
 static int32_t step(Channel *c) {
     follow(c);
     int32_t status = set(c);
     if (status <= WARNING)
-        status = c->step(c->instance, c->t, c->h, c->is_final, c->flags, c->flags + 8, c->flags + 16, c->flags + 24);
-    for (Row *row = c->rows; row; row = row->next)
+        status = call_step(c);
+    for (Row *row = row_at(c, c->rows); row; row = row_at(c, row->next))
         if (!row->write) {
             row->fresh = row->pending && status <= WARNING;
             row->pending = 0;
@@ -144,15 +164,15 @@ static int32_t step(Channel *c) {
 
 static int32_t get(Channel *c) {
     int32_t status = set(c);
-    return status <= WARNING ? access(c, c->wanted) : status;
+    return status <= WARNING ? access(c, row_at(c, c->wanted)) : status;
 }
 
 /* Do what the loop asks for, until there is a message, or nobody is there any more: false. */
 int32_t isolated_serve(Channel *c) {
-    for (char what; receive(c, c->called, &what); send(c, c->back, RETURN)) {
+    for (char what; receive(c->own_read, c->called, &what); send(c->own_write, c->back, RETURN)) {
         if (what == MESSAGE) {
             set(c);
-            for (Row *row = c->rows; row; row = row->next) row->fresh = 0;
+            for (Row *row = row_at(c, c->rows); row; row = row_at(c, row->next)) row->fresh = 0;
             return true;
         }
         c->status = what == STEP ? step(c) : get(c);

@@ -1,6 +1,6 @@
 """A member in a process of its own, for those that must not share an address space with the others.
 
-The process is forked before the member is instantiated: an FMU's library is loaded there alone. What the loop calls goes
+The process is started before the member is instantiated: an FMU's library is loaded there alone. What the loop calls goes
 through memory of both (isolated.c), all else as messages. When that process dies, the member fails, and says how.
 """
 
@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import ctypes
 import marshal
-import mmap
 import os
+import pickle
 import signal
+import subprocess
+import sys
+import tempfile
 import threading
-import warnings
+import weakref
 from collections import deque
 from contextlib import contextmanager, suppress
 from queue import Empty, SimpleQueue
@@ -22,8 +25,20 @@ import numpy as np
 
 from twin import clock, errors
 from twin.coupling.member import Access, Member
-from twin.coupling.served import CHANNEL, HEAD, ROW, Served, flush, native, plain, words
-from twin.errors import CouplingError, SimulationError, TwinError
+from twin.coupling.served import (
+    CHANNEL,
+    HAS_CORES,
+    HEAD,
+    READY,
+    ROW,
+    map_memory,
+    native,
+    plain,
+    system_calls,
+    unmap_memory,
+    words,
+)
+from twin.errors import CouplingError, SimulationError, TwinError, described
 from twin.process import SIGNALS, Death
 
 if TYPE_CHECKING:
@@ -32,14 +47,40 @@ if TYPE_CHECKING:
 
 LINES = 20  # log lines kept
 GRACE = 1.0  # between the end of a process's pipes and its own [s]
+BEGINNING = 60.0  # that a process may take to begin, before what it does is watched [s]
 CLOSING = 10.0  # that a member may take to end before its process is ended [s]
-HAS_CORES = hasattr(os, "sched_setaffinity")  # and can say which a process may use
+
+
+@contextmanager
+def shared_file(size: int) -> Iterator[int]:
+    """A file without a name, in memory where the system has such: descriptor. Its size is in bytes, all zero."""
+    if hasattr(os, "memfd_create"):
+        shared = os.memfd_create("isolated")
+    else:
+        with tempfile.TemporaryFile() as file:
+            shared = os.dup(file.fileno())
+    try:
+        os.ftruncate(shared, size)
+        yield shared
+    finally:
+        os.close(shared)
+
+
+def pickled(inner: Member, build: Path, room: tuple[int, int] | None) -> bytes:
+    """All that the other process is told at its start; CouplingError if it could not import the member's class."""
+    try:
+        return pickle.dumps((inner, build, room))
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise CouplingError(
+            f"{inner.name}: another process cannot make it: {described(error)}. "
+            "Define its class at the top of a module, not of a script or in a function, or leave `isolate` out."
+        ) from None
 
 
 class IsolatedMember(Member):
-    """A member that lives in a child of this process, which is forked here. `inner`: made, but not yet instantiated.
+    """A member that lives in a child of this process, which is started here. `inner`: made, but not yet instantiated.
 
-    CouplingError where the system has no fork.
+    CouplingError where the system cannot do that, or where another process cannot import what the member is made of.
     """
 
     living: ClassVar[list[IsolatedMember]] = []  # of this process
@@ -51,30 +92,34 @@ class IsolatedMember(Member):
         return super().__new__(IsolatedClocks if inner.clocked else cls)  # type: ignore[return-value]
 
     def __init__(self, inner: Member, build: Path) -> None:
-        if not hasattr(os, "fork"):
-            raise CouplingError(f"{inner.name}: `isolate` needs fork, which this system lacks. Leave it out.")
+        if not hasattr(signal, "pthread_sigmask"):
+            raise CouplingError(f"{inner.name}: `isolate` needs POSIX, which this system lacks. Leave it out.")
         self.name, self.variables, self.driven = inner.name, inner.variables, inner.driven
         self.period_ns, self.identity, self.can_restore = inner.period_ns, inner.identity, inner.can_restore
         self.can_roll_back = inner.can_roll_back
         self.log: list[str] = []
         self.death = ""
-        self._inner, self._native = inner, native(build)
+        self._inner, self._native, self._build = inner, native(build), build
         self._phase, self._count = "instantiation", 0
         self._functions: dict[int, str] = {}  # by the address of their rows
         self._errors: deque[str] = deque(maxlen=5)  # last lines of stderr
         self._answers: SimpleQueue[tuple[int, str, Any] | None] = SimpleQueue()
-        self._share()
-        self.step_function, self.instance = self._native["step"], self._memory
-        self._begin()
+        self._is_ready = threading.Event()
+        self._span: tuple[int, int] | None = None  # offsets between which a member's values lie
+        with shared_file(self._memory_size()) as shared:
+            self._share(shared)
+            self.step_function, self.instance = self._native["step"], self._memory
+            self._begin(shared)
 
-    def _share(self) -> None:
-        """Take the memory that both will have: what is not used is never touched."""
-        self._map = mmap.mmap(-1, self._memory_size())
-        self._memory = int(np.frombuffer(self._map, np.uint8).ctypes.data)
+    def _share(self, shared: int) -> None:
+        """Map the memory that both will have: what is not used is never touched."""
+        self._size = self._memory_size()
+        self._memory = map_memory(shared, self._size)
+        weakref.finalize(self, unmap_memory, self._memory, self._size)
         self._used = HEAD
         self._channel = words(self._memory, CHANNEL)[0:1]
-        for name in ("read", "write", *(["sched_setaffinity"] if HAS_CORES else [])):
-            self._channel[name] = ctypes.cast(getattr(ctypes.CDLL(None), name), ctypes.c_void_p).value
+        for name, address in system_calls(["read", "write"]).items():
+            self._channel[name] = address
         self._channel["loop_core"] = self._channel["own_core"] = -1
 
     def _memory_size(self) -> int:
@@ -83,34 +128,31 @@ class IsolatedMember(Member):
 
     # processes
 
-    def _begin(self) -> None:
+    def _begin(self, shared: int) -> None:
         from multiprocessing.connection import Pipe
 
+        told = pickled(self._inner, self._build, self._span)
         (called, self._call), (self._returned, back), (self._stderr, stderr) = os.pipe(), os.pipe(), os.pipe()
         self._messages, messages = Pipe()
-        for name, end in {"call": self._call, "called": called, "back": back, "returned": self._returned}.items():
-            self._channel[name] = end
-        flush()
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # of other threads: none of them is needed there
-            self._pid = os.fork()
-        if self._pid == 0:
-            for one in SIGNALS:
-                signal.signal(one, signal.SIG_IGN)  # the loop's process says when it is over
+        self._channel["call"], self._channel["returned"] = self._call, self._returned
+        ends = called, back, shared, messages.fileno()
+        line = f"import sys; sys.path[:] = {sys.path!r}; from twin.coupling.served import main; main{ends}"
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # the child ignores them as soon as it can
+        try:
+            self._process = subprocess.Popen([sys.executable, "-c", line], stderr=stderr, pass_fds=ends)
+        except OSError as error:
+            self._close_ends()
+            raise CouplingError(f"{self.name}: no process can be started for it: {error.strerror}.") from None
+        finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
-            for other in [*self.living, self]:
-                other._close_ends()
-            os.dup2(stderr, 2)
-            os.close(stderr)
-            Served(self._inner, self._native, self._memory, called, messages).live()
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        for end in (called, back, stderr):
-            os.close(end)
-        messages.close()
+            for end in (called, back, stderr):
+                os.close(end)
+            messages.close()
         self.living.append(self)
         self._reader = threading.Thread(target=self._listen, name=f"messages of {self.name}", daemon=True)
         self._reader.start()
+        with suppress(OSError):  # it has died at once: the next message finds that
+            self._messages.send_bytes(told)
 
     def _close_ends(self) -> None:
         for end in (self._call, self._returned, self._stderr):
@@ -130,7 +172,9 @@ class IsolatedMember(Member):
                 count, failure, value = marshal.loads(self._messages.recv_bytes())  # noqa: S302 - from our own child
             except (EOFError, OSError):
                 break
-            if count:
+            if count == READY:
+                self._is_ready.set()
+            elif count:
                 self._answers.put((count, failure, value))
             else:
                 self.log.append(value)
@@ -140,6 +184,11 @@ class IsolatedMember(Member):
             while text := os.read(self._stderr, 1 << 16):
                 self._heard(text)
         self._answers.put(None)
+        self._is_ready.set()
+
+    def wait(self) -> None:
+        """Wait until the process has begun, or ended: what is watched by the clock comes after that."""
+        self._is_ready.wait(BEGINNING)
 
     def _heard(self, text: bytes) -> None:
         """Pass on what was printed to stderr."""
@@ -172,7 +221,7 @@ class IsolatedMember(Member):
 
     def _ended(self, function: str, when: str = "") -> str:
         """Bury the process, and say in one line how it ended."""
-        code = os.waitstatus_to_exitcode(self._reap(GRACE))
+        code = self._reap(GRACE)
         how = Death(signal=max(-code, 0), exit=code if code >= 0 else None).how
         lines = [*self.log, *self._errors][-5:]
         log = f" Last log: {' | '.join(lines)}" if lines else ""
@@ -180,17 +229,12 @@ class IsolatedMember(Member):
         return self.death
 
     def _reap(self, patience: float) -> int:
-        """Wait for the end of the process, and see to it; its status."""
-        pid, self._pid = self._pid, 0
-        with suppress(ChildProcessError):
-            for _ in range(int(patience / 0.01)):
-                found, status = os.waitpid(pid, os.WNOHANG)
-                if found:
-                    return status
-                threading.Event().wait(0.01)
-            os.kill(pid, signal.SIGKILL)
-            return os.waitpid(pid, 0)[1]
-        return 0
+        """Wait for the end of the process, and see to it; its exit code, negative: the signal."""
+        try:
+            return self._process.wait(patience)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            return self._process.wait()
 
     def lost(self, time: clock.Time) -> str:
         """How the process ended in the step from `time` [ns], in one line; empty if it is there."""
@@ -257,7 +301,7 @@ class IsolatedMember(Member):
         variables = [self.variables[name] for name in names]
         size = sum(v.size * v.dtype.itemsize for v in variables)
         place, values = self._take(8 * len(ROW)), self._take(size)
-        row = words(place, ROW)
+        row = words(self._memory + place, ROW)
         row["values"], row["bytes"], row["write"] = values, size, write
         count, elements, name = self._ask("access", names, write, place)
         self._functions[place] = name
@@ -265,11 +309,11 @@ class IsolatedMember(Member):
         return Access(function, row.view(np.int64), count, elements, name)
 
     def _take(self, size: int) -> int:
-        """Address of fresh bytes that both have."""
+        """Offset of fresh bytes that both have."""
         place, self._used = self._used, self._used + -(-size // 64) * 64
-        if self._used > len(self._map):
+        if self._used > self._size:
             raise CouplingError(f"{self.name}: is read in more ways than an isolated member can be. Do not isolate it.")
-        return self._memory + place
+        return place
 
     def finish_reason(self) -> str:
         """Why the member discarded its step."""
@@ -304,10 +348,8 @@ class IsolatedMember(Member):
             self.log.append(str(error).removeprefix(f"{self.name}: "))
         finally:
             self.living.remove(self)
-            if self._pid:
-                with suppress(ProcessLookupError):
-                    os.kill(self._pid, signal.SIGKILL)  # it has done all, and waits for more
-                self._reap(GRACE)
+            self._process.kill()  # it has done all, and waits for more
+            self._process.wait()
             self._reader.join()
             self._close_ends()
             self._inner.release()

@@ -37,8 +37,8 @@ class IsolatedClocks(IsolatedMember):
 
     clocked = True
 
-    def _share(self) -> None:
-        super()._share()
+    def _share(self, shared: int) -> None:
+        super()._share(shared)
         self.slots: dict[str, SharedSlot] = {}
         self.due: clock.Time | None = None
         self.event_time: clock.Time | None = None
@@ -47,7 +47,7 @@ class IsolatedClocks(IsolatedMember):
         self._calls: list[Any] = []
         size = sum(self._room(one) for one in self.variables.values())
         first = self._take(size)
-        self._inner.room = Room(first, first + size).take  # type: ignore[attr-defined]
+        self._span = first, first + size
 
     def _memory_size(self) -> int:
         return super()._memory_size() + sum(self._room(one) for one in self.variables.values()) + 64
@@ -68,8 +68,8 @@ class IsolatedClocks(IsolatedMember):
         """Where a variable's values lie for others."""
         if name not in self.slots:
             variable = self.variables[name]
-            if address := self._ask("slot", name):
-                raw = (ctypes.c_uint8 * (variable.size * variable.dtype.itemsize)).from_address(address)
+            if offset := self._ask("slot", name):
+                raw = (ctypes.c_uint8 * (variable.size * variable.dtype.itemsize)).from_address(self._memory + offset)
                 values = np.ctypeslib.as_array(raw).view(variable.dtype)
             else:
                 values = np.empty(variable.size, object)
@@ -164,16 +164,3 @@ class IsolatedClocks(IsolatedMember):
     def rest(self) -> None:
         """A new communication step: none of the clocks has ticked in it. Told with the next message."""
         self._rests = True
-
-
-class Room:
-    """Bytes from `first` to `end`, given out piece by piece; the member's process does so."""
-
-    def __init__(self, first: int, end: int) -> None:
-        self.next, self.end = first, end
-
-    def take(self, size: int) -> np.ndarray[Any, Any]:
-        """Fresh bytes, all zero."""
-        place, self.next = self.next, self.next + size
-        assert self.next <= self.end
-        return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_address(place))

@@ -62,7 +62,8 @@ OPERATION = (
 COPY = ("source", "target", "words")
 CONVERT = ("source", "source_kind", "target", "target_kind", "count", "factor", "offset")  # the last two Float64 bits
 ACCESS = ("function", "instance", "references", "count", "values", "size", "member")
-STEP = ("function", "instance", "flags", "gets", "get_count", "member")  # `gets`: rows of accesses that publish at once
+# `signature`: as in compiler.machine; `gets`: rows of accesses that publish at once
+STEP = ("function", "signature", "instance", "flags", "gets", "get_count", "member")
 LIMIT = ("address", "kind", "count", "low", "high")  # the last two Float64 bits; not a number is beyond any limit
 
 # how a scalar lies in memory, for conversions
@@ -241,17 +242,17 @@ def run(self: Any) -> int:
                 h = read_float(operation + 16)
                 row = read64(operation + 72)
                 for _ in range(read64(operation + 80)):
-                    flags = read64(row + 16)
+                    flags = read64(row + 24)
                     self.at = row
-                    status = call_step(read64(row), read64(row + 8), t, h, flags)
+                    status = call_step(read64(row), read64(row + 8), read64(row + 16), t, h, flags)
                     if status > 1:
-                        self.member, self.status = read64(row + 40), status
+                        self.member, self.status = read64(row + 48), status
                         return FAILED
                     if read8(flags + 8) != 0:
-                        self.member, self.finished = read64(row + 40), 1
-                    if access(self, read64(row + 24), read64(row + 32)) != 0:
+                        self.member, self.finished = read64(row + 48), 1
+                    if access(self, read64(row + 32), read64(row + 40)) != 0:
                         return FAILED
-                    row += 48
+                    row += 56
             operation += 88
         if hasty_count > 0 and came_back(self, t) != 0:
             return FAILED

@@ -147,6 +147,17 @@ class Access:
     count: int  # number of references
     size: int  # number of values
     name: str = "access"  # of the function, for whoever looks after a crash
+    takes_size: bool = True  # whether the number of values is an argument: not in FMI 2.0
+
+    @property
+    def size_argument(self) -> int:
+        """The last argument, for `machine.call_access`."""
+        return self.size if self.takes_size else machine.NO_SIZE
+
+    def call(self, instance: int, values: int) -> int:
+        """Move the values to or from an address; the function's status."""
+        references = self.references.ctypes.data
+        return machine.call_access(self.function, instance, references, self.count, values, self.size_argument)
 
 
 @dataclass(slots=True)
@@ -169,7 +180,8 @@ class Member(ABC):
     name: str
     variables: dict[str, MemberVariable]
     period_ns: clock.Time = 0  # the member's own period; 0: every communication point
-    step_function: int = 0  # address of int32 (*)(void *instance, double t, double h, ...)
+    step_function: int = 0  # address
+    step_signature: int = machine.FMI3  # which arguments it takes
     step_name: str = "step"  # of that function
     instance: int = 0  # address of the instance
     writes_flags: bool = True  # whether its step writes what FMI 3.0's does: event, terminate, early return
@@ -239,6 +251,10 @@ class Member(ABC):
         """Until where [s] the last step came; `reached` is what the member itself wrote, if it did."""
         return reached
 
+    def try_step(self, t: float, h: float, flags: np.ndarray[Any, Any]) -> int:
+        """Step from t by h [s] as a step that may be taken back; its status. `flags`: four words that it may write."""
+        return machine.call_trial(self.step_function, self.step_signature, self.instance, t, h, flags.ctypes.data)
+
     def save(self) -> Any:
         """All that the member holds, for `restore`; the latest is valid."""
         raise NotImplementedError
@@ -269,14 +285,14 @@ class Member(ABC):
                 return solver.ERROR
             return solver.OK
 
-        def get(_instance: int, place: int, *_: int) -> int:
+        def get(_instance: int, place: int) -> int:
             ctypes.c_void_p.from_address(place).value = place
             return tried(lambda: saved.__setitem__(slice(None), [self.save()]))
 
-        def back(*_: int) -> int:
+        def back(_instance: int, _state: int) -> int:
             return tried(lambda: self.restore(saved[0]))
 
-        self._way = machine.ACCESS(get), machine.ACCESS(back), ctypes.c_void_p()
+        self._way = machine.STATE(get), machine.STATE(back), ctypes.c_void_p()
         addresses = [ctypes.cast(one, ctypes.c_void_p).value or 0 for one in self._way[:2]]
         return Way(get=addresses[0], set=addresses[1], places=(ctypes.addressof(self._way[2]),))
 

@@ -82,20 +82,20 @@ class Objects:
         saved: dict[int, tuple[Any, ...]] = {}  # by the address of their places
         places = [ctypes.c_void_p() for _ in range(count)]
 
-        def save(_instance: int, place: int, *_: int) -> int:
+        def save(_instance: int, place: int) -> int:
             machine.write64(place, place)
             inputs = {key: values.copy() for key, values in self.inputs.items()}
             saved[place] = dict(self.published), inputs, dict(self.given)
             return OK
 
-        def restore(_instance: int, place: int, *_: int) -> int:
+        def restore(_instance: int, place: int) -> int:
             published, inputs, given = saved[place]
             self.published, self.given = dict(published), dict(given)
             for key, values in inputs.items():
                 self.inputs[key][:] = values
             return OK
 
-        made = machine.ACCESS(save), machine.ACCESS(restore)
+        made = machine.STATE(save), machine.STATE(restore)
         self._kept += [*made, *places]
         addresses = [ctypes.cast(one, ctypes.c_void_p).value or 0 for one in made]
         return Way(get=addresses[0], set=addresses[1], places=tuple(ctypes.addressof(one) for one in places))

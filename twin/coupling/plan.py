@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
+from twin.compiler import machine
 from twin.coupling import loop
 from twin.coupling.events import Events
 from twin.coupling.objects import Objects
@@ -189,7 +190,14 @@ class Plan:
             self.asked[access.function, self.members[member].instance, references] = tuple(
                 f"{v.name} (value reference {', '.join(map(str, v.references[:3]))})" for v in variables
             )
-            row = [access.function, self.members[member].instance, references, access.count, address, access.size]
+            row = [
+                access.function,
+                self.members[member].instance,
+                references,
+                access.count,
+                address,
+                access.size_argument,
+            ]
             rows[member].append(row)
             for variable in variables:
                 places[member, variable.name] = address
@@ -268,7 +276,7 @@ class Plan:
         order = list(self.members)
         for name in names:
             member = self.members[name]
-            self.steps.append([member.step_function, member.instance, self._flags(member), 0, 0, order.index(name)])
+            self.steps.append(self._step(member, order.index(name)))
         accesses, copied, converted = len(self.accesses), len(self.copies), len(self.converts)
         for key in (key for key in self.whole if key[0] in names):
             self._split(key)
@@ -279,6 +287,10 @@ class Plan:
             {**common, "shift": 1, "accesses": (gets, accesses), "copies": (publishes, copied)},
             *([{**common, "shift": 1, **elements}] if any(begin < end for begin, end in elements.values()) else []),
         ]
+
+    def _step(self, member: Member, index: int) -> list[int]:
+        """The row of a member's step; what it publishes at once is filled in later."""
+        return [member.step_function, member.step_signature, member.instance, self._flags(member), 0, 0, index]
 
     def _flags(self, member: Member) -> int:
         """Where a member's step writes its flags."""
@@ -339,7 +351,8 @@ class Plan:
                 not self.members[link.source.member].address(link.source.variable.name),
             )
             same = variable.dtype == link.target.variable.dtype and (link.factor, link.offset) == (1.0, 0.0)
-            if same and foreign and link.target.size == row[5]:
+            size = row[3] if row[5] == machine.NO_SIZE else row[5]
+            if same and foreign and link.target.size == size:
                 offset = link.source.first * variable.dtype.itemsize
                 row[4] = self.staged[link.target.key] = self.published[link.source.key] + offset
                 self.readers.setdefault(link.source.key, []).append(("accesses", place, 4, offset))

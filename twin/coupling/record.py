@@ -4,17 +4,22 @@
 from __future__ import annotations
 
 import ctypes
+import pickle
 from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from twin import compiler
 from twin.compiler import dependencies, machine
-from twin.component import Component, PythonComponent, Role, Variable, evaluation, solver
+from twin.component import Component, PythonComponent, Role, Variable, evaluation, resampled, solver
 from twin.coupling.member import Access, Member, MemberVariable, TerminalMember, Way
 from twin.dataclass import dataclass
 from twin.errors import CouplingError, SimulationError, TwinError, described
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from pathlib import Path
 
 CAUSALITY = {Role.input: "input", Role.output: "output", Role.parameter: "parameter"}
 
@@ -59,6 +64,28 @@ def driven(cls: type[Component]) -> frozenset[str]:
     )
 
 
+def importable(cls: type[Component]) -> tuple[type[Component], int]:
+    """A class that another process can import, and the period [ns] at which it is to sample."""
+    if cls.__module__ == "__main__":
+        raise pickle.PicklingError(f"{cls.__name__} is in the script that runs")
+    return (cls.__mro__[1] if "sampled_as" in vars(cls) else cls), cls.period_ns
+
+
+def _made_again(
+    name: str,
+    base: type[Component],
+    period_ns: int,
+    values: dict[str, Any],
+    has_code: bool,
+    log: list[str],
+    identity: dict[str, str],
+) -> RecordMember:
+    part = resampled(base, period_ns)(**values)
+    for variable, value in values.items():
+        part.views[variable][...] = value
+    return RecordMember(name, part, (0, 0) if has_code else None, log, identity)
+
+
 @dataclass
 class RecordMember(Member):
     """A component whose record lies in this process: interpreted, Python-side, or compiled (`code` given).
@@ -83,11 +110,23 @@ class RecordMember(Member):
         self._t = 0.0
         if self.code:
             self._initialize: Callable[[float], int] = self._by_address(self.code[0])
-            self.step_function, self.writes_flags = self.code[1], False
+            self.step_function, self.step_signature, self.writes_flags = self.code[1], machine.COMPONENT, False
         else:
             self._initialize = self.component.start  # type: ignore[assignment]
             self._callback = machine.STEP(self._step)
             self.step_function = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Not yet initialized, for another process, which calls `load` next."""
+        part = self.component
+        values = {one.name: np.array(part.views[one.name]) for one in type(part).variables}
+        return _made_again, (self.name, *importable(type(part)), values, bool(self.code), self.log, self.identity)
+
+    def load(self, build: Path) -> None:
+        """Find the compiled code once more, where there was some."""
+        if self.code:
+            self.code = compiler.load_component(type(self.component), build)
+            self.__post_init__()
 
     def _by_address(self, address: int) -> Callable[[float], int]:
         function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_double)(address)

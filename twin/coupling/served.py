@@ -1,10 +1,17 @@
-"""The process of an isolated member: what it shares with that of the loop (isolated.c), and what it does."""
+"""The process of an isolated member: what it shares with that of the loop (isolated.c), and what it does.
+
+It is a new Python, which gets the member, not yet instantiated, as a pickle. A fork would copy the locks of threads that do not
+exist in the copy, and whoever needs one of them later waits for ever.
+"""
 
 from __future__ import annotations
 
 import ctypes
 import marshal
+import mmap
 import os
+import pickle
+import signal
 import sys
 import threading
 from contextlib import suppress
@@ -17,10 +24,12 @@ import numpy as np
 
 from twin import clock, compiler
 from twin.coupling.member import Access, Member
+from twin.coupling.record import RecordMember
 from twin.errors import SimulationError, TwinError, described
-from twin.process import Lines
+from twin.process import SIGNALS, Lines
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from multiprocessing.connection import Connection
 
 SOURCE = Path(__file__).with_name("isolated.c")
@@ -44,9 +53,12 @@ CHANNEL = (
     "early",
     "last",
     "step",
+    "signature",
     "instance",
     "read",
     "write",
+    "own_read",
+    "own_write",
     "sched_setaffinity",
     "loop_core",
     "own_core",
@@ -66,7 +78,9 @@ ROW = (
     "fresh",
     "status",
 )
+READY = -1  # in the place of the number of a question: the process has begun
 HEAD = 4096  # byte, with the channel in it
+HAS_CORES = hasattr(os, "sched_setaffinity")  # and can say which a process may use
 
 
 @lru_cache(maxsize=4)
@@ -102,22 +116,94 @@ def from_words(word: Any) -> Any:
 
 
 def flush() -> None:
-    """Have everything printed: a process that was forked holds copies of what was not."""
+    """Have everything printed: this process is killed next."""
     for file in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, AttributeError):
             file.flush()
     ctypes.CDLL(None).fflush(None)
 
 
+def main(called: int, back: int, shared: int, messages: int) -> NoReturn:
+    """Be the process of an isolated member: ends of pipes, the file of the memory of both, and a connection for messages."""
+    from multiprocessing.connection import Connection
+
+    for one in SIGNALS:
+        signal.signal(one, signal.SIG_IGN)  # the loop's process says when it is over
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+    connection = Connection(messages)
+    try:
+        inner, build, room = pickle.loads(connection.recv_bytes())  # noqa: S301 - from our own parent
+        if isinstance(inner, RecordMember):
+            inner.load(build)
+    except (EOFError, OSError):
+        os._exit(0)  # the other process is dead
+    except BaseException as error:
+        os.write(2, f"{described(error)}\n".encode())
+        os._exit(70)
+    memory = map_memory(shared, os.fstat(shared).st_size)
+    connection.send_bytes(marshal.dumps((READY, "", None)))
+    Served(inner, native(build), memory, called, back, connection, room).live()
+
+
+class Room:
+    """Bytes from `first` to `end`, given out piece by piece."""
+
+    def __init__(self, first: int, end: int) -> None:
+        self.next, self.end = first, end
+
+    def take(self, size: int) -> np.ndarray[Any, Any]:
+        """Fresh bytes, all zero."""
+        place, self.next = self.next, self.next + size
+        assert self.next <= self.end
+        return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_address(place))
+
+
+def map_memory(shared: int, size: int) -> int:
+    """Map the memory of both; its address. Not by Python's mmap, which would keep the file open for as long."""
+    function = ctypes.CDLL(None, use_errno=True).mmap
+    kinds = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_ssize_t
+    function.argtypes, function.restype = kinds, ctypes.c_void_p
+    address = function(None, size, mmap.PROT_READ | mmap.PROT_WRITE, mmap.MAP_SHARED, shared, 0)
+    if address is None or address == ctypes.c_void_p(-1).value:
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+    return int(address)
+
+
+def unmap_memory(address: int, size: int) -> None:
+    """Give it back."""
+    ctypes.CDLL(None).munmap(ctypes.c_void_p(address), ctypes.c_size_t(size))
+
+
+def system_calls(names: Iterable[str]) -> dict[str, int]:
+    """Addresses of functions of the C library."""
+    library = ctypes.CDLL(None)
+    return {name: ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0 for name in names}
+
+
 class Served:
-    """The other side, in the child: does what is asked for, and never returns."""
+    """The other side: does what is asked for, and never returns. `room`: offsets between which a member's values lie."""
 
     def __init__(
-        self, inner: Member, addresses: dict[str, int], memory: int, called: int, messages: Connection
+        self,
+        inner: Member,
+        addresses: dict[str, int],
+        memory: int,
+        called: int,
+        back: int,
+        messages: Connection,
+        room: tuple[int, int] | None,
     ) -> None:
         self.inner, self.native, self.messages, self.called = inner, addresses, messages, called
-        self.memory, self.channel = memory, words(memory, CHANNEL)
         self.kept: list[Access] = []  # what rows point into
+        self.memory = memory
+        self.channel = words(self.memory, CHANNEL)
+        self.channel["called"], self.channel["back"] = called, back
+        for name, address in system_calls(["read", "write"]).items():
+            self.channel[f"own_{name}"] = address
+        if HAS_CORES:
+            (self.channel["sched_setaffinity"],) = system_calls(["sched_setaffinity"]).values()
+        if room:
+            inner.room = Room(self.memory + room[0], self.memory + room[1]).take  # type: ignore[attr-defined]
         self.last: np.ndarray[Any, Any] | None = None  # row
         self.saved: Any = None
         self.objects: dict[str, Any] = {}  # slots of a member with clocks whose values are no numbers
@@ -168,6 +254,7 @@ class Served:
         """Instantiate the member; the name of what steps it."""
         self.inner.instantiate()
         self.channel["step"], self.channel["instance"] = self.inner.step_function, self.inner.instance
+        self.channel["signature"] = self.inner.step_signature
         return self.inner.step_name
 
     def get(self, name: str) -> Any:
@@ -175,10 +262,10 @@ class Served:
         return plain(self.inner.get(name))
 
     def slot(self, name: str) -> int:
-        """Where a variable of a member with clocks lies, in memory of both; of what is no number: that it is asked for."""
+        """Offset of a variable of a member with clocks in the memory of both; of what is no number: that it is asked for."""
         found = self.inner.slot(name)  # type: ignore[attr-defined]
         if found.variable.connectable:
-            return int(found.values.ctypes.data)
+            return int(found.values.ctypes.data) - self.memory
         self.objects[name] = found
         return 0
 
@@ -193,7 +280,7 @@ class Served:
         return answer, *times, inner.ended, inner.has_jumped, outputs
 
     def access(self, names: list[str], write: bool, place: int) -> tuple[int, int, str]:
-        """Fill a row; count, size and name of its call."""
+        """Fill the row at an offset; count, size and name of its call."""
         if not all(self.inner.address(name) for name in names):
             made = self.inner.access(names, write)
         else:
@@ -202,13 +289,13 @@ class Served:
             function = self.native["scatter" if write else "gather"]
             made = Access(function, pieces, len(pieces), sum(v.size for v in variables))
         self.kept.append(made)
-        row = words(place, ROW)
+        row = words(self.memory + place, ROW)
         row["function"], row["instance"], row["references"] = (
             made.function,
             self.inner.instance,
             made.references.ctypes.data,
         )
-        row["count"], row["size"] = made.count, made.size
+        row["count"], row["size"] = made.count, made.size_argument
         if self.last is None:
             self.channel["rows"] = place
         else:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
+from twin.coupling import loop
 from twin.coupling.plan import bits, merged, view
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ class Tables:
         state["record_converts"] = converts.ctypes.data + begin * converts.strides[0]
         state["record_convert_count"] = end - begin
         self.merge_records(state)
-        order, flags = list(self.members), {row[-1]: row[2] for row in self.plan.steps}
+        order, flags = list(self.members), {row[-1]: row[loop.STEP.index("flags")] for row in self.plan.steps}
         rows = [
             [flags[i], bits(clock.seconds(self.plan.periods[name])), i]
             for i, name in enumerate(order)

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.compiler import machine
 from twin.coupling import loop
 from twin.coupling.plan import Key, Plan, bits, kind, view
 from twin.coupling.record import RecordMember
@@ -77,11 +76,7 @@ def look_at(member: Member, variables: list[MemberVariable]) -> Look:
     for dtype in dict.fromkeys(v.dtype for v in variables):
         access = member.access([v.name for v in variables if v.dtype == dtype], write=False)
         values = np.zeros(access.size, dtype)
-        place = values.ctypes.data
-        references = access.references.ctypes.data
-        call = partial(
-            machine.call_access, access.function, member.instance, references, access.count, place, access.size
-        )
+        call = partial(access.call, member.instance, int(values.ctypes.data))
         look.kept.append(access)
         look.values.append(values)
         look.fill.append(call)

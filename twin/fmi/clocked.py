@@ -228,8 +228,7 @@ class ClockedMember(ClockedFMU):
             self._group(slot).append(slot)
         if variable.type != "Clock" and variable.connectable:
             access = super().access([name], write=slot.is_input)
-            places = access.references.ctypes.data, access.count, held.ctypes.data, access.size
-            slot.name, slot.call = access.name, partial(machine.ACCESS(access.function), self.instance, *places)
+            slot.name, slot.call = access.name, partial(access.call, self.instance, int(held.ctypes.data))
             self._kept.append(access)
         if self.is_running and not slot.is_input and not slot.clocks and variable.type != "Clock":
             self.move(slot)

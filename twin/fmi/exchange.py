@@ -94,6 +94,10 @@ class ExchangeMember(ContinuousFMU):
         self._kept: list[Any] = []  # callbacks
         self._callback = machine.STEP(self._step)
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(state)
+        self._callback = machine.STEP(self._step)
+
     # call sequence
 
     def _find_step(self) -> None:
@@ -224,7 +228,7 @@ class ExchangeMember(ContinuousFMU):
 
         self._kept.append(machine.ACCESS(stage))
         made = super().access(names, write)
-        made.function = ctypes.cast(self._kept[-1], ctypes.c_void_p).value or 0
+        made.function, made.takes_size = ctypes.cast(self._kept[-1], ctypes.c_void_p).value or 0, True
         return made
 
     def slot(self, name: str) -> Slot:
@@ -236,8 +240,7 @@ class ExchangeMember(ContinuousFMU):
         slot = self.slots[name] = Slot(variable, is_input, values, values.copy(), int(values.ctypes.data))
         access = super().access([name], write=is_input)
         self._kept.append(access)
-        places = access.references.ctypes.data, access.count, slot.place, access.size
-        slot.name, slot.call = access.name, partial(machine.ACCESS(access.function), self.instance, *places)
+        slot.name, slot.call = access.name, partial(access.call, self.instance, slot.place)
         if is_input:
             known = self._given.get(name, variable.start)
             slot.values[:] = np.ravel(self.get(name) if known is None else known)

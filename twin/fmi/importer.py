@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from twin.compiler import machine
 from twin.coupling import Access, Member, MemberVariable, Way
 from twin.errors import CouplingError, FMUError, SimulationError
 from twin.fmi import binary, values
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
     from twin.fmi.functions import Library
     from twin.fmi.tables import Inputs
+
+
+POINTERS = ("_saved", "_places", "_callback")  # into this process
 
 
 class FMUMember(Calls, Member):
@@ -63,6 +67,14 @@ class FMUMember(Calls, Member):
         except BaseException:
             self._unpacked.close()
             raise
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Not yet instantiated, for another process."""
+        return {name: value for name, value in vars(self).items() if name not in POINTERS}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        vars(self).update(state)
+        self._saved, self._places = ctypes.c_void_p(), list[ctypes.c_void_p]()
 
     # description
 
@@ -198,6 +210,7 @@ class FMUMember(Calls, Member):
         """Know the function that steps the instance."""
         self.step_function, self.step_name = self._address("DoStep"), f"{self._prefix}DoStep"
         self.writes_flags = self._unpacked.fmi != "2.0"
+        self.step_signature = machine.FMI3 if self.writes_flags else machine.FMI2
 
     def enter_initialization(self, t: float, stop: float | None) -> None:
         experiment = (self.tolerance is not None, self.tolerance or 0.0, t, stop is not None, stop or 0.0)
@@ -339,4 +352,5 @@ class FMUMember(Calls, Member):
         references = np.array([variable.references[0] for variable in variables], np.uint32)
         function = f"{'Set' if write else 'Get'}{self._type(variables[0])}"
         size = sum(variable.size for variable in variables)
-        return Access(self._address(function), references, len(references), size, f"{self._prefix}{function}")
+        address, name, takes_size = self._address(function), f"{self._prefix}{function}", self._unpacked.fmi != "2.0"
+        return Access(address, references, len(references), size, name, takes_size)

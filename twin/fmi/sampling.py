@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.compiler import machine
 from twin.errors import FMUError
 from twin.fmi.tables import Column, Results
 
@@ -33,15 +32,7 @@ class Mover:
 
     def __call__(self) -> None:
         """Move them."""
-        call = self.call
-        status = machine.call_access(
-            call.function,
-            self.member.instance,
-            call.references.ctypes.data,
-            call.count,
-            self.buffer.ctypes.data,
-            call.size,
-        )
+        status = self.call.call(self.member.instance, int(self.buffer.ctypes.data))
         self.member.check(status, f"access to {', '.join(self.names[:3])}")
 
 

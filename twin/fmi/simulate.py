@@ -273,9 +273,10 @@ def loop(
 ) -> None:
     """Step from start to stop, or to where the FMU ends the simulation."""
     flags = np.zeros(FLAGS, np.int64)
-    event, terminate, early, reached = (flags.ctypes.data + 8 * i for i in range(4))
+    address = flags.ctypes.data
+    terminate, early, reached = (address + 8 * i for i in range(1, 4))
     steps = plan.steps
-    do_step = machine.STEP(member.step_function)
+    do_step = machine.stepper(member.step_function, member.step_signature)
     for k in range(steps):
         time = plan.start + k * plan.step
         end = min(time + plan.step, plan.stop)
@@ -284,7 +285,7 @@ def loop(
         beat()
         if feed:
             feed(t)
-        status = do_step(member.instance, t, h, 1, event, terminate, early, reached)
+        status = do_step(member.instance, t, h, True, address)
         if machine.read8(terminate) or status > binary.WARNING:
             reason = "its terminate flag is set" if machine.read8(terminate) else member.finish_reason()
             if not reason:

@@ -6,7 +6,7 @@ import hashlib
 import os
 from dataclasses import field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from twin import compiler
 from twin.dataclass import dataclass
@@ -42,6 +42,10 @@ class Unpacked:
     users: int = 1
     process: int = field(default_factory=os.getpid)  # that unpacked it: one that was forked off leaves the folder alone
     terminals: Mapping[str, tuple[TerminalMember, ...]] = field(default_factory=dict)  # by variable
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For another process, which leaves the folder alone."""
+        return vars(self) | {"temporary": None}
 
     def close(self) -> None:
         """Remove the folder when its last user has closed it. Safe to call once too often."""

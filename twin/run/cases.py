@@ -127,9 +127,14 @@ def simulation(case: Case, catalog: Catalog, form: Form, build: Path, recorder: 
     try:
         for name, spec in case.members.items():
             made = members.component_of(spec)
-            parts[name] = members.make(name, made, case.values(name, catalog[name]), form, build, spec.exchange)
+            # a group has no class that another process could import
+            own = Form.fmu if spec.isolate and spec.made else form
+            parts[name] = members.make(name, made, case.values(name, catalog[name]), own, build, spec.exchange)
             if spec.isolate:
                 parts[name] = IsolatedMember(parts[name], build)
+        for part in parts.values():
+            if isinstance(part, IsolatedMember):
+                part.wait()
         found = {name: part.variables for name, part in parts.items()}
         recorded = [find(path, found).key for path in case.record.select(found)]
         events = [find(event.variable, found) for event in case.events if event.kind == "override"]

@@ -165,11 +165,12 @@ def test_a_dcf_there_and_back(devices, node, tmp_path):
     for index, value in changed.items():
         objects.download(node, node.mirror.objects[index][1 if index == 0x6099 else 0], value)
     node.sdo.write(0x1800, 1, (0x80000180 + node.number).to_bytes(4, "little"))
+    node.sdo.write(0x1800, 2, b"\4")  # at every fourth SYNC
     node.sdo.write(0x1A00, 0, b"\0")
     node.sdo.write(0x1A00, 1, (0x60640020).to_bytes(4, "little"))
     node.sdo.write(0x1A00, 0, b"\1")
     found = {(entry.index, entry.sub) for entry, _, _ in dcf.differences(node, values)}
-    assert found == {(0x6085, 0), (0x6099, 1), (0x1800, 1), (0x1A00, 1)}
+    assert found == {(0x6085, 0), (0x6099, 1), (0x1800, 1), (0x1800, 2), (0x1A00, 1)}
     done, refused = dcf.restore(devices, node, values)
     assert refused == []
     assert len(done) == 3

@@ -188,3 +188,25 @@ def test_the_identifier_of_an_emergency_in_use_stays(make):
     assert len(bench.frames(0x93)) == 1
     with pytest.raises(AbortedError):
         bench.write(0x1005, 1 << 30 | 0x80)  # it sends no SYNC
+
+
+def test_an_emergency_of_a_drive_without_its_object_has_the_predefined_identifier(make):
+    """CiA 301, predefined connection set: 80h plus the node-ID, where a vendor's EDS file lacks 1014h."""
+    bench = make("faulhaber_v3")
+    del bench.drive.port.dictionary.values[0x1014, 0]
+    bench.drive.inject(0x8611)
+    bench.go(2)
+    assert len(bench.frames(0x80 + NODE)) == 1
+
+
+@pytest.mark.parametrize("index", [0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60FF])
+def test_a_demand_is_never_stored(make, index):
+    """A drive that came back with a velocity or a torque would move as soon as it is enabled."""
+    bench = make("faulhaber_v3")
+    default = bench.read(index)
+    bench.write(index, 7)
+    bench.write(0x6067, 99)
+    bench.write(0x1010, SAVE, 1)
+    bench.nmt(129)
+    bench.go(150)
+    assert (bench.read(0x6067), bench.read(index)) == (99, default)

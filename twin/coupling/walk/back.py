@@ -61,13 +61,13 @@ def trial(member: Member, t: float, h: float, moved: bool = False) -> str:
         return [np.array(member.get(name)) for name in names]
 
     def step() -> list[Any]:
-        status = machine.call_trial(member.step_function, member.instance, t, h, flags.ctypes.data)
+        status = member.try_step(t, h, flags)
         if status > 1:
             raise SimulationError(f"its step by {h:g} s returns {status}")
         return outputs()
 
     def move(function: int, state: int, refusal: str) -> None:
-        if machine.call_access(function, member.instance, state, 0, 0, 0) > 1:
+        if machine.call_state(function, member.instance, state) > 1:
             raise SimulationError(refusal)
 
     def back() -> None:

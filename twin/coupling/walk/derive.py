@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.compiler import machine
 from twin.coupling.walk.fields import ARRIVED, TO_ARRIVED
 
 if TYPE_CHECKING:
@@ -40,7 +39,7 @@ def by_differences(
 
     def stepped() -> Matrix | None:
         saved = member.save()
-        status = machine.call_trial(member.step_function, member.instance, t, h, flags.ctypes.data)
+        status = member.try_step(t, h, flags)
         found = np.concatenate([np.ravel(member.get(one.name)).astype(np.float64) for one in outputs])
         member.restore(saved)
         return found if status <= 1 else None

@@ -167,7 +167,7 @@ class Stages(Plan):
             steps, order = len(self.steps), list(self.members)
             for name in chosen:
                 member = self.members[name]
-                self.steps.append([member.step_function, member.instance, self._flags(member), 0, 0, order.index(name)])
+                self.steps.append(self._step(member, order.index(name)))
             operation = {"accesses": (sets, len(self.accesses)), "steps": (steps, len(self.steps))}
             inputs = [one for one in links if one.target.member in chosen and id(one) in self.fed]
             parts += [([*self._feeds(inputs, use), *more], operation, begin, length) for use, begin, length in uses]

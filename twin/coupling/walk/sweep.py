@@ -6,6 +6,7 @@ from typing import Any
 
 from twin.compiler import (
     call_access,
+    call_state,
     call_step,
     call_trial,
     read8,
@@ -46,22 +47,22 @@ def perform(self: Any, operation: int, t: float, h: float) -> int:
         row += 56
     row = read64(operation + 72)
     for _ in range(read64(operation + 80)):
-        flags = read64(row + 16)
+        flags = read64(row + 24)
         self.at = row
         if self.trial != 0:
-            status = call_trial(read64(row), read64(row + 8), t, h, flags)
+            status = call_trial(read64(row), read64(row + 8), read64(row + 16), t, h, flags)
         else:
-            status = call_step(read64(row), read64(row + 8), t, h, flags)
+            status = call_step(read64(row), read64(row + 8), read64(row + 16), t, h, flags)
         if status > 1:
-            self.member, self.status = read64(row + 40), status
+            self.member, self.status = read64(row + 48), status
             return status
         if read8(flags + 8) != 0:
-            self.ending = 1 + read64(row + 40)
+            self.ending = 1 + read64(row + 48)
         if read8(flags + 16) != 0 or (self.trial != 0 and read8(flags + 8) != 0):
             if read_float(flags + 24) < t + h - ROUNDING * h:
-                self.member, self.status, self.until = read64(row + 40), EARLY, read_float(flags + 24)
+                self.member, self.status, self.until = read64(row + 48), EARLY, read_float(flags + 24)
                 return EARLY
-        row += 48
+        row += 56
     return 0
 
 
@@ -127,7 +128,7 @@ def keep(self: Any, slot: int) -> int:
     row = self.states
     for _ in range(self.state_count):
         self.at = row
-        status = call_access(read64(row), read64(row + 16), read64(row + 24 + 8 * slot), 0, 0, 0)
+        status = call_state(read64(row), read64(row + 16), read64(row + 24 + 8 * slot))
         if status > 1:
             self.member, self.status = read64(row + 40), status
             return status
@@ -146,7 +147,7 @@ def bring_back(self: Any, slot: int) -> int:
     row = self.states
     for _ in range(self.state_count):
         self.at = row
-        status = call_access(read64(row + 8), read64(row + 16), read64(read64(row + 24 + 8 * slot)), 0, 0, 0)
+        status = call_state(read64(row + 8), read64(row + 16), read64(read64(row + 24 + 8 * slot)))
         if status > 1:
             self.member, self.status = read64(row + 40), status
             return status

@@ -108,14 +108,9 @@ class Distribution:
             return 0.0, 1.0
         is_open = KINDS[self.kind][2]
         return (
-            TAIL if is_open and not np.isfinite(self.low) and not self.bounded_below else 0.0,
+            TAIL if is_open and not np.isfinite(self.low) else 0.0,
             1.0 - TAIL if is_open and not np.isfinite(self.high) else 1.0,
         )
-
-    @property
-    def bounded_below(self) -> bool:
-        """Whether there is a smallest value without truncation."""
-        return self.kind not in ("normal", "log_normal")
 
     def values(self, parts: Array) -> Array:
         """Values at parts (0 to 1) of the truncated distribution."""

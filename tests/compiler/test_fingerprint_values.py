@@ -1,0 +1,31 @@
+"""Whatever a component can read changes its fingerprint: values two by two, in milliseconds. See test_edits.py for files."""
+
+import pytest
+
+from tests.compiler.value_pairs import PAIRS
+from twin.compiler.fingerprint import fingerprint
+
+
+@pytest.mark.parametrize("what", PAIRS)
+def test_what_differs_has_another_fingerprint(what):
+    made = PAIRS[what]
+    first, second = fingerprint(made(0)), fingerprint(made(1))
+    assert first is not None
+    assert second is not None
+    assert first != second
+    assert (fingerprint(made(0)), fingerprint(made(1))) == (first, second)  # the same once more: nothing by address
+
+
+def test_the_order_of_a_set_is_none():
+    assert fingerprint({"a", "b", "c"}) == fingerprint({"c", "a", "b"})
+
+
+def test_what_does_not_show_what_it_holds_is_untraceable():
+    def generator():
+        yield 1
+
+    assert fingerprint(generator()) is None
+
+
+def test_arguments_do_not_run_into_each_other():
+    assert len({fingerprint("ab", "c"), fingerprint("a", "bc"), fingerprint("abc")}) == 3
