@@ -12,11 +12,12 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from figures import ROOT, draw_plots, pivot, run, save
+from figures import ROOT, draw_plots, run, save
 from fmus.fiber.model import Fiber
 from fmus.fiber_shape.model import FiberShape
 from fmus.guided_tip.model import GuidedTip
 from matplotlib.figure import Figure
+from tables import pivot
 
 from twin.results import plotting
 from twin.run import run_scenario
