@@ -17,6 +17,7 @@ import argparse
 import json
 import random
 import re
+import tempfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -25,10 +26,11 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from benchmarks.mutation_lines import Patch, labeled, late, patch_of_line
+from hw_bridge.bridge.entry import load as load_hardware
 from twin.dataclass import dataclass
 from twin.errors import ScenarioError, TwinError
 from twin.results import Signals, evaluate
-from twin.run import analyzed, prepare, run_case, signals, silent, simulation
+from twin.run import analyzed, prepare, run_case, run_scenario, signals, silent, simulation
 from twin.scenario import Case, Form, Scenario, load_scenario, parse_scenario
 
 if TYPE_CHECKING:
@@ -40,6 +42,8 @@ SCENARIOS = Path("scenarios")
 TABLE = Path(__file__).parent / "mutations.yaml"
 LINES = Path(__file__).parent / "mutation_sets.yaml"
 PAGE = Path("docs/explanation/verdicts.md")
+HARDWARE = {"drive_faults": Path("hw_bridge/benches/simulated_force.yaml")}  # scenarios that need simulated drives
+WORSE = ("skipped", "pass", "fail")
 FIRST_SEED = 101  # of those that no scenario lists
 SEEDS = 5  # as many of them
 FACTORS = {"three times": 3.0, "a third": 1 / 3, "zero": 0.0}
@@ -163,6 +167,8 @@ def verdicts(
     except ScenarioError as error:
         return Verdicts({}, refusal=str(error).splitlines()[0])
     seeds = seeds or scenario.seeds[:1]
+    if name in HARDWARE:
+        return verdicts_on_drives(scenario, HARDWARE[name], seeds, sound if ends_early else None)
     tables: Tables = {}
     failure = ""
     for tables, failure in growing_tables(scenario, variants, seeds, sound):
@@ -173,8 +179,33 @@ def verdicts(
     return Verdicts(outcomes_of(scenario, tables), failure)
 
 
+def verdicts_on_drives(scenario: Scenario, bench: Path, seeds: tuple[int, ...], sound: Sound | None) -> Verdicts:
+    """Run each variant on simulated drives; with `sound` until one is noticed. An expectation fails if it does in any variant."""
+    found: dict[str, str] = {}
+    failure = ""
+    with tempfile.TemporaryDirectory() as folder:
+        for case in scenario.variants:
+            try:
+                outcome = run_scenario(
+                    scenario, Form.compiled, variants=[case.variant], seeds=seeds, root=Path(folder), build=BUILD,
+                    report=False, hardware=load_hardware(bench, build=BUILD),
+                )  # fmt: skip
+            except TwinError as error:
+                failure = failure or f"{case.variant}: {str(error).splitlines()[0]}"
+                continue
+            if outcome.run.status != "completed":
+                failure = failure or f"{case.variant}: {outcome.run.reason.splitlines()[0]}"
+            for one in outcome.evaluation.outcomes:
+                found[one.name] = max(one.verdict, found.get(one.name, "skipped"), key=WORSE.index)
+            if sound and (failure or Verdicts(found).noticed_beside(sound)):
+                break
+    return Verdicts(found, failure)
+
+
 def run_sound(name: str, variants: tuple[str, ...], seeds: tuple[int, ...]) -> Sound:
     """Run the scenario as it is."""
+    if name in HARDWARE:
+        return Sound({}, {}, verdicts(name, {}, variants, seeds))
     scenario = patched(name, {})
     cases = {(case.variant, case.seed): case for case in scenario.cases(variants, seeds or scenario.seeds[:1])}
     tables, failure = tables_of(scenario, variants, seeds or scenario.seeds[:1])
