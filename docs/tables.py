@@ -113,7 +113,7 @@ def rig(outcomes: Mapping[str, Outcome]) -> str:
 
     def cell(name: str, metric: str, variants: Sequence[str], kind: str) -> str:
         found = [metrics[name][metric]["variants"][variant] for variant in variants]
-        texts = [span(one["values"].values(), ".3g") if kind == "twin" else f"{one['paper']:.3g}" for one in found]
+        texts = [span(one["values"].values(), "#.3g") if kind == "twin" else f"{one['paper']:.3g}" for one in found]
         return f"{', '.join(texts)} {metrics[name][metric]['unit']}"
 
     grips = {
