@@ -9,6 +9,7 @@ A mutation is a patch of the scenario, as a variant is. Those of `mutations.yaml
 scenario is about, and somebody must notice. Its `others` need not be noticed: a sound machine bears them. Generic ones break
 one connection (the other sign, cut, 50 ms late) or one parameter (three times, a third, zero) wherever the file has one;
 nobody need notice each of them. The first seed is run, or `all_seeds`; `seeds` says how many that the scenario does not list must hold too.
+`stop_time`: an earlier end of all runs, where the scenario is long and what is noticed is noticed before.
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ class Verdicts:
 
 def patched(name: str, patch: Patch) -> Scenario:
     """The scenario with a patch over it; what the patch says below `variants` holds for these alone."""
-    text = json.dumps({"extends": f"{name}.yaml", **patch})
+    text = json.dumps({"extends": f"{name}.yaml", "plots": [], **patch})
     return parse_scenario(text, SCENARIOS / f"{name} mutated.yaml")
 
 
@@ -202,11 +203,11 @@ def verdicts_on_drives(scenario: Scenario, bench: Path, seeds: tuple[int, ...], 
     return Verdicts(found, failure)
 
 
-def run_sound(name: str, variants: tuple[str, ...], seeds: tuple[int, ...]) -> Sound:
-    """Run the scenario as it is."""
+def run_sound(name: str, variants: tuple[str, ...], seeds: tuple[int, ...], shorter: Patch | None = None) -> Sound:
+    """Run the scenario as it is, or to an earlier end."""
     if name in HARDWARE:
         return Sound({}, {}, verdicts(name, {}, variants, seeds))
-    scenario = patched(name, {})
+    scenario = patched(name, shorter or {})
     cases = {(case.variant, case.seed): case for case in scenario.cases(variants, seeds or scenario.seeds[:1])}
     tables, failure = tables_of(scenario, variants, seeds or scenario.seeds[:1])
     return Sound(cases, tables, Verdicts(outcomes_of(scenario, tables), failure))
@@ -290,13 +291,14 @@ def examine(
     variants = tuple(table.get("variants", ()))
     chosen = mutations_of(name, table, lines, most)
     own = load_scenario(SCENARIOS / f"{name}.yaml").seeds if table.get("all_seeds") else ()
-    sound = run_sound(name, variants, own)
+    shorter = {"stop_time": table["stop_time"]} if "stop_time" in table else {}
+    sound = run_sound(name, variants, own, shorter)
     unnoticed: list[str] = []
     caught: set[str] = set()
     for label, patch in chosen.items():
         if only not in label:
             continue
-        result = verdicts(name, patch, variants, own, sound, ends_early)
+        result = verdicts(name, {**patch, **shorter}, variants, own, sound, ends_early)
         if result.refusal:
             raise ScenarioError(f"{name}, {label}: {result.refusal}")
         noticed = result.noticed_beside(sound)
@@ -305,7 +307,7 @@ def examine(
         print(f"mutations_{name}_{label}: {who or 'not noticed'}", flush=True)
         unnoticed += [] if who else [label]
     seeds = tuple(range(FIRST_SEED, FIRST_SEED + table.get("seeds", SEEDS)))
-    unlisted = verdicts(name, {}, variants, seeds) if not only else Verdicts({})
+    unlisted = verdicts(name, shorter, variants, seeds) if not only else Verdicts({})
     idle = [one for one in sound.verdicts.outcomes if one in sound.judged - caught]
     for text, listed in (
         ("noticed nothing", idle if not ends_early else []),
