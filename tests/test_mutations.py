@@ -43,34 +43,34 @@ def test_a_mutation_that_is_no_scenario_is_refused_not_noticed():
     assert not found.noticed
 
 
-def test_what_a_mutation_does_not_change_is_not_run_again(monkeypatch):
-    name, patch = "stepper_calibration", TABLE["stepper_calibration"]["central"]["no jam"]
-    sound = mutations.run_sound(name, (), ())
-    whole = mutations.verdicts(name, patch)
-    started = []
+@pytest.fixture
+def started(monkeypatch):
+    """The variants whose simulations were started."""
+    variants = []
     simulation = mutations.simulation
 
     def counted(case, *rest):
-        started.append(case.variant)
+        variants.append(case.variant)
         return simulation(case, *rest)
 
     monkeypatch.setattr(mutations, "simulation", counted)
+    return variants
+
+
+def test_what_a_mutation_does_not_change_is_not_run_again(started):
+    name, patch = "stepper_calibration", TABLE["stepper_calibration"]["central"]["no jam"]
+    sound = mutations.run_sound(name, (), ())
+    whole = mutations.verdicts(name, patch)
+    started.clear()
     again = mutations.verdicts(name, patch, sound=sound)
     assert started == ["overloaded"]
     assert again == whole
 
 
-def test_a_mutation_ends_with_the_first_variant_that_notices_it(monkeypatch):
+def test_a_mutation_ends_with_the_first_variant_that_notices_it(started):
     name, patch = "stepper_calibration", TABLE["stepper_calibration"]["central"]["camera with ten times the noise"]
     sound = mutations.run_sound(name, (), ())
-    started = []
-    simulation = mutations.simulation
-
-    def counted(case, *rest):
-        started.append(case.variant)
-        return simulation(case, *rest)
-
-    monkeypatch.setattr(mutations, "simulation", counted)
+    started.clear()
     found = mutations.verdicts(name, patch, sound=sound, ends_early=True)
     assert found.noticed_beside(sound)
     assert len(started) == 1 < len(sound.cases)
