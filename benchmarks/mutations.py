@@ -169,7 +169,7 @@ def verdicts(
         return Verdicts({}, refusal=str(error).splitlines()[0])
     seeds = seeds or scenario.seeds[:1]
     if name in HARDWARE:
-        return verdicts_on_drives(scenario, HARDWARE[name], seeds, sound if ends_early else None)
+        return verdicts_on_drives(scenario, variants, seeds, HARDWARE[name], sound if ends_early else None)
     tables: Tables = {}
     failure = ""
     for tables, failure in growing_tables(scenario, variants, seeds, sound):
@@ -180,12 +180,14 @@ def verdicts(
     return Verdicts(outcomes_of(scenario, tables), failure)
 
 
-def verdicts_on_drives(scenario: Scenario, bench: Path, seeds: tuple[int, ...], sound: Sound | None) -> Verdicts:
+def verdicts_on_drives(
+    scenario: Scenario, variants: tuple[str, ...], seeds: tuple[int, ...], bench: Path, sound: Sound | None
+) -> Verdicts:
     """Run each variant on simulated drives; with `sound` until one is noticed. An expectation fails if it does in any variant."""
     found: dict[str, str] = {}
     failure = ""
     with tempfile.TemporaryDirectory() as folder:
-        for case in scenario.variants:
+        for case in scenario.cases(variants, seeds[:1]):
             try:
                 outcome = run_scenario(
                     scenario, Form.compiled, variants=[case.variant], seeds=seeds, root=Path(folder), build=BUILD,
