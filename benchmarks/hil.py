@@ -56,7 +56,8 @@ nodes:
 
 LONG = """extends: {scenario}
 stop_time: {seconds} s
-metrics: {{force_error_std: null, force_error_max: null, force_error_mean: null, estimate_error_std: null}}
+metrics: {{force_error_std: null, force_error_max: null, force_error_mean: null, estimate_error_std: null,
+  true_force_mean: null, force_lateness: null, commanded_speed: null, estimated_rate: null}}
 expect: [{{name: clinical range, signal: wall.force, within: [0.1 N, 0.4 N]}}]
 plots: []
 """

@@ -3,11 +3,13 @@
     python -m benchmarks.mutations                       all scenarios of mutations.yaml, half an hour; tables into the docs
     python -m benchmarks.mutations injection_sequence    that one
     python -m benchmarks.mutations --generic 12 needle   and twelve mutations of its own connections and parameters
+    python -m benchmarks.mutations --first racs          end a mutation with the first variant that notices it
 
 A mutation is a patch of the scenario, as a variant is. Those of `mutations.yaml` are central: what they break is what the
 scenario is about, and somebody must notice. Its `others` need not be noticed: a sound machine bears them. Generic ones break
 one connection (the other sign, cut, 50 ms late) or one parameter (three times, a third, zero) wherever the file has one;
 nobody need notice each of them. The first seed is run, or `all_seeds`; `seeds` says how many that the scenario does not list must hold too.
+`stop_time`: an earlier end of all runs, where the scenario is long and what is noticed is noticed before.
 """
 
 from __future__ import annotations
@@ -16,25 +18,33 @@ import argparse
 import json
 import random
 import re
+import tempfile
 from collections.abc import Iterator
-from functools import partial
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
 from benchmarks.mutation_lines import Patch, labeled, late, patch_of_line
+from hw_bridge.bridge.entry import load as load_hardware
 from twin.dataclass import dataclass
 from twin.errors import ScenarioError, TwinError
 from twin.results import Signals, evaluate
-from twin.run import analyzed, prepare, run_case, signals, silent, simulation
-from twin.scenario import Form, Scenario, load_scenario, parse_scenario
+from twin.run import analyzed, prepare, run_case, run_scenario, signals, silent, simulation
+from twin.scenario import Case, Form, Scenario, load_scenario, parse_scenario
+
+if TYPE_CHECKING:
+    from twin.coupling import Catalog
+    from twin.scenario.spec import MemberSpec
 
 BUILD = Path("build")
 SCENARIOS = Path("scenarios")
 TABLE = Path(__file__).parent / "mutations.yaml"
 LINES = Path(__file__).parent / "mutation_sets.yaml"
 PAGE = Path("docs/explanation/verdicts.md")
+HARDWARE = {"drive_faults": Path("hw_bridge/benches/simulated_force.yaml")}  # scenarios that need simulated drives
+WORSE = ("skipped", "pass", "fail")
 FIRST_SEED = 101  # of those that no scenario lists
 SEEDS = 5  # as many of them
 FACTORS = {"three times": 3.0, "a third": 1 / 3, "zero": 0.0}
@@ -57,42 +67,79 @@ class Verdicts:
         """The expectations that failed."""
         return [name for name, verdict in self.outcomes.items() if verdict == "fail"]
 
+    def noticed_beside(self, sound: Sound) -> list[str]:
+        """The expectations that failed and that the sound scenario passes."""
+        return [name for name in self.noticed if name in sound.judged or name.endswith("is a number")]
+
 
 def patched(name: str, patch: Patch) -> Scenario:
     """The scenario with a patch over it; what the patch says below `variants` holds for these alone."""
-    text = json.dumps({"extends": f"{name}.yaml", **patch})
+    text = json.dumps({"extends": f"{name}.yaml", "plots": [], **patch})
     return parse_scenario(text, SCENARIOS / f"{name} mutated.yaml")
 
 
+Tables = dict[tuple[str, int], Signals]
+
+
+@dataclass(frozen=True)
+class Sound:
+    """The scenario without a mutation: its cases, what they recorded, and the expectations that it passes."""
+
+    cases: dict[tuple[str, int], Case]
+    tables: Tables
+    verdicts: Verdicts
+
+    @property
+    def judged(self) -> set[str]:
+        """The expectations that hold."""
+        return {name for name, verdict in self.verdicts.outcomes.items() if verdict == "pass"}
+
+
 def tables_of(
-    scenario: Scenario, variants: tuple[str, ...], seeds: tuple[int, ...]
-) -> tuple[dict[tuple[str, int], Signals], str]:
+    scenario: Scenario, variants: tuple[str, ...], seeds: tuple[int, ...], sound: Sound | None = None
+) -> tuple[Tables, str]:
     """What each variant and seed records, with its analyses, and the first failure of a run."""
-    tables: dict[tuple[str, int], Signals] = {}
+    *_, last = growing_tables(scenario, variants, seeds, sound)
+    return last
+
+
+def growing_tables(
+    scenario: Scenario, variants: tuple[str, ...], seeds: tuple[int, ...], sound: Sound | None = None
+) -> Iterator[tuple[Tables, str]]:
+    """The tables after each variant, the shortest first, and the first failure of a run.
+
+    A case that the mutation does not change is not run again: it has the tables of the sound scenario.
+    """
+    tables: Tables = {}
     failure = ""
     catalogs = prepare(scenario)
+    changed: dict[str, list[Case]] = {}
     for case in scenario.cases(variants, seeds):
-        simulated = simulation(case, catalogs[case.variant], Form.compiled, BUILD)
-        try:
-            run_case(case, simulated, silent)
-            tables[case.variant, case.seed] = recorded = signals(simulated, complete=True)
-            tables[case.variant, case.seed] = analyzed(scenario, case.variant, recorded)
-        except (TwinError, ValueError, ArithmeticError) as error:  # an analysis may have nothing to work on
-            failure = failure or f"{case.name}: {str(error).splitlines()[0]}"
-        finally:
-            simulated.terminate()
-    return tables, failure
+        key = case.variant, case.seed
+        if sound and key in sound.tables and sound.cases[key] == case:
+            tables[key] = sound.tables[key]
+        else:
+            changed.setdefault(case.variant, []).append(case)
+    for cases in sorted(changed.values(), key=lambda cases: cases[0].stop_ns - cases[0].start_ns):
+        for case in cases:
+            simulated = simulation(case, catalogs[case.variant], Form.compiled, BUILD)
+            try:
+                run_case(case, simulated, silent)
+                tables[case.variant, case.seed] = recorded = signals(simulated, complete=True)
+                tables[case.variant, case.seed] = analyzed(scenario, case.variant, recorded)
+            except (TwinError, ValueError, ArithmeticError) as error:  # an analysis may have nothing to work on
+                failure = failure or f"{case.name}: {str(error).splitlines()[0]}"
+            finally:
+                simulated.terminate()
+        yield tables, failure
+    if not changed:
+        yield tables, failure
 
 
-def verdicts(name: str, patch: Patch, variants: tuple[str, ...] = (), seeds: tuple[int, ...] = ()) -> Verdicts:
-    """Run the scenario with a patch and judge it, published figures as if the settings were the paper's."""
-    try:
-        scenario = patched(name, patch)
-        prepare(scenario)
-    except ScenarioError as error:
-        return Verdicts({}, refusal=str(error).splitlines()[0])
-    tables, failure = tables_of(scenario, variants, seeds or scenario.seeds[:1])
-    result = evaluate(scenario.metrics, scenario.expectations, tables)
+def outcomes_of(scenario: Scenario, tables: Tables, is_complete: bool = True) -> dict[str, str]:
+    """The verdict of each expectation and published figure. Of some of the variants: without means over all of them."""
+    expectations = [one for one in scenario.expectations if is_complete or not one.mean]
+    result = evaluate(scenario.metrics, expectations, tables)
     found = {one.name: one.verdict for one in result.outcomes}
     for figure in result.figures:
         if figure.verdict in ("pass", "fail"):
@@ -100,7 +147,72 @@ def verdicts(name: str, patch: Patch, variants: tuple[str, ...] = (), seeds: tup
             found[key] = "fail" if "fail" in (figure.verdict, found.get(key)) else "pass"
         elif figure.verdict == "none":
             found[f"{figure.metric.name} is a number"] = "fail"
+    return found
+
+
+def verdicts(
+    name: str,
+    patch: Patch,
+    variants: tuple[str, ...] = (),
+    seeds: tuple[int, ...] = (),
+    sound: Sound | None = None,
+    ends_early: bool = False,
+) -> Verdicts:
+    """Run the scenario with a patch and judge it, published figures as if the settings were the paper's.
+
+    `ends_early`: after the first variant with which an expectation fails that the sound scenario passes.
+    """
+    try:
+        scenario = patched(name, patch)
+        prepare(scenario)
+    except ScenarioError as error:
+        return Verdicts({}, refusal=str(error).splitlines()[0])
+    seeds = seeds or scenario.seeds[:1]
+    if name in HARDWARE:
+        return verdicts_on_drives(scenario, variants, seeds, HARDWARE[name], sound if ends_early else None)
+    tables: Tables = {}
+    failure = ""
+    for tables, failure in growing_tables(scenario, variants, seeds, sound):
+        if ends_early and sound:
+            result = Verdicts(outcomes_of(scenario, tables, is_complete=False), failure)
+            if failure or result.noticed_beside(sound):
+                return result
+    return Verdicts(outcomes_of(scenario, tables), failure)
+
+
+def verdicts_on_drives(
+    scenario: Scenario, variants: tuple[str, ...], seeds: tuple[int, ...], bench: Path, sound: Sound | None
+) -> Verdicts:
+    """Run each variant on simulated drives; with `sound` until one is noticed. An expectation fails if it does in any variant."""
+    found: dict[str, str] = {}
+    failure = ""
+    with tempfile.TemporaryDirectory() as folder:
+        for case in scenario.cases(variants, seeds[:1]):
+            try:
+                outcome = run_scenario(
+                    scenario, Form.compiled, variants=[case.variant], seeds=seeds, root=Path(folder), build=BUILD,
+                    report=False, hardware=load_hardware(bench, build=BUILD),
+                )  # fmt: skip
+            except TwinError as error:
+                failure = failure or f"{case.variant}: {str(error).splitlines()[0]}"
+                continue
+            if outcome.run.status != "completed":
+                failure = failure or f"{case.variant}: {outcome.run.reason.splitlines()[0]}"
+            for one in outcome.evaluation.outcomes:
+                found[one.name] = max(one.verdict, found.get(one.name, "skipped"), key=WORSE.index)
+            if sound and (failure or Verdicts(found).noticed_beside(sound)):
+                break
     return Verdicts(found, failure)
+
+
+def run_sound(name: str, variants: tuple[str, ...], seeds: tuple[int, ...], shorter: Patch | None = None) -> Sound:
+    """Run the scenario as it is, or to an earlier end."""
+    if name in HARDWARE:
+        return Sound({}, {}, verdicts(name, {}, variants, seeds))
+    scenario = patched(name, shorter or {})
+    cases = {(case.variant, case.seed): case for case in scenario.cases(variants, seeds or scenario.seeds[:1])}
+    tables, failure = tables_of(scenario, variants, seeds or scenario.seeds[:1])
+    return Sound(cases, tables, Verdicts(outcomes_of(scenario, tables), failure))
 
 
 def generic(name: str) -> Iterator[tuple[str, Patch]]:
@@ -122,12 +234,21 @@ def generic(name: str) -> Iterator[tuple[str, Patch]]:
             found = NUMBER.match(str(raw)) if not isinstance(raw, (bool, list, dict)) else None
             for label, factor in FACTORS.items() if found and "seed" not in parameter else ():
                 changed = f"{float(found[1]) * factor:g}{found[2] or ''}" if found else ""
-                if found and float(found[1]) * factor != float(found[1]):
+                if found and is_other_value(spec, member, catalog, parameter, changed):
                     patch = {"members": {member: {"parameters": {parameter: number(changed)}}}}
                     yield f"{member}.{parameter}: {label}", patch
 
 
-def endpoint(catalog: Any, path: str) -> Any:
+def is_other_value(spec: MemberSpec, member: str, catalog: Catalog, parameter: str, text: str) -> bool:
+    """Whether a parameter may have a value, and has another one now."""
+    variables = catalog[member]
+    changed, problems = replace(spec, parameters={**spec.parameters, parameter: number(text)}).values(member, variables)
+    now, _ = spec.values(member, variables)
+    name = parameter.partition("[")[0]
+    return not problems and bool((changed[name] != now[name]).any()) and not any(variables[name].outside(changed[name]))
+
+
+def endpoint(catalog: Catalog, path: str) -> Any:
     """The variable at an end of a connection; None if it is a terminal or an element."""
     member, _, variable = path.partition(".")
     return catalog.get(member, {}).get(variable)
@@ -165,40 +286,43 @@ def mutations_of(name: str, table: dict[str, Any], lines: list[Any], most: int =
     return chosen
 
 
-def examine(name: str, table: dict[str, Any], lines: list[Any], most: int, only: str = "") -> str:
+def examine(
+    name: str, table: dict[str, Any], lines: list[Any], most: int, only: str = "", ends_early: bool = False
+) -> str:
     """Run a scenario whole, with seeds of its own and broken; print, and give its row of the page."""
     variants = tuple(table.get("variants", ()))
     chosen = mutations_of(name, table, lines, most)
     own = load_scenario(SCENARIOS / f"{name}.yaml").seeds if table.get("all_seeds") else ()
-    run = partial(verdicts, name, variants=variants, seeds=own)
-    whole = run({})
-    judged = [key for key, verdict in whole.outcomes.items() if verdict == "pass"]
+    shorter = {"stop_time": table["stop_time"]} if "stop_time" in table else {}
+    sound = run_sound(name, variants, own, shorter)
     unnoticed: list[str] = []
     caught: set[str] = set()
     for label, patch in chosen.items():
         if only not in label:
             continue
-        result = run(patch)
+        result = verdicts(name, {**patch, **shorter}, variants, own, sound, ends_early)
         if result.refusal:
             raise ScenarioError(f"{name}, {label}: {result.refusal}")
-        noticed = [one for one in result.noticed if one in judged or one.endswith("is a number")]
+        noticed = result.noticed_beside(sound)
         caught.update(noticed)
         who = "; ".join(noticed + ([f"the run ends: {result.failure}"] if result.failure else []))
         print(f"mutations_{name}_{label}: {who or 'not noticed'}", flush=True)
         unnoticed += [] if who else [label]
     seeds = tuple(range(FIRST_SEED, FIRST_SEED + table.get("seeds", SEEDS)))
-    unlisted = verdicts(name, {}, variants, seeds) if not only else Verdicts({})
-    idle = [one for one in judged if one not in caught]
+    unlisted = verdicts(name, shorter, variants, seeds) if not only else Verdicts({})
+    idle = [one for one in sound.verdicts.outcomes if one in sound.judged - caught]
     for text, listed in (
-        ("noticed nothing", idle), ("not judged, as one seed alone does not pass", whole.noticed),
+        ("noticed nothing", idle if not ends_early else []),
+        ("not judged, as one seed alone does not pass", sound.verdicts.noticed),
         (f"fails at {len(seeds)} seeds that are not listed", unlisted.noticed),
-    ):  # fmt: skip
+    ):
         if listed:
             print(f"mutations_{name}: {text}: {'; '.join(listed)}", flush=True)
     print(f"mutations_{name}_score: {len(chosen) - len(unnoticed)} of {len(chosen)}", flush=True)
+    nothing = "not counted" if ends_early else "; ".join(idle) or "-"
     return (
         f"| `{name}` | {len(chosen) - len(unnoticed)} of {len(chosen)} | {'; '.join(unnoticed) or '-'} "
-        f"| {'; '.join(idle) or '-'} | {'; '.join(unlisted.noticed) or '-'} |"
+        f"| {nothing} | {'; '.join(unlisted.noticed) or '-'} |"
     )
 
 
@@ -228,11 +352,14 @@ def main() -> None:
     parser.add_argument(
         "--only", default="", metavar="TEXT", help="mutations whose label has this; the page stays as it is"
     )
+    parser.add_argument(
+        "--first", action="store_true", help="end a mutation with the first variant that notices it: the score alone"
+    )
     asked = parser.parse_args()
     table, lines = (yaml.safe_load(path.read_text()) for path in (TABLE, LINES))
     for name in asked.scenario or lines:
         own = table.get(name, {})
-        row = examine(name, own, lines.get(name, []), asked.generic or own.get("generic", 0), asked.only)
+        row = examine(name, own, lines.get(name, []), asked.generic or own.get("generic", 0), asked.only, asked.first)
         if not (asked.only or asked.generic):
             write(name, row)
 

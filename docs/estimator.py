@@ -18,6 +18,7 @@ from fmus.beat_search import candidate_rate
 from fmus.heart.model import Heart
 from fmus.heart_motion.model import SEARCHING, HeartMotion
 from matplotlib.figure import Figure
+from tables import span
 
 from twin.results import plotting
 
@@ -26,11 +27,11 @@ SAMPLE = 4e-3  # [s] of tip tracking
 
 
 def table(summary: Mapping[str, Any], names: tuple[str, ...]) -> str:
-    """Metrics as columns, mean over the seeds; one row for each variant."""
+    """Metrics as columns, least to largest of the seeds; one row for each variant."""
     metrics = [summary["metrics"][name] for name in names]
     rows = [f"| variant | {' | '.join(one['description'] for one in metrics)} |", "|---" * (len(names) + 1) + "|"]
     for variant in metrics[0]["variants"]:
-        values = [f"{one['variants'][variant]['mean']:.2g} {one['unit']}" for one in metrics]
+        values = [f"{span(one['variants'][variant]['values'].values(), '.2g')} {one['unit']}" for one in metrics]
         rows.append(f"| {variant} | {' | '.join(values)} |")
     return "\n".join(rows)
 

@@ -1,11 +1,11 @@
 """Draw the figures of README.md and docs/, and write their result tables, from runs made now.
 
-python docs/figures.py
+python docs/figures.py                          all
+python docs/figures.py linear_grip rotation     the tables of these scenarios alone
 """
 
 from __future__ import annotations
 
-import re
 import sys
 import tempfile
 from pathlib import Path
@@ -15,6 +15,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
+from tables import pivot, regripping, rig, table, write_table
 
 from twin.component import Component, input, output  # noqa: A004 - FMI's own word
 from twin.results import plotting
@@ -22,7 +23,7 @@ from twin.run import Outcome, run_scenario
 from twin.scenario import Form, load_scenario, parse_scenario
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping, Sequence
 
 ROOT = Path(__file__).parents[1]
 FIGURES = ROOT / "docs" / "figures"
@@ -60,50 +61,18 @@ def run(name: str, folder: Path) -> Outcome:
     return run_scenario(scenario, root=folder / "runs", build=ROOT / "build", report=False)
 
 
-def span(values: Iterable[float], digits: str) -> str:
-    """Least to largest, or one number where both are written alike."""
-    ordered = sorted(values)
-    return " to ".join(dict.fromkeys((format(ordered[0], digits), format(ordered[-1], digits))))
-
-
-def table(summary: Mapping[str, Any]) -> str:
-    """Metrics with a published figure and a tolerance, as a table in Markdown: least to largest of the seeds."""
-    count = len(
-        {seed for one in summary["metrics"].values() for row in one["variants"].values() for seed in row["values"]}
-    )
-    seeds = f", {count} seeds" if count > 1 else ""
-    rows = [f"| metric | variant | paper | twin{seeds} | twin / paper |", "|---|---|---|---|---|"]
-    for metric in summary["metrics"].values():
-        if metric["tolerance"] is None:
-            continue
-        unit = metric["unit"]
-        for variant, one in metric["variants"].items():
-            values, paper = one["values"].values(), one["paper"]
-            known = f"{paper:#.3g} {unit}" if paper is not None else ""
-            ratio = span((value / paper for value in values), ".2f") if paper else ""
-            rows.append(f"| {metric['description']} | {variant} | {known} | {span(values, '#.3g')} {unit} | {ratio} |")
-    return "\n".join(rows)
-
-
-def pivot(summary: Mapping[str, Any], names: tuple[str, ...]) -> str:
-    """Some metrics as columns, one row for each variant."""
-    metrics = [summary["metrics"][name] for name in names]
-    rows = [f"| variant | {' | '.join(one['description'] for one in metrics)} |", "|---" * (len(names) + 1) + "|"]
-    for variant in metrics[0]["variants"]:
-        values = [f"{one['variants'][variant]['mean']:#.3g} {one['unit']}".rstrip() for one in metrics]
-        rows.append(f"| {variant} | {' | '.join(values)} |")
-    return "\n".join(rows)
-
-
 def write_tables(outcomes: Mapping[str, Outcome]) -> None:
-    """Replace what stands between the two comments `results NAME` and `end`."""
-    for name, pages in TABLES.items():
-        for page in pages:
-            path = ROOT / page
-            marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-            summary = outcomes[name].summary
-            text = pivot(summary, PIVOTS[name]) if name in PIVOTS else table(summary)
-            path.write_text(marks.sub(lambda match, text=text: match[1] + text + "\n" + match[2], path.read_text()))
+    """Tables of single scenarios, and those that are made of several."""
+    for name, outcome in outcomes.items():
+        summary = outcome.summary
+        for page in TABLES[name]:
+            write_table(page, name, pivot(summary, PIVOTS[name]) if name in PIVOTS else table(summary))
+    if "dynamic_regripping" in outcomes:
+        means, late = regripping(outcomes["dynamic_regripping"].summary)
+        write_table("docs/explanation/racs.md", "regripping_means", means)
+        write_table("docs/explanation/racs.md", "regripping_late", late)
+    if outcomes.keys() >= {"linear_grip", "rotational_grip", "rotation", "dynamic_regripping"}:
+        write_table("README.md", "rig", rig(outcomes))
 
 
 def draw_plots(outcome: Outcome, files: Mapping[str, str]) -> None:
@@ -297,12 +266,15 @@ def draw_lateness(folder: Path) -> None:
         save(figure, "lateness.svg")
 
 
-def main() -> None:
-    """Draw and write everything."""
+def main(asked: Sequence[str]) -> None:
+    """Draw and write everything, or write the tables of some scenarios."""
     FIGURES.mkdir(exist_ok=True)
     sys.modules["figures"] = sys.modules[__name__]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
+        if asked:
+            write_tables({scenario: run(scenario, folder) for scenario in asked})
+            return
         outcomes = {scenario: run(scenario, folder) for scenario in TABLES}
         write_tables(outcomes)
         draw_system(outcomes["heart_wall_force"])
@@ -321,4 +293,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

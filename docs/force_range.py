@@ -239,6 +239,21 @@ def details(folder: Path) -> str:
     return "\n".join([*rows, f"| **all of them** | {whole} |"])
 
 
+def shortened(table: str) -> str:
+    """The table of ten minutes with fewer columns, for the first page."""
+    rows = [line.strip("| ").split(" | ") for line in table.splitlines() if not line.startswith("|---")]
+    kept = [[row[0], row[1], row[4], row[5]] for row in rows]
+    kept[0][0] = "ten minutes, 10 seeds"
+    lines = [f"| {' | '.join(row)} |" for row in kept]
+    return "\n".join([lines[0], "|---" * 4 + "|", *lines[1:]])
+
+
+def write_table(page: Path, name: str, text: str) -> None:
+    """Replace what stands between the two comments `results NAME` and `end`."""
+    marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+    page.write_text(marks.sub(lambda match: match[1] + text + "\n" + match[2], page.read_text()))
+
+
 TABLES = {"minutes": minutes, "range": ranges, "details": details}
 
 
@@ -247,9 +262,9 @@ def main(asked: list[str]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         for name in asked or TABLES:
             text = TABLES[name](Path(folder))
-            marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-            page = PAGE.read_text()
-            PAGE.write_text(marks.sub(lambda match, text=text: match[1] + text + "\n" + match[2], page))
+            write_table(PAGE, name, text)
+            if name == "minutes":
+                write_table(ROOT / "README.md", "minutes", shortened(text))
             print(text)
 
 

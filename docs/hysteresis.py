@@ -19,6 +19,7 @@ from fmus.hysteresis_models import constants
 from fmus.prandtl_ishlinskii_compensator import identify as plays
 from fmus.prandtl_ishlinskii_compensator.model import PrandtlIshlinskiiCompensator
 from matplotlib.figure import Figure
+from tables import span
 
 from twin.results import plotting
 
@@ -39,13 +40,13 @@ ROWS = {
 
 
 def table(summary: Mapping[str, Any]) -> str:
-    """One row for each model; errors in mm."""
+    """One row for each model; errors in mm, least to largest of the seeds."""
     shown = ("the chirp", "heart, 1 Hz", "heart, 1.6 Hz")
     columns = [*(f"model: {one}" for one in shown), *(f"tracking: {one}" for one in shown), "largest: heart, 1 Hz"]
     rows = [f"| model | {' | '.join(columns)} |", "|---" * (len(columns) + 1) + "|"]
 
     def value(metric: str, variant: str) -> str:
-        return f"{summary['metrics'][metric]['variants'][variant]['mean']:.2f}"
+        return span(summary["metrics"][metric]["variants"][variant]["values"].values(), ".2f")
 
     for name, (suffix, error) in ROWS.items():
         cells = [value(error, motion) if error else "" for motion in MOTIONS]

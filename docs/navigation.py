@@ -10,7 +10,8 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from figures import FIGURES, ROOT, draw_plots, pivot, run
+from figures import FIGURES, ROOT, draw_plots, run
+from tables import pivot
 
 from twin.scene import instants, picture
 

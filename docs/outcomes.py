@@ -115,15 +115,23 @@ def figures(found: Sequence[Figure]) -> list[str]:
             one.metric.name,
             one.variant,
             one.metric.shown(one.paper) if one.paper is not None else "",
-            one.metric.shown(one.mean, one.scale),
+            span(one),
             one.verdict if one.paper is not None else "",
         )
         for one in found
     ]
     if not rows:
         return []
-    lines = table(("metric", "variant", "paper", "twin, mean over seeds", ""), rows)
+    lines = table(("metric", "variant", "paper", "twin, least to largest of the seeds", ""), rows)
     return [f'<details markdown="1">\n<summary>Metrics: {len(rows)} figures</summary>\n\n{lines}\n</details>\n']
+
+
+def span(one: Figure) -> str:
+    """The least and the largest value of the seeds, or one where both are written alike."""
+    values = [value for value in one.values.values() if value is not None]
+    if not values:
+        return one.metric.shown(None)
+    return " to ".join(dict.fromkeys(one.metric.shown(end, one.scale) for end in (min(values), max(values))))
 
 
 def table(titles: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -1,26 +1,32 @@
 """Draw the figures of docs/explanation/sensing.md, and write its result tables, from runs made now.
 
-python docs/sensing.py
+python docs/sensing.py                 all
+python docs/sensing.py fiber_shape     the tables of these scenarios alone
 """
 
 from __future__ import annotations
 
 import re
+import sys
 import tempfile
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import matplotlib as mpl
 import numpy as np
-from figures import ROOT, draw_plots, pivot, run, save
+from figures import ROOT, draw_plots, run, save
 from fmus.fiber.model import Fiber
 from fmus.fiber_shape.model import FiberShape
 from fmus.guided_tip.model import GuidedTip
 from matplotlib.figure import Figure
+from tables import pivot
 
 from twin.results import plotting
 from twin.run import run_scenario
 from twin.scenario import load_scenario
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 PAGE = ROOT / "docs" / "explanation" / "sensing.md"
 PUBLISHED = (0.35, 1.15)  # mean error over 38 cm of Jackle et al., for shapes of different complexity [mm]
@@ -176,15 +182,17 @@ def write_table(name: str, text: str) -> None:
     PAGE.write_text(marks.sub(lambda match: match[1] + text + "\n" + match[2], PAGE.read_text()))
 
 
-def main() -> None:
-    """Draw and write everything."""
-    draw_shape()
+def main(asked: Sequence[str]) -> None:
+    """Draw and write everything, or write the tables of some scenarios."""
     with tempfile.TemporaryDirectory() as name:
-        outcomes = {scenario: run(scenario, Path(name)) for scenario in TABLES}
+        outcomes = {scenario: run(scenario, Path(name)) for scenario in asked or TABLES}
+        for scenario, outcome in outcomes.items():
+            write_table(scenario, shown(outcome.summary, TABLES[scenario]))
+        if asked:
+            return
         write_table("tip_places", places(Path(name)))
         write_table("travel_fused", fused(Path(name)))
-    for scenario, metrics in TABLES.items():
-        write_table(scenario, shown(outcomes[scenario].summary, metrics))
+    draw_shape()
     draw_plots(outcomes["tip_tracking"], {"Tip motion by fiber and by EM tracker": "tip_tracking.svg"})
 
 
@@ -201,4 +209,4 @@ def shown(summary: Any, metrics: tuple[str, ...]) -> str:
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

@@ -154,11 +154,11 @@ def test_blocks_run(page, tmp_path, built, command_line):
 
 def check_table(text, folder):
     """The numbers in the README are what its command gives today, to the digits shown."""
-    spec = importlib.util.spec_from_file_location("figures", ROOT / "docs" / "figures.py")
-    figures = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(figures)
+    spec = importlib.util.spec_from_file_location("tables", ROOT / "docs" / "tables.py")
+    tables = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(tables)
     (summary,) = folder.glob("runs/heart_wall_force/*/summary.json")
-    table = figures.table(json.loads(summary.read_text()))
+    table = tables.table(json.loads(summary.read_text()))
     assert table in text, f"README.md is out of date: run `python docs/figures.py`\n{table}"
 
 

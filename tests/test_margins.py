@@ -66,6 +66,15 @@ def test_the_gain_margin_is_where_the_twin_begins_to_ring(sliding):
     assert swings(1.05 * limit) > 50e-3
 
 
+@pytest.mark.slow
+def test_a_gain_of_6000_has_the_margins_that_the_page_says():
+    """docs/explanation/force_experiment.md, `P = 6000 with PI alone is no result`."""
+    frequencies = np.array([1.0, 10.0, 10.5, 11.0, 11.5, 12.0, 12.5, 13.0])
+    frequencies, response = loop.response(loop.Plant().sliding(), loop.SMALL, frequencies)
+    found = loop.margins(frequencies, loop.controller(frequencies, 6.0) * response)
+    assert (f"{found.gain:.1f} dB", f"{found.phase:.0f} deg") == ("1.0 dB", "11 deg")
+
+
 def test_below_crossover_it_is_stiffness_over_s_and_a_delay(sliding):
     """Cantilever in series with the silicone; sampling, holding and publishing twice, drive and sheath make 18.5 ms."""
     frequencies, response = sliding

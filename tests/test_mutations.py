@@ -14,7 +14,7 @@ SAMPLE = ("racs", "regripping", "teleoperation", "stepper_calibration", "bench_b
 CHEAP = ("stepper_calibration", ("overloaded",))
 
 
-@pytest.mark.parametrize("name", TABLE)
+@pytest.mark.parametrize("name", [name for name in TABLE if "central" in TABLE[name]])
 def test_the_last_mutation_of_a_scenario_is_a_scenario(name):
     patch = [*TABLE[name]["central"].values()][-1]
     prepare(mutations.patched(name, mutations.expanded(patch)))
@@ -41,6 +41,58 @@ def test_a_mutation_that_is_no_scenario_is_refused_not_noticed():
     found = mutations.verdicts("racs", {"members": {"instrument": {"parameters": {"stifness": 1}}}})
     assert "stifness" in found.refusal
     assert not found.noticed
+
+
+@pytest.fixture
+def started(monkeypatch):
+    """The variants whose simulations were started."""
+    variants = []
+    simulation = mutations.simulation
+
+    def counted(case, *rest):
+        variants.append(case.variant)
+        return simulation(case, *rest)
+
+    monkeypatch.setattr(mutations, "simulation", counted)
+    return variants
+
+
+def test_what_a_mutation_does_not_change_is_not_run_again(started):
+    name, patch = "stepper_calibration", TABLE["stepper_calibration"]["central"]["no jam"]
+    sound = mutations.run_sound(name, (), ())
+    whole = mutations.verdicts(name, patch)
+    started.clear()
+    again = mutations.verdicts(name, patch, sound=sound)
+    assert started == ["overloaded"]
+    assert again == whole
+
+
+def test_a_mutation_ends_with_the_first_variant_that_notices_it(started):
+    name, patch = "stepper_calibration", TABLE["stepper_calibration"]["central"]["camera with ten times the noise"]
+    sound = mutations.run_sound(name, (), ())
+    started.clear()
+    found = mutations.verdicts(name, patch, sound=sound, ends_early=True)
+    assert found.noticed_beside(sound)
+    assert len(started) == 1 < len(sound.cases)
+    started.clear()
+    unnoticed = mutations.patch_of_line(
+        "set slide.load_force 0",
+        load_scenario(mutations.SCENARIOS / f"{name}.yaml"),
+        prepare(mutations.patched(name, {})),
+    )
+    assert not mutations.verdicts(name, unnoticed, sound=sound, ends_early=True).noticed_beside(sound)
+    assert len(started) == sum(sound.cases[key] != case for key, case in cases_of(name, unnoticed).items())
+
+
+def cases_of(name, patch):
+    scenario = mutations.patched(name, patch)
+    return {(case.variant, case.seed): case for case in scenario.cases((), scenario.seeds[:1])}
+
+
+def test_a_generic_mutation_is_a_value_that_the_parameter_may_have():
+    found = dict(mutations.generic("heart_wall_force"))
+    assert "tip.free_length: three times" in found
+    assert "tip.free_length: zero" not in found  # at least 1 mm
 
 
 def test_generic_mutations_break_one_thing_each():

@@ -183,7 +183,8 @@ FORCE_SHORT = """extends: heart_wall_force.yaml
 stop_time: 0.5 s
 seeds: [1]
 variants: {PI+FF: null, PI+FF+BW: null}
-metrics: {force_error_std: null, force_error_max: null, force_error_mean: null, estimate_error_std: null}
+metrics: {force_error_std: null, force_error_max: null, force_error_mean: null, estimate_error_std: null,
+  true_force_mean: null, force_lateness: null, commanded_speed: null, estimated_rate: null}
 expect: []
 plots: []
 """
