@@ -287,6 +287,19 @@ def test_a_shift_that_counts_anew_is_not_a_jump(native):
     assert made.fusion.travel == pytest.approx(before + 0.01, abs=0.5e-3)
 
 
+def test_a_gripper_that_moves_a_bow_for_long_without_the_fiber_is_lost(native):
+    made = Made(native, slip=(10.0, 100.0))
+    states = []
+    for until in (15.0, 20.0, 25.0, 30.0, 35.0, 40.0):  # 300 mm of the gripper, nothing of the tip
+        made.go(until, status=2)
+        states.append(int(made.fusion.status))
+    assert states[0] == 1
+    assert states[-1] == 2
+    assert abs(made.fusion.travel - made.tip) < 2.0 * made.fusion.uncertainty
+    made.go(41.0)  # that it comes back tells nothing of where the tip is
+    assert made.fusion.status == 2
+
+
 @pytest.mark.parametrize("jump", [-25e-3, 25e-3])
 def test_a_bow_that_springs_open_is_no_breath(native, jump):
     made = Made(native)
@@ -326,7 +339,7 @@ def test_a_shift_that_is_not_sure_of_itself_makes_the_travel_less_sure(native):
     sure.fusion.shift_uncertainty, unsure.fusion.shift_uncertainty = 0.1e-3, 4e-3
     sure.go(20.0)
     unsure.go(20.0)
-    assert unsure.fusion.uncertainty > 1.5 * sure.fusion.uncertainty
+    assert unsure.fusion.uncertainty > 1.3 * sure.fusion.uncertainty
 
 
 @pytest.mark.parametrize("uncertainty", [math.nan, math.inf, -1.0])

@@ -169,6 +169,7 @@ def track(self: TipTracking, h: float) -> int:
     age = self.profile_age + h
     usable = self.profile_status != LOST and isfinite(age) and age <= h + self.hold and readable(self)
     shift = 0.0
+    seen = usable
     if usable:
         self.noise = max(self.profile_noise, self.curvature_noise, SHARE * self.difference)
         if not self.begun:
@@ -178,9 +179,9 @@ def track(self: TipTracking, h: float) -> int:
         limit = self.blind_limit if self.matched else self.uncertainty_limit  # a doubtful reference would mislead for good
         usable = self.doubt <= limit and self.doubt < self.window
     if not usable:
-        # a path too straight at first: the reference is the first profile that can be told apart; one that no profile matches
-        # for a while is given up, as it may have been noise or the instrument may have gone on unseen
-        self.unmatched = self.unmatched + h if self.begun and self.difference > self.mismatch_limit else 0.0
+        # a path too straight at first: the reference is the first profile that can be told apart; one that profiles do not
+        # match for a while is given up, as it may have been noise or the instrument may have gone on unseen
+        self.unmatched = self.unmatched + h if seen else 0.0
         if not self.matched:
             self.begun = False
         elif self.unmatched > self.hold:

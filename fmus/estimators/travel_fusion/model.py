@@ -49,8 +49,12 @@ class TravelFusion(Component):
                              source="chosen: all of the first 10 mm after a reversal, (10 mm)^2 per 10 mm")
     blind_density = parameter(5e-5, "m", "the least of these while the fiber tells nothing", minimum=0.0,
                               source="paper, section III.C: (2.2 mm)^2 per 100 mm, the most that a gripper loses")
+    blind_maximum = parameter(0.1, "m", "travel without the fiber beyond which the tip may as well have stood still", display_unit="mm",
+                              minimum=0.0, source="chosen: two strokes; a free length that buckles takes up all of a gripper's travel")
     speed_maximum = parameter(0.04, "m/s", "of the instrument, if Hall sensors are missing", display_unit="mm/s", minimum=0.0,
                               source="paper, section III.C: 40 mm/s")
+    hall_error = parameter(0.15e-3, "m", "standard deviation of the Hall sensors within a stroke", display_unit="mm", minimum=0.0,
+                           source="hall_travel: amplitude 0.1 mm within a magnetic pitch, 0.05 mm at a takeover, rounding")
     shift_noise = parameter(0.5e-3, "m", "error of the shift that changes with the place", display_unit="mm", minimum=1e-6,
                             source="tip_tracking: interpolation between gratings, up to 0.45 mm; heart 1 mm")
     shift_correlation = parameter(0.5, "s", "how long such an error lasts", minimum=4e-3,
@@ -64,7 +68,7 @@ class TravelFusion(Component):
     between_length = parameter(0.12, "m", "from the middle of what is matched to the tip: play in between is unseen by the shift",
                                display_unit="mm", minimum=1e-3,
                                source="tip_tracking: window, free length, half a grating, and half of 150 mm matched")
-    ahead_error = parameter(0.5, "", "part of what is added to the shift after a reversal that it may be wrong by", minimum=0.0,
+    ahead_error = parameter(0.5, "", "part of what a reversal adds to the shift that it is wrong by, until the end", minimum=0.0,
                             source="chosen: one number for a stretch that is uneven along a bend")
     tip_motion = parameter(5e-3, "m", "travel of the tip after a reversal that shows that play is taken up", display_unit="mm",
                            minimum=0.0, source="chosen: above what breath may leave")
@@ -76,6 +80,8 @@ class TravelFusion(Component):
                            source="chosen: above breath, below a stroke of 50 mm")
     fresh = parameter(20e-3, "s", "age of a Hall sample from which on it is missing", display_unit="ms", minimum=0.0,
                       source="chosen: five samples")
+    disagreement_memory = parameter(0.1, "s", "over which the innovation is averaged that counts as uncertainty", minimum=0.0,
+                                    source="chosen: 25 samples, a tenth of a heart beat")
     surprise = parameter(3.0, "", "standard deviations of the innovation beyond which the tip is taken to have moved by itself",
                          minimum=1.0, source="chosen: one of 400 normal numbers is larger")
     uncertainty_limit = parameter(5e-3, "m", "uncertainty of the travel beyond which it is degraded", display_unit="mm", minimum=0.0,
@@ -86,6 +92,11 @@ class TravelFusion(Component):
                      source="chosen: above the window of tip_tracking, 20 mm")
 
     contradiction = local(0.0, "m^2", "sum of squared differences of both measures that were beyond belief")
+    blind = local(0.0, "m", "travel of the gripper since the fiber last told something", display_unit="mm")
+    stood = local(0.0, "m", "travel of the gripper that the tip may not have made", display_unit="mm")
+    unseen = local(0.0, "m^2", "variance of play that no reversal so far has shown: play is bounded, so the largest counts")
+    disagreement = local(0.0, "m", "innovation of late: what both measures differ by and the filter has not explained",
+                         display_unit="mm")
     unmeasured = local(0.0, "m", "travel that the gripper may have made while neither measure was there", display_unit="mm")
     x = local(0.0, "m", "offset; what the reference's breath adds; breath and its quadrature", shape=(STATES,))
     p = local(0.0, "m^2", "their covariance", shape=(STATES, STATES))
@@ -123,6 +134,10 @@ class TravelFusion(Component):
         self.before = self.measured_travel
         self.contradiction = 0.0
         self.unmeasured = 0.0
+        self.unseen = 0.0
+        self.blind = 0.0
+        self.stood = 0.0
+        self.disagreement = 0.0
         self.lasting = 0.0
         self.last_lead = 0.0
         self.way = 0.0
@@ -198,6 +213,8 @@ def follow_direction(self: TravelFusion) -> None:
         if moved > self.tip_motion or abs(self.way) > self.play_maximum:
             self.taken_up = True
             self.extreme = self.before
+            added = self.ahead_error * (self.ahead_full - self.ahead_at_turn)
+            self.unseen = max(self.unseen, added * added + self.tip_motion * self.tip_motion / 3.0)
 
 
 def predict(self: TravelFusion, h: float, move: float, hall: bool) -> None:
@@ -226,6 +243,11 @@ def predict(self: TravelFusion, h: float, move: float, hall: bool) -> None:
     density = self.advance_density if self.sign > 0.0 else self.withdraw_density
     if self.was_lost or not self.ever:
         density = max(density, self.blind_density)
+        self.blind += abs(move)
+        if self.blind > self.blind_maximum:
+            self.stood += abs(move)
+    else:
+        self.blind = 0.0
     if unsure:
         density = self.play_density
     self.x[OFFSET] += self.creep * move
@@ -261,6 +283,7 @@ def correct(self: TravelFusion, h: float) -> bool:
         self.contradiction += most * most
         return False
     self.lasting += (innovation - self.lasting) * h / (self.shift_correlation + h)
+    self.disagreement += (innovation - self.disagreement) * h / (self.disagreement_memory + h)
     expect(self)
     expected = square + self.gain[OFFSET] + self.gain[REFERENCE] + self.gain[BREATH]
     if innovation * innovation > self.surprise * self.surprise * expected:  # breath is slower and smaller: the tip has moved
@@ -293,7 +316,7 @@ def count_anew(self: TravelFusion, square: float) -> None:
             self.p[REFERENCE, i] = self.p[i, REFERENCE] = -self.p[OFFSET, i] - self.p[BREATH, i]
     self.p[REFERENCE, REFERENCE] = self.p[OFFSET, OFFSET] + 2.0 * self.p[OFFSET, BREATH] + self.p[BREATH, BREATH] + square
     self.last_lead -= self.lasting
-    self.lasting = 0.0
+    self.lasting = self.disagreement = 0.0
 
 
 def notice_slip(self: TravelFusion, move: float) -> None:
@@ -312,6 +335,9 @@ def publish(self: TravelFusion) -> None:
     self.offset = self.x[OFFSET]
     self.travel = self.before - self.x[OFFSET]
     self.breath = -self.x[BREATH]
-    unseen = self.ahead_error * self.ahead
-    variance = max(self.p[OFFSET, OFFSET], 0.0) + self.contradiction
-    self.uncertainty = sqrt(variance + unseen * unseen + self.unmeasured * self.unmeasured)
+    # besides the filter's own: what it cannot know
+    now = 0.0 if self.taken_up else self.ahead_error * (self.ahead - self.ahead_at_turn)
+    back = min(self.way * self.sign, 0.0)  # a reversal that is not noticed yet
+    known = self.disagreement * self.disagreement + self.unmeasured * self.unmeasured + self.stood * self.stood
+    variance = max(self.p[OFFSET, OFFSET], 0.0) + self.hall_error * self.hall_error + self.contradiction + self.unseen + now * now + back * back
+    self.uncertainty = sqrt(variance + known)
