@@ -16,6 +16,7 @@ class HeartPhase(Component):
     beats = input("", "true beats, as `heart` counts them: an R wave at each whole number", nominal=100.0)
 
     phase = output("rad", "phase of the heartbeat, ahead by `lead`, from 0 to 2 pi")
+    beat_period = output("s", "period of the beats of late")
     waves = output("", "R waves found: a trigger for gating", type=Int64)
     valid = output("", "whether the last waves were found where they were expected, and lately", type=Boolean)
 
@@ -59,6 +60,7 @@ class HeartPhase(Component):
         self.valid = False
         part = self.beats + self.lead / self.beat
         self.phase = 2.0 * pi * (part - floor(part))
+        self.beat_period = self.beat
 
     def step(self, t: float, h: float) -> None:
         # the value at t: a wave lies between the last step and this one
@@ -73,6 +75,7 @@ class HeartPhase(Component):
             take_wave(self)
         part = (t + h + self.lead - self.last_wave) / self.beat
         self.phase = 2.0 * pi * (part - floor(part))
+        self.beat_period = self.beat
         fresh = t + h - self.last_wave <= self.lost_after * self.beat
         self.valid = fresh and self.regular >= self.regular_waves
 
