@@ -45,6 +45,8 @@ class HeartPhase(Component):
     pending = local(0.0, "s", "when the next wave will be reported; negative: none")
     pending_wave = local(0.0, "s", "its time")
     regular = local(0, "", "regular waves in a row", type=Int64)
+    last_passed = local(1.0, "", "beats between the last two waves")
+    skipped = local(0, "", "waves in a row with as many beats between them, more than one", type=Int64)
     stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
@@ -57,6 +59,8 @@ class HeartPhase(Component):
         self.pending_wave = 0.0
         self.waves = 0
         self.regular = 0
+        self.last_passed = 1.0
+        self.skipped = 0
         self.valid = False
         part = self.beats + self.lead / self.beat
         self.phase = 2.0 * pi * (part - floor(part))
@@ -86,6 +90,13 @@ def take_wave(self: HeartPhase) -> None:
     Waves that were missed are counted in.
     """
     passed = max(floor((self.pending_wave - self.last_wave) / self.beat + 0.5), 1.0)
+
+    # before the first intervals nothing is known of the rate; and waves are not missed at the same place each time
+    self.skipped = self.skipped + 1 if passed == self.last_passed and passed > 1.0 else 0
+    self.last_passed = passed
+    if self.waves < 2 or self.skipped >= self.regular_waves:
+        passed = 1.0
+        self.skipped = 0
     interval = (self.pending_wave - self.last_wave) / passed
     news = 1.0 / (self.waves + 1.0)  # the first waves count for more: the mean of what there is
     allowed = self.tolerance * self.beat
