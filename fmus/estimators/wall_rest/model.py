@@ -56,6 +56,8 @@ class WallRest(Component):
     line = local(0.0, "N", "force since the last R wave was found", shape=(ROOM,))
     count = local(0, "", "samples in it", type=Int64)
     whole = local(False, "", "whether all of them were listened to", type=Boolean)
+    since = local(0.0, "s", "since the last R wave was found")
+    unsteady = local(0.0, "", "variance of a beat's length about those before, as part of it")
     last_waves = local(0, "", "R waves at the last step", type=Int64)
     mean = local(0.0, "N", "mean force of each part of a beat", shape=(BINS,))
     samples = local(0, "", "samples of each part", type=Int64, shape=(BINS,))
@@ -65,8 +67,7 @@ class WallRest(Component):
     learned_period = local(0.0, "s", "period of the beats that were learned")
     confirmed = local(False, "", "whether a beat of this contact was like the course", type=Boolean)
     others = local(0, "", "beats in a row that were others", type=Int64)
-    before = local(0.0, "rad", "from the middle of the rest back to its begin")
-    after = local(0.0, "rad", "from the middle of the rest to its end")
+    half_open = local(0.0, "rad", "by which the arrival may be off the middle of the rest: less by what beats vary")
     largest = local(0.0, "N", "peak of the change per phase")
 
     def initialize(self) -> None:
@@ -75,14 +76,17 @@ class WallRest(Component):
         self.confirmed = False
         self.whole = False
         self.last_waves = self.waves
+        self.since = self.unsteady = 0.0
         self.count = 0
         self.learned_period = self.beat_period
         self.rest_phase = self.rest_width = self.stroke = 0.0
-        self.before = self.after = 0.0
+        self.half_open = 0.0
         self.open = self.valid = False
 
     def step(self, t: float, h: float) -> None:
+        self.since += h
         if self.waves != self.last_waves:
+            watch_rate(self)
             if self.whole and self.waves == self.last_waves + 1:
                 take_beat(self, h)
             self.last_waves = self.waves
@@ -102,7 +106,17 @@ class WallRest(Component):
         if self.valid and self.beat_period > 0.0 and isfinite(self.phase):
             turns = (self.phase - self.rest_phase) / TURN + self.lead / self.beat_period
             away = TURN * (turns - floor(turns + 0.5))
-            self.open = -self.before <= away <= self.after
+            self.half_open = max(0.5 * self.rest_width - TURN * sqrt(self.unsteady), 0.5 * TURN / GRID)
+            self.open = abs(away) <= self.half_open
+
+
+def watch_rate(self: WallRest) -> None:
+    """How much the length of a beat differs from those before; early beats and missed waves are left out."""
+    if self.beat_period > 0.0:
+        off = self.since / self.beat_period - 1.0
+        if abs(off) <= self.regular:
+            self.unsteady += (off * off - self.unsteady) / self.memory
+    self.since = 0.0
 
 
 def transform(self: WallRest, h: float) -> bool:
@@ -201,11 +215,9 @@ def find_rest(self: WallRest) -> None:
     on = 0
     while on < GRID // 2 and fastest(self, best + on + 1, around) <= limit:
         on += 1
-    half = 0.5 * TURN / GRID
-    self.before = half + TURN * back / GRID
-    self.after = half + TURN * on / GRID
-    self.rest_phase = TURN * best / GRID
-    self.rest_width = self.before + self.after
+    turns = (best + 0.5 * (on - back)) / GRID
+    self.rest_phase = TURN * (turns - floor(turns))
+    self.rest_width = TURN * (1 + on + back) / GRID
 
 
 def fastest(self: WallRest, j: int, around: int) -> float:
