@@ -220,9 +220,13 @@ def test_each_needle_enters_while_the_wall_rests_at_other_rates(rate, tmp_path, 
     # the window of phases that was there before: 0 of 3 at 110 /min, at 0.5 to 0.9 of the wall's largest speed
     options = [f"heart.rate={rate} /min", "heart.systole_by_rate=true", "sequence.target_count=3", "stop_time=80 s"]
     scenario = load_scenario(ROOT / "scenarios" / "injection_sequence.yaml", options)
-    outcome = run_scenario(scenario, Form.compiled, variants=["normal"], seeds=[1], root=tmp_path, build=build, report=False)
+    outcome = run_scenario(
+        scenario, Form.compiled, variants=["normal"], seeds=[1], root=tmp_path, build=build, report=False
+    )
     metrics = outcome.summary["metrics"]
-    values = {name: metrics[name]["variants"]["normal"]["mean"] for name in ("entries", "resting", "missed", "entry_speed")}
+    values = {
+        name: metrics[name]["variants"]["normal"]["mean"] for name in ("entries", "resting", "missed", "entry_speed")
+    }
     assert values["entries"] == values["resting"] == 3
     assert values["missed"] == 0
     assert values["entry_speed"] <= 0.25

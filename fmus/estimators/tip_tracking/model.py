@@ -76,7 +76,7 @@ class TipTracking(Component):
     mismatch_limit = parameter(2.0, "1/m", "mismatch from which on there is no result: the path has changed",
                                minimum=0.0, source="chosen: a tenth of the paper's bends")
     significance = parameter(3.0, "", "how often as steep as noise a profile must be to tell anything", minimum=1.0,
-                             source="chosen: squared slopes of 15 gratings of noise spread by 0.3 of their mean, and 250 samples a second are tried")
+                             source="chosen: squared slopes of 15 gratings of noise spread by 0.3 of their mean; 250 samples a second")
     learn_interpolation = parameter(True, "", "whether the error that repeats with the pitch is found and taken off", type=Boolean,
                                     source="chosen; the paper has nothing of the kind")
     fresh = parameter(14e-3, "s", "age of a sample from which on it is degraded", display_unit="ms", minimum=0.0,
@@ -169,7 +169,7 @@ def track(self: TipTracking, h: float) -> int:
     age = self.profile_age + h
     usable = self.profile_status != LOST and isfinite(age) and age <= h + self.hold and readable(self)
     shift = 0.0
-    seen = usable
+    has_profile = usable
     if usable:
         self.noise = max(self.profile_noise, self.curvature_noise, SHARE * self.difference)
         if not self.begun:
@@ -181,7 +181,7 @@ def track(self: TipTracking, h: float) -> int:
     if not usable:
         # a path too straight at first: the reference is the first profile that can be told apart; one that profiles do not
         # match for a while is given up, as it may have been noise or the instrument may have gone on unseen
-        self.unmatched = self.unmatched + h if seen else 0.0
+        self.unmatched = self.unmatched + h if has_profile else 0.0
         if not self.matched:
             self.begun = False
         elif self.unmatched > self.hold:

@@ -171,7 +171,7 @@ class TravelFusion(Component):
         believed = correct(self, h)
         notice_slip(self, move)
         publish(self)
-        if not hall and not believed or self.uncertainty > self.lost_limit:
+        if (not hall and not believed) or self.uncertainty > self.lost_limit:
             self.status = LOST
         elif (
             hall
@@ -266,8 +266,8 @@ def predict(self: TravelFusion, h: float, move: float, hall: bool) -> None:
 
 def correct(self: TravelFusion, h: float) -> bool:
     """Hall travel less shift is offset + reference + breath, with an error that lasts; whether it was believed."""
-    told = isfinite(self.shift) and 0.0 <= self.shift_uncertainty < LONGEST
-    if self.tracking_status == LOST or not told:
+    is_usable = isfinite(self.shift) and 0.0 <= self.shift_uncertainty < LONGEST
+    if self.tracking_status == LOST or not is_usable:
         self.was_lost = self.ever or abs(self.before) > 1e-3  # the shift counts from where tracking begins
         return False
     noise = self.shift_noise * (self.degraded_factor if self.tracking_status == DEGRADED else 1.0)
@@ -338,6 +338,6 @@ def publish(self: TravelFusion) -> None:
     # besides the filter's own: what it cannot know
     now = 0.0 if self.taken_up else self.ahead_error * (self.ahead - self.ahead_at_turn)
     back = min(self.way * self.sign, 0.0)  # a reversal that is not noticed yet
-    known = self.disagreement * self.disagreement + self.unmeasured * self.unmeasured + self.stood * self.stood
-    variance = max(self.p[OFFSET, OFFSET], 0.0) + self.hall_error * self.hall_error + self.contradiction + self.unseen + now * now + back * back
-    self.uncertainty = sqrt(variance + known)
+    variance = max(self.p[OFFSET, OFFSET], 0.0) + self.hall_error * self.hall_error + self.contradiction + self.unseen
+    variance += now * now + back * back + self.disagreement * self.disagreement
+    self.uncertainty = sqrt(variance + self.unmeasured * self.unmeasured + self.stood * self.stood)

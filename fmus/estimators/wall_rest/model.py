@@ -39,7 +39,7 @@ class WallRest(Component):
     speed_limit = parameter(0.25, "", "part of the largest speed of the beat below which the wall is at rest", minimum=0.0,
                             maximum=1.0, source="chosen before results")
     wave_delay = parameter(20e-3, "s", "time from an R wave until it is found", display_unit="ms", minimum=0.0,
-                           source="delay of heart_phase: known of a detector")
+                           source="delay of heart_phase: learned of a detector")
     spread = parameter(0.03, "s", "time to both sides in which the wall is to be slow: what the arrival may be off by",
                        display_unit="ms", minimum=0.0,
                        source="estimate: period of the sequence 10 ms, slide and needle 20 ms, R wave 4 ms")
@@ -55,14 +55,14 @@ class WallRest(Component):
 
     line = local(0.0, "N", "force since the last R wave was found", shape=(ROOM,))
     count = local(0, "", "samples in it", type=Int64)
-    whole = local(False, "", "whether all of them were listened to", type=Boolean)
+    complete = local(False, "", "whether all of them were listened to", type=Boolean)
     since = local(0.0, "s", "since the last R wave was found")
     unsteady = local(0.0, "", "variance of a beat's length about those before, as part of it")
     last_waves = local(0, "", "R waves at the last step", type=Int64)
     mean = local(0.0, "N", "mean force of each part of a beat", shape=(BINS,))
     samples = local(0, "", "samples of each part", type=Int64, shape=(BINS,))
     course = local(0.0, "N", "cosine and sine parts of the force over a beat", shape=(HARMONICS, 2))
-    heard = local(0.0, "N", "the same of the last beat", shape=(HARMONICS, 2))
+    series = local(0.0, "N", "the same of the last beat", shape=(HARMONICS, 2))
     speed = local(0.0, "N", "change of the force per phase over a beat", shape=(GRID,))
     learned_period = local(0.0, "s", "period of the beats that were learned")
     confirmed = local(False, "", "whether a beat of this contact was like the course", type=Boolean)
@@ -74,7 +74,7 @@ class WallRest(Component):
         self.beats = 0
         self.others = 0
         self.confirmed = False
-        self.whole = False
+        self.complete = False
         self.last_waves = self.waves
         self.since = self.unsteady = 0.0
         self.count = 0
@@ -87,21 +87,21 @@ class WallRest(Component):
         self.since += h
         if self.waves != self.last_waves:
             watch_rate(self)
-            if self.whole and self.waves == self.last_waves + 1:
+            if self.complete and self.waves == self.last_waves + 1:
                 take_beat(self, h)
             self.last_waves = self.waves
             self.count = 0
-            self.whole = True
+            self.complete = True
         if self.listening and self.count < ROOM and isfinite(self.measured_force):
             self.line[self.count] = self.measured_force
             self.count += 1
         else:
-            self.whole = False
+            self.complete = False
         if not self.listening:
             self.confirmed = False
 
-        known = self.beats >= self.beats_needed and self.rest_width > 0.0
-        self.valid = known and self.confirmed and self.phase_valid
+        learned = self.beats >= self.beats_needed and self.rest_width > 0.0
+        self.valid = learned and self.confirmed and self.phase_valid
         self.open = False
         if self.valid and self.beat_period > 0.0 and isfinite(self.phase):
             turns = (self.phase - self.rest_phase) / TURN + self.lead / self.beat_period
@@ -135,11 +135,11 @@ def transform(self: WallRest, h: float) -> bool:
             return False
         self.mean[i] /= self.samples[i]
     for k in range(HARMONICS):
-        self.heard[k, 0] = self.heard[k, 1] = 0.0
+        self.series[k, 0] = self.series[k, 1] = 0.0
         for i in range(BINS):
             angle = TURN * (k + 1) * (i + 0.5) / BINS
-            self.heard[k, 0] += 2.0 / BINS * self.mean[i] * cos(angle)
-            self.heard[k, 1] += 2.0 / BINS * self.mean[i] * sin(angle)
+            self.series[k, 0] += 2.0 / BINS * self.mean[i] * cos(angle)
+            self.series[k, 1] += 2.0 / BINS * self.mean[i] * sin(angle)
     return True
 
 
@@ -149,14 +149,14 @@ def take_beat(self: WallRest, h: float) -> None:
         return
     if abs(self.beat_period - self.learned_period) > self.rate_tolerance * self.learned_period:
         self.beats = 0
-    apart = size = 0.0
+    difference_power = size = 0.0
     for k in range(HARMONICS):
         for part in range(2):
-            difference = self.heard[k, part] - self.course[k, part]
-            apart += difference * difference
+            difference = self.series[k, part] - self.course[k, part]
+            difference_power += difference * difference
             size += self.course[k, part] * self.course[k, part]
     floor_power = 4.0 * HARMONICS * self.noise * self.noise / self.count
-    if self.beats > 0 and apart > self.likeness * self.likeness * size + floor_power:
+    if self.beats > 0 and difference_power > self.likeness * self.likeness * size + floor_power:
         self.others += 1
         self.confirmed = False
         if self.others < 2:
@@ -170,7 +170,7 @@ def take_beat(self: WallRest, h: float) -> None:
     for k in range(HARMONICS):
         for part in range(2):
             before = 0.0 if self.beats == 1 else self.course[k, part]
-            self.course[k, part] = before + news * (self.heard[k, part] - before)
+            self.course[k, part] = before + news * (self.series[k, part] - before)
     self.learned_period += news * (self.beat_period - self.learned_period)
     self.confirmed = True
     find_rest(self)
