@@ -20,6 +20,8 @@ from twin.scenario import Form, parse_scenario
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    Row = tuple[str, Iterable[str], Iterable[int]]  # label, overrides, heart rates
+
 PAGE = ROOT / "docs" / "explanation" / "injection_catheter.md"
 SCENARIO = ROOT / "scenarios" / "injection_sequence.yaml"
 RATES = (40, 48, 60, 75, 100, 125, 150)  # [1/min]
@@ -98,7 +100,7 @@ def outcome(gate: str, options: Iterable[str], rates: Iterable[int], folder: Pat
     return Group({name: np.array(values, float) for name, values in found.items()})
 
 
-def table(first: str, rows: Iterable[tuple[str, Iterable[str], Iterable[int]]], folder: Path) -> str:
+def table(first: str, rows: Iterable[Row], folder: Path) -> str:
     """The gates side by side."""
     text = [f"| {first} | {' | '.join(GATES)} |", "|---" * (1 + len(GATES)) + "|"]
     for label, options, rates in rows:
@@ -121,7 +123,7 @@ def main() -> None:
     """Write both tables."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        by_rate = [(f"{rate} /min", (), (rate,)) for rate in RATES]
+        by_rate: list[Row] = [(f"{rate} /min", (), (rate,)) for rate in RATES]
         by_rate += [
             (f"{rate} /min, systole a fixed part", ("heart.systole_by_rate=false",), (rate,)) for rate in FEW_RATES
         ]

@@ -67,6 +67,9 @@ class WallRest(Component):
     learned_period = local(0.0, "s", "period of the beats that were learned")
     confirmed = local(False, "", "whether a beat of this contact was like the course", type=Boolean)
     others = local(0, "", "beats in a row that were others", type=Int64)
+    middle = local(0.0, "rad", "phase in the middle of the rest")
+    width = local(0.0, "rad", "its width; 0: there is none")
+    span = local(0.0, "N", "peak to peak of the course")
     half_open = local(0.0, "rad", "by which the arrival may be off the middle of the rest: less by what beats vary")
     largest = local(0.0, "N", "peak of the change per phase")
 
@@ -79,7 +82,8 @@ class WallRest(Component):
         self.since = self.unsteady = 0.0
         self.count = 0
         self.learned_period = self.beat_period
-        self.rest_phase = self.rest_width = self.stroke = 0.0
+        self.middle = self.width = self.span = 0.0
+        publish(self)
         self.half_open = 0.0
         self.open = self.valid = False
 
@@ -100,14 +104,15 @@ class WallRest(Component):
         if not self.listening:
             self.confirmed = False
 
-        learned = self.beats >= self.beats_needed and self.rest_width > 0.0
+        learned = self.beats >= self.beats_needed and self.width > 0.0
         self.valid = learned and self.confirmed and self.phase_valid
         self.open = False
         if self.valid and self.beat_period > 0.0 and isfinite(self.phase):
-            turns = (self.phase - self.rest_phase) / TURN + self.lead / self.beat_period
+            turns = (self.phase - self.middle) / TURN + self.lead / self.beat_period
             away = TURN * (turns - floor(turns + 0.5))
-            self.half_open = max(0.5 * self.rest_width - TURN * sqrt(self.unsteady), 0.5 * TURN / GRID)
+            self.half_open = max(0.5 * self.width - TURN * sqrt(self.unsteady), 0.5 * TURN / GRID)
             self.open = abs(away) <= self.half_open
+        publish(self)
 
 
 def watch_rate(self: WallRest) -> None:
@@ -117,6 +122,13 @@ def watch_rate(self: WallRest) -> None:
         if abs(off) <= self.regular:
             self.unsteady += (off * off - self.unsteady) / self.memory
     self.since = 0.0
+
+
+def publish(self: WallRest) -> None:
+    """Where the wall rests."""
+    self.rest_phase = self.middle
+    self.rest_width = self.width
+    self.stroke = self.span
 
 
 def transform(self: WallRest, h: float) -> bool:
@@ -191,12 +203,12 @@ def find_rest(self: WallRest) -> None:
         lowest = value if j == 0 else min(lowest, value)
         highest = value if j == 0 else max(highest, value)
         self.largest = max(self.largest, abs(slope))
-    self.stroke = highest - lowest
-    self.rest_width = 0.0
+    self.span = highest - lowest
+    self.width = 0.0
 
     # noise of the series' value: of its 2 HARMONICS coefficients
     deviation = self.noise * sqrt(4.0 * HARMONICS / (self.count * self.beats))
-    if self.stroke < 6.0 * deviation:
+    if self.span < 6.0 * deviation:
         return
     around = floor(self.spread / self.beat_period * GRID + 0.5)
     best = 0
@@ -216,8 +228,8 @@ def find_rest(self: WallRest) -> None:
     while on < GRID // 2 and fastest(self, best + on + 1, around) <= limit:
         on += 1
     turns = (best + 0.5 * (on - back)) / GRID
-    self.rest_phase = TURN * (turns - floor(turns))
-    self.rest_width = TURN * (1 + on + back) / GRID
+    self.middle = TURN * (turns - floor(turns))
+    self.width = TURN * (1 + on + back) / GRID
 
 
 def fastest(self: WallRest, j: int, around: int) -> float:
