@@ -95,15 +95,21 @@ def pivot(summary: Mapping[str, Any], names: tuple[str, ...]) -> str:
     return "\n".join(rows)
 
 
+def write_table(page: Path, name: str, text: str) -> None:
+    """Replace what stands between the comments `results NAME` and `end` of a page."""
+    marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+    old = page.read_text()
+    if not marks.search(old):
+        raise ValueError(f"{page}: no comment `results {name}`. Put it where the table is to stand")
+    page.write_text(marks.sub(lambda match: match[1] + text + "\n" + match[2], old))
+
+
 def write_tables(outcomes: Mapping[str, Outcome]) -> None:
     """Replace what stands between the two comments `results NAME` and `end`."""
     for name, pages in TABLES.items():
         for page in pages:
-            path = ROOT / page
-            marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
             summary = outcomes[name].summary
-            text = pivot(summary, PIVOTS[name]) if name in PIVOTS else table(summary)
-            path.write_text(marks.sub(lambda match, text=text: match[1] + text + "\n" + match[2], path.read_text()))
+            write_table(ROOT / page, name, pivot(summary, PIVOTS[name]) if name in PIVOTS else table(summary))
 
 
 def draw_plots(outcome: Outcome, files: Mapping[str, str]) -> None:

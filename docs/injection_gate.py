@@ -5,14 +5,13 @@ python docs/injection_gate.py
 
 from __future__ import annotations
 
-import re
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from figures import ROOT
+from figures import ROOT, write_table
 
 from twin.run import run_scenario
 from twin.scenario import Form, parse_scenario
@@ -110,15 +109,6 @@ def table(first: str, rows: Iterable[Row], folder: Path) -> str:
     return "\n".join(text)
 
 
-def write_table(name: str, text: str) -> None:
-    """Replace what stands between the comments of a table."""
-    marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-    page = PAGE.read_text()
-    if not marks.search(page):
-        raise ValueError(f"{PAGE}: no comment `results {name}`. Put it where the table is to stand")
-    PAGE.write_text(marks.sub(lambda match: match[1] + text + "\n" + match[2], page))
-
-
 def main() -> None:
     """Write both tables."""
     with tempfile.TemporaryDirectory() as name:
@@ -127,9 +117,9 @@ def main() -> None:
         by_rate += [
             (f"{rate} /min, systole a fixed part", ("heart.systole_by_rate=false",), (rate,)) for rate in FEW_RATES
         ]
-        write_table("gate_rates", table("heart rate", by_rate, folder))
+        write_table(PAGE, "gate_rates", table("heart rate", by_rate, folder))
         conditions = [(label, options, FEW_RATES) for label, options in CONDITIONS.items()]
-        write_table("gate_conditions", table(f"at {', '.join(map(str, FEW_RATES))} /min", conditions, folder))
+        write_table(PAGE, "gate_conditions", table(f"at {', '.join(map(str, FEW_RATES))} /min", conditions, folder))
 
 
 if __name__ == "__main__":

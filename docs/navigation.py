@@ -5,13 +5,12 @@ python docs/navigation.py
 
 from __future__ import annotations
 
-import re
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from figures import FIGURES, ROOT, draw_plots, run, span
+from figures import FIGURES, ROOT, draw_plots, run, span, write_table
 
 from twin.run import run_scenario
 from twin.scenario import Form, parse_scenario
@@ -188,15 +187,6 @@ def shown(numbers: Iterable[float]) -> str:
     return span(numbers, "#.3g").replace(". to", " to").removesuffix(".")
 
 
-def write_table(name: str, text: str) -> None:
-    """Replace what stands between the comments of a table."""
-    marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-    page = PAGE.read_text()
-    if not marks.search(page):
-        raise ValueError(f"{PAGE}: no comment `results {name}`. Put it where the table is to stand")
-    PAGE.write_text(marks.sub(lambda match: match[1] + text + "\n" + match[2], page))
-
-
 def main() -> None:
     """Draw and write everything."""
     with tempfile.TemporaryDirectory() as name:
@@ -209,14 +199,14 @@ def main() -> None:
         (FIGURES / "navigation_vessel.svg").write_text(
             picture.as_svg(picture.figure(chosen, instants=len(SHOWN)), "navigation_vessel") + "\n"
         )
-        write_table("navigation_wrong", wrong(folder))
+        write_table(PAGE, "navigation_wrong", wrong(folder))
         found = {}
         for label, scenario, variant, replaced in CASES:
             print(label, flush=True)
             found[label] = metrics(scenario, variant, replaced, case_seeds(label), folder)
-    write_table("in_vivo_navigation", reached(found))
-    write_table("navigation_moves", moves(found))
-    write_table("navigation_consistency", consistency(found))
+    write_table(PAGE, "in_vivo_navigation", reached(found))
+    write_table(PAGE, "navigation_moves", moves(found))
+    write_table(PAGE, "navigation_consistency", consistency(found))
 
 
 if __name__ == "__main__":

@@ -5,14 +5,13 @@ python docs/sensing.py
 
 from __future__ import annotations
 
-import re
 import tempfile
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
-from figures import ROOT, draw_plots, pivot, run, save
+from figures import ROOT, draw_plots, pivot, run, save, write_table
 from fmus.fiber.model import Fiber
 from fmus.fiber_shape.model import FiberShape
 from fmus.guided_tip.model import GuidedTip
@@ -170,21 +169,15 @@ def fused(folder: Path) -> str:
     return "\n".join(rows)
 
 
-def write_table(name: str, text: str) -> None:
-    """Replace what stands between the comments of a table."""
-    marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-    PAGE.write_text(marks.sub(lambda match: match[1] + text + "\n" + match[2], PAGE.read_text()))
-
-
 def main() -> None:
     """Draw and write everything."""
     draw_shape()
     with tempfile.TemporaryDirectory() as name:
         outcomes = {scenario: run(scenario, Path(name)) for scenario in TABLES}
-        write_table("tip_places", places(Path(name)))
-        write_table("travel_fused", fused(Path(name)))
+        write_table(PAGE, "tip_places", places(Path(name)))
+        write_table(PAGE, "travel_fused", fused(Path(name)))
     for scenario, metrics in TABLES.items():
-        write_table(scenario, shown(outcomes[scenario].summary, metrics))
+        write_table(PAGE, scenario, shown(outcomes[scenario].summary, metrics))
     draw_plots(outcomes["tip_tracking"], {"Tip motion by fiber and by EM tracker": "tip_tracking.svg"})
 
 
