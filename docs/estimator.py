@@ -5,7 +5,6 @@ python docs/estimator.py
 
 from __future__ import annotations
 
-import re
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,7 +17,7 @@ from fmus.beat_search import candidate_rate
 from fmus.heart.model import Heart
 from fmus.heart_motion.model import SEARCHING, HeartMotion
 from matplotlib.figure import Figure
-from tables import span
+from tables import span, write_table
 
 from twin.results import plotting
 
@@ -34,12 +33,6 @@ def table(summary: Mapping[str, Any], names: tuple[str, ...]) -> str:
         values = [f"{span(one['variants'][variant]['values'].values(), '.2g')} {one['unit']}" for one in metrics]
         rows.append(f"| {variant} | {' | '.join(values)} |")
     return "\n".join(rows)
-
-
-def write_table(name: str, text: str) -> None:
-    """Replace what stands between the comments `results NAME` and `end`."""
-    marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-    PAGE.write_text(marks.sub(lambda match: match[1] + text + "\n" + match[2], PAGE.read_text()))
 
 
 def searched(rate: float) -> tuple[list[float], list[float], float]:
@@ -76,9 +69,9 @@ def main() -> None:
     """Draw and write everything."""
     with tempfile.TemporaryDirectory() as name:
         motion, force = run("heart_motion", Path(name)), run("heart_wall_ahead", Path(name))
-    write_table("heart_motion", table(motion.summary, ("error_std", "error_range", "velocity_error_std")))
+    write_table(PAGE, "heart_motion", table(motion.summary, ("error_std", "error_range", "velocity_error_std")))
     names = ("force_error_std", "force_error_max", "estimate_error_std", "estimate_velocity_error_std")
-    write_table("heart_wall_ahead", table(force.summary, names))
+    write_table(PAGE, "heart_wall_ahead", table(force.summary, names))
     draw_plots(motion, {"Estimate and truth": "heart_motion.svg"})
     draw_plots(force, {"Heart and estimate": "heart_ahead.svg"})
     draw_search()

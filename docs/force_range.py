@@ -6,7 +6,6 @@ python docs/force_range.py range        that table alone: minutes, range, detail
 
 from __future__ import annotations
 
-import re
 import sys
 import tempfile
 from pathlib import Path
@@ -17,6 +16,7 @@ import numpy as np
 import yaml
 from figures import ROOT, save
 from matplotlib.figure import Figure
+from tables import write_table
 
 from twin.results import plotting
 from twin.run import Outcome, run_scenario
@@ -246,12 +246,6 @@ def shortened(table: str) -> str:
     kept[0][0] = "ten minutes, 10 seeds"
     lines = [f"| {' | '.join(row)} |" for row in kept]
     return "\n".join([lines[0], "|---" * 4 + "|", *lines[1:]])
-
-
-def write_table(page: Path, name: str, text: str) -> None:
-    """Replace what stands between the two comments `results NAME` and `end`."""
-    marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-    page.write_text(marks.sub(lambda match: match[1] + text + "\n" + match[2], page.read_text()))
 
 
 TABLES = {"minutes": minutes, "range": ranges, "details": details}

@@ -5,7 +5,6 @@ python docs/hysteresis.py
 
 from __future__ import annotations
 
-import re
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +18,7 @@ from fmus.hysteresis_models import constants
 from fmus.prandtl_ishlinskii_compensator import identify as plays
 from fmus.prandtl_ishlinskii_compensator.model import PrandtlIshlinskiiCompensator
 from matplotlib.figure import Figure
-from tables import span
+from tables import span, write_table
 
 from twin.results import plotting
 
@@ -113,8 +112,7 @@ def main() -> None:
         if variant == "chirp"
     }
     for mark, text in (("hysteresis_models", table(outcome.summary)), ("identifiability", identifiability(fits))):
-        marks = re.compile(rf"(<!-- results {mark} -->\n).*?(<!-- end -->)", re.DOTALL)
-        PAGE.write_text(marks.sub(lambda match, text=text: match[1] + text + "\n" + match[2], PAGE.read_text()))
+        write_table(PAGE, mark, text)
     draw_loops()
 
 

@@ -6,7 +6,6 @@ python docs/patients.py FOLDER   from the folder of a run of scenarios/studies/t
 from __future__ import annotations
 
 import json
-import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ import numpy as np
 from figures import ROOT, save
 from matplotlib.figure import Figure
 from pyarrow import parquet
+from tables import write_table
 
 from twin.results import plotting
 
@@ -61,16 +61,6 @@ def drivers(told: dict[str, Any]) -> str:
     return "\n".join(rows)
 
 
-def write(name: str, table: str) -> None:
-    """Put a table between its marks."""
-    text = PAGE.read_text()
-    found = re.subn(
-        rf"(<!-- results {name} -->\n).*?(<!-- end -->)", lambda m: f"{m[1]}{table}\n{m[2]}", text, flags=re.DOTALL
-    )
-    assert found[1] == 1, name
-    PAGE.write_text(found[0])
-
-
 def draw(folder: Path) -> None:
     """How often an error is larger than that, and which smallest and largest forces go together."""
     cases = parquet.read_table(folder / "cases.parquet").to_pandas()
@@ -101,9 +91,9 @@ def main() -> None:
     """All of it."""
     folder = Path(sys.argv[1])
     told = json.loads((folder / "answers.json").read_text())
-    write("quantiles", quantiles(told))
-    write("shares", shares(told))
-    write("drivers", drivers(told))
+    write_table(PAGE, "quantiles", quantiles(told))
+    write_table(PAGE, "shares", shares(told))
+    write_table(PAGE, "drivers", drivers(told))
     draw(folder)
 
 

@@ -6,7 +6,6 @@ python docs/sensing.py fiber_shape     the tables of these scenarios alone
 
 from __future__ import annotations
 
-import re
 import sys
 import tempfile
 from pathlib import Path
@@ -19,7 +18,7 @@ from fmus.fiber.model import Fiber
 from fmus.fiber_shape.model import FiberShape
 from fmus.guided_tip.model import GuidedTip
 from matplotlib.figure import Figure
-from tables import pivot
+from tables import pivot, write_table
 
 from twin.results import plotting
 from twin.run import run_scenario
@@ -176,22 +175,16 @@ def fused(folder: Path) -> str:
     return "\n".join(rows)
 
 
-def write_table(name: str, text: str) -> None:
-    """Replace what stands between the comments of a table."""
-    marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-    PAGE.write_text(marks.sub(lambda match: match[1] + text + "\n" + match[2], PAGE.read_text()))
-
-
 def main(asked: Sequence[str]) -> None:
     """Draw and write everything, or write the tables of some scenarios."""
     with tempfile.TemporaryDirectory() as name:
         outcomes = {scenario: run(scenario, Path(name)) for scenario in asked or TABLES}
         for scenario, outcome in outcomes.items():
-            write_table(scenario, shown(outcome.summary, TABLES[scenario]))
+            write_table(PAGE, scenario, shown(outcome.summary, TABLES[scenario]))
         if asked:
             return
-        write_table("tip_places", places(Path(name)))
-        write_table("travel_fused", fused(Path(name)))
+        write_table(PAGE, "tip_places", places(Path(name)))
+        write_table(PAGE, "travel_fused", fused(Path(name)))
     draw_shape()
     draw_plots(outcomes["tip_tracking"], {"Tip motion by fiber and by EM tracker": "tip_tracking.svg"})
 

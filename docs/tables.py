@@ -53,11 +53,14 @@ def pivot(summary: Mapping[str, Any], names: tuple[str, ...]) -> str:
     return "\n".join(rows)
 
 
-def write_table(page: str, name: str, text: str) -> None:
-    """Replace what stands between the two comments `results NAME` and `end`."""
+def write_table(page: str | Path, name: str, text: str) -> None:
+    """Replace what stands between the comments `results NAME` and `end` of a page, whose path is from the repository's root."""
     path = ROOT / page
     marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-    path.write_text(marks.sub(lambda match: match[1] + text + "\n" + match[2], path.read_text()))
+    old = path.read_text()
+    if not marks.search(old):
+        raise ValueError(f"{path}: no comment `results {name}`. Put it where the table is to stand")
+    path.write_text(marks.sub(lambda match: match[1] + text + "\n" + match[2], old))
 
 
 def means_over_speeds(summary: Mapping[str, Any], metric: str, instrument: str) -> list[float]:

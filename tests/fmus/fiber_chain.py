@@ -40,6 +40,7 @@ class Chain:
         self.shape.advance(t, PERIOD)
         for name in ("curvature", "shape", "tangent"):
             getattr(self.tracking, name)[:] = getattr(self.shape, name)
+        self.tracking.profile_noise = self.shape.curvature_noise
         self.tracking.profile_status = self.shape.status
         self.tracking.profile_age = self.shape.age
         self.tracking.advance(t, PERIOD)

@@ -203,13 +203,34 @@ def test_a_trouble_begins_in_its_state_and_stays():
     assert begun == [False] * 17 + [True] * 6
 
 
-def test_entries_are_told_by_their_part_of_a_beat():
+def test_entries_are_told_by_their_part_of_a_beat_and_the_speed_of_the_wall():
     time = np.linspace(0.0, 10.0, 1001)
     depth = np.where((time > 2.3) & (time < 3.0) | (time > 6.4) & (time < 7.0), 1e-3, -1e-3)
-    found = entries(depth, 1.0 * time)
+    velocity = 4e-3 * np.sin(2.0 * np.pi * time)
+    velocity[505] = 0.4  # one jump is not the usual peak
+    listening = (time < 2.0).astype(float)
+    found = entries(depth, 1.0 * time, velocity, listening)
     assert found["count"] == 2
-    assert (found["earliest"], found["latest"]) == pytest.approx((0.30, 0.41))
-    assert np.isnan(entries(0.0 * depth, time)["latest"])
+    assert (found["earliest"], found["latest"]) == pytest.approx((0.31, 0.41), abs=0.011)
+    speeds = np.abs(np.sin(2.0 * np.pi * np.array([0.31, 0.41])))
+    assert (found["middle"], found["fastest"]) == pytest.approx((speeds.mean(), speeds.max()), abs=0.03)
+    assert found["resting"] == 0
+    assert found["waited"] == pytest.approx(2.0, abs=0.011)
+    nothing = entries(0.0 * depth, time, velocity, listening)
+    assert np.isnan(nothing["latest"])
+    assert np.isnan(nothing["fastest"])
+
+
+@pytest.mark.parametrize("gate", [True, False])
+def test_the_needle_goes_out_when_the_estimate_of_the_rest_says_so(gate):
+    bench = Bench(gate_time=1.0, target_count=1)
+    for _ in range(3000):
+        bench.step(gate=gate)
+        assert bench.sequence.listening == (bench.sequence.state == model.CONTACT)
+        assert bench.sequence.hold or not bench.sequence.listening  # what is listened to is the wall's motion alone
+    assert bench.sequence.injected == gate
+    assert bench.sequence.missed == (not gate)
+    check(bench.record)
 
 
 EVENTS = st.lists(

@@ -287,13 +287,89 @@ def test_a_shift_that_counts_anew_is_not_a_jump(native):
     assert made.fusion.travel == pytest.approx(before + 0.01, abs=0.5e-3)
 
 
-@pytest.mark.parametrize("shift", [math.nan, math.inf, 5.0])
-def test_a_shift_beyond_belief_does_no_harm(native, shift):
+def test_a_gripper_that_moves_a_bow_for_long_without_the_fiber_is_lost(native):
+    made = Made(native, slip=(10.0, 100.0))
+    states = []
+    for until in (15.0, 20.0, 25.0, 30.0, 35.0, 40.0):  # 300 mm of the gripper, nothing of the tip
+        made.go(until, status=2)
+        states.append(int(made.fusion.status))
+    assert states[0] == 1
+    assert states[-1] == 2
+    assert abs(made.fusion.travel - made.tip) < 2.0 * made.fusion.uncertainty
+    made.go(41.0)  # that it comes back tells nothing of where the tip is
+    assert made.fusion.status == 2
+
+
+@pytest.mark.parametrize("jump", [-25e-3, 25e-3])
+def test_a_bow_that_springs_open_is_no_breath(native, jump):
+    made = Made(native)
+    made.go(20.0)
+    made.hall += 0.0
+    for _ in range(125):  # the gripper stands, the tip jumps within half a second
+        made.t += H
+        made.tip += jump / 125
+        made.fusion.measured_travel, made.fusion.shift = made.hall, made.tip + shifted(made)
+        made.fusion.advance(made.t - H, H)
+    for _ in range(1250):
+        made.t += H
+        made.fusion.shift = made.tip + shifted(made)
+        made.fusion.advance(made.t - H, H)
+        assert abs(made.fusion.breath) < 5e-3
+        assert abs(made.fusion.travel - made.tip) < 3.0 * made.fusion.uncertainty
+    assert abs(made.fusion.travel - made.tip) < 2.5e-3
+
+
+def shifted(made):
+    """By what breath moves the profile, with the noise of the shift [m]."""
+    angle = 2.0 * math.pi * 0.2 * made.t + made.phase
+    return made.breath * (math.sin(angle) - math.sin(made.phase)) + 0.2e-3 * made.noise.standard_normal()
+
+
+def test_a_shift_that_contradicts_the_gripper_is_not_called_valid_afterwards(native):
+    made = Made(native)
+    made.go(12.0)
+    made.tip -= 0.05  # one of both measures is wrong by 50 mm from now on: which one cannot be known
+    made.go(14.0)
+    assert made.fusion.status != 0
+    assert made.fusion.uncertainty > 20e-3
+
+
+def test_a_shift_that_is_not_sure_of_itself_makes_the_travel_less_sure(native):
+    sure, unsure = Made(native), Made(native)
+    sure.fusion.shift_uncertainty, unsure.fusion.shift_uncertainty = 0.1e-3, 4e-3
+    sure.go(20.0)
+    unsure.go(20.0)
+    assert unsure.fusion.uncertainty > 1.3 * sure.fusion.uncertainty
+
+
+@pytest.mark.parametrize("uncertainty", [math.nan, math.inf, -1.0])
+def test_an_uncertainty_that_is_no_number_is_a_shift_that_is_not_used(native, uncertainty):
+    made = Made(native)
+    made.go(12.0)
+    made.fusion.shift_uncertainty = uncertainty
+    made.go(14.0)
+    assert math.isfinite(made.fusion.travel)
+    assert math.isfinite(made.fusion.uncertainty)
+    assert made.fusion.status == 1
+
+
+@pytest.mark.parametrize("shift", [math.nan, math.inf])
+def test_a_shift_that_is_no_number_does_no_harm(native, shift):
     made = Made(native)
     made.go(12.0)
     made.go(13.0, shift=shift)
-    assert made.fusion.status == 1 or shift == 5.0  # a shift that stays is believed as counting anew
+    assert made.fusion.status == 1
     assert made.fusion.travel == pytest.approx(made.tip, abs=1.5e-3)
+
+
+def test_a_shift_beyond_belief_counts_anew_and_leaves_the_travel_lost(native):
+    made = Made(native)
+    made.go(12.0)
+    made.go(12.02, shift=5.0)
+    assert made.fusion.travel == pytest.approx(made.tip, abs=1.5e-3)
+    made.go(13.0, shift=5.0)
+    assert made.fusion.status == 2
+    assert abs(made.fusion.travel - made.tip) < made.fusion.uncertainty
 
 
 def test_neither_measure_is_lost(native):

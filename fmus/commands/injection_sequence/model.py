@@ -20,7 +20,7 @@ ACTIONS = (
     (NO,     STAY,    HOME,  NO,  NO,    NO),   # IDLE
     (YES,    CLEAR,   HOME,  NO,  NO,    YES),  # POSITION
     (NO,     FORWARD, HOME,  NO,  NO,    YES),  # APPROACH
-    (NO,     STAY,    HOME,  NO,  NO,    YES),  # CONTACT
+    (NO,     STAY,    HOME,  YES, NO,    YES),  # CONTACT
     (NO,     STAY,    OUT,   YES, NO,    YES),  # PROTRUDE
     (NO,     STAY,    BACK,  YES, YES,   YES),  # INJECT
     (NO,     STAY,    HOME,  YES, NO,    YES),  # NEEDLE_IN
@@ -61,6 +61,7 @@ class InjectionSequence(Component):
     needle_slide = input("m", "measured position of the needle's slide", display_unit="mm", nominal=4e-3)
 
     gate_phase = input("rad", "phase of the heartbeat at which a needle that is sent out now will enter", nominal=3.0)
+    gate = input("", "whether a needle that is sent out now enters while the wall rests, by an estimate", start=True, type=Boolean)
     gate_valid = input("", "whether that is known", start=True, type=Boolean)
 
     needle_command = input("m", "where the controller sent the needle's slide", display_unit="mm", nominal=4e-3)
@@ -69,6 +70,7 @@ class InjectionSequence(Component):
     target_y = output("m", "wanted tip position", display_unit="mm")
     target_z = output("m", "wanted tip position along", display_unit="mm")
     target_needle_length = output("m", "wanted needle length; negative: at home, inside", display_unit="mm")
+    listening = output("", "whether the tip is held on the wall with the needle at home: the force is the wall's alone", type=Boolean)
     hold = output("", "whether nothing but the needle may move", type=Boolean)
     flow = output("m^3/s", "flow of the syringe", display_unit="mL/s")
     volume = output("m^3", "what the syringe has given", display_unit="mL")
@@ -155,6 +157,7 @@ class InjectionSequence(Component):
         self.z = 0.0
         self.needle = -1e-3
         self.hold = False
+        self.listening = False
         self.flow = 0.0
         self.given = 0.0
         self.state = IDLE
@@ -280,7 +283,9 @@ def after_approach(self: InjectionSequence) -> int:
 
 
 def gate_open(self: InjectionSequence) -> bool:
-    """Whether the phase is one in which the needle may enter."""
+    """Whether the estimate of the wall's rest and the phase allow the needle to enter."""
+    if not self.gate:
+        return False
     if self.gate_width > 2.0 * pi:
         return True
     turns = (self.gate_phase - self.gate_center) / (2.0 * pi)
@@ -342,6 +347,7 @@ def act(self: InjectionSequence, h: float) -> None:
     self.flow = self.dose * (before - self.needle) / (way * h) if does(self.state, FLOW) == YES else 0.0
     self.given += self.flow * h
     self.hold = does(self.state, HOLD) == YES
+    self.listening = self.state == CONTACT
     self.arrived = self.arrived + h if there else 0.0
 
 

@@ -16,6 +16,7 @@ class HeartPhase(Component):
     beats = input("", "true beats, as `heart` counts them: an R wave at each whole number", nominal=100.0)
 
     phase = output("rad", "phase of the heartbeat, ahead by `lead`, from 0 to 2 pi")
+    beat_period = output("s", "period of the beats of late")
     waves = output("", "R waves found: a trigger for gating", type=Int64)
     valid = output("", "whether the last waves were found where they were expected, and lately", type=Boolean)
 
@@ -44,6 +45,8 @@ class HeartPhase(Component):
     pending = local(0.0, "s", "when the next wave will be reported; negative: none")
     pending_wave = local(0.0, "s", "its time")
     regular = local(0, "", "regular waves in a row", type=Int64)
+    last_passed = local(1.0, "", "beats between the last two waves")
+    skipped = local(0, "", "waves in a row with as many beats between them, more than one", type=Int64)
     stream = local(0, "", "state of the random numbers", type=Int64, shape=(6,))
 
     def initialize(self) -> None:
@@ -56,9 +59,12 @@ class HeartPhase(Component):
         self.pending_wave = 0.0
         self.waves = 0
         self.regular = 0
+        self.last_passed = 1.0
+        self.skipped = 0
         self.valid = False
         part = self.beats + self.lead / self.beat
         self.phase = 2.0 * pi * (part - floor(part))
+        self.beat_period = self.beat
 
     def step(self, t: float, h: float) -> None:
         # the value at t: a wave lies between the last step and this one
@@ -73,6 +79,7 @@ class HeartPhase(Component):
             take_wave(self)
         part = (t + h + self.lead - self.last_wave) / self.beat
         self.phase = 2.0 * pi * (part - floor(part))
+        self.beat_period = self.beat
         fresh = t + h - self.last_wave <= self.lost_after * self.beat
         self.valid = fresh and self.regular >= self.regular_waves
 
@@ -83,6 +90,13 @@ def take_wave(self: HeartPhase) -> None:
     Waves that were missed are counted in.
     """
     passed = max(floor((self.pending_wave - self.last_wave) / self.beat + 0.5), 1.0)
+
+    # before the first intervals nothing is known of the rate; and waves are not missed at the same place each time
+    self.skipped = self.skipped + 1 if passed == self.last_passed and passed > 1.0 else 0
+    self.last_passed = passed
+    if self.waves < 2 or self.skipped >= self.regular_waves:
+        passed = 1.0
+        self.skipped = 0
     interval = (self.pending_wave - self.last_wave) / passed
     news = 1.0 / (self.waves + 1.0)  # the first waves count for more: the mean of what there is
     allowed = self.tolerance * self.beat

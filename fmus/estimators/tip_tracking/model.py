@@ -8,10 +8,13 @@ from fmus.stretch import lead
 
 from fmus.curves import hermite, interpolated, interval, slope, spline, weights
 from fmus.gratings import DEGRADED, GRATINGS, LOST, NODES, VALID
-from twin.component import Boolean, Component, Int32, input, local, output, parameter, terminal
+from twin.component import Boolean, Component, Int32, Int64, input, local, output, parameter, terminal
 
 LARGEST = 1e4  # curvature [1/m] or coordinate [m] that is no longer one of an instrument
+DISTANT = 700.0  # exponent of a likelihood that is none
 COARSE = 4  # shifts per pitch that are tried over the whole window
+SLOPE_GAIN = 2.0 * (2.0 / sqrt(3.0) - 1.0) * 9.0  # squared slope that white noise of variance 1 makes of splines, both components
+SHARE = 0.5**0.5  # of a difference of two profiles that each of them has by itself
 FINE = (1.0, 0.1)  # half widths of the parabolas that refine the best one, of the coarse increment
 
 
@@ -28,6 +31,7 @@ class TipTracking(Component):
     shape = input("m", "curve in the frame of the base: base, then each pitch", shape=(NODES, 3), display_unit="mm",
                   nominal=10e-3)
     tangent = input("", "directions of the curve there", shape=(NODES, 3), nominal=1.0)
+    profile_noise = input("1/m", "standard deviation of a component of curvature, as the fiber tells it", nominal=0.05)
     profile_status = input("", "0 valid, 1 degraded, 2 lost", type=Int32, minimum=0, maximum=2)
     profile_age = input("s", "age of the sample", start=8e-3, display_unit="ms", nominal=1e-4)
 
@@ -40,10 +44,11 @@ class TipTracking(Component):
     uncertainty = output("m", "standard deviation of the travel since the reference, as the match tells it",
                          display_unit="mm")
     mismatch = output("1/m", "rms difference of the matched curvatures")
-    status = output("", "0 valid; 1 degraded: input degraded, path too straight or changed, or held; 2 lost", type=Int32)
+    status = output("", "0 valid; 1 degraded: input degraded, path too straight, or held; 2 lost", type=Int32)
+    restarts = output("", "references given up since the start: at each, travel and the universal frame count anew", type=Int64)
     age = output("s", "age of the sample when it was published", display_unit="ms")
 
-    profile = terminal("the instrument's curve", curvature=curvature, shape=shape, tangent=tangent,
+    profile = terminal("the instrument's curve", curvature=curvature, shape=shape, tangent=tangent, noise=profile_noise,
                        status=profile_status, age=profile_age)
     tip = terminal("the tip", position=position, status=status, age=age)
 
@@ -62,14 +67,16 @@ class TipTracking(Component):
     registered_length = parameter(0.03, "m", "over which a point's weight in the registration falls to 37 %, from the tip",
                                   display_unit="mm", minimum=1e-3,
                                   source="chosen: three gratings, so that a bend farther away still tells the roll")
-    curvature_noise = parameter(0.05, "1/m", "standard deviation of a component of curvature; the least believed",
+    curvature_noise = parameter(0.05, "1/m", "standard deviation of a component of curvature: the least that is believed",
                                 minimum=1e-6, source="fiber: references off by 2 pm at 37.5 um, and noise of 0.5 pm")
-    uncertainty_limit = parameter(0.5e-3, "m", "uncertainty from which on the result is degraded", display_unit="mm",
-                                  minimum=0.0, source="paper, section IV.C: 0.60 mm is what tracking should reach")
+    uncertainty_limit = parameter(0.5e-3, "m", "uncertainty from which on the result is degraded, and no reference is begun",
+                                  display_unit="mm", minimum=0.0, source="paper, section IV.C: 0.60 mm is what tracking should reach")
     blind_limit = parameter(5e-3, "m", "uncertainty from which on there is no result", display_unit="mm", minimum=0.0,
                             source="half a pitch: no better than counting gratings")
-    mismatch_limit = parameter(2.0, "1/m", "mismatch from which on the result is degraded: the path has changed",
+    mismatch_limit = parameter(2.0, "1/m", "mismatch from which on there is no result: the path has changed",
                                minimum=0.0, source="chosen: a tenth of the paper's bends")
+    significance = parameter(3.0, "", "how often as steep as noise a profile must be to tell anything", minimum=1.0,
+                             source="chosen: squared slopes of 15 gratings of noise spread by 0.3 of their mean; 250 samples a second")
     learn_interpolation = parameter(True, "", "whether the error that repeats with the pitch is found and taken off", type=Boolean,
                                     source="chosen; the paper has nothing of the kind")
     fresh = parameter(14e-3, "s", "age of a sample from which on it is degraded", display_unit="ms", minimum=0.0,
@@ -91,6 +98,7 @@ class TipTracking(Component):
     wave = local(0.0, "", "cosine and sine of the interpolation's error over a pitch, in pitches", shape=(2,))
     learned = local(0, "", "profiles since that was found", type=Int32)
     begun = local(False, "", "whether there is a reference", type=Boolean)
+    matched = local(False, "", "whether a profile has matched the reference", type=Boolean)
     ever = local(False, "", "whether there has been a result", type=Boolean)
     error = local(0.0, "1/m^2", "sum of squared differences of the last shift that was tried")
     along = local(0.0, "1/m^2", "sum of a conj(b) of that shift, real part")
@@ -108,6 +116,12 @@ class TipTracking(Component):
     kept_direction = local(0.0, "", "its direction", shape=(3,))
     kept_roll = local(0.0, "rad", "its roll", display_unit="deg")
     kept_age = local(0.0, "s", "its age", display_unit="ms")
+    noise = local(0.0, "1/m", "standard deviation of a component of curvature that is reckoned with")
+    weight = local(0.0, "", "sum of the likelihoods of the shifts that were tried over the window")
+    weighted = local(0.0, "m", "the same times the shift", display_unit="mm")
+    squared = local(0.0, "m^2", "the same times its square")
+    highest = local(0.0, "1/m^2", "sum of squares of the shift that is the most likely so far")
+    unmatched = local(0.0, "s", "for how long no profile has matched the reference")
     doubt = local(0.0, "m", "uncertainty of the last sample that was matched", display_unit="mm")
     difference = local(0.0, "1/m", "its mismatch")
     used = local(4, "", "gratings in use: count, as far as there is room", type=Int32)
@@ -123,8 +137,12 @@ class TipTracking(Component):
         self.kept_age = 0.0
         self.doubt = self.window
         self.difference = 0.0
+        self.noise = self.curvature_noise
         self.begun = False
+        self.matched = False
         self.ever = False
+        self.unmatched = 0.0
+        self.restarts = 0
         self.status = LOST
         publish(self)
 
@@ -151,17 +169,28 @@ def track(self: TipTracking, h: float) -> int:
     age = self.profile_age + h
     usable = self.profile_status != LOST and isfinite(age) and age <= h + self.hold and readable(self)
     shift = 0.0
+    has_profile = usable
     if usable:
+        self.noise = max(self.profile_noise, self.curvature_noise, SHARE * self.difference)
         if not self.begun:
             begin(self)
         shift = best_shift(self)
         judge(self, shift)
-        usable = self.doubt <= self.blind_limit and self.doubt < self.window
+        limit = self.blind_limit if self.matched else self.uncertainty_limit  # a doubtful reference would mislead for good
+        usable = self.doubt <= limit and self.doubt < self.window
     if not usable:
-        self.begun = self.ever  # a path too straight at first: the reference is the first profile that can be told apart
+        # a path too straight at first: the reference is the first profile that can be told apart; one that profiles do not
+        # match for a while is given up, as it may have been noise or the instrument may have gone on unseen
+        self.unmatched = self.unmatched + h if has_profile else 0.0
+        if not self.matched:
+            self.begun = False
+        elif self.unmatched > self.hold:
+            self.restarts += 1
+            self.begun = self.matched = False
         self.kept_age += h
         return DEGRADED if self.ever and self.kept_age <= self.hold + 0.5 * h else LOST
-    doubtful = self.profile_status != VALID or self.difference > self.mismatch_limit
+    self.unmatched = 0.0
+    doubtful = self.profile_status != VALID
     if self.learn_interpolation and not doubtful and abs(shift) <= 0.5 * self.window:
         learn(self, shift)
     self.kept_lead = self.reference_lead + lead(
@@ -173,14 +202,16 @@ def track(self: TipTracking, h: float) -> int:
     self.kept_travel = self.reference_travel + shift
     self.kept_roll = atan2(-self.across, self.along)
     self.kept_age = age
-    self.ever = True
+    self.ever = self.matched = True
     if abs(shift) > 0.5 * self.window and not doubtful:
         renew(self)
     return DEGRADED if doubtful or self.doubt > self.uncertainty_limit or age > h + self.fresh else VALID
 
 
 def readable(self: TipTracking) -> bool:
-    """Whether the whole profile is numbers that a curve may have."""
+    """Whether the whole profile is numbers that a curve may have, and its noise one too."""
+    if not 0.0 <= self.profile_noise < LARGEST:
+        return False
     for i in range(self.used):
         for c in range(2):
             if not abs(self.curvature[i, c]) < LARGEST:
@@ -193,13 +224,13 @@ def readable(self: TipTracking) -> bool:
 
 
 def begin(self: TipTracking) -> None:
-    """Step 1 at k = 0: the first curve is the reference, its base the universal frame."""
+    """Step 1 at k = 0: the first curve is the reference, its base the universal frame; travel goes on counting."""
     for i in range(NODES):
         for j in range(3):
             self.reference_shape[i, j] = self.shape[i, j]
             self.reference_tangent[i, j] = self.tangent[i, j]
-    self.reference_travel = 0.0
-    self.reference_lead = 0.0
+    self.reference_travel = self.kept_travel
+    self.reference_lead = self.kept_lead
     self.begun = True
     keep_curvature(self)
 
@@ -240,9 +271,13 @@ def best_shift(self: TipTracking) -> float:
     tries = floor(self.window / increment)
     best = 0.0
     least = squares(self, 0.0)
+    self.highest = least
+    self.weight = 1.0
+    self.weighted = self.squared = 0.0
     for k in range(1, tries + 1):
         for sign in range(-1, 2, 2):
             found = squares(self, sign * k * increment)
+            weigh(self, sign * k * increment, found)
             if found < least:
                 least = found
                 best = sign * k * increment
@@ -255,6 +290,28 @@ def best_shift(self: TipTracking) -> float:
         if curve > 0.0:
             best += min(max(0.5 * width * (below - above) / curve, -width), width)
     return min(max(best, -self.window), self.window)
+
+
+def weigh(self: TipTracking, shift: float, error: float) -> None:
+    """Take a shift into the likelihood over the window: both profiles have independent noise in each component."""
+    variance = 2.0 * self.noise * self.noise
+    if error < self.highest:
+        less = exp(max(0.5 * (error - self.highest) / variance, -DISTANT))
+        self.weight *= less
+        self.weighted *= less
+        self.squared *= less
+        self.highest = error
+    likelihood = exp(max(0.5 * (self.highest - error) / variance, -DISTANT))
+    self.weight += likelihood
+    self.weighted += likelihood * shift
+    self.squared += likelihood * shift * shift
+
+
+def ambiguity(self: TipTracking, shift: float) -> float:
+    """Mean square distance from a shift of all that match nearly as well [m^2], less what the tries' own spacing makes."""
+    increment = self.pitch / COARSE
+    spread = (self.squared - 2.0 * shift * self.weighted) / self.weight + shift * shift
+    return max(spread - 0.25 * increment * increment, 0.0)
 
 
 def squares(self: TipTracking, shift: float) -> float:
@@ -284,7 +341,7 @@ def squares(self: TipTracking, shift: float) -> float:
 
 
 def judge(self: TipTracking, shift: float) -> None:
-    """Uncertainty of a shift: noise over how fast the reference changes along the arc, other than by a roll."""
+    """Uncertainty of a shift: noise over how fast the reference changes along the arc, other than by a roll; other matches."""
     squares(self, shift)
     begin, end = first(self), last(self)
     variance = self.error / max(2.0 * (end - begin) - 2.0, 1.0)
@@ -305,11 +362,11 @@ def judge(self: TipTracking, shift: float) -> None:
         steep -= turning * turning / size
 
     # both profiles are noisy, and noise makes slopes too: what it would make of a straight path tells nothing
-    noise = max(variance, 2.0 * self.curvature_noise * self.curvature_noise)
-    steep -= 2.0 * max(end - begin, 0) * noise / (self.pitch * self.pitch)
+    noise = max(variance, 2.0 * self.noise * self.noise)
+    made = SLOPE_GAIN * max(end - begin, 0) * 0.5 * noise / (self.pitch * self.pitch)
     self.doubt = self.window
-    if steep > 0.0:
-        self.doubt = min(sqrt(noise / steep), self.window)
+    if steep > self.significance * made and self.difference <= self.mismatch_limit:
+        self.doubt = min(sqrt(noise / (steep - made) + ambiguity(self, shift)), self.window)
 
 
 def register(self: TipTracking, shift: float) -> None:

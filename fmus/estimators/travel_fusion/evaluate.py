@@ -1,4 +1,4 @@
-"""Distances of moves by gripper, fiber and both, as Al-Ahmad et al. (RACS), section VI, compare them."""
+"""Distances of moves by gripper, fiber and both, as Al-Ahmad et al. (RACS), section VI, compare them; consistency of the estimate."""
 
 from __future__ import annotations
 
@@ -41,6 +41,32 @@ def distances(true: Signal, hall: Signal, shift: Signal, fused: Signal) -> dict[
     return results
 
 
+def consistency(true: Signal, fused: Signal, uncertainty: Signal, status: Signal) -> dict[str, float]:
+    """Whether errors [m] are as large as the estimate's own standard deviation [m] says (Bar-Shalom et al., Estimation, 2001, 5.4).
+
+    The band is two standard deviations. `covered` and `largest_in_bands` are of the time in which `status` is valid; 1 and 0 if
+    it never is. `nees` is the mean of the squared error over the variance at all times, 1 for a consistent estimate.
+    """
+    error = np.abs(fused - true)
+    bands = error / (2.0 * uncertainty)
+    valid = status == 0
+    return {
+        "covered": float(np.mean(bands[valid] <= 1.0)) if valid.any() else 1.0,
+        "covered_always": float(np.mean(bands <= 1.0)),
+        "largest_in_bands": float(bands[valid].max(initial=0.0)),
+        "largest_valid": float(error[valid].max(initial=0.0)),
+        "largest": float(error.max()),
+        "uncertainty_median": float(np.median(uncertainty)),
+        "uncertainty_largest": float(uncertainty.max()),
+        "nees": float(np.mean((error / uncertainty) ** 2)),
+        "valid_part": float(valid.mean()),
+    }
+
+
+consistency.outputs = {  # type: ignore[attr-defined]
+    **dict.fromkeys(("covered", "covered_always", "largest_in_bands", "nees", "valid_part"), ""),
+    **dict.fromkeys(("largest_valid", "largest", "uncertainty_median", "uncertainty_largest"), "m"),
+}
 distances.outputs = {  # type: ignore[attr-defined]
     **dict.fromkeys(
         ("difference", "difference_out", "difference_back", "way", "against_better", "rms_against_better"), "m"

@@ -6,6 +6,7 @@ from fmus.gratings import DEGRADED, LOST, VALID
 from twin.component import Boolean, Component, Int32, input, local, output, parameter, terminal
 
 STATES = 4
+LONGEST = 1.0  # [m], longer than any instrument goes: an innovation or an uncertainty beyond is no number to reckon with
 OFFSET, REFERENCE, BREATH, QUADRATURE = 0, 1, 2, 3
 
 
@@ -23,6 +24,7 @@ class TravelFusion(Component):
     shift = input("m", "travel by the shift of the curvature profile, positive distal", display_unit="mm", nominal=0.1)
     tracking_status = input("", "0 valid, 1 degraded, 2 lost", type=Int32, minimum=0, maximum=2)
 
+    shift_uncertainty = input("m", "standard deviation of the shift, as tracking tells it", display_unit="mm", nominal=1e-3)
     tip_lead = input("m", "travel of the tip beyond the shift, by what the profile is stretched", display_unit="mm", nominal=5e-3)
 
     travel = output("m", "travel of the tip along the vessel at rest", display_unit="mm")
@@ -31,7 +33,7 @@ class TravelFusion(Component):
     breath = output("m", "by which breath moves the profile now", display_unit="mm")
     slip = output("m", "travel that the gripper made and the tip did not, beyond what is allowed", display_unit="mm")
     slipping = output("", "whether the gripper slips", type=Boolean)
-    status = output("", "0 valid; 1 degraded: one of both measures is missing, or slip; 2 lost", type=Int32)
+    status = output("", "0 valid; 1 degraded: one of both measures is missing, slip, or too uncertain; 2 lost", type=Int32)
 
     hall = terminal("travel by the Hall sensors", measured_travel=measured_travel, age=hall_age)
 
@@ -45,8 +47,14 @@ class TravelFusion(Component):
                                   source="tip_tracking: 0.4 mm in 50 mm")
     play_density = parameter(1e-2, "m", "the same where play or slip is likely", minimum=0.0,
                              source="chosen: all of the first 10 mm after a reversal, (10 mm)^2 per 10 mm")
+    blind_density = parameter(5e-5, "m", "the least of these while the fiber tells nothing", minimum=0.0,
+                              source="paper, section III.C: (2.2 mm)^2 per 100 mm, the most that a gripper loses")
+    blind_maximum = parameter(0.1, "m", "travel without the fiber beyond which the tip may as well have stood still", display_unit="mm",
+                              minimum=0.0, source="chosen: two strokes; a free length that buckles takes up all of a gripper's travel")
     speed_maximum = parameter(0.04, "m/s", "of the instrument, if Hall sensors are missing", display_unit="mm/s", minimum=0.0,
                               source="paper, section III.C: 40 mm/s")
+    hall_error = parameter(0.15e-3, "m", "standard deviation of the Hall sensors within a stroke", display_unit="mm", minimum=0.0,
+                           source="hall_travel: amplitude 0.1 mm within a magnetic pitch, 0.05 mm at a takeover, rounding")
     shift_noise = parameter(0.5e-3, "m", "error of the shift that changes with the place", display_unit="mm", minimum=1e-6,
                             source="tip_tracking: interpolation between gratings, up to 0.45 mm; heart 1 mm")
     shift_correlation = parameter(0.5, "s", "how long such an error lasts", minimum=4e-3,
@@ -60,6 +68,8 @@ class TravelFusion(Component):
     between_length = parameter(0.12, "m", "from the middle of what is matched to the tip: play in between is unseen by the shift",
                                display_unit="mm", minimum=1e-3,
                                source="tip_tracking: window, free length, half a grating, and half of 150 mm matched")
+    ahead_error = parameter(0.5, "", "part of what a reversal adds to the shift that it is wrong by, until the end", minimum=0.0,
+                            source="chosen: one number for a stretch that is uneven along a bend")
     tip_motion = parameter(5e-3, "m", "travel of the tip after a reversal that shows that play is taken up", display_unit="mm",
                            minimum=0.0, source="chosen: above what breath may leave")
     play_maximum = parameter(60e-3, "m", "travel of the gripper after a reversal beyond which it is not play",
@@ -70,9 +80,24 @@ class TravelFusion(Component):
                            source="chosen: above breath, below a stroke of 50 mm")
     fresh = parameter(20e-3, "s", "age of a Hall sample from which on it is missing", display_unit="ms", minimum=0.0,
                       source="chosen: five samples")
+    disagreement_memory = parameter(0.1, "s", "over which the innovation is averaged that counts as uncertainty", minimum=0.0,
+                                    source="chosen: 25 samples, a tenth of a heart beat")
+    surprise = parameter(3.0, "", "standard deviations of the innovation beyond which the tip is taken to have moved by itself",
+                         minimum=1.0, source="chosen: one of 400 normal numbers is larger")
+    uncertainty_limit = parameter(5e-3, "m", "uncertainty of the travel beyond which it is degraded", display_unit="mm", minimum=0.0,
+                                  source="chosen before results: half of the least lumen and more, a branch could be missed")
+    lost_limit = parameter(20e-3, "m", "uncertainty of the travel beyond which it is lost", display_unit="mm", minimum=0.0,
+                           source="chosen before results: as the window of tip_tracking")
     gate = parameter(30e-3, "m", "difference from which on a shift is not believed", display_unit="mm", minimum=0.0,
                      source="chosen: above the window of tip_tracking, 20 mm")
 
+    contradiction = local(0.0, "m^2", "sum of squared differences of both measures that were beyond belief")
+    blind = local(0.0, "m", "travel of the gripper since the fiber last told something", display_unit="mm")
+    stood = local(0.0, "m", "travel of the gripper that the tip may not have made", display_unit="mm")
+    unseen = local(0.0, "m^2", "variance of play that no reversal so far has shown: play is bounded, so the largest counts")
+    disagreement = local(0.0, "m", "innovation of late: what both measures differ by and the filter has not explained",
+                         display_unit="mm")
+    unmeasured = local(0.0, "m", "travel that the gripper may have made while neither measure was there", display_unit="mm")
     x = local(0.0, "m", "offset; what the reference's breath adds; breath and its quadrature", shape=(STATES,))
     p = local(0.0, "m^2", "their covariance", shape=(STATES, STATES))
     turn = local(0.0, "", "turn of breath and quadrature in a step", shape=(STATES, STATES))
@@ -107,6 +132,12 @@ class TravelFusion(Component):
         self.p[REFERENCE, REFERENCE] = self.p[BREATH, BREATH] = self.p[QUADRATURE, QUADRATURE] = variance
         self.p[REFERENCE, BREATH] = self.p[BREATH, REFERENCE] = -variance
         self.before = self.measured_travel
+        self.contradiction = 0.0
+        self.unmeasured = 0.0
+        self.unseen = 0.0
+        self.blind = 0.0
+        self.stood = 0.0
+        self.disagreement = 0.0
         self.lasting = 0.0
         self.last_lead = 0.0
         self.way = 0.0
@@ -140,9 +171,15 @@ class TravelFusion(Component):
         believed = correct(self, h)
         notice_slip(self, move)
         publish(self)
-        if not hall and not believed:
+        if (not hall and not believed) or self.uncertainty > self.lost_limit:
             self.status = LOST
-        elif hall and believed and self.tracking_status == VALID and not self.slipping:
+        elif (
+            hall
+            and believed
+            and self.tracking_status == VALID
+            and not self.slipping
+            and self.uncertainty <= self.uncertainty_limit
+        ):
             self.status = VALID
         else:
             self.status = DEGRADED
@@ -176,6 +213,8 @@ def follow_direction(self: TravelFusion) -> None:
         if moved > self.tip_motion or abs(self.way) > self.play_maximum:
             self.taken_up = True
             self.extreme = self.before
+            added = self.ahead_error * (self.ahead_full - self.ahead_at_turn)
+            self.unseen = max(self.unseen, added * added + self.tip_motion * self.tip_motion / 3.0)
 
 
 def predict(self: TravelFusion, h: float, move: float, hall: bool) -> None:
@@ -202,10 +241,23 @@ def predict(self: TravelFusion, h: float, move: float, hall: bool) -> None:
                 self.p[i, j] += self.scratch[i, k] * self.turn[j, k]
     unsure = not self.taken_up or self.beyond > 0.5 * self.slip_limit
     density = self.advance_density if self.sign > 0.0 else self.withdraw_density
+    if self.was_lost or not self.ever:
+        density = max(density, self.blind_density)
+        self.blind += abs(move)
+        if self.blind > self.blind_maximum:
+            self.stood += abs(move)
+    else:
+        self.blind = 0.0
     if unsure:
         density = self.play_density
     self.x[OFFSET] += self.creep * move
-    self.p[OFFSET, OFFSET] += density * abs(move) if hall else self.play_density * self.speed_maximum * h
+    if hall:
+        self.unmeasured = 0.0
+        self.p[OFFSET, OFFSET] += density * abs(move)
+    elif self.was_lost:  # Hall sensors count on: what the gripper does now is known again when they are back
+        self.unmeasured += self.speed_maximum * h
+    else:
+        self.p[OFFSET, OFFSET] += self.play_density * self.speed_maximum * h
     self.p[REFERENCE, REFERENCE] += self.reference_density * abs(move)
     change = self.breath_size * self.breath_size * h / self.breath_memory
     self.p[BREATH, BREATH] += change
@@ -214,31 +266,32 @@ def predict(self: TravelFusion, h: float, move: float, hall: bool) -> None:
 
 def correct(self: TravelFusion, h: float) -> bool:
     """Hall travel less shift is offset + reference + breath, with an error that lasts; whether it was believed."""
-    if self.tracking_status == LOST or not isfinite(self.shift):
+    is_usable = isfinite(self.shift) and 0.0 <= self.shift_uncertainty < LONGEST
+    if self.tracking_status == LOST or not is_usable:
         self.was_lost = self.ever or abs(self.before) > 1e-3  # the shift counts from where tracking begins
         return False
+    noise = self.shift_noise * (self.degraded_factor if self.tracking_status == DEGRADED else 1.0)
+    square = noise * noise + self.shift_uncertainty * self.shift_uncertainty
     if self.was_lost:  # a profile that was lost may be found at any other place: the shift counts anew
         self.was_lost = False
-        known = self.x[OFFSET] + self.x[BREATH]
-        self.x[REFERENCE] = self.before - self.shift - self.ahead - known
-        for i in range(STATES):
-            self.p[REFERENCE, i] = self.p[i, REFERENCE] = 0.0
-        self.p[REFERENCE, REFERENCE] = self.gate * self.gate
-        self.last_lead -= self.lasting
-        self.lasting = 0.0
+        count_anew(self, square)
     self.ever = True
     innovation = self.before - self.shift - self.ahead - self.x[OFFSET] - self.x[REFERENCE] - self.x[BREATH]
-    if abs(innovation) > self.gate:
+    if abs(innovation) > self.gate:  # which of both is wrong cannot be known
         self.was_lost = True
+        most = min(abs(innovation), LONGEST)
+        self.contradiction += most * most
         return False
     self.lasting += (innovation - self.lasting) * h / (self.shift_correlation + h)
-    noise = self.shift_noise * (self.degraded_factor if self.tracking_status == DEGRADED else 1.0)
+    self.disagreement += (innovation - self.disagreement) * h / (self.disagreement_memory + h)
+    expect(self)
+    expected = square + self.gain[OFFSET] + self.gain[REFERENCE] + self.gain[BREATH]
+    if innovation * innovation > self.surprise * self.surprise * expected:  # breath is slower and smaller: the tip has moved
+        self.p[OFFSET, OFFSET] += innovation * innovation
+        expect(self)
 
     # an error that lasts is as bad as white noise larger by the root of the samples it lasts
-    variance = noise * noise * self.shift_correlation / h
-    for i in range(STATES):
-        self.gain[i] = self.p[i, OFFSET] + self.p[i, REFERENCE] + self.p[i, BREATH]
-    total = variance + self.gain[OFFSET] + self.gain[REFERENCE] + self.gain[BREATH]
+    total = square * self.shift_correlation / h + self.gain[OFFSET] + self.gain[REFERENCE] + self.gain[BREATH]
     for i in range(STATES):
         self.x[i] += self.gain[i] / total * innovation
         for j in range(STATES):
@@ -247,6 +300,23 @@ def correct(self: TravelFusion, h: float) -> bool:
         for j in range(i):
             self.p[j, i] = self.p[i, j]
     return True
+
+
+def expect(self: TravelFusion) -> None:
+    """Covariance of the state with what Hall travel less shift is expected to be."""
+    for i in range(STATES):
+        self.gain[i] = self.p[i, OFFSET] + self.p[i, REFERENCE] + self.p[i, BREATH]
+
+
+def count_anew(self: TravelFusion, square: float) -> None:
+    """Take the reference from where the estimate is now: all that is wrong with it is wrong with the reference, reversed."""
+    self.x[REFERENCE] = self.before - self.shift - self.ahead - self.x[OFFSET] - self.x[BREATH]
+    for i in range(STATES):
+        if i != REFERENCE:
+            self.p[REFERENCE, i] = self.p[i, REFERENCE] = -self.p[OFFSET, i] - self.p[BREATH, i]
+    self.p[REFERENCE, REFERENCE] = self.p[OFFSET, OFFSET] + 2.0 * self.p[OFFSET, BREATH] + self.p[BREATH, BREATH] + square
+    self.last_lead -= self.lasting
+    self.lasting = self.disagreement = 0.0
 
 
 def notice_slip(self: TravelFusion, move: float) -> None:
@@ -265,4 +335,9 @@ def publish(self: TravelFusion) -> None:
     self.offset = self.x[OFFSET]
     self.travel = self.before - self.x[OFFSET]
     self.breath = -self.x[BREATH]
-    self.uncertainty = sqrt(max(self.p[OFFSET, OFFSET], 0.0))
+    # besides the filter's own: what it cannot know
+    now = 0.0 if self.taken_up else self.ahead_error * (self.ahead - self.ahead_at_turn)
+    back = min(self.way * self.sign, 0.0)  # a reversal that is not noticed yet
+    variance = max(self.p[OFFSET, OFFSET], 0.0) + self.hall_error * self.hall_error + self.contradiction + self.unseen
+    variance += now * now + back * back + self.disagreement * self.disagreement
+    self.uncertainty = sqrt(variance + self.unmeasured * self.unmeasured + self.stood * self.stood)

@@ -1,4 +1,4 @@
-"""Dose by depth, and when in the beat the needle goes in."""
+"""Dose by depth, when in the beat the needle goes in, and how fast the wall is then."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ if TYPE_CHECKING:
 
     Values = NDArray[np.float64]
 
+RESTING = 0.25  # part of the usual peak of its speed up to which a wall is said to rest
+STEP = 10e-3  # between recorded rows, as scenarios/injection_sequence.yaml [s]
 LAYER = 0.25e-3  # thickness of a layer [m], as InjectionSite has it
 
 
@@ -32,18 +34,29 @@ def profile(**layers: Values) -> dict[str, float | Values]:
 profile.outputs = {"depth": "m", "amount": "m^3", "spread": ""}  # type: ignore[attr-defined]
 
 
-def entries(depth: Values, beats: Values) -> dict[str, float | Values]:
-    """How often the needle went through the surface, and the first and last part of a beat in which it did.
+def entries(depth: Values, beats: Values, velocity: Values, listening: Values) -> dict[str, float | Values]:
+    """How often the needle went through the surface, in which part of a beat, and how fast the wall was.
 
-    `beats` counts beats with their parts. The parts are 0 to 1 from the R wave: a gate across it would give both ends.
+    `beats` counts beats with their parts, `velocity` is the wall's [m/s]. The parts are 0 to 1 from the R wave: entries around it
+    give both ends. `listening`: whether the sequence waits in contact. Speeds are parts of the usual peak: the median over the beats of each one's largest speed.
     """
     places = np.flatnonzero((depth[:-1] <= 0.0) & (depth[1:] > 0.0)) + 1
     parts = beats[places] % 1.0
+    whole = np.flatnonzero(np.diff(np.floor(beats))) + 1
+    peaks = [np.abs(beat).max() for beat in np.split(velocity, whole)[1:-1]]
+    speeds = np.abs(velocity[places]) / np.median(peaks) if peaks else np.full(len(places), np.nan)
     return {
         "count": float(len(places)),
         "earliest": float(parts.min()) if len(parts) else np.nan,
         "latest": float(parts.max()) if len(parts) else np.nan,
+        "fastest": float(speeds.max()) if len(parts) else np.nan,
+        "middle": float(np.median(speeds)) if len(parts) else np.nan,
+        "waited": float(np.sum(listening)) * STEP,
+        "resting": float(np.sum(speeds <= RESTING)),
     }
 
 
-entries.outputs = {"count": "", "earliest": "", "latest": ""}  # type: ignore[attr-defined]
+entries.outputs = {  # type: ignore[attr-defined]
+    **dict.fromkeys(("count", "earliest", "latest", "fastest", "middle", "resting"), ""),
+    "waited": "s",
+}
