@@ -3,6 +3,7 @@
 python docs/operating_range.py                  run all controllers under all conditions, write and draw; a quarter of an hour when nothing else runs
 python docs/operating_range.py map NAME ...     run these controllers, keep the others from docs/explanation/operating_range.csv
 python docs/operating_range.py draw             write the table and draw from that file
+python docs/operating_range.py true             run the conditions of beyond_paper, where the wall is told
 python docs/operating_range.py tune NAME ...    40 trials over the controller's parameters, printed; some ten minutes each
 """
 
@@ -51,7 +52,11 @@ class Rival:
 GAIN = (0.15, 1.5)  # m/(s N): from the paper's to that of phase_locked_control
 RIVALS = {
     "PI, paper": Rival("pi_control"),
-    "PI, best": Rival("pi_control", knobs={"controller.proportional": GAIN, "controller.integral": (0.0, 1.0)}),
+    "PI, best": Rival(
+        "pi_control",
+        values={"controller.proportional": 1.49, "controller.integral": 0.09},
+        knobs={"controller.proportional": GAIN, "controller.integral": (0.0, 1.0)},
+    ),
     "harmonics": Rival(
         "adaptive_harmonic_control",
         knobs={"controller.proportional": GAIN, "controller.learning": (0.05, 2.0), "controller.lead": (0.0, 0.03)},
@@ -154,6 +159,21 @@ plots: []
 """
 
 
+TRUE_WALL = """
+extends: beyond_paper.yaml
+metrics: null
+expect: null
+plots: []
+record: {every: 5 ms, variables: [wall.force, servomotor.force]}
+"""
+AHEAD: dict[str, tuple[Rival, float]] = {  # with the true wall: the rival, and how far it is told ahead [s]
+    "PI+FF+BW, paper": (RIVALS["PI+FF+BW"], 0.0),
+    "PI+FF+BW, 1250 mm/(s N)": (Rival("pi_bouc_wen_control", True, {"controller.proportional": 1.25}), 0.0),
+    "the same, 25 ms of preview": (Rival("pi_bouc_wen_control", True, {"controller.proportional": 1.25}), 25e-3),
+    "preview MPC, 37 ms": (Rival("preview_control", True, {"controller.correction": 0.6}), 37e-3),
+}
+
+
 @dataclass(frozen=True)
 class Result:
     """True force from `SETTLED` on [mN], and the motor's largest force [N]."""
@@ -185,13 +205,46 @@ def run(
     rival: Rival, conditions: dict[str, dict[str, float]], seeds: tuple[int, ...], length: float
 ) -> dict[str, list[Result]]:
     """Results of the rival under each condition, of all seeds."""
-    content = yaml.safe_load(SCENARIO)
+    variants = {name: variant(rival, rival.values | values) for name, values in conditions.items()}
+    return run_variants(SCENARIO, variants, seeds, length)
+
+
+def run_true_wall(seeds: tuple[int, ...]) -> dict[str, list[Result]]:
+    """Results on the conditions of beyond_paper: no breath, the wall is not measured but told, early by a delay of the real one."""
+    variants = {}
+    for name, rival in RIVALS.items():
+        if not rival.wall:
+            variants[name] = {
+                "members": {"controller": {"component": rival.component, "parameters": parameters(rival)}}
+            }
+    for name, (rival, preview) in AHEAD.items():
+        members: dict[str, Any] = {"controller": {"component": rival.component, "parameters": parameters(rival)}}
+        connections = ["heart.position -> controller.heart_position"]
+        if preview > 0.0:
+            members["delay"] = {"component": "heart_estimate", "parameters": {"latency": preview, "noise": 0.0}}
+            connections += ["heart.position -> delay.position", "delay.estimated_position -> wall.heart_position"]
+        variants[name] = {"members": members, "connections": connections}
+    return run_variants(TRUE_WALL, variants, seeds, 30.0)
+
+
+def parameters(rival: Rival) -> dict[str, float]:
+    """Values of its controller."""
+    return {
+        path.removeprefix("controller."): value
+        for path, value in rival.values.items()
+        if path.startswith("controller.")
+    }
+
+
+def run_variants(base: str, variants: dict[str, Any], seeds: tuple[int, ...], length: float) -> dict[str, list[Result]]:
+    """Run variants of a scenario; results of each, of all seeds."""
+    content = yaml.safe_load(base)
     content["stop_time"] = f"{length} s"
-    content["variants"] = {name: variant(rival, rival.values | values) for name, values in conditions.items()}
+    content["variants"] = variants
     scenario = parse_scenario(yaml.safe_dump(content, sort_keys=False), ROOT / "scenarios" / "operating range.yaml", [])
     found: dict[str, list[Result]] = {}
     with tempfile.TemporaryDirectory() as folder:
-        outcome = run_scenario(scenario, Form.compiled, variants=list(conditions), seeds=seeds, root=Path(folder),
+        outcome = run_scenario(scenario, Form.compiled, variants=list(variants), seeds=seeds, root=Path(folder),
                                build=ROOT / "build", report=False)  # fmt: skip
         for (name, _), signals in outcome.tables.items():
             late = signals.time >= SETTLED
@@ -259,7 +312,7 @@ def in_range(results: list[Result]) -> bool:
 
 def cell(results: list[Result]) -> str:
     """`7.1 to 7.4`, and the range of the force where it leaves 0.1 to 0.4 N."""
-    text = " to ".join(dict.fromkeys(f"{f(result.std for result in results):.1f}" for f in (min, max)))
+    text = span(results)
     low, high = min(result.least for result in results), max(result.largest for result in results)
     return text if in_range(results) else f"{text} ({low:.0f} to {high:.0f})"
 
@@ -282,6 +335,24 @@ def table(found: dict[str, dict[str, list[Result]]], names: list[str]) -> str:
     rows.append(f"| median of the rows | {' | '.join(f'{value:.1f}' for value in medians)} | |")
     rows.append(f"| largest force of the motor [N] | {' | '.join(f'{value:.1f}' for value in motor)} | |")
     return "\n".join(rows)
+
+
+def true_wall_table(found: dict[str, list[Result]]) -> str:
+    """A row for each controller."""
+    rows = [
+        "| controller | standard deviation [mN] | true force [mN] | largest force of the motor [N] |",
+        "|---" * 4 + "|",
+    ]
+    for name, own in found.items():
+        low, high = min(result.least for result in own), max(result.largest for result in own)
+        motor = max(result.motor for result in own)
+        rows.append(f"| {name} | {span(own)} | {low:.0f} to {high:.0f} | {motor:.1f} |")
+    return "\n".join(rows)
+
+
+def span(results: list[Result]) -> str:
+    """Least to largest standard deviation of the seeds [mN]."""
+    return " to ".join(dict.fromkeys(f"{f(result.std for result in results):.1f}" for f in (min, max)))
 
 
 def draw(found: dict[str, dict[str, list[Result]]]) -> None:
@@ -323,15 +394,18 @@ def main(action: str = "", *names: str) -> None:
             tune(name)
         return
     found = read() if action else {}
-    if action != "draw":
+    if action not in ("draw", "true"):
         for name in names or RIVALS:
             found[name] = run(RIVALS[name], CONDITIONS, SEEDS, 72.0)
             write(found)
     draw(found)
+    tables = {name: table(found, members) for name, members in CLASSES.items()}
+    if action in ("", "true"):
+        tables["true wall"] = true_wall_table(run_true_wall(SEEDS))
     page = PAGE.read_text()
-    for mark, members in zip(("force", "wall"), CLASSES.values(), strict=True):
-        marks = re.compile(rf"(<!-- results {mark} -->\n).*?(<!-- end -->)", re.DOTALL)
-        page = marks.sub(lambda match, members=members: f"{match[1]}{table(found, members)}\n{match[2]}", page)
+    for name, text in tables.items():
+        marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+        page = marks.sub(lambda match, text=text: f"{match[1]}{text}\n{match[2]}", page)
     PAGE.write_text(page)
 
 

@@ -12,6 +12,7 @@ stiffness and rate estimate for all of them.
 from __future__ import annotations
 
 from math import cos, floor, pi, sin
+from typing import Any
 
 from fmus.beat_search import RING, TREND, BeatSearch, forget, refine, remember, scan
 from fmus.control import ForceControl
@@ -209,25 +210,16 @@ def predict(self: BeatObserver, h: float) -> None:
     m[PHASE] += h * m[RATE]
     if m[PHASE] > 2.0 * pi:
         m[PHASE] -= 2.0 * pi
-    c = cos(h * m[BREATH_RATE])
-    s = sin(h * m[BREATH_RATE])
-    p = c * m[BREATH] + s * m[QUADRATURE]
-    q = c * m[QUADRATURE] - s * m[BREATH]
-    m[BREATH] = p
-    m[QUADRATURE] = q
+    turn_oscillator(m, self.covariance, BREATH, h * m[BREATH_RATE], N)
     for j in range(N):
-        first = self.covariance[BREATH, j]
-        second = self.covariance[QUADRATURE, j]
         third = h * self.covariance[BREATH_RATE, j]
-        self.covariance[BREATH, j] = c * first + s * second + q * third
-        self.covariance[QUADRATURE, j] = c * second - s * first - p * third
+        self.covariance[BREATH, j] += m[QUADRATURE] * third
+        self.covariance[QUADRATURE, j] -= m[BREATH] * third
         self.covariance[PHASE, j] += h * self.covariance[RATE, j]
     for i in range(N):
-        first = self.covariance[i, BREATH]
-        second = self.covariance[i, QUADRATURE]
         third = h * self.covariance[i, BREATH_RATE]
-        self.covariance[i, BREATH] = c * first + s * second + q * third
-        self.covariance[i, QUADRATURE] = c * second - s * first - p * third
+        self.covariance[i, BREATH] += m[QUADRATURE] * third
+        self.covariance[i, QUADRATURE] -= m[BREATH] * third
         self.covariance[i, PHASE] += h * self.covariance[i, RATE]
         walk = self.amplitude_walk
         if i == OFFSET:
@@ -241,6 +233,39 @@ def predict(self: BeatObserver, h: float) -> None:
         elif i == RATE:
             walk = 2.0 * pi * self.rate_walk
         self.covariance[i, i] += walk * walk * h
+
+
+def turn_oscillator(mean: Any, covariance: Any, first: int, angle: float, n: int) -> None:
+    """Turn the pair of states that begins at `first` by an angle [rad], of n states."""
+    c = cos(angle)
+    s = sin(angle)
+    p = mean[first]
+    mean[first] = c * p + s * mean[first + 1]
+    mean[first + 1] = c * mean[first + 1] - s * p
+    for j in range(n):
+        p = covariance[first, j]
+        covariance[first, j] = c * p + s * covariance[first + 1, j]
+        covariance[first + 1, j] = c * covariance[first + 1, j] - s * p
+    for i in range(n):
+        p = covariance[i, first]
+        covariance[i, first] = c * p + s * covariance[i, first + 1]
+        covariance[i, first + 1] = c * covariance[i, first + 1] - s * p
+
+
+def take_sample(mean: Any, covariance: Any, row: Any, gain: Any, innovation: float, noise: float, n: int) -> None:
+    """Kalman filter's update of n states by one sample: `row` is its derivative by each, `noise` its standard deviation [m]."""
+    variance = noise * noise
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += covariance[i, j] * row[j]
+        gain[i] = total
+        variance += row[i] * total
+    for i in range(n):
+        mean[i] += gain[i] / variance * innovation
+        for j in range(i + 1):
+            covariance[i, j] -= gain[i] * gain[j] / variance
+            covariance[j, i] = covariance[i, j]
 
 
 def correct(self: BeatObserver, wall: float) -> None:
@@ -261,16 +286,5 @@ def correct(self: BeatObserver, wall: float) -> None:
         expected += self.mean[k] * self.waves[2 * i] + self.mean[k + 1] * self.waves[2 * i + 1]
         turn += (i + 1) * (self.mean[k] * self.waves[2 * i + 1] - self.mean[k + 1] * self.waves[2 * i])
     self.slope[PHASE] = turn
-    variance = self.noise * self.noise
-    for i in range(N):
-        total = 0.0
-        for j in range(N):
-            total += self.covariance[i, j] * self.slope[j]
-        self.gain[i] = total
-        variance += self.slope[i] * total
-    for i in range(N):
-        self.mean[i] += self.gain[i] / variance * (wall - expected)
-        for j in range(i + 1):
-            self.covariance[i, j] -= self.gain[i] * self.gain[j] / variance
-            self.covariance[j, i] = self.covariance[i, j]
+    take_sample(self.mean, self.covariance, self.slope, self.gain, wall - expected, self.noise, N)
     self.mean[BREATH_RATE] = min(max(self.mean[BREATH_RATE], 2.0 * pi * SLOWEST), 2.0 * pi * FASTEST)

@@ -9,6 +9,8 @@ from fmus.beat_observer import (
     BeatObserver,
     initialize_observer,
     publish_velocity,
+    take_sample,
+    turn_oscillator,
     update_observer,
 )
 from fmus.control import control_velocity
@@ -78,19 +80,8 @@ def start_required(self: LqgControl) -> None:
 
 def predict_required(self: LqgControl, h: float) -> None:
     """Move on by h [s]: the breath turns, all else stands still, but for noise."""
-    c = cos(h * self.mean[BREATH_RATE])
-    s = sin(h * self.mean[BREATH_RATE])
-    p = self.required_mean[1]
-    self.required_mean[1] = c * p + s * self.required_mean[2]
-    self.required_mean[2] = c * self.required_mean[2] - s * p
-    for j in range(N):
-        p = self.required_covariance[1, j]
-        self.required_covariance[1, j] = c * p + s * self.required_covariance[2, j]
-        self.required_covariance[2, j] = c * self.required_covariance[2, j] - s * p
+    turn_oscillator(self.required_mean, self.required_covariance, 1, h * self.mean[BREATH_RATE], N)
     for i in range(N):
-        p = self.required_covariance[i, 1]
-        self.required_covariance[i, 1] = c * p + s * self.required_covariance[i, 2]
-        self.required_covariance[i, 2] = c * self.required_covariance[i, 2] - s * p
         walk = self.harmonic_walk
         if i == 0:
             walk = self.level_walk
@@ -105,20 +96,10 @@ def correct_required(self: LqgControl, y: float) -> None:
     self.regressor[1] = 1.0
     self.regressor[2] = 0.0
     fill_waves(self.regressor, 3, self.mean[PHASE], ORDER)
-    rest = y
-    variance = self.noise * self.noise
+    innovation = y
     for i in range(N):
-        total = 0.0
-        for j in range(N):
-            total += self.required_covariance[i, j] * self.regressor[j]
-        self.required_gain[i] = total
-        variance += self.regressor[i] * total
-        rest -= self.regressor[i] * self.required_mean[i]
-    for i in range(N):
-        self.required_mean[i] += self.required_gain[i] / variance * rest
-        for j in range(i + 1):
-            self.required_covariance[i, j] -= self.required_gain[i] * self.required_gain[j] / variance
-            self.required_covariance[j, i] = self.required_covariance[i, j]
+        innovation -= self.regressor[i] * self.required_mean[i]
+    take_sample(self.required_mean, self.required_covariance, self.regressor, self.required_gain, innovation, self.noise, N)
 
 
 def required_ahead(self: LqgControl, tau: float) -> tuple[float, float]:
