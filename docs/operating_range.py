@@ -49,63 +49,46 @@ class Rival:
     knobs: dict[str, tuple[float, float]] = field(default_factory=dict)
 
 
-GAIN = (0.15, 1.5)  # m/(s N): from the paper's to that of phase_locked_control
+GAIN = {"controller.proportional": (0.15, 1.5)}  # m/(s N): from the paper's to that of phase_locked_control
+LEAD = {"controller.lead": (0.0, 0.03)}
 RIVALS = {
     "PI, paper": Rival("pi_control"),
     "PI, best": Rival(
         "pi_control",
         values={"controller.proportional": 1.49, "controller.integral": 0.09},
-        knobs={"controller.proportional": GAIN, "controller.integral": (0.0, 1.0)},
+        knobs=GAIN | {"controller.integral": (0.0, 1.0)},
     ),
-    "harmonics": Rival(
-        "adaptive_harmonic_control",
-        knobs={"controller.proportional": GAIN, "controller.learning": (0.05, 2.0), "controller.lead": (0.0, 0.03)},
-    ),
+    "harmonics": Rival("adaptive_harmonic_control", knobs=GAIN | {"controller.learning": (0.05, 2.0)} | LEAD),
     "repetitive": Rival(
         "repetitive_control",
-        knobs={
-            "controller.proportional": GAIN,
-            "controller.learning": (0.1, 1.0),
-            "controller.lead": (0.0, 0.03),
-            "controller.width": (0.5, 5.0),
-        },
+        knobs=GAIN | {"controller.learning": (0.1, 1.0)} | LEAD | {"controller.width": (0.5, 5.0)},
     ),
     "LQG": Rival(
         "lqg_control",
-        knobs={
-            "controller.proportional": (0.15, 6.0),
-            "controller.harmonic_walk": (0.05e-3, 3e-3),
-            "controller.level_walk": (0.1e-3, 6e-3),
-            "controller.lead": (0.0, 0.03),
-        },
+        knobs={"controller.proportional": (0.15, 6.0), "controller.harmonic_walk": (0.05e-3, 3e-3)}
+        | {"controller.level_walk": (0.1e-3, 6e-3)}
+        | LEAD,
     ),
     "locked": Rival(
         "phase_locked_control",
-        knobs={
-            "controller.proportional": GAIN,
-            "controller.proportional_beyond": (0.0, 3.0),
-            "controller.lead": (0.0, 0.03),
-            "controller.learning": (0.1, 1.0),
-        },
+        knobs=GAIN | {"controller.proportional_beyond": (0.0, 3.0)} | LEAD | {"controller.learning": (0.1, 1.0)},
     ),
     "PI+FF+BW": Rival("pi_bouc_wen_control", wall=True),
     "with preview": Rival(
         "pi_bouc_wen_control",
         wall=True,
-        knobs={
-            "controller.proportional": GAIN,
-            "controller.slope_minimum": (0.1, 0.7),
-            "estimate.estimator.horizon": (0.0, 0.05),
+        values={
+            "controller.proportional": 0.44,
+            "controller.slope_minimum": 0.35,
+            "estimate.estimator.horizon": 15e-3,
         },
+        knobs=GAIN | {"controller.slope_minimum": (0.1, 0.7), "estimate.estimator.horizon": (0.0, 0.05)},
     ),
     "preview MPC": Rival(
         "preview_control",
         wall=True,
-        knobs={
-            "controller.correction": (0.05, 1.0),
-            "controller.weight": (0.3, 300.0),
-            "estimate.estimator.horizon": (0.0, 0.065),
-        },
+        knobs={"controller.correction": (0.05, 1.0), "controller.weight": (0.3, 300.0)}
+        | {"estimate.estimator.horizon": (0.0, 0.065)},
     ),
 }
 CLASSES = {

@@ -92,7 +92,7 @@ class BeatObserver(ForceControl, BeatSearch):
 
 
 def initialize_observer(self: BeatObserver) -> None:
-    """Nothing was asked yet, no beat is known."""
+    """Reset: no demand yet, no beat found."""
     for i in range(LINE):
         self.line[i] = 0.0
     for i in range(3):
@@ -116,7 +116,7 @@ def initialize_observer(self: BeatObserver) -> None:
 
 
 def update_observer(self: BeatObserver, t: float, h: float) -> float:
-    """Take the force in, as far as it is new: search the beat, then follow it. Returns y [m]."""
+    """Search the beat in the force, then filter new values of it; return y [m]."""
     delayed = delayed_demand(self, h)
     y = delayed + (self.setpoint - self.force) / self.stiffness
     self.tip_position = min(max(self.tip_position, delayed - self.play), delayed + self.play)
@@ -168,7 +168,7 @@ def delayed_demand(self: BeatObserver, h: float) -> float:
 
 
 def publish_velocity(self: BeatObserver, velocity: float, h: float) -> None:
-    """Publish a velocity [m/s] within the limits, and remember where it leads; what is no number is replaced by the feedforward."""
+    """Limit and publish a velocity [m/s], and integrate it; the feedforward replaces what is no number."""
     if not abs(velocity) < LARGEST:
         velocity = self.feedforward
     most = h * self.acceleration_maximum
@@ -181,7 +181,7 @@ def publish_velocity(self: BeatObserver, velocity: float, h: float) -> None:
 
 
 def start_filter(self: BeatObserver, rate: float) -> None:
-    """Begin with the fit of the search [Hz]; what it takes for a trend is offset, until the breath is told from it."""
+    """Initialize the filter from the fit of the search at a rate [Hz]; its trend becomes the offset, the breath begins at 0.25 Hz."""
     for i in range(N):
         self.mean[i] = 0.0
         for j in range(N):
@@ -205,7 +205,7 @@ def start_filter(self: BeatObserver, rate: float) -> None:
 
 
 def predict(self: BeatObserver, h: float) -> None:
-    """Move mean and covariance on by h [s]."""
+    """Predict mean and covariance by h [s]."""
     m = self.mean
     m[PHASE] += h * m[RATE]
     if m[PHASE] > 2.0 * pi:
@@ -269,7 +269,7 @@ def take_sample(mean: Any, covariance: Any, row: Any, gain: Any, innovation: flo
 
 
 def correct(self: BeatObserver, wall: float) -> None:
-    """Take a sample of the wall [m] in."""
+    """Update the filter by a sample of the wall [m]."""
     fill_waves(self.waves, 0, self.mean[PHASE], HARMONICS)
     expected = self.mean[OFFSET] + self.mean[BREATH] + self.mean[FIRST] * self.waves[0]
     turn = self.mean[FIRST] * self.waves[1]

@@ -26,7 +26,7 @@ WAVES = ORDER + 1  # the last is the breath
 class AdaptiveHarmonicControl(BeatObserver):
     """Force controller that adapts sine and cosine parts of the gripper's motion until the force shows no harmonic of the beat.
 
-    Filtered-x LMS with the loop and its delay in the reference; the same, filtered_angle from outside, as a resonant controller at each harmonic
+    Filtered-x LMS with the loop and its delay in the reference; the same, seen from outside, as a resonant controller at each harmonic
     (Bodson, Sacks and Khosla, IEEE Trans. Autom. Control 39(9), 1994; Messner and Bodson 1995). Equations in the README.
     It diverges where the delay is wrong by a quarter of a harmonic's period.
     """
@@ -61,7 +61,7 @@ class AdaptiveHarmonicControl(BeatObserver):
 
 
 def initialize_harmonics(self: AdaptiveHarmonicControl) -> None:
-    """Begin with what the observer knows of the wall."""
+    """Initialize the amplitudes from the observer's harmonics of the wall."""
     for i in range(WAVES):
         self.sine_part[i] = 0.0
         self.cosine_part[i] = 0.0
@@ -73,7 +73,7 @@ def initialize_harmonics(self: AdaptiveHarmonicControl) -> None:
 
 
 def adapt(self: AdaptiveHarmonicControl, i: int, rate: float, angle: float, h: float) -> None:
-    """Descend the squared error, with the reference behind the loop from feedforward to force; the size of that is divided by."""
+    """Descend the squared error, with the reference filtered by the loop from feedforward to force, and divided by its size."""
     gain = self.stiffness * self.proportional
     delay_angle = rate * self.delay
     real = gain * cos(delay_angle)

@@ -65,7 +65,7 @@ class LqgControl(BeatObserver):
 
 
 def start_required(self: LqgControl) -> None:
-    """Begin with what the observer knows of the wall."""
+    """Initialize the filter from the observer's harmonics of the wall."""
     for i in range(N):
         self.required_mean[i] = 0.0
         for j in range(N):
@@ -79,7 +79,7 @@ def start_required(self: LqgControl) -> None:
 
 
 def predict_required(self: LqgControl, h: float) -> None:
-    """Move on by h [s]: the breath turns, all else stands still, but for noise."""
+    """Predict by h [s]: the breath turns, all else walks at random."""
     turn_oscillator(self.required_mean, self.required_covariance, 1, h * self.mean[BREATH_RATE], N)
     for i in range(N):
         walk = self.harmonic_walk
@@ -91,7 +91,7 @@ def predict_required(self: LqgControl, h: float) -> None:
 
 
 def correct_required(self: LqgControl, y: float) -> None:
-    """Correct with a sample of y [m]."""
+    """Update the filter by a sample of y [m]."""
     self.regressor[0] = 1.0
     self.regressor[1] = 1.0
     self.regressor[2] = 0.0
@@ -103,7 +103,7 @@ def correct_required(self: LqgControl, y: float) -> None:
 
 
 def required_ahead(self: LqgControl, tau: float) -> tuple[float, float]:
-    """Y after tau [s]: position [m] and velocity [m/s]."""
+    """Predict y after tau [s]: position [m] and velocity [m/s]."""
     c = cos(self.mean[BREATH_RATE] * tau)
     s = sin(self.mean[BREATH_RATE] * tau)
     position = self.required_mean[0] + c * self.required_mean[1] + s * self.required_mean[2]

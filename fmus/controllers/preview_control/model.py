@@ -117,7 +117,7 @@ def delayed_value(self: PreviewControl, ring: Any, later: int, h: float) -> floa
 
 
 def factorize(self: PreviewControl) -> None:
-    """Hessian, its inverse, and the direction in which each limit is met; in units of a period."""
+    """Compute the Hessian, its inverse, and for each limit the inverse times its gradient; in units of a period."""
     for i in range(AHEAD):
         for k in range(AHEAD):
             self.hessian[i, k] = self.weight if i == k else 0.0
@@ -143,7 +143,7 @@ def factorize(self: PreviewControl) -> None:
 
 
 def solve_program(self: PreviewControl, h: float) -> bool:
-    """Find the changes of the velocity [m/s]; whether a limit is active."""
+    """Solve the quadratic program for the changes of the velocity [m/s]; return whether a limit is active."""
     for i in range(AHEAD):
         self.change[i] = 0.0
         for k in range(AHEAD):
@@ -163,7 +163,7 @@ def solve_program(self: PreviewControl, h: float) -> bool:
 
 
 def update_multiplier(self: PreviewControl, i: int, h: float) -> bool:
-    """Hildreth's step for one limit: move onto it if it is broken, or back as far as it pushed before; whether it moved."""
+    """Update the multiplier of one limit by Hildreth's rule, and the changes with it; whether it moved."""
     value = 0.0
     limit = h * self.acceleration_maximum
     for j in range(i if i < AHEAD else 0, i % AHEAD + 1):

@@ -30,6 +30,8 @@ class RepetitiveControl(BeatObserver):
     What was learned is a beat old: a beat that differs from the last one is followed too late.
     """
 
+    buffers = (*BeatObserver.buffers, ("rate_minimum", 0.8 * (MEMORY - 2 * REACH - 2)))  # 0.8: the slowest rate that is followed
+
     proportional = parameter(0.61, "m/(s*N)", "proportional gain", display_unit="mm/(s*N)", minimum=0.0,
                              source="tuned, see the README")  # fmt: skip
     lead = parameter(10.5e-3, "s", "by which what was learned is applied ahead, beyond the delay", display_unit="ms", minimum=0.0,
@@ -39,7 +41,7 @@ class RepetitiveControl(BeatObserver):
     width = parameter(0.85, "", "standard deviation of the low-pass filter Q in periods", minimum=0.3, maximum=5.0,
                       source="tuned, see the README")  # fmt: skip
 
-    wanted = local(0.0, "m", "motion that was wanted, a ring", shape=(MEMORY,), display_unit="mm")
+    wanted = local(0.0, "m", "required position of the gripper, a ring", shape=(MEMORY,), display_unit="mm")
     phase_history = local(0.0, "rad", "phase of the beat at the same time, with whole turns", shape=(MEMORY,))
     sample_count = local(0, "", "periods since the start", type=Int64)
     innovation = local(0.0, "m", "what the last new value of the force left of the beat before", display_unit="mm")
@@ -69,7 +71,7 @@ class RepetitiveControl(BeatObserver):
 
 
 def store_sample(self: RepetitiveControl, wanted: float) -> None:
-    """Write what was wanted now [m] over a part of what was wanted a beat ago."""
+    """Blend the required position of now [m] with that of the previous beat, and store it."""
     last = self.phase_history[self.sample_count % MEMORY]
     turns = self.mean[PHASE] - last
     turns -= 2.0 * pi * floor(turns / (2.0 * pi) + 0.5)
@@ -82,7 +84,7 @@ def store_sample(self: RepetitiveControl, wanted: float) -> None:
 
 
 def previous_beat(self: RepetitiveControl, ahead: float) -> float:
-    """What was wanted [m] one turn before the phase `ahead` [rad] of now, behind Q, which has no lag there."""
+    """Required position [m] one turn before the phase of now plus `ahead` [rad], filtered by Q without lag."""
     goal = self.phase_history[self.sample_count % MEMORY] + ahead - 2.0 * pi
     oldest = max(self.sample_count - MEMORY + REACH + 2, 1)
     k = self.sample_count - REACH - 1
