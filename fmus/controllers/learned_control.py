@@ -21,6 +21,9 @@ LINE = 32  # periods that the demand is remembered
 JUDGED = 2.0  # [s] over which the force error is averaged
 FARTHEST = 100.0  # [N]: no force is larger; what is not finite is not smaller either
 SPACING = 34e-3  # [s] of what the search looks at, 4.5 s: with 5.1 s it begins later and errs more in the tenth beat, 3.8 s hold no breath
+STILL = 20
+MARGIN = 0.4
+LAG = 3e-3
 FORGETTING = 0.02  # [s] in which the last force is forgotten when none comes
 
 
@@ -77,6 +80,8 @@ class LearnedControl(Component):
     worse = parameter(1.0, "", "part of PI's own mean square error above which the learned motion is given up",
                       minimum=0.0, source="chosen: what is worse than PI alone is not used")  # fmt: skip
 
+    stiffness_seen = output("N/m", "TODO")
+    delay_seen = output("s", "TODO")
     trust = local(0.0, "", "part of the learned motion that is fed forward")
     mode = local(SEARCHING, "", "0 searching, 1 following, 2 leaving", type=Int32)
     demand = local(0.0, "m", "integral of the velocity demand", display_unit="mm")
@@ -86,6 +91,8 @@ class LearnedControl(Component):
     latest = local(0, "", "place of the latest", type=Int64)
     last_force = local(0.0, "N", "last value of the sensor")
     believed = local(0.0, "N", "last value that was believed")
+    run = local(0, "", "least number of periods for which the sensor showed one value: its own period", type=Int64)
+    elapsed = local(0.0, "s", "time since the last new value")
     equal = local(0, "", "values in a row that were equal", type=Int64)
     unseen = local(0.0, "s", "time without a believable value")
     feedback = local(0.0, "N", "force error that the feedback sees")
@@ -102,9 +109,13 @@ def begin_control(self: LearnedControl) -> None:
     self.demand = 0.0
     self.corrected = 0.0
     self.latest = 0
+    self.stiffness_seen = self.stiffness
+    self.delay_seen = self.delay
     self.last_force = self.force
     self.believed = self.force
     self.equal = 0
+    self.run = STILL
+    self.elapsed = 0.0
     self.unseen = 0.0
     self.feedback = 0.0
     self.square = 0.0
@@ -131,10 +142,14 @@ def sense(self: LearnedControl, h: float) -> bool:
 
 def believe(self: LearnedControl, h: float) -> bool:
     """Whether the force is a new one and may be true; PI alone believes every number."""
-    self.equal = self.equal + 1 if self.force == self.last_force else 0
+    if self.force == self.last_force:
+        self.equal += 1
+    else:
+        self.run = min(self.run, self.equal + 1)
+        self.equal = 0
     self.last_force = self.force
     change = abs(self.force - self.believed)
-    likely = change <= self.change_maximum and self.equal < self.still
+    likely = change <= self.change_maximum * self.run and self.equal < self.still * self.run
     if likely or (self.mode == SEARCHING and change < FARTHEST):
         self.believed = self.force
         self.unseen = 0.0
@@ -145,12 +160,19 @@ def believe(self: LearnedControl, h: float) -> bool:
 
 def place_wanted(self: LearnedControl, h: float) -> float:
     """y: where the gripper should have been asked to be when the force that is seen was felt [m]."""
-    return felt(self, self.line, h) + (self.setpoint - self.believed) / self.stiffness
+    return felt(self, self.line, h) + (self.setpoint - self.believed) / self.stiffness_seen
 
+
+def is_new(self: LearnedControl) -> bool:
+    return self.equal % self.run == 0
+
+def margin_gain(self, h):
+    late = self.delay_seen + LAG + 0.5 * (self.run - 1) * h
+    return min(1.0, MARGIN / (self.proportional * self.stiffness_seen * late))
 
 def felt(self: LearnedControl, line: Any, h: float) -> float:
     """What of a ring is felt now: its value `delay` ago."""
-    periods = self.delay / h
+    periods = self.delay_seen / h
     whole = floor(periods)
     part = periods - whole
     k = self.latest - int(whole) + LINE
@@ -170,9 +192,10 @@ def command(self: LearnedControl, forward: float, h: float) -> None:
     self.feedforward = self.trust * min(max(forward, -self.forward_maximum), self.forward_maximum)
 
     # dead time: what was asked for and is not felt yet will take its part of the error
-    left = self.feedback - self.stiffness * (self.corrected - felt(self, self.line_corrected, h))
-    velocity = self.proportional * self.feedback + self.feedforward
-    velocity += self.trust * self.proportional_beyond * beyond(left, self.error_large)
+    left = self.feedback - self.stiffness_seen * (self.corrected - felt(self, self.line_corrected, h))
+    part = margin_gain(self, h)
+    velocity = part * self.proportional * self.feedback + self.feedforward
+    velocity += part * self.trust * self.proportional_beyond * beyond(left, self.error_large / self.cautious)
     most = h * self.acceleration_maximum
     velocity = min(max(velocity, self.target_velocity - most), self.target_velocity + most)
     self.target_velocity = min(max(velocity, -self.velocity_maximum), self.velocity_maximum)

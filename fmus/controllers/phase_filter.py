@@ -20,7 +20,7 @@ from fmus.fourier import begin_harmonics, fill_waves, renew_variance
 from twin.component import Component, local, parameter
 
 HARMONICS = 4
-PHASE, RATE, OFFSET, BREATH, QUADRATURE, COLOR, FIRST = 0, 1, 2, 3, 4, 5, 6
+PHASE, RATE, OFFSET, BREATH, QUADRATURE, BREATH_RATE, COLOR, STIFFER, LATER, FIRST = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
 N = FIRST + 1 + 2 * (HARMONICS - 1)
 BINS = 200  # of the profile: 5 ms at one beat a second
 REACH = 15  # bins to either side that one sample teaches
@@ -51,6 +51,13 @@ class PhaseFilter(Component):
                          source="seeds 3001 to 3010: 0.6 and 0.8 leave larger errors in the first beats")  # fmt: skip
     kernel = parameter(4.0, "", "bins over which a sample is spread", minimum=0.5, maximum=6.0,
                        source="seeds 1 to 5, flat from 3 to 6: 20 ms at one beat a second, the loop's delay")  # fmt: skip
+
+    breath_rate_walk = parameter(0.01, "Hz", "deviation that the rate of respiration gains in a second", minimum=0.0, source="TODO")
+    breath_deviation = parameter(0.1, "Hz", "standard deviation of that rate", minimum=0.0, source="TODO")
+    stiffer_deviation = parameter(0.3, "", "TODO", minimum=0.0, source="TODO")
+    stiffer_walk = parameter(0.01, "", "TODO", minimum=0.0, source="TODO")
+    later_deviation = parameter(8e-3, "s", "TODO", minimum=0.0, source="TODO")
+    later_walk = parameter(0.3e-3, "s", "TODO", minimum=0.0, source="TODO")
 
     mean = local(0.0, "", "phase, rate, offset, colored error, amplitudes", shape=(N,))
     covariance = local(0.0, "", "of the same", shape=(N, N))
@@ -111,6 +118,7 @@ def begin_filter(self: PhaseFilter, fitted: Any, trend: int, rate: float) -> Non
     self.mean[BREATH] = 0.0
     self.mean[QUADRATURE] = 0.0
     self.mean[COLOR] = 0.0
+    self.mean[BREATH_RATE] = 2.0 * pi * self.breath_rate
     for i in range(N):
         for j in range(N):
             self.covariance[i, j] = 0.0
@@ -123,8 +131,14 @@ def begin_filter(self: PhaseFilter, fitted: Any, trend: int, rate: float) -> Non
             deviation = 2.0 * pi * 0.05
         elif i in (OFFSET, BREATH, QUADRATURE):
             deviation = 2e-3
+        elif i == BREATH_RATE:
+            deviation = 2.0 * pi * self.breath_deviation
         elif i == COLOR:
             deviation = self.color
+        elif i == STIFFER:
+            deviation = self.stiffer_deviation
+        elif i == LATER:
+            deviation = self.later_deviation
         self.covariance[i, i] = deviation * deviation
 
 
@@ -135,22 +149,26 @@ def predict(self: PhaseFilter, h: float) -> None:
     if self.mean[PHASE] > 2.0 * pi:
         self.mean[PHASE] -= 2.0 * pi
     self.mean[COLOR] *= keep
-    turn = 2.0 * pi * self.breath_rate * h
+    turn = self.mean[BREATH_RATE] * h
     c = cos(turn)
     s = sin(turn)
     p = self.mean[BREATH]
     self.mean[BREATH] = c * p + s * self.mean[QUADRATURE]
     self.mean[QUADRATURE] = c * self.mean[QUADRATURE] - s * p
+    b = h * self.mean[BREATH]
+    q = h * self.mean[QUADRATURE]
     for j in range(N):
         p = self.covariance[BREATH, j]
-        self.covariance[BREATH, j] = c * p + s * self.covariance[QUADRATURE, j]
-        self.covariance[QUADRATURE, j] = c * self.covariance[QUADRATURE, j] - s * p
+        r = self.covariance[BREATH_RATE, j]
+        self.covariance[BREATH, j] = c * p + s * self.covariance[QUADRATURE, j] + q * r
+        self.covariance[QUADRATURE, j] = c * self.covariance[QUADRATURE, j] - s * p - b * r
         self.covariance[PHASE, j] += h * self.covariance[RATE, j]
         self.covariance[COLOR, j] *= keep
     for i in range(N):
         p = self.covariance[i, BREATH]
-        self.covariance[i, BREATH] = c * p + s * self.covariance[i, QUADRATURE]
-        self.covariance[i, QUADRATURE] = c * self.covariance[i, QUADRATURE] - s * p
+        r = self.covariance[i, BREATH_RATE]
+        self.covariance[i, BREATH] = c * p + s * self.covariance[i, QUADRATURE] + q * r
+        self.covariance[i, QUADRATURE] = c * self.covariance[i, QUADRATURE] - s * p - b * r
         self.covariance[i, PHASE] += h * self.covariance[i, RATE]
         self.covariance[i, COLOR] *= keep
         walk = self.amplitude_walk
@@ -162,12 +180,18 @@ def predict(self: PhaseFilter, h: float) -> None:
             walk = self.offset_walk
         elif i in (BREATH, QUADRATURE):
             walk = self.breath_walk
+        elif i == BREATH_RATE:
+            walk = 2.0 * pi * self.breath_rate_walk
+        elif i == STIFFER:
+            walk = self.stiffer_walk
+        elif i == LATER:
+            walk = self.later_walk
         elif i == COLOR:
             walk = self.color * ((1.0 - keep * keep) / h) ** 0.5
         self.covariance[i, i] += walk * walk * h
 
 
-def look(self: PhaseFilter) -> tuple[float, float]:
+def look(self: PhaseFilter, tip: float, speed: float) -> tuple[float, float]:
     """What is expected of a sample [m], and the variance of that [m2]; leaves slopes and covariance with the sample."""
     phase = self.mean[PHASE]
     fill_waves(self.waves, 0, phase, HARMONICS)
@@ -176,6 +200,7 @@ def look(self: PhaseFilter) -> tuple[float, float]:
     self.slope[OFFSET] = 1.0
     self.slope[BREATH] = 1.0
     self.slope[QUADRATURE] = 0.0
+    self.slope[BREATH_RATE] = 0.0
     self.slope[COLOR] = 1.0
     self.slope[RATE] = 0.0
     self.slope[FIRST] = self.waves[0]
@@ -189,6 +214,12 @@ def look(self: PhaseFilter) -> tuple[float, float]:
         self.slope[FIRST + 2 * i - 1] = self.waves[2 * i]
         self.slope[FIRST + 2 * i] = self.waves[2 * i + 1]
     self.slope[PHASE] = turn
+    self.slope[LATER] = speed
+    g = self.mean[STIFFER]
+    for i in range(N):
+        self.slope[i] *= g
+    self.slope[STIFFER] = y - tip
+    y = g * (y - tip)
     variance = 0.0
     for i in range(N):
         total = 0.0
@@ -217,7 +248,7 @@ def learn(self: PhaseFilter, place: float, wall: float, h: float) -> None:
 
     # a bin is met by as many samples as fit into the kernel: each gives its part of what is learned in a beat
     width = self.kernel * (2.0 * pi) ** 0.5
-    rate = max(self.learning, 1.0 / (1.0 + self.lessons))
+    rate = max(self.learning * self.cautious, 1.0 / (1.0 + self.lessons))
     self.lessons += self.mean[RATE] * h / (2.0 * pi)
     share = min(rate * abs(self.mean[RATE]) * h / BIN / width, 1.0)
     for k in range(-REACH, REACH + 1):

@@ -13,6 +13,7 @@ from fmus.learned_control import (
     begin_control,
     command,
     felt,
+    is_new,
     place_wanted,
     sense,
     tell,
@@ -24,7 +25,10 @@ from fmus.phase_filter import (
     OFFSET,
     PHASE,
     QUADRATURE,
+    BREATH_RATE,
+    LATER,
     RATE,
+    STIFFER,
     PhaseFilter,
     begin_filter,
     clear_profile,
@@ -41,6 +45,7 @@ from fmus.phase_filter import (
 
 from twin.component import Boolean, Int64, local, output, parameter
 
+BREATHS = 6
 NEAR = 0.08  # part of a rate within which others are tried, over the last two beats
 CLEAR, UNCLEAR = 0.1, 0.25  # rest of the search with which to begin: at first, since with 0.25 one of 60 starts with respiration goes wrong,
 PATIENT = 8.0  # and after so long [s], since a heart whose every second beat is early never is as clear
@@ -66,6 +71,7 @@ class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
         "", "squared innovation over its variance, averaged; a third is usual, above one the beat is not as learned"
     )
 
+    breath_seen = output("Hz", "TODO")
     noise = parameter(
         0.5e-3,
         "m",
@@ -85,6 +91,10 @@ class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
     )
 
     tip = local(0.0, "m", "place of the tip, by demand and play", display_unit="mm")
+    white = local(0.0, "m^2", "TODO")
+    cautious = local(1.0, "", "TODO")
+    caution = parameter(1.0, "", "TODO", source="x")
+    speed = local(0.0, "m/s", "of the tip", display_unit="mm/s")
     unrest = local(0.0, "", "squared innovation over its variance, averaged")
     off = local(0.0, "m", "latest innovation", display_unit="mm")
     calm = local(0.0, "", "beats since the model last failed to explain the force")
@@ -112,13 +122,16 @@ class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
     def step(self, t: float, h: float) -> None:
         seen = sense(self, h)
         place = place_wanted(self, h)
+        last = self.tip
         wall = place - kept(self, h)
-        if seen and remember(self, SPACING, t, 0.0, 0.0, wall):
+        self.speed = (self.tip - last) / h
+        fresh = seen and is_new(self)
+        if fresh and remember(self, SPACING, t, 0.0, 0.0, wall):
             self.along[self.head] = self.ring[self.head, 2]
         if self.mode == SEARCHING:
             search(self)
         else:
-            follow(self, place, wall, seen, h)
+            follow(self, place, wall, fresh, h)
         command(self, forward(self, h), h)
         publish(self)
 
@@ -136,6 +149,8 @@ def start_search(self: PhaseLockedControl) -> None:
     clear_profile(self)
     self.mean[PHASE] = 0.0
     self.mean[RATE] = 0.0
+    self.mean[STIFFER] = 1.0
+    self.mean[LATER] = 0.0
     self.nearby = -1
     self.mode = SEARCHING
 
@@ -145,17 +160,17 @@ def search(self: PhaseLockedControl) -> None:
     if not self.enable or self.count < RING:
         return
     if self.nearby < 0:
-        if scan(self) and self.beat_rest <= (CLEAR if self.alone < PATIENT else UNCLEAR):
+        if scan(self, BREATHS) and self.beat_rest <= (CLEAR if self.alone < PATIENT else UNCLEAR):
             self.nearby = 0
     elif self.nearby < REFINED:
         rate = self.beat_rate * (1.0 + NEAR * (2.0 * self.nearby / (REFINED - 1.0) - 1.0))
-        rest = fit(self, rate, HARMONICS, 2.0 / self.beat_rate)
+        rest = fit(self, rate, TREND, HARMONICS, 2.0 / self.beat_rate)
         if self.nearby == 0 or rest < self.rest_least:
             self.rest_least = rest
             self.nearest = rate
         self.nearby += 1
     else:
-        fit(self, self.nearest, HARMONICS, 2.0 / self.nearest)
+        fit(self, self.nearest, TREND, HARMONICS, 2.0 / self.nearest)
         begin(self)
 
 
@@ -164,6 +179,7 @@ def begin(self: PhaseLockedControl) -> None:
     begin_filter(self, self.fitted, TREND, self.nearest)
     self.unrest = RELAXED
     self.off_beat = False
+    self.white = max(0.33 * self.noise * self.noise, 2.2 * self.rest_least)
     self.calm = PAUSE
     for j in range(SHIFTS):
         self.misfit[j] = 0.0
@@ -173,27 +189,40 @@ def begin(self: PhaseLockedControl) -> None:
 def follow(self: PhaseLockedControl, place: float, wall: float, seen: bool, h: float) -> None:
     """Predict, take the sample in and learn from it; give up what does not explain the force."""
     predict(self, h)
-    expected, variance = look(self)
+    expected, variance = look(self, self.tip, self.speed)
     if seen:
-        variance += self.noise * self.noise
-        self.off = wall - expected
+        variance += noise_square(self)
+        last = self.off
+        self.off = self.feedback / self.stiffness - expected
         ratio = self.off * self.off / variance
-        self.unrest += h / PASSING * (min(ratio, CAP) - self.unrest)
+        strain = self.off * self.off / (variance - noise_square(self) + max(self.noise * self.noise, 3.0 * self.white))
+        s = self.run * h
+        self.unrest += s / PASSING * (min(strain, CAP) - self.unrest)
         self.off_beat = self.unrest > (RELAXED if self.off_beat else STRAINED)
-        compare(self, wall, h)
+        compare(self, wall, s)
+        change = 0.5 * (self.off - last) * (self.off - last)
+        self.white += s / 2.0 * (min(change, 9.0 * self.white) - self.white)
         if ratio <= GATE * GATE:
             correct(self, self.off, variance)
-        self.calm = 0.0 if self.off_beat else self.calm + self.mean[RATE] * h / (2.0 * pi)
+            self.mean[STIFFER] = min(max(self.mean[STIFFER], 0.3), 4.0)
+            self.mean[LATER] = min(max(self.mean[LATER], -0.01), 0.06)
+            self.mean[BREATH_RATE] = min(max(self.mean[BREATH_RATE], 0.5), 3.5)
+        self.calm = 0.0 if self.off_beat else self.calm + self.mean[RATE] * s / (2.0 * pi)
         if self.off_beat:
             realign(self)
         if self.calm >= PAUSE:
             common = self.mean[OFFSET] + self.mean[BREATH] + harmonics(self, self.mean[PHASE])
-            learn(self, place - common, wall - common, h)
+            self.cautious = min(1.0, (3.0*self.white)**-0.5*self.noise) if self.caution else 1.0
+            learn(self, place - common, wall - common, s)
     within = 0.5 * self.rate_minimum < self.mean[RATE] / (2.0 * pi) < 1.5 * self.rate_maximum
     if not (within and bearable(self) and healthy(self)):
         self.mode = LEAVING
     if self.mode == LEAVING and self.trust <= 0.0:
         start_search(self)
+
+
+def noise_square(self: PhaseLockedControl) -> float:
+    return max(0.67 * self.noise * self.noise + self.white, self.noise * self.noise)
 
 
 def compare(self: PhaseLockedControl, wall: float, h: float) -> None:
@@ -211,7 +240,7 @@ def realign(self: PhaseLockedControl) -> None:
         if self.misfit[j] < self.misfit[best]:
             best = j
     least = self.misfit[best]
-    if best == 0 or least > CLEARLY * self.misfit[0] or least > FITTING * FITTING:
+    if best == 0 or least > CLEARLY * self.misfit[0] or least > 4.0 * max(self.noise * self.noise, 3.0 * self.white):
         return
     self.mean[PHASE] += 2.0 * pi * best / SHIFTS
     if self.mean[PHASE] > 2.0 * pi:
@@ -227,14 +256,17 @@ def realign(self: PhaseLockedControl) -> None:
 
 def forward(self: PhaseLockedControl, h: float) -> float:
     """Speed of what was learned [m/s], when the demand of now will be felt."""
-    ahead = self.mean[PHASE] + self.mean[RATE] * (self.delay + self.lead)
+    ahead = self.mean[PHASE] + self.mean[RATE] * (self.delay + self.mean[LATER] + self.lead)
     beat = (required(self, ahead) - required(self, ahead - self.mean[RATE] * h)) / h
-    return beat + 2.0 * pi * self.breath_rate * self.mean[QUADRATURE]
+    return beat + self.mean[BREATH_RATE] * self.mean[QUADRATURE]
 
 
 def publish(self: PhaseLockedControl) -> None:
     """What is told about it."""
     self.phase = self.mean[PHASE]
+    self.stiffness_seen = self.mean[STIFFER] * self.stiffness
+    self.delay_seen = self.mean[LATER] + self.delay
+    self.breath_seen = self.mean[BREATH_RATE] / (2.0 * pi)
     self.strain = self.unrest
     self.innovation = self.off
     tell(self, self.mean[RATE] / (2.0 * pi), self.off_beat)
