@@ -62,6 +62,7 @@ class QuasiPeriodicControl(LearnedControl, BeatSearch):
 
     def initialize(self) -> None:
         begin_control(self)
+        self.measured = True  # it believes what it is told
         for i in range(3):
             self.anchor[i] = 0.0
             self.axis[i] = 1.0 if i == 2 else 0.0
