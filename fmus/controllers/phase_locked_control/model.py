@@ -58,7 +58,7 @@ PASSING = 0.1  # [s] over which the strain is averaged
 STRAINED, RELAXED, CAP = 1.0, 0.5, 25.0  # strain of a beat that is not as learned, and is again; a third is usual
 GATE = 3.0  # innovation in standard deviations from which the filter takes no sample in
 SHIFTS = 32  # phases around the circle that are compared
-WINDOW = 0.02  # [s] over which they are: four samples
+WINDOW, FOUR = 0.02, 0.25  # [s] over which they are, and part of a sample: four samples at least
 CLEARLY, FITTING = 0.3, 4.0  # what a new phase leaves, as part of what the old one does, and at most, over the noise's variance
 SETTLED = 1.0  # [s] for which nothing leaps after it has faded in: a plant that is not as told looks like another phase
 WHITE = 1.0 / 3.0  # part of the variance of `noise` that is the sensor's own, the rest is friction
@@ -278,10 +278,11 @@ def loudness(self: PhaseLockedControl) -> float:
 
 def compare(self: PhaseLockedControl, wall: float, h: float) -> None:
     """What each of the phases around the circle would have left of the last samples."""
+    part = min(h / WINDOW, FOUR)
     for j in range(SHIFTS):
         phase = self.mean[PHASE] + 2.0 * pi * j / SHIFTS
         rest = wall - self.mean[OFFSET] - self.mean[BREATH] - moved(self, phase)
-        self.misfit[j] += h / WINDOW * (rest * rest - self.misfit[j])
+        self.misfit[j] += part * (rest * rest - self.misfit[j])
 
 
 def realign(self: PhaseLockedControl) -> None:
