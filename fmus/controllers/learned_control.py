@@ -126,6 +126,7 @@ class LearnedControl(BoucWenInverse):
     wait = local(0.0, "s", "time until the learned motion is tried again")
     retry = local(0.0, "s", "the next such time")
     wall_share = local(0.0, "", "part of the fallback that is the measured wall")
+    wall_judged = local(False, "", "whether that mean square is one with the measured wall", type=Boolean)
 
 
 def begin_control(self: LearnedControl) -> None:
@@ -156,6 +157,7 @@ def begin_control(self: LearnedControl) -> None:
     self.wait = 0.0
     self.retry = RETRY
     self.wall_share = 0.0
+    self.wall_judged = False
     initialize_inverse(self, self.heart_position)
     self.trust = 0.0
     self.feedforward = 0.0
@@ -168,7 +170,8 @@ def sense(self: LearnedControl, h: float) -> bool:
     self.stiffness_estimate = self.stiffness_ratio * self.stiffness
     held = (self.hold_periods - 1) * h
     self.delay_estimate = min(max(self.delay + self.extra_delay + held, h), (LINE - 2) * h)
-    self.alone = self.alone + h if self.mode == SEARCHING else 0.0
+    changing = 0.0 < self.wall_share < 1.0
+    self.alone = self.alone + h if self.mode == SEARCHING and not changing else 0.0
     self.locked_time = self.locked_time + h if self.trust >= 1.0 else 0.0
     self.wait = max(self.wait - h, 0.0)
     if seen:
@@ -190,6 +193,7 @@ def judge(self: LearnedControl, h: float) -> None:
         self.mean_square += h / min(since, AVERAGED) * (square - self.mean_square)
     if self.alone > JUDGED:
         self.square_fallback = self.mean_square
+        self.wall_judged = self.wall_share >= 1.0
 
 
 def believe(self: LearnedControl, h: float) -> bool:
@@ -229,14 +233,21 @@ def felt(self: LearnedControl, line: Any, h: float) -> float:
     return (1.0 - part) * line[k % LINE] + part * line[(k - 1) % LINE]
 
 
+def may_begin(self: LearnedControl) -> bool:
+    """Whether the learned motion may be tried: with a measured wall it is first seen what that leaves, for 10 s."""
+    with_wall = self.wall_share > 0.0 or self.heart_status < 2
+    return self.enable and self.wait <= 0.0 and not (with_wall and self.alone < AVERAGED)
+
+
 def bearable(self: LearnedControl) -> bool:
     """Whether the force is seen, and the learned motion leaves no more of the error than the fallback did; if not, it waits."""
-    if self.unseen > self.hold:
+    unknown = self.wall_share >= 1.0 and not self.wall_judged and self.locked_time > JUDGED
+    if self.unseen > self.hold or unknown:
         return False
     limit = self.worse * self.square_fallback
-    much = limit if self.wall_share <= 0.0 else TWICE * limit
+    much = TWICE * limit if self.wall_judged else limit
     worse = self.locked_time > JUDGED and self.square > much
-    worse = worse or (self.locked_time > AVERAGED and self.mean_square > limit)
+    worse = worse or (self.locked_time > 2.0 * AVERAGED and self.mean_square > limit)
     if worse and self.mode == FOLLOWING:
         self.wait = self.retry
         self.retry = min(2.0 * self.retry, RETRY_LATEST)

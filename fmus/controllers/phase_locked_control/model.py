@@ -15,6 +15,7 @@ from fmus.learned_control import (
     command,
     felt,
     is_new,
+    may_begin,
     place_wanted,
     sense,
     tell,
@@ -174,7 +175,8 @@ def search(self: PhaseLockedControl, t: float) -> None:
 
     It goes on while a beat is followed: the filter may have lost it and be content.
     """
-    if not self.enable or self.mode == LEAVING or self.wait > 0.0 or self.count < RING:
+    blocked = self.mode == LEAVING or (self.mode == SEARCHING and not may_begin(self))
+    if blocked or not self.enable or self.count < RING:
         return
     if self.nearby < 0:
         if scan(self, BREATHS) and is_found(self):

@@ -12,6 +12,7 @@ from fmus.learned_control import (
     bearable,
     begin_control,
     command,
+    may_begin,
     place_wanted,
     sense,
     tell,
@@ -100,7 +101,7 @@ def search(self: QuasiPeriodicControl, t: float, place: float, h: float) -> None
     """Find the rate; what was wanted since stands in the ring already, and begins to be played back."""
     if remember(self, SPACING, t, 0.0, 0.0, place):
         self.along[self.head] = self.ring[self.head, 2]
-    if not self.enable or self.count < RING or not scan(self, TREND) or self.beat_rest > CLEAR:
+    if not may_begin(self) or self.count < RING or not scan(self, TREND) or self.beat_rest > CLEAR:
         return
     self.length = 1.0 / self.beat_rate
     self.length_mean = self.length
