@@ -146,7 +146,7 @@ def begin_control(self: LearnedControl) -> None:
     self.delay_estimate = self.delay
     self.last_force = self.force
     self.believed = self.force
-    self.equal = 0
+    self.equal = SLOWEST  # the first value may have begun before
     self.unseen = 0.0
     self.feedback = 0.0
     self.square = 0.0
