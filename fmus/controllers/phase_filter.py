@@ -31,6 +31,7 @@ REACH = 15  # bins to either side that one sample teaches
 BREATH_LEAST, BREATH_MOST = 0.5, 3.5  # [rad/s]: 4.8 to 33 breaths a minute
 RATIO_LEAST, RATIO_MOST = 0.3, 4.0  # of the stiffness over that which is told
 DELAY_LEAST, DELAY_MOST = -10e-3, 60e-3  # [s] beyond the delay that is told
+SMALL = 1e-3  # step of a difference quotient
 FARTHEST = 1e3  # no rate [rad/s] is larger, no place [m], no variance
 BIN = 2.0 * pi / BINS  # [rad]
 
@@ -121,13 +122,39 @@ def harmonics(self: PhaseFilter, phase: float) -> float:
     return y
 
 
-def begin_filter(self: PhaseFilter, fitted: Any, trend: int, rate: float) -> None:
-    """Begin with a fit: `trend` powers of time from -1 to 1 (now), then sine and cosine parts with phase zero now."""
+def begin_mean(self: PhaseFilter, fitted: Any, trend: int) -> None:
+    """Phase, offset and amplitudes of a fit: `trend` powers of time from -1 to 1 (now), then sine and cosine parts with phase zero now."""
     self.mean[PHASE] = begin_harmonics(self.mean, FIRST, fitted, trend, HARMONICS)
-    self.mean[RATE] = 2.0 * pi * rate
     self.mean[OFFSET] = 0.0
     for i in range(trend):
         self.mean[OFFSET] += fitted[i]
+
+
+def correlate(self: PhaseFilter, plant: int, fitted: Any, change: Any, trend: int) -> None:
+    """Covariance of what was fitted with stiffness or delay, which it hangs on: the fit changes by `change` for one of these."""
+    variance = self.covariance[plant, plant]
+    begin_mean(self, fitted, trend)
+    for i in range(N):
+        self.slope[i] = self.mean[i]
+    for i in range(trend + 2 * HARMONICS):
+        fitted[i] += SMALL * change[i]
+    begin_mean(self, fitted, trend)
+    for i in range(trend + 2 * HARMONICS):
+        fitted[i] -= SMALL * change[i]
+    for i in range(N):
+        self.gain[i] = (self.mean[i] - self.slope[i]) / SMALL if i in (PHASE, OFFSET) or i >= FIRST else 0.0
+        self.mean[i] = self.slope[i]
+    for i in range(N):
+        self.covariance[plant, i] += self.gain[i] * variance
+        self.covariance[i, plant] += self.gain[i] * variance
+        for j in range(N):
+            self.covariance[i, j] += self.gain[i] * self.gain[j] * variance
+
+
+def begin_filter(self: PhaseFilter, fitted: Any, trend: int, rate: float) -> None:
+    """Begin with a fit."""
+    begin_mean(self, fitted, trend)
+    self.mean[RATE] = 2.0 * pi * rate
     self.mean[BREATH] = 0.0
     self.mean[QUADRATURE] = 0.0
     self.mean[COLOR] = 0.0

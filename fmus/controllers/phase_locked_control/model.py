@@ -34,6 +34,7 @@ from fmus.phase_filter import (
     PhaseFilter,
     begin_filter,
     clear_profile,
+    correlate,
     correct,
     harmonics,
     healthy,
@@ -49,6 +50,8 @@ from fmus.phase_filter import (
 from twin.component import Boolean, Int64, local, output, parameter
 
 BREATHS = 6  # coefficients of the trend in the search: 4.5 s hold two breaths at 30 a minute, which a cubic does not follow
+WALL = 2  # column of the search's ring; the others are its derivatives
+TERMS = TREND + 2 * HARMONICS
 OTHER, THRICE = 0.25, 3  # part by which the rate found must differ from the one followed, and how often, to begin anew
 MEAN_RATE = 2.0  # [s] over which the rate followed is averaged for that
 SHORT = 1.2  # [s] of memory, at least, of the last fit: 35 samples for its 12 coefficients
@@ -104,6 +107,8 @@ class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
 
     tip = local(0.0, "m", "place of the tip, by demand and play", display_unit="mm")
     speed = local(0.0, "m/s", "speed of the tip", display_unit="mm/s")
+    changes = local(0.0, "", "derivatives of the last fit by stiffness over that which is told, and by delay", shape=(2, TERMS))
+    change = local(0.0, "", "one of them", shape=(TERMS,))
     white = local(0.0, "m^2", "variance of the sensor's noise, from differences of innovations")
     samples = local(0.0, "", "samples over which that is averaged")
     rate_mean = local(0.0, "Hz", "rate followed, averaged")
@@ -139,8 +144,9 @@ class PhaseLockedControl(LearnedControl, BeatSearch, PhaseFilter):
         wall = place - kept(self, h)
         self.speed = (self.tip - last) / h
         new = seen and is_new(self)
-        if new and remember(self, SPACING, t, 0.0, 0.0, wall):
-            self.along[self.head] = self.ring[self.head, 2]
+        by_stiffness = -self.feedback / self.stiffness_estimate / self.stiffness_ratio
+        if new and remember(self, SPACING, t, by_stiffness, -self.speed, wall):
+            self.along[self.head] = self.ring[self.head, WALL]
         search(self, t)
         if self.mode != SEARCHING:
             follow(self, place, wall, new, h)
@@ -188,9 +194,23 @@ def search(self: PhaseLockedControl, t: float) -> None:
             self.rest_least = rest
             self.nearest = rate
         self.nearby += 1
+    elif self.nearby < REFINED + 2:
+        column = self.nearby - REFINED
+        choose_column(self, column)
+        fit(self, self.nearest, TREND, HARMONICS, max(2.0 / self.nearest, SHORT))
+        for i in range(TREND + 2 * HARMONICS):
+            self.changes[column, i] = self.fitted[i]
+        choose_column(self, WALL)
+        self.nearby += 1
     else:
         fit(self, self.nearest, TREND, HARMONICS, max(2.0 / self.nearest, SHORT))
         begin(self, t - self.ring_time[self.head])
+
+
+def choose_column(self: PhaseLockedControl, column: int) -> None:
+    """Let the search look at the wall's motion, or at its derivative by stiffness or delay."""
+    for k in range(RING):
+        self.along[k] = self.ring[k, column]
 
 
 def is_found(self: PhaseLockedControl) -> bool:
@@ -206,11 +226,18 @@ def begin(self: PhaseLockedControl, age: float) -> None:
     """Follow the beat that was fitted last, to a sample of some age [s]."""
     clear_profile(self)
     begin_filter(self, self.fitted, TREND, self.nearest)
-    self.mean[PHASE] += self.mean[RATE] * age
     if self.beat_rest > CLEAR:
         # what is irregular would be taken for another plant
         renew(self, STIFFNESS, 0.0)
         renew(self, DELAY, 0.0)
+    else:
+        for i in range(TREND + 2 * HARMONICS):
+            self.change[i] = self.changes[0, i]
+        correlate(self, STIFFNESS, self.fitted, self.change, TREND)
+        for i in range(TREND + 2 * HARMONICS):
+            self.change[i] = self.changes[1, i]
+        correlate(self, DELAY, self.fitted, self.change, TREND)
+    self.mean[PHASE] += self.mean[RATE] * age
     self.nearby = -1
     self.others = 0
     self.rate_mean = self.nearest
