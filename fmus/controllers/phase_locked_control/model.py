@@ -34,8 +34,8 @@ from fmus.phase_filter import (
     PhaseFilter,
     begin_filter,
     clear_profile,
-    correlate,
     correct,
+    correlate,
     harmonics,
     healthy,
     keep_plant,
@@ -65,7 +65,7 @@ SHIFTS = 32  # phases around the circle that are compared
 WINDOW, FOUR = 0.02, 0.25  # [s] over which they are, and part of a sample: four samples at least
 CLEARLY, FITTING = 0.3, 4.0  # what a new phase leaves, as part of what the old one does, and at most, over the noise's variance
 SETTLED = 1.0  # [s] for which nothing leaps after it has faded in: a plant that is not as told looks like another phase
-WHITE = 1.0 / 3.0  # part of the variance of `noise` that is the sensor's own, the rest is friction
+WHITE = 0.5  # part of the variance of `noise` that may be the sensor's own, the rest is friction; 3 mN are a third
 FEWEST, MOST = 20, 400  # samples over which the sensor's noise is averaged, at first and at last
 SLOW, SLOWLY = 2, 0.3  # periods that a sensor may hold a value, and part of what is learned from one that holds it longer
 AFTER = 0.05  # doubt of the rate after a leap, as part of it: a leap of the phase is not one of the rate
