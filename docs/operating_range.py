@@ -87,9 +87,11 @@ RIVALS = {
     "preview MPC": Rival(
         "preview_control",
         wall=True,
+        values={"estimate.estimator.horizon": 23e-3},
         knobs={"controller.correction": (0.05, 1.0), "controller.weight": (0.3, 300.0)}
         | {"estimate.estimator.horizon": (0.0, 0.065)},
     ),
+    "locked, wall": Rival("phase_locked_control", wall=True),
 }
 CLASSES = {
     "force alone": [name for name, rival in RIVALS.items() if not rival.wall],
@@ -153,7 +155,7 @@ AHEAD: dict[str, tuple[Rival, float]] = {  # with the true wall: the rival, and 
     "PI+FF+BW, paper": (RIVALS["PI+FF+BW"], 0.0),
     "PI+FF+BW, 1250 mm/(s N)": (Rival("pi_bouc_wen_control", True, {"controller.proportional": 1.25}), 0.0),
     "the same, 25 ms of preview": (Rival("pi_bouc_wen_control", True, {"controller.proportional": 1.25}), 25e-3),
-    "preview MPC, 37 ms": (Rival("preview_control", True, {"controller.correction": 0.6}), 37e-3),
+    "preview MPC, 25 ms and its horizon": (Rival("preview_control", True), 40e-3),
 }
 
 
@@ -178,10 +180,12 @@ def variant(rival: Rival, values: dict[str, float]) -> dict[str, Any]:
         if own != "period":
             place = place.setdefault("parameters", {})
         place[own] = f"{1e3 * value:g} ms" if own == "period" else value
-    unconnected = ("controller.heart_position", "estimate.contact.force")
-    return {"members": members} | (
-        {} if rival.wall else {"connections": [{"from": None, "to": target} for target in unconnected]}
-    )
+    connections: list[Any] = []
+    if not rival.wall:
+        connections = [{"from": None, "to": name} for name in ("controller.heart_position", "estimate.contact.force")]
+    elif rival.component == "phase_locked_control":
+        connections = ["estimate.estimator.status -> controller.heart_status"]
+    return {"members": members, "connections": connections}
 
 
 def run(
@@ -342,7 +346,7 @@ def draw(found: dict[str, dict[str, list[Result]]]) -> None:
     """Conditions over controllers, a panel for each class of information; framed: the force leaves the clinical range."""
     with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": "operating_range"}):
         figure = Figure((9.6, 8.0), layout="constrained")
-        panels = figure.subplots(1, 2, sharey=True, width_ratios=(6, 3))
+        panels = figure.subplots(1, 2, sharey=True, width_ratios=(6, 4))
         for axes, names, title in zip(panels, CLASSES.values(), CLASSES, strict=True):
             values = np.array([[worst(found[name][condition]) for name in names] for condition in CONDITIONS])
             image = axes.imshow(values, norm=LogNorm(2.0, 100.0), cmap="YlOrRd", aspect="auto")

@@ -140,7 +140,7 @@ def update_observer(self: BeatObserver, t: float, h: float) -> float:
             forget(self)
     elif self.trust <= 0.0:
         self.feedback_mean_square = self.mean_square
-        if self.count >= RING and scan(self) and self.beat_rest <= CLEAR:
+        if self.count >= RING and scan(self, TREND) and self.beat_rest <= CLEAR:
             start_filter(self, refine(self, HARMONICS))
     self.rate = self.mean[RATE] / (2.0 * pi) if self.is_following else 0.0
     self.breath = self.mean[BREATH_RATE] / (2.0 * pi) if self.is_following else 0.0

@@ -42,9 +42,9 @@ class PreviewControl(BoucWenInverse):
                           source="as phase_locked_control: 3 EI / L^3 of wall")  # fmt: skip
     delay = parameter(20e-3, "s", "from a demand until the force sensor's value shows it", display_unit="ms", minimum=5e-3,
                       maximum=0.1, source="as phase_locked_control")  # fmt: skip
-    correction = parameter(0.5, "", "part of the force error that is taken for lasting", minimum=0.0, maximum=1.0,
+    correction = parameter(0.11, "", "part of the force error that is taken for lasting", minimum=0.0, maximum=1.0,
                            source="tuned, see the README")  # fmt: skip
-    weight = parameter(10.0, "", "weight of the squared change of the demand in a period over that of the squared error",
+    weight = parameter(0.41, "", "weight of the squared change of the demand in a period over that of the squared error",
                        minimum=1e-3, fixed=True, source="tuned, see the README")  # fmt: skip
     acceleration_maximum = parameter(10.0, "m/s^2", "limit of the demand's change", minimum=0.1,
                                      source="as phase_locked_control: keeps the motor below 15 N")  # fmt: skip
