@@ -45,8 +45,8 @@ class PhaseFilter(Component):
                            source="beats that differ by 0.8 % of their length")  # fmt: skip
     offset_walk = parameter(0.3e-3, "m", "deviation that the offset gains in a second", display_unit="mm", minimum=0.0,
                             source="a hand-over lets the instrument fall back by a millimeter, every 15 s: 1 / 15^0.5; flat to 0.4")  # fmt: skip
-    breath_walk = parameter(0.2e-3, "m", "deviation that respiration gains in a second", display_unit="mm", minimum=0.0,
-                            source="seeds 1 to 5, flat to 0.3: breaths differ by a fraction of a millimeter")  # fmt: skip
+    breath_walk = parameter(0.5e-3, "m", "deviation that respiration gains in a second", display_unit="mm", minimum=0.0,
+                            source="chosen: a breath that begins is followed within a second; with 0.2 the phase takes it over")  # fmt: skip
     breath_rate = parameter(0.25, "Hz", "rate of respiration to begin with", minimum=0.08, maximum=0.5,
                             source="a ventilator's 12 to 18 breaths a minute")  # fmt: skip
     amplitude_walk = parameter(0.02e-3, "m", "deviation that an amplitude gains in a second", display_unit="mm", minimum=0.0,
@@ -66,12 +66,8 @@ class PhaseFilter(Component):
                                  source="6 to 30 breaths a minute are 1.5 to 2.5 deviations away")  # fmt: skip
     stiffness_ratio_deviation = parameter(0.3, "", "standard deviation of the stiffness over that which is told, at the start", minimum=0.0,
                                           source="chosen: half and twice are 1.7 and 3.3 deviations away; 0.5 is worse at twice")  # fmt: skip
-    stiffness_ratio_walk = parameter(0.01, "", "deviation that this ratio gains in a second", minimum=0.0,
-                                     source="chosen: a tenth in two minutes; none changes little")  # fmt: skip
     delay_deviation = parameter(8e-3, "s", "standard deviation of the delay beyond that which is told, at the start", display_unit="ms",
                                 minimum=0.0, source="chosen: 20 ms are 2.5 deviations away")  # fmt: skip
-    delay_walk = parameter(0.3e-3, "s", "deviation that this delay gains in a second", display_unit="ms", minimum=0.0,
-                           source="chosen: 3 ms in two minutes; none changes little")  # fmt: skip
 
     mean = local(0.0, "", "phase, rate, offset, respiration, colored error, plant, amplitudes", shape=(N,))
     covariance = local(0.0, "", "of the same", shape=(N, N))
@@ -222,10 +218,8 @@ def predict(self: PhaseFilter, h: float) -> None:
             walk = self.breath_walk
         elif i == BREATH_RATE:
             walk = 2.0 * pi * self.breath_rate_walk
-        elif i == STIFFNESS:
-            walk = self.stiffness_ratio_walk
-        elif i == DELAY:
-            walk = self.delay_walk
+        elif i in (STIFFNESS, DELAY):
+            walk = 0.0
         elif i == COLOR:
             walk = self.color * ((1.0 - keep * keep) / h) ** 0.5
         self.covariance[i, i] += walk * walk * h
@@ -270,22 +264,23 @@ def look(self: PhaseFilter, tip: float, speed: float) -> tuple[float, float]:
     return ratio * (w - tip), variance
 
 
-def correct(self: PhaseFilter, innovation: float, variance: float) -> None:
-    """Take in the sample that was looked at; `variance` is that of the innovation [m2]."""
+def correct(self: PhaseFilter, innovation: float, variance: float, plant: bool) -> None:
+    """Take in the sample that was looked at; `variance` is that of the innovation [m2].
+
+    Unless `plant`, stiffness and delay stay as they are, with their doubt (Schmidt's consider filter).
+    """
     for i in range(N):
-        self.mean[i] += self.gain[i] / variance * innovation
+        kept = not plant and i in (STIFFNESS, DELAY)
+        if not kept:
+            self.mean[i] += self.gain[i] / variance * innovation
         for j in range(i + 1):
+            if kept and j in (STIFFNESS, DELAY):
+                continue
             self.covariance[i, j] -= self.gain[i] * self.gain[j] / variance
             self.covariance[j, i] = self.covariance[i, j]
     self.mean[BREATH_RATE] = min(max(self.mean[BREATH_RATE], BREATH_LEAST), BREATH_MOST)
     self.mean[STIFFNESS] = min(max(self.mean[STIFFNESS], RATIO_LEAST), RATIO_MOST)
     self.mean[DELAY] = min(max(self.mean[DELAY], DELAY_LEAST), DELAY_MOST)
-
-
-def keep_plant(self: PhaseFilter) -> None:
-    """Let the sample that was looked at tell nothing of stiffness and delay."""
-    self.gain[STIFFNESS] = 0.0
-    self.gain[DELAY] = 0.0
 
 
 def learn(self: PhaseFilter, place: float, wall: float, part: float, h: float) -> None:

@@ -4,6 +4,7 @@ from math import pi
 
 from fmus.beat_search import REFINED, RING, TREND, BeatSearch, fit, forget, remember, scan
 from fmus.learned_control import (
+    AVERAGED,
     FOLLOWING,
     JUDGED,
     LEAVING,
@@ -38,7 +39,6 @@ from fmus.phase_filter import (
     correlate,
     harmonics,
     healthy,
-    keep_plant,
     learn,
     look,
     moved,
@@ -287,11 +287,9 @@ def take(self: PhaseLockedControl, off: float, variance: float, wall: float, h: 
         change = 0.5 * (off - self.off) * (off - self.off)
         self.samples = min(self.samples + 1.0, MOST)
         self.white += (min(change, GATE * GATE * self.white) - self.white) / self.samples
-    else:
-        keep_plant(self)
     self.off = off
     if ratio <= GATE * GATE:
-        correct(self, off, variance)
+        correct(self, off, variance, usual and self.locked_time < AVERAGED)
     self.noise_part = self.noise / loud**0.5
     if self.hold_periods > SLOW:
         self.noise_part *= SLOWLY
