@@ -239,6 +239,8 @@ def run_variants(base: str, variants: dict[str, Any], seeds: tuple[int, ...], le
             motor = np.abs(signals.values["servomotor.force"][late]).max()
             result = Result(float(np.std(force)), float(force.min()), float(force.max()), float(motor))
             found.setdefault(name, []).append(result)
+    if outcome.run.status != "completed":
+        raise SystemExit(f"a run failed: {outcome.run.reason}")
     return found
 
 
