@@ -2,10 +2,14 @@
 
     w = o + p + c + H(phi) + wall(phi),   y = o + p + H(phi) + profile(phi)
     H = r sin(phi) + sum for i = 2..4 of a_i sin(i phi) + b_i cos(i phi)
-    d phi / dt = rate,   c fades with its time constant, all else stands still, but for noise
+    d phi / dt = rate,   p and its quadrature turn at the rate of respiration, c fades, all else stands still, but for noise
+    error = stiffness (w - tip(t - delay)) + noise
 
 Parker and Anderson, Frequency tracking of nonsinusoidal periodic signals in noise, Signal Processing 20(2), 1990, have
-rate and harmonics in one filter. It sees the wall's motion w; where the gripper has to be, y, differs by what friction and
+rate and harmonics in one filter; the rate of respiration is a state in the same way. The filter sees the force error and the
+tip that the demand has moved. Stiffness and delay are states too: while the learned motion fades in, tip and error change and
+the wall's motion does not, which tells them apart. Adaptive higher harmonic control identifies its plant beside the
+disturbance like that (Johnson, NASA TP-1996, 1982, recalled). Where the gripper has to be, y, differs from w by what friction and
 play keep. Profiles, bins over a beat, are what four harmonics cannot: rests of the wall's motion, and the gripper's leap
 across the play. They are learned beside the filter, as in repetitive control, but over the phase and not over time.
 """
@@ -20,10 +24,14 @@ from fmus.fourier import begin_harmonics, fill_waves, renew_variance
 from twin.component import Component, local, parameter
 
 HARMONICS = 4
-PHASE, RATE, OFFSET, BREATH, QUADRATURE, COLOR, FIRST = 0, 1, 2, 3, 4, 5, 6
+PHASE, RATE, OFFSET, BREATH, QUADRATURE, BREATH_RATE, COLOR, STIFFNESS, DELAY, FIRST = 0, 1, 2, 3, 4, 5, 6, 7, 8, 9
 N = FIRST + 1 + 2 * (HARMONICS - 1)
 BINS = 200  # of the profile: 5 ms at one beat a second
 REACH = 15  # bins to either side that one sample teaches
+BREATH_LEAST, BREATH_MOST = 0.5, 3.5  # [rad/s]: 4.8 to 33 breaths a minute
+RATIO_LEAST, RATIO_MOST = 0.3, 4.0  # of the stiffness over that which is told
+DELAY_LEAST, DELAY_MOST = -10e-3, 60e-3  # [s] beyond the delay that is told
+SMALL = 1e-3  # step of a difference quotient
 FARTHEST = 1e3  # no rate [rad/s] is larger, no place [m], no variance
 BIN = 2.0 * pi / BINS  # [rad]
 
@@ -31,15 +39,15 @@ BIN = 2.0 * pi / BINS  # [rad]
 class PhaseFilter(Component):
     """Mean and covariance of the filter, and the profiles."""
 
-    rate_walk = parameter(0.06, "Hz", "deviation that the heart rate gains in a second", minimum=0.0,
+    rate_walk = parameter(0.06, "", "deviation that the heart rate gains in a second, as part of it", minimum=0.0,
                           source="seeds 3001 to 3010: 0.025 and 0.04 are worse, 0.08 as good; a wander of 5 % within ten seconds is 0.03")  # fmt: skip
     phase_walk = parameter(0.05, "rad", "deviation that the phase gains in a second", minimum=0.0,
                            source="beats that differ by 0.8 % of their length")  # fmt: skip
     offset_walk = parameter(0.3e-3, "m", "deviation that the offset gains in a second", display_unit="mm", minimum=0.0,
                             source="a hand-over lets the instrument fall back by a millimeter, every 15 s: 1 / 15^0.5; flat to 0.4")  # fmt: skip
-    breath_walk = parameter(0.2e-3, "m", "deviation that respiration gains in a second", display_unit="mm", minimum=0.0,
-                            source="seeds 1 to 5, flat to 0.3: breaths differ by a fraction of a millimeter")  # fmt: skip
-    breath_rate = parameter(0.25, "Hz", "usual rate of respiration", minimum=0.05, maximum=0.5,
+    breath_walk = parameter(0.5e-3, "m", "deviation that respiration gains in a second", display_unit="mm", minimum=0.0,
+                            source="chosen: a breath that begins is followed within a second; with 0.2 the phase takes it over")  # fmt: skip
+    breath_rate = parameter(0.25, "Hz", "rate of respiration to begin with", minimum=0.08, maximum=0.5,
                             source="a ventilator's 12 to 18 breaths a minute")  # fmt: skip
     amplitude_walk = parameter(0.02e-3, "m", "deviation that an amplitude gains in a second", display_unit="mm", minimum=0.0,
                                source="seeds 1 to 5: what changes is the profile's to learn")  # fmt: skip
@@ -52,7 +60,16 @@ class PhaseFilter(Component):
     kernel = parameter(4.0, "", "bins over which a sample is spread", minimum=0.5, maximum=6.0,
                        source="seeds 1 to 5, flat from 3 to 6: 20 ms at one beat a second, the loop's delay")  # fmt: skip
 
-    mean = local(0.0, "", "phase, rate, offset, colored error, amplitudes", shape=(N,))
+    breath_rate_walk = parameter(0.01, "Hz", "deviation that the rate of respiration gains in a second", minimum=0.0,
+                                 source="chosen: a fifth of the usual rate in half a minute")  # fmt: skip
+    breath_deviation = parameter(0.1, "Hz", "standard deviation of that rate at the start", minimum=0.0,
+                                 source="6 to 30 breaths a minute are 1.5 to 2.5 deviations away")  # fmt: skip
+    stiffness_ratio_deviation = parameter(0.3, "", "standard deviation of the stiffness over that which is told, at the start", minimum=0.0,
+                                          source="chosen: half and twice are 1.7 and 3.3 deviations away; 0.5 is worse at twice")  # fmt: skip
+    delay_deviation = parameter(8e-3, "s", "standard deviation of the delay beyond that which is told, at the start", display_unit="ms",
+                                minimum=0.0, source="chosen: 20 ms are 2.5 deviations away")  # fmt: skip
+
+    mean = local(0.0, "", "phase, rate, offset, respiration, colored error, plant, amplitudes", shape=(N,))
     covariance = local(0.0, "", "of the same", shape=(N, N))
     slope = local(0.0, "", "of the measurement over each", shape=(N,))
     gain = local(0.0, "", "of the filter", shape=(N,))
@@ -101,16 +118,43 @@ def harmonics(self: PhaseFilter, phase: float) -> float:
     return y
 
 
-def begin_filter(self: PhaseFilter, fitted: Any, trend: int, rate: float) -> None:
-    """Begin with a fit: `trend` powers of time from -1 to 1 (now), then sine and cosine parts with phase zero now."""
+def begin_mean(self: PhaseFilter, fitted: Any, trend: int) -> None:
+    """Phase, offset and amplitudes of a fit: `trend` powers of time from -1 to 1 (now), then sine and cosine parts with phase zero now."""
     self.mean[PHASE] = begin_harmonics(self.mean, FIRST, fitted, trend, HARMONICS)
-    self.mean[RATE] = 2.0 * pi * rate
     self.mean[OFFSET] = 0.0
     for i in range(trend):
         self.mean[OFFSET] += fitted[i]
+
+
+def correlate(self: PhaseFilter, plant: int, fitted: Any, change: Any, trend: int) -> None:
+    """Covariance of what was fitted with stiffness or delay, which it hangs on: the fit changes by `change` for one of these."""
+    variance = self.covariance[plant, plant]
+    begin_mean(self, fitted, trend)
+    for i in range(N):
+        self.slope[i] = self.mean[i]
+    for i in range(trend + 2 * HARMONICS):
+        fitted[i] += SMALL * change[i]
+    begin_mean(self, fitted, trend)
+    for i in range(trend + 2 * HARMONICS):
+        fitted[i] -= SMALL * change[i]
+    for i in range(N):
+        self.gain[i] = (self.mean[i] - self.slope[i]) / SMALL if i in (PHASE, OFFSET) or i >= FIRST else 0.0
+        self.mean[i] = self.slope[i]
+    for i in range(N):
+        self.covariance[plant, i] += self.gain[i] * variance
+        self.covariance[i, plant] += self.gain[i] * variance
+        for j in range(N):
+            self.covariance[i, j] += self.gain[i] * self.gain[j] * variance
+
+
+def begin_filter(self: PhaseFilter, fitted: Any, trend: int, rate: float) -> None:
+    """Begin with a fit."""
+    begin_mean(self, fitted, trend)
+    self.mean[RATE] = 2.0 * pi * rate
     self.mean[BREATH] = 0.0
     self.mean[QUADRATURE] = 0.0
     self.mean[COLOR] = 0.0
+    self.mean[BREATH_RATE] = 2.0 * pi * self.breath_rate
     for i in range(N):
         for j in range(N):
             self.covariance[i, j] = 0.0
@@ -120,11 +164,17 @@ def begin_filter(self: PhaseFilter, fitted: Any, trend: int, rate: float) -> Non
         if i == PHASE:
             deviation = 0.2
         elif i == RATE:
-            deviation = 2.0 * pi * 0.05
+            deviation = 0.05 * self.mean[RATE]
         elif i in (OFFSET, BREATH, QUADRATURE):
             deviation = 2e-3
+        elif i == BREATH_RATE:
+            deviation = 2.0 * pi * self.breath_deviation
         elif i == COLOR:
             deviation = self.color
+        elif i == STIFFNESS:
+            deviation = self.stiffness_ratio_deviation
+        elif i == DELAY:
+            deviation = self.delay_deviation
         self.covariance[i, i] = deviation * deviation
 
 
@@ -135,60 +185,75 @@ def predict(self: PhaseFilter, h: float) -> None:
     if self.mean[PHASE] > 2.0 * pi:
         self.mean[PHASE] -= 2.0 * pi
     self.mean[COLOR] *= keep
-    turn = 2.0 * pi * self.breath_rate * h
+    turn = self.mean[BREATH_RATE] * h
     c = cos(turn)
     s = sin(turn)
     p = self.mean[BREATH]
     self.mean[BREATH] = c * p + s * self.mean[QUADRATURE]
     self.mean[QUADRATURE] = c * self.mean[QUADRATURE] - s * p
+    b = h * self.mean[BREATH]
+    q = h * self.mean[QUADRATURE]
     for j in range(N):
         p = self.covariance[BREATH, j]
-        self.covariance[BREATH, j] = c * p + s * self.covariance[QUADRATURE, j]
-        self.covariance[QUADRATURE, j] = c * self.covariance[QUADRATURE, j] - s * p
+        r = self.covariance[BREATH_RATE, j]
+        self.covariance[BREATH, j] = c * p + s * self.covariance[QUADRATURE, j] + q * r
+        self.covariance[QUADRATURE, j] = c * self.covariance[QUADRATURE, j] - s * p - b * r
         self.covariance[PHASE, j] += h * self.covariance[RATE, j]
         self.covariance[COLOR, j] *= keep
     for i in range(N):
         p = self.covariance[i, BREATH]
-        self.covariance[i, BREATH] = c * p + s * self.covariance[i, QUADRATURE]
-        self.covariance[i, QUADRATURE] = c * self.covariance[i, QUADRATURE] - s * p
+        r = self.covariance[i, BREATH_RATE]
+        self.covariance[i, BREATH] = c * p + s * self.covariance[i, QUADRATURE] + q * r
+        self.covariance[i, QUADRATURE] = c * self.covariance[i, QUADRATURE] - s * p - b * r
         self.covariance[i, PHASE] += h * self.covariance[i, RATE]
         self.covariance[i, COLOR] *= keep
         walk = self.amplitude_walk
         if i == PHASE:
             walk = self.phase_walk
         elif i == RATE:
-            walk = 2.0 * pi * self.rate_walk
+            walk = self.rate_walk * self.mean[RATE]
         elif i == OFFSET:
             walk = self.offset_walk
         elif i in (BREATH, QUADRATURE):
             walk = self.breath_walk
+        elif i == BREATH_RATE:
+            walk = 2.0 * pi * self.breath_rate_walk
+        elif i in (STIFFNESS, DELAY):
+            walk = 0.0
         elif i == COLOR:
             walk = self.color * ((1.0 - keep * keep) / h) ** 0.5
         self.covariance[i, i] += walk * walk * h
 
 
-def look(self: PhaseFilter) -> tuple[float, float]:
-    """What is expected of a sample [m], and the variance of that [m2]; leaves slopes and covariance with the sample."""
+def look(self: PhaseFilter, tip: float, speed: float) -> tuple[float, float]:
+    """What is expected of the force error over the stiffness that is told [m], and its variance [m2].
+
+    `tip` [m] and `speed` [m/s] are those of the tip that the error tells of. Leaves slopes and covariance with the sample.
+    """
     phase = self.mean[PHASE]
     fill_waves(self.waves, 0, phase, HARMONICS)
-    y = self.mean[OFFSET] + self.mean[BREATH] + self.mean[COLOR]
-    y += self.mean[FIRST] * self.waves[0] + between(self.wall, phase)
-    self.slope[OFFSET] = 1.0
-    self.slope[BREATH] = 1.0
-    self.slope[QUADRATURE] = 0.0
-    self.slope[COLOR] = 1.0
-    self.slope[RATE] = 0.0
-    self.slope[FIRST] = self.waves[0]
+    w = self.mean[OFFSET] + self.mean[BREATH] + self.mean[COLOR]
+    w += self.mean[FIRST] * self.waves[0] + between(self.wall, phase)
     bent = (between(self.wall, phase + 2.0 * BIN) - between(self.wall, phase - 2.0 * BIN)) / (4.0 * BIN)
     turn = self.mean[FIRST] * self.waves[1] + bent
+    ratio = self.mean[STIFFNESS]
+    self.slope[FIRST] = ratio * self.waves[0]
     for i in range(1, HARMONICS):
         a = self.mean[FIRST + 2 * i - 1]
         b = self.mean[FIRST + 2 * i]
-        y += a * self.waves[2 * i] + b * self.waves[2 * i + 1]
+        w += a * self.waves[2 * i] + b * self.waves[2 * i + 1]
         turn += (i + 1) * (a * self.waves[2 * i + 1] - b * self.waves[2 * i])
-        self.slope[FIRST + 2 * i - 1] = self.waves[2 * i]
-        self.slope[FIRST + 2 * i] = self.waves[2 * i + 1]
-    self.slope[PHASE] = turn
+        self.slope[FIRST + 2 * i - 1] = ratio * self.waves[2 * i]
+        self.slope[FIRST + 2 * i] = ratio * self.waves[2 * i + 1]
+    self.slope[OFFSET] = ratio
+    self.slope[BREATH] = ratio
+    self.slope[QUADRATURE] = 0.0
+    self.slope[BREATH_RATE] = 0.0
+    self.slope[COLOR] = ratio
+    self.slope[RATE] = 0.0
+    self.slope[PHASE] = ratio * turn
+    self.slope[STIFFNESS] = w - tip
+    self.slope[DELAY] = ratio * speed
     variance = 0.0
     for i in range(N):
         total = 0.0
@@ -196,20 +261,33 @@ def look(self: PhaseFilter) -> tuple[float, float]:
             total += self.covariance[i, j] * self.slope[j]
         self.gain[i] = total
         variance += self.slope[i] * total
-    return y, variance
+    return ratio * (w - tip), variance
 
 
-def correct(self: PhaseFilter, innovation: float, variance: float) -> None:
-    """Take in the sample that was looked at; `variance` is that of the innovation [m2]."""
+def correct(self: PhaseFilter, innovation: float, variance: float, plant: bool) -> None:
+    """Take in the sample that was looked at; `variance` is that of the innovation [m2].
+
+    Unless `plant`, stiffness and delay stay as they are, with their doubt (Schmidt's consider filter).
+    """
     for i in range(N):
-        self.mean[i] += self.gain[i] / variance * innovation
+        kept = not plant and i in (STIFFNESS, DELAY)
+        if not kept:
+            self.mean[i] += self.gain[i] / variance * innovation
         for j in range(i + 1):
+            if kept and j in (STIFFNESS, DELAY):
+                continue
             self.covariance[i, j] -= self.gain[i] * self.gain[j] / variance
             self.covariance[j, i] = self.covariance[i, j]
+    self.mean[BREATH_RATE] = min(max(self.mean[BREATH_RATE], BREATH_LEAST), BREATH_MOST)
+    self.mean[STIFFNESS] = min(max(self.mean[STIFFNESS], RATIO_LEAST), RATIO_MOST)
+    self.mean[DELAY] = min(max(self.mean[DELAY], DELAY_LEAST), DELAY_MOST)
 
 
-def learn(self: PhaseFilter, place: float, wall: float, h: float) -> None:
-    """Spread what harmonics and profiles leave of gripper's place and wall [m] over the bins about the phase."""
+def learn(self: PhaseFilter, place: float, wall: float, part: float, h: float) -> None:
+    """Spread what harmonics and profiles leave of gripper's place and wall [m] over the bins about the phase.
+
+    `part` of what is usually learned is, and `h` [s] have passed since the last sample.
+    """
     rest = place - between(self.profile, self.mean[PHASE])
     rest_wall = wall - between(self.wall, self.mean[PHASE])
     bin_now = self.mean[PHASE] / BIN
@@ -217,7 +295,7 @@ def learn(self: PhaseFilter, place: float, wall: float, h: float) -> None:
 
     # a bin is met by as many samples as fit into the kernel: each gives its part of what is learned in a beat
     width = self.kernel * (2.0 * pi) ** 0.5
-    rate = max(self.learning, 1.0 / (1.0 + self.lessons))
+    rate = max(self.learning * part, 1.0 / (1.0 + self.lessons))
     self.lessons += self.mean[RATE] * h / (2.0 * pi)
     share = min(rate * abs(self.mean[RATE]) * h / BIN / width, 1.0)
     for k in range(-REACH, REACH + 1):

@@ -142,12 +142,12 @@ def along(self: BeatSearch, x: float, y: float, z: float) -> float:
     )
 
 
-def fit(self: BeatSearch, rate: float, harmonics: int, memory: float) -> float:
+def fit(self: BeatSearch, rate: float, trend: int, harmonics: int, memory: float) -> float:
     """Least squares of trend and harmonics, phases from the latest sample on; the mean square [m2] that is left.
 
     Samples count less by their age over the memory [s].
     """
-    n = TREND + 2 * harmonics
+    n = trend + 2 * harmonics
     for i in range(n):
         self.fitted[i] = 0.0
         for j in range(i + 1):
@@ -158,7 +158,7 @@ def fit(self: BeatSearch, rate: float, harmonics: int, memory: float) -> float:
     weights = 0.0
     for k in range(RING):
         since = self.ring_time[k] - latest
-        fill_basis(self, 1.0 + since / half, 2.0 * pi * rate * since, harmonics)
+        fill_basis(self, 1.0 + since / half, trend, 2.0 * pi * rate * since, harmonics)
         weight = exp(since / memory)
         weights += weight
         power += weight * self.along[k] * self.along[k]
@@ -178,12 +178,12 @@ def fit(self: BeatSearch, rate: float, harmonics: int, memory: float) -> float:
     return max(power, 0.0) / weights
 
 
-def fill_basis(self: BeatSearch, u: float, angle: float, harmonics: int) -> None:
+def fill_basis(self: BeatSearch, u: float, trend: int, angle: float, harmonics: int) -> None:
     """Powers of u from -1 to 1, then sine and cosine of multiples of the angle."""
     self.basis[0] = 1.0
-    for i in range(1, TREND):
+    for i in range(1, trend):
         self.basis[i] = u * self.basis[i - 1]
-    fill_waves(self.basis, TREND, angle, harmonics)
+    fill_waves(self.basis, trend, angle, harmonics)
 
 
 def candidate_rate(self: BeatSearch, place: float) -> float:
@@ -191,10 +191,10 @@ def candidate_rate(self: BeatSearch, place: float) -> float:
     return self.rate_minimum + (self.rate_maximum - self.rate_minimum) * place / (CANDIDATES - 1)
 
 
-def scan(self: BeatSearch) -> bool:
+def scan(self: BeatSearch, trend: int) -> bool:
     """Try the next rate on a full ring; True when all have had their turn, and the rate is found."""
-    moving = fit(self, 1.0, 0, LONG)
-    rest = fit(self, candidate_rate(self, 1.0 * self.candidate), SCANNED, LONG)
+    moving = fit(self, 1.0, trend, 0, LONG)
+    rest = fit(self, candidate_rate(self, 1.0 * self.candidate), trend, SCANNED, LONG)
     self.rests[self.candidate] = rest / max(moving, 1e-12)
     self.candidate += 1
     if self.candidate < CANDIDATES:
@@ -234,10 +234,10 @@ def refine(self: BeatSearch, harmonics: int) -> float:
     least = 0.0
     for i in range(REFINED):
         rate = self.beat_rate * (1.0 + 0.16 * (i / (REFINED - 1.0) - 0.5))
-        rest = fit(self, rate, harmonics, memory)
+        rest = fit(self, rate, TREND, harmonics, memory)
         if i == 0 or rest < least:
             least = rest
             best = rate
-    moving = fit(self, 1.0, 0, memory)
-    self.beat_rest = fit(self, best, harmonics, memory) / max(moving, 1e-12)
+    moving = fit(self, 1.0, TREND, 0, memory)
+    self.beat_rest = fit(self, best, TREND, harmonics, memory) / max(moving, 1e-12)
     return best

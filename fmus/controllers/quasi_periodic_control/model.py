@@ -2,7 +2,7 @@
 
 from math import exp, floor
 
-from fmus.beat_search import RING, BeatSearch, forget, remember, scan
+from fmus.beat_search import RING, TREND, BeatSearch, forget, remember, scan
 from fmus.learned_control import (
     FOLLOWING,
     LEAVING,
@@ -12,6 +12,7 @@ from fmus.learned_control import (
     bearable,
     begin_control,
     command,
+    may_begin,
     place_wanted,
     sense,
     tell,
@@ -62,6 +63,7 @@ class QuasiPeriodicControl(LearnedControl, BeatSearch):
 
     def initialize(self) -> None:
         begin_control(self)
+        self.measured = True  # it believes what it is told
         for i in range(3):
             self.anchor[i] = 0.0
             self.axis[i] = 1.0 if i == 2 else 0.0
@@ -99,7 +101,7 @@ def search(self: QuasiPeriodicControl, t: float, place: float, h: float) -> None
     """Find the rate; what was wanted since stands in the ring already, and begins to be played back."""
     if remember(self, SPACING, t, 0.0, 0.0, place):
         self.along[self.head] = self.ring[self.head, 2]
-    if not self.enable or self.count < RING or not scan(self) or self.beat_rest > CLEAR:
+    if not may_begin(self) or self.count < RING or not scan(self, TREND) or self.beat_rest > CLEAR:
         return
     self.length = 1.0 / self.beat_rate
     self.length_mean = self.length

@@ -189,7 +189,7 @@ def search(self: HeartMotion, at: float, gained: bool) -> None:
     if gained and self.count == RING:
         find_direction(self, 1.0)
     stale = at > self.ring_time[self.head] + STALE
-    if self.count < RING or stale or not scan(self):
+    if self.count < RING or stale or not scan(self, TREND):
         return
     if self.beat_rest < PLAIN:
         begin(self)
@@ -281,7 +281,7 @@ def watch(self: HeartMotion) -> None:
 
     So is a beat that is mostly not as learned. Until the search explains enough of it, what is measured is published.
     """
-    if not scan(self):
+    if not scan(self, TREND):
         return
     ratio = self.mean[RATE] / (2.0 * pi * self.beat_rate)
     if self.beat_rest < PLAIN and not 0.75 < ratio < 1.33:
