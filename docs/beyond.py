@@ -99,7 +99,6 @@ def rig_row(rate: int, breath: int) -> str:
         f"heart.rate={rate} /min",
         f"heart.respiration_rate={breath} /min",
         "heart.respiration=3 mm",
-        "stop_time=88 s",
     ]
     path = ROOT / "scenarios" / "rig_on_wall.yaml"
     scenario = parse_scenario(path.read_text(), path, options)
