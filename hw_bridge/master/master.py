@@ -11,7 +11,7 @@ from math import copysign
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import MILLISECOND, Frame, bit_count, never
-from hw_bridge.dictionary import Mode, State, cia301, cia402
+from hw_bridge.dictionary import Mode, NmtState, State, cia301, cia402
 from hw_bridge.master import setup, words
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import AT_REST, Node
@@ -105,9 +105,13 @@ class Master:
             if network.now >= until or (done is not never and done()):
                 return
 
-    def nmt(self, command: int, number: int = 0) -> None:
-        """An NMT command, to all nodes if none is named."""
-        self.network.send(Frame(0, bytes([command, number])))
+    def nmt(self, command: int, number: int) -> None:
+        """Send an NMT command to one node: others on the bus may belong to another program."""
+        self.network.send(Frame(cia301.NMT, bytes([command, number])))
+
+    def end_heartbeat(self) -> None:
+        """Send no heartbeat any more: each drive stops by itself, as its 1016h and 6007h say."""
+        self._beating = False
 
     def exchange(self, planned: int | None = None) -> int:
         """Targets of all drives, then SYNC: when it left [ns]. `planned`: when the cycle was to begin.
@@ -180,7 +184,7 @@ class Master:
         self._beating, self._beat_due = True, self.network.now
         for station in self.stations.values():
             self.nmt(cia301.START, station.number)
-            station.heard_at = self.network.now
+            station.started, station.heard_at = True, self.network.now
         for _ in range(3):
             self.run_cycle()
 
@@ -302,7 +306,12 @@ class Master:
             return f"{node.name}: no heartbeat for {(now - node.heard_at) / 1e6:.0f} ms. Check its power and the bus."
         if node.silent >= self.patience:
             return f"{node.name}: no process data for {node.silent} cycles. Check the bus."
-        return f"{node.name}: started anew by itself. Check its supply." if node.boots else ""
+        if node.boots:
+            return f"{node.name}: started anew by itself. Check its supply."
+        if node.nmt_state in (NmtState.STOPPED, NmtState.PRE_OPERATIONAL):
+            state = node.nmt_state.name.capitalize().replace("_", "-")
+            return f"{node.name}: left NMT Operational: {state}. Another master stopped it, or an error of its own."
+        return ""
 
     def _wrong(self, node: Node) -> str:
         limits = node.keys.limits
@@ -337,7 +346,7 @@ class Master:
             except Exception as error:
                 self.notes.append(f"stop: {error} {ALONE}")
             finally:
-                self._beating = False
+                self.end_heartbeat()
                 self.network.close()
 
     def in_full(self, text: str) -> str:

@@ -43,7 +43,7 @@ DOWN = {  # on the way to a standstill
     State.ENABLED:    0x02,
     State.QUICK_STOP: 0x02,
 }  # fmt: skip
-AT_REST = (State.DISABLED, State.READY, State.NOT_READY, State.FAULT)
+AT_REST = cia402.AT_REST
 
 
 def constant_of(keys: NodeKeys) -> float:
@@ -73,7 +73,7 @@ class Node(Station):
         self.speed = self.offset = 0.0  # of this target position, and what of it is fed forward in csp [m/s]
         self.told_force = False  # whether process data have room for a force
         self.outputs = self.safe_outputs = keys.safe_outputs or 0  # 60FEh.1, and what it is at rest
-        self.word = 0
+        self.word, self.word_at = 0, 0  # the last statusword, and when it came [ns]
         self.raw_position = self.raw_velocity = self.raw_current = 0
         # parts of the last target and offset that rounding left over [device units]
         self.carried = self.offset_carried = 0.0
@@ -240,6 +240,7 @@ class Node(Station):
         base = frame.id - self.number
         if base == STATE_PDO and len(frame.data) == 7:
             self.word, _, self.raw_position = struct.unpack("<Hbi", frame.data)
+            self.word_at = now
             self.answered += 1
         elif base == SPEED_PDO and len(frame.data) >= 6:
             self.raw_velocity = struct.unpack_from("<i", frame.data)[0]

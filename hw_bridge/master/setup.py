@@ -276,10 +276,12 @@ def unmask(node: Node) -> None:
 
 
 def release(node: Node) -> State:
-    """After an orderly end: disabled by SDO too, no heartbeat is expected any more. The state that it tells."""
+    """After an orderly end: disabled by SDO too. The state that it tells; no heartbeat is expected if it is at rest."""
     node.sdo.write(0x6040, 0, b"\0\0")
+    if (state := state_of(node.sdo.number(0x6041) & 0xFFFF)) not in cia402.AT_REST:
+        return state
     if node.keys.offset:
         forget_offsets(node)
     node.sdo.write(0x1016, 1, b"\0\0\0\0")
     node.sdo.write(0x1017, 0, b"\0\0")
-    return state_of(node.sdo.number(0x6041) & 0xFFFF)
+    return state

@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import Dictionary
+from hw_bridge.dictionary import Dictionary, NmtState
 from hw_bridge.master.sdo import SdoClient
 
 if TYPE_CHECKING:
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
         def __call__(self, duration: int, done: Condition = ...) -> None:
             """Wait at most `duration` [ns]."""
+
+
+NMT_STATES = {int(one): one for one in NmtState}
 
 
 class Station:
@@ -40,6 +43,8 @@ class Station:
         self.alive = False  # whether it was heard beside answers to SDO
         self.emergencies: list[tuple[int, int]] = []  # time [ns], code
         self.boots = 0  # boot-up messages heard
+        self.started = False  # whether it was told to be Operational, with the mapping of this program
+        self.nmt_state: NmtState | None = None  # of its last heartbeat
         self.answered = 0  # process data since the last SYNC
         self.missing = self.late = self.silent = 0  # of process data: cycles without, too late, the same in a row
 
@@ -54,6 +59,7 @@ class Station:
         elif base == 0x700 and frame.data:
             self.heard_at = now
             self.boots += frame.data[0] == 0
+            self.nmt_state = NMT_STATES.get(frame.data[0] & 0x7F)
 
     def account(self) -> None:
         """Before a SYNC: whether the last one was answered."""
@@ -65,6 +71,7 @@ class Station:
     def forget(self) -> None:
         """A run begins: what happened before does not count."""
         self.missing = self.late = self.silent = self.boots = 0
+        self.nmt_state = None
         self.emergencies.clear()
 
     @property
