@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from hw_bridge.bus import MILLISECOND, Frame, bit_count, never
 from hw_bridge.dictionary import Mode, NmtState, State, cia301, cia402
 from hw_bridge.master import setup, words
+from hw_bridge.master.activity import active_drives
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import AT_REST, Node
 from hw_bridge.master.rival import Rival
@@ -168,6 +169,8 @@ class Master:
             raise SimulationError(" ".join(problems))
         if problems := self.faults():
             raise SimulationError(f"{' '.join(problems)} {RESET}")
+        if problems := active_drives(self.nodes.values(), self.wait):
+            raise SimulationError(" ".join(problems))
         if self.rival.text:
             raise SimulationError(self.rival.text)
         self.network.lock()
@@ -348,6 +351,7 @@ class Master:
             finally:
                 self.end_heartbeat()
                 self.network.close()
+                self.notes += self.network.observer_errors
 
     def in_full(self, text: str) -> str:
         """After the stop: a failure with the drives' own words."""

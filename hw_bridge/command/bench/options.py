@@ -62,6 +62,8 @@ class BusChoice:
             yield network
         finally:
             network.close()
+            for text in network.observer_errors:
+                paragraph(f"warning: {text}")
             if writer is not None:
                 writer.close()
 

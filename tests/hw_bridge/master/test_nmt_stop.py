@@ -40,9 +40,7 @@ def ends(rig, match):
         rig.go(500)
     took = (bus.now - began) / 1e9
     bus.advance(bus.now + 1000 * MILLISECOND)
-    return took, [
-        abs((plant.motor.position - place) * plant.sign) for plant, place in zip(plants, places, strict=True)
-    ]
+    return took, [abs((plant.motor.position - place) * plant.sign) for plant, place in zip(plants, places, strict=True)]
 
 
 @pytest.mark.parametrize("to", ["own", "all"])
