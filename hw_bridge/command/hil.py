@@ -134,7 +134,7 @@ def differences(keys: HardwareKeys, build: Path, rotary: Mapping[str, bool] | No
 def unready(station: Node | ModuleNode) -> list[str]:
     """Why the right drive could not be run now; tells sizes that are not those of the profile, and wide limits."""
     from hw_bridge.commission import limits
-    from hw_bridge.master import Node, setup
+    from hw_bridge.master import Node, refusal, setup
 
     if not isinstance(station, Node):
         return []
@@ -146,7 +146,8 @@ def unready(station: Node | ModuleNode) -> list[str]:
     for text, absurd in found:
         if not absurd:
             say(f"note: {text}")
-    return [*refused, *(text for text, absurd in found if absurd), *([fault] if fault else [])]
+    homing = refusal(station.name, station.keys, station.way) if station.keys.homing is not None else ""
+    return [*refused, *(text for text, absurd in found if absurd), *filter(None, (fault, homing))]
 
 
 @command.command("reset", short_help="leave Fault, once the cause is known")

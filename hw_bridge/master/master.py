@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import MILLISECOND, Frame, bit_count, never
 from hw_bridge.dictionary import Mode, NmtState, State, cia301, cia402
-from hw_bridge.master import setup, words
+from hw_bridge.master import homing, setup, words
 from hw_bridge.master.activity import active_drives
+from hw_bridge.master.homing import Homing
 from hw_bridge.master.module import ModuleNode
-from hw_bridge.master.node import AT_REST, Node
+from hw_bridge.master.node import Node
 from hw_bridge.master.rival import Rival
 from hw_bridge.master.sdo import SilentError
 from hw_bridge.master.stop import ALONE, SILENT_CYCLES, Stop
@@ -193,17 +194,21 @@ class Master:
 
     def begin(self, starts: Mapping[str, float]) -> None:
         """From whatever state to Operation enabled at a standstill, where the scenario begins: `starts`, positions."""
+        if problems := [
+            text for node in self.nodes.values() if (text := self._homing_problem(node, starts[node.name]))
+        ]:
+            raise SimulationError(" ".join(problems))
         self.prepare()
         for node in self.nodes.values():
             if node.keys.homing is not None:
-                self._home(node)
+                Homing(self, node, node.keys.homing).carry_out()
             else:
                 node.zero(starts[node.name])
             setup.limit_positions(node)
         for node in self.nodes.values():
             node.goal, node.target_velocity = State.ENABLED, 0.0
             node.target_position = node.position
-        self._until(
+        self.run_until(
             lambda: all(node.state is State.ENABLED for node in self.nodes.values()),
             RAMP_UP,
             lambda: ", ".join(
@@ -220,6 +225,16 @@ class Master:
         if not self.network.wall_clock:
             self.wait((PHASE - self.network.now) % CONTROL_CYCLE)
 
+    @staticmethod
+    def _homing_problem(node: Node, start: float) -> str:
+        """Why a drive cannot be homed, or not be moved to where it begins afterwards; or nothing."""
+        if node.keys.homing is None:
+            return ""
+        low, high = node.keys.limits.position
+        if not low <= start <= high:
+            return f"{node.name}: begins at {node.way(start)}, outside of limits.position, {node.way(low)} to {node.way(high)}."
+        return homing.refusal(node.name, node.keys, node.way)
+
     def faults(self) -> list[str]:
         """What drives in Fault say; nobody but a person resets them."""
         found = []
@@ -228,55 +243,31 @@ class Master:
                 found.append(setup.faults(node))
         return [text for text in found if text]
 
-    def _until(self, done: Callable[[], bool], limit: int, what: Callable[[], str]) -> None:
-        """Cycles until a condition holds; SimulationError if it takes too long."""
+    def run_until(
+        self, done: Callable[[], bool], limit: int, what: Callable[[], str], watch: Callable[[], None] | None = None
+    ) -> None:
+        """Cycles until a condition holds, each watched; SimulationError if it takes longer than `limit` [ns]."""
         end = self.network.now + limit
         while not done():
             if self.network.now > end:
-                raise SimulationError(f"not enabled after {limit / 1e9:g} s: {what()}.{self._emergencies()}")
+                raise SimulationError(f"not enabled after {limit / 1e9:g} s: {what()}.{self.emergencies()}")
             if any(node.state is State.FAULT for node in self.nodes.values()):
-                raise SimulationError(f"{' '.join(self.faults())}{self._emergencies()} {RESET}")
+                raise SimulationError(f"{' '.join(self.faults())}{self.emergencies()} {RESET}")
             if self.rival.text:
                 raise SimulationError(self.rival.text)
             self.run_cycle()
+            if watch is not None:
+                watch()
             for one in self.stations.values():
                 if self.lost(one) or one.silent > 4 * SILENT_CYCLES:
                     missing = "heartbeat" if self.lost(one) else "process data"
                     raise SimulationError(
-                        f"{one.name}: no {missing} while it was brought up.{self._emergencies()} Check its power and the bus."
+                        f"{one.name}: no {missing} while it was brought up.{self.emergencies()} Check its power and the bus."
                     )
 
-    def _emergencies(self) -> str:
+    def emergencies(self) -> str:
         """What the drives said in EMCY messages."""
         return f" {words.emergencies(self.stations.values())}".rstrip()
-
-    def _home(self, node: Node) -> None:
-        """Find the reference with the drive's own method."""
-        keys = node.keys.homing
-        assert keys is not None
-        setup.write(node, 0x6098, 0, keys.method)
-        speed = round(keys.speed / (node.keys.scale * node.units.velocity))
-        setup.put(node, 0x6099, 1, max(speed, 1))
-        setup.put(node, 0x6099, 2, max(speed // 2, 1))
-        node.homing, node.goal = True, State.ENABLED
-        attained = cia402.BIT_12 | cia402.TARGET_REACHED
-        what = f"{node.name}: homing by method {keys.method}"
-        self._until(lambda: node.state is State.ENABLED, RAMP_UP, lambda: f"{what}: {node.state}")
-        for _ in range(4):
-            self.run_cycle()
-
-        def done() -> bool:
-            if node.state is not State.ENABLED:
-                raise SimulationError(f"{what} was left: {node.state}.{self._emergencies()}")
-            if node.word & cia402.BIT_13:
-                raise SimulationError(f"{what} ended with an error.{self._emergencies()}")
-            return node.word & attained == attained
-
-        self._until(done, keys.timeout, lambda: f"{what} did not end")
-        node.homing, node.goal = False, State.DISABLED
-        self._until(lambda: node.state in AT_REST, RAMP_UP, lambda: node.name)
-        node.origin = -keys.at
-        node.entered_from = keys.at
 
     def _approach(self, node: Node, position: float) -> None:
         """Go to where the scenario begins, at the speed of homing."""

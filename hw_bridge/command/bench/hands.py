@@ -83,7 +83,7 @@ def hand(
     homes: bool = False, paced: bool = False,
 ) -> Iterator[Hand]:  # fmt: skip
     """One drive, enabled for as long as the block lasts. Afterwards warnings are told; exit code 1 if there are any."""
-    from hw_bridge.commission import Hand, Line, alone, homing
+    from hw_bridge.commission import Hand, Line, alone
 
     armed(bus, arm)
     keys = hardware(bus)
@@ -96,8 +96,6 @@ def hand(
         looked_at(Line(network, keys.nodes), axis, bus.hardware)
         held = Hand(alone(keys, name, homes), name, network, axis.rotary, forced)
         held.paced = paced
-        if homes:
-            held.master.look = homing.watch(held)
         if (page := attendance()) is not None:
             held.master.attend = page.look
         try:
