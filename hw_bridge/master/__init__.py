@@ -1,6 +1,7 @@
 """The master side of the bus: what makes a drive do what a member of the co-simulation says."""
 
 from hw_bridge.master import setup, words
+from hw_bridge.master.acceleration import stoppable
 from hw_bridge.master.master import Master
 from hw_bridge.master.homing import refusal
 from hw_bridge.master.module import ModuleNode
@@ -24,5 +25,6 @@ __all__ = [
     "receive",
     "refusal",
     "setup",
+    "stoppable",
     "words",
 ]

@@ -45,7 +45,7 @@ class ForceLimit(NamedTuple):
 def search_direction(keys: NodeKeys) -> int:
     """Way of the search for an end of the rail, in the member's direction: 1, -1, or 0 where the method searches none."""
     assert keys.homing is not None
-    moves = profile(keys.profile).homing[keys.homing.method]
+    moves = profile(keys.profile).homing.get(keys.homing.method, ())
     found = next((one.direction for one in moves if one.until in ENDS), 0)
     return -found if keys.inverted else found
 
@@ -79,7 +79,7 @@ class Homing:
         self.what = f"{node.name}: homing by method {keys.method}"
         self.way = search_direction(node.keys)
         # so far it may go the other way first: to the next index, or as play and ringing
-        moves = profile(node.keys.profile).homing[keys.method]
+        moves = node.profile.homing.get(keys.method, ())
         indexed = any(one.until is Until.INDEX for one in moves)
         self.back = node.keys.limits.following_error + (node.profile.motor.index * node.keys.scale if indexed else 0.0)
         # one that may meet its switch at once has to leave it the other way

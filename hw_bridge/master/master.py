@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 ALIVE = 0x05  # the state that this program's heartbeat tells: Operational
 BOOT = 500 * MILLISECOND  # longest time that a drive takes to answer after power-on [ns]
+SECOND_ANSWER = 10 * MILLISECOND  # time for that of another node with the same ID
 RAMP_UP = 2_000 * MILLISECOND  # longest time to Operation enabled
 SETTLE = 200 * MILLISECOND  # after an approach
 LEEWAY = (
@@ -44,6 +45,8 @@ SHORTEST = 0.75
 # In simulated time cycles begin here in those of the drives [ns], so that results do not depend on how long the set-up
 # took. At 1 Mbit/s targets act 1.0 ms later; real drives have any phase.
 CONTROL_CYCLE, PHASE = MILLISECOND, 990_000
+# cycles that actual values may be old when the next targets follow from them; one is the least, and 5 without any end a run
+OLDEST = 4.25
 RESET = "Find the cause, then reset it with `twin hil reset FILE`."
 
 
@@ -56,6 +59,8 @@ class Master:
         self.nodes = {
             name: Node(name, one, profile(one.profile), network, self.wait) for name, one in keys.nodes.items()
         }
+        for node in self.nodes.values():
+            node.measure_age(self.cycle)
         for name in forced:
             self.nodes[name].told_force = True
         self.modules = {
@@ -66,6 +71,7 @@ class Master:
         self.timing = Timing(self.cycle)
         # so many cycles without process data end a run: a drive, or what carries its frames, may be as late as this program
         self.patience = max(SILENT_CYCLES, (keys.late_cycle.at_most or 0) // self.cycle)
+        self.oldest = max(round(OLDEST * self.cycle), keys.late_cycle.at_most or 0)  # age of actual values [ns]
         self.notes: list[str] = []
         self.said: list[str] = []  # by drives that were in Fault after the stop
         self.running = False
@@ -123,16 +129,21 @@ class Master:
         the way in one step.
         """
         elapsed, self._exchanged = self.network.now - self._exchanged, self.network.now
+        for station in self.stations.values():
+            station.update_age(self.network.now)
         due = self._exchanged + self.window
         if planned is not None:
             due = max(due, planned + self.lead, self._synced + self.shortest)
         for node in self.nodes.values():
+            node.limit_acceleration(self.cycle)
             node.follow(self.cycle, elapsed)
         for station in self.stations.values():
             station.account()
             for frame in station.frames():
                 self.network.send(frame)
         self._synced = self.network.send_at(Frame(cia301.SYNC), max(due, self.network.now + self._tail))
+        for station in self.stations.values():
+            station.synced(self._synced)
         return self._synced
 
     def run_cycle(self) -> None:
@@ -150,7 +161,9 @@ class Master:
     def compare(self, station: Node | ModuleNode) -> list[str]:
         """Every difference between a node that answers and the one that the hardware file expects."""
         with self.asking(station):
-            return setup.identify(station) if isinstance(station, Node) else station.identify()
+            found = setup.identify(station) if isinstance(station, Node) else station.identify()
+        self.wait(SECOND_ANSWER)
+        return [station.doubled] if station.doubled else found
 
     @contextmanager
     def asking(self, station: Node | ModuleNode) -> Iterator[None]:
@@ -300,8 +313,10 @@ class Master:
             return f"{node.name}: no heartbeat for {(now - node.heard_at) / 1e6:.0f} ms. Check its power and the bus."
         if node.silent >= self.patience:
             return f"{node.name}: no process data for {node.silent} cycles. Check the bus."
-        if node.boots:
-            return f"{node.name}: started anew by itself. Check its supply."
+        if node.doubled:
+            return node.doubled
+        if node.boots:  # the next SYNC shows whether it, or a second node with its ID
+            return f"{node.name}: started anew by itself. Check its supply." if node.silent else ""
         if node.nmt_state in (NmtState.STOPPED, NmtState.PRE_OPERATIONAL):
             state = node.nmt_state.name.capitalize().replace("_", "-")
             return f"{node.name}: left NMT Operational: {state}. Another master stopped it, or an error of its own."
@@ -311,6 +326,13 @@ class Master:
         limits = node.keys.limits
         if text := self._unwell(node):
             return text
+        oldest = limits.actual_value_age or self.oldest
+        node.update_age(self.network.now)
+        if not node.silent and node.age > oldest:
+            return (
+                f"{node.name}: its actual values are {node.age / 1e6:.1f} ms old, more than {oldest / 1e6:.4g} ms: SYNC or "
+                f"process data come late. Check the bus and the adapter, or set limits.actual_value_age."
+            )
         if node.state is not State.ENABLED:
             return f"{node.name}: left Operation enabled: {node.state}."
         low, high = node.position_limits
@@ -318,6 +340,13 @@ class Master:
             return f"{node.name}: position {node.way(node.position)} is outside {node.way(low)} to {node.way(high)}."
         if abs(node.velocity) > limits.velocity:
             return f"{node.name}: velocity {node.way(node.velocity)}/s is above {node.way(limits.velocity)}/s."
+        acceleration = node.acceleration.measured(self.cycle / 1e9)
+        if node.mode is Mode.CST and abs(acceleration) > limits.acceleration and acceleration * node.force > 0.0:
+            unit = "rad" if node.rotary else "m"
+            return (
+                f"{node.name}: acceleration {abs(acceleration):.3g} {unit}/s^2 is above "
+                f"{limits.acceleration:g} {unit}/s^2 in cst, where only the force can be bounded."
+            )
         if abs(node.force) > limits.force:
             newton = "N m" if node.rotary else "N"
             return f"{node.name}: force {node.force:.2f} {newton} is above {limits.force:g} {newton}."
@@ -346,7 +375,8 @@ class Master:
 
     def in_full(self, text: str) -> str:
         """After the stop: a failure with the drives' own words."""
-        return words.in_full(text, self.rival.text, self.said, self.stations.values())
+        second = " ".join(one.doubled for one in self.stations.values() if one.doubled and one.doubled not in text)
+        return words.in_full(f"{text} {second}".rstrip(), self.rival.text, self.said, self.stations.values())
 
     def lost(self, node: Node | ModuleNode) -> bool:
         """Whether its heartbeat is missing."""
@@ -356,6 +386,8 @@ class Master:
         """Statistics of the run."""
         nodes = {
             name: {
+                **({"limited_targets": node.acceleration.count} if isinstance(node, Node) else {}),
+                "oldest_actual_value": node.oldest / 1e9,
                 "late_pdos": node.late,
                 "lost_pdos": node.lost,
                 "emergencies": [f"{c:04X}" for _, c in node.emergencies],
