@@ -2,8 +2,8 @@
 
 from hw_bridge.master import setup, words
 from hw_bridge.master.acceleration import stoppable
-from hw_bridge.master.master import Master
 from hw_bridge.master.homing import refusal
+from hw_bridge.master.master import Master
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import Node, constant_of
 from hw_bridge.master.sdo import SdoClient, SdoError, SilentError

@@ -47,6 +47,12 @@ class AccelerationLimit:
         self.position, self.velocity = position, velocity
         self._target, self._target_velocity, self.limited = None, 0.0, False
 
+    def shift(self, way: float) -> None:
+        """Positions count from another place: all of them are larger by `way` [m or rad]."""
+        self.position += way
+        if self._target is not None:
+            self._target += way
+
     def follow_velocity(self, wanted: float, position: float, h: float) -> None:
         """Target velocity of a cycle of `h` [s]; `position`: where the drive is."""
         step = self.acceleration * h

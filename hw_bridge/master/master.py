@@ -11,7 +11,7 @@ from math import copysign
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import MILLISECOND, Frame, bit_count, never
-from hw_bridge.dictionary import Mode, NmtState, State, cia301, cia402
+from hw_bridge.dictionary import Mode, NmtState, State, cia301
 from hw_bridge.master import homing, setup, words
 from hw_bridge.master.activity import active_drives
 from hw_bridge.master.homing import Homing

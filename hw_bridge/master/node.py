@@ -63,8 +63,10 @@ class Node(Station):
         super().__init__(name, keys, profile, network, wait)
         self.vendor = VENDORS[profile.name]
         self.sign = -keys.scale if keys.inverted else keys.scale
+        self.acceleration = AccelerationLimit(keys.limits.acceleration, keys.limits.velocity)
+        self.identity: list[int] = []  # vendor, product and serial number that it told
         self.rotary = False  # whether positions are angles
-        self.origin = 0.0  # what the drive counts where the position is 0 [m]
+        self._origin = 0.0
         self.entered_from: float | None = None  # where homing ended, on the way to where the scenario begins [m]
         self.goal = State.DISABLED
         self.homing = False
@@ -80,7 +82,6 @@ class Node(Station):
         # parts of the last target and offset that rounding left over [device units]
         self.carried = self.offset_carried = 0.0
         self.ways: deque[tuple[float, float]] = deque()  # asked for and driven, one for each cycle [m]
-        self.acceleration = AccelerationLimit(keys.limits.acceleration, keys.limits.velocity)
         self.use_units()
 
     # ------------------------------------------------------------------------------------------------------ scaling
@@ -92,6 +93,16 @@ class Node(Station):
         self.ampere = current_unit(self.vendor, units)
         self.force_constant = constant_of(self.keys)
         self.form = "<i" if self.vendor.current & 0xFF == 32 else "<h"
+
+    @property
+    def origin(self) -> float:
+        """What the drive counts where the position is 0 [m]. What it was told last stays where it is."""
+        return self._origin
+
+    @origin.setter
+    def origin(self, value: float) -> None:
+        self.acceleration.shift(self._origin - value)
+        self._origin = value
 
     @property
     def position(self) -> float:

@@ -75,6 +75,7 @@ def identify(node: Node) -> list[str]:
     if device & 0xFFFF != DRIVE:
         return [f"{name}: node {node.number} is no drive: 1000h is {device:08X}h. Check the node-ID."]
     found = {sub: node.sdo.number(0x1018, sub) for sub in IDENTITY}
+    node.identity = [found[1], found[2], found[4]]
     if (title := UNFIT.get((found[1], found[2]))) is not None:
         text = f"{name}: node {node.number} is a {title}, another device than {node.profile.title}, with another dictionary."
         return [f"{text} No profile fits it. Use another drive."]

@@ -11,6 +11,7 @@ from hw_bridge.bus import MILLISECOND, Frame
 from hw_bridge.dictionary import Command, NmtState, State, cia301, cia402
 from hw_bridge.master import setup
 from hw_bridge.master.node import AT_REST
+from hw_bridge.master.sdo import ATTEMPTS, TIMEOUT
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -103,6 +104,7 @@ class Stop:
         self._download(node, 0x6040, 0, struct.pack("<H", word))
 
     def _download(self, node: Node, index: int, sub: int, data: bytes) -> None:
+        node.sdo.prompt = False  # its answer may be taken for one to a later request
         head = 0x23 | (4 - len(data)) << 2
         frame = Frame(cia301.SDO_REQUEST + node.number, struct.pack("<BHB", head, index, sub) + data.ljust(4, b"\0"))
         self.attempt(partial(self.network.send, frame))
@@ -177,8 +179,7 @@ class Stop:
     def _release(self, node: Node) -> None:
         """Disabled, with safe outputs and no heartbeat expected; told where it does not confirm that."""
         state, why = node.state, ""
-        if not self._confirmed(node):
-            node.sdo.attempts, node.sdo.timeout = 1, SDO_TIMEOUT
+        node.sdo.attempts, node.sdo.timeout = (ATTEMPTS, TIMEOUT) if self._confirmed(node) else (1, SDO_TIMEOUT)
         try:
             setup.make_safe(node)
             state = setup.release(node)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.hands import ARM, HOMED, armed, attendance, hand, meant
+from hw_bridge.command.bench.hands import ARM, HOMED, armed, attendance, hand, hardware, meant
 from hw_bridge.command.bench.options import NODE, on_a_bus, table
 from twin.cli import say
 from twin.errors import SimulationError
@@ -71,7 +71,7 @@ def home_command(bus: BusChoice, node: str, explain: bool, arm: bool) -> None:
     twin hil home servomotor --explain -f my_bench.yaml
     twin hil home servomotor -f my_bench.yaml --arm
     """
-    from hw_bridge.commission import homing
+    from hw_bridge.commission import Reference, homing
     from hw_bridge.master import refusal
 
     axis = meant(bus, node)
@@ -79,11 +79,14 @@ def home_command(bus: BusChoice, node: str, explain: bool, arm: bool) -> None:
     if problem := refusal(axis.name, own, axis.told):
         raise SimulationError(f"{bus.hardware}: {problem}")
     assert own.homing is not None
-    end = homing.resting_position(own)
+    end = Reference(hardware(bus), axis.name, axis.unit).resting_position()
     say(f"{axis.name}: method {own.homing.method}, then it is at {axis.told(own.homing.at)}:")
     table([(f"{place}.", text) for place, text in enumerate(homing.explained(own), 1)], 2)
     if explain:
         return
     armed(bus, arm)
     with hand(bus, axis, arm, homes=True, start=end) as held:
-        say(f"{axis.name}: homed at {held.node.way(held.node.position)}; 6064h is {held.node.raw_position}.")
+        node = held.node
+        say(
+            f"{axis.name}: homed at {axis.told(own.homing.at)}. It is at {node.way(node.position)}; 6064h is {node.raw_position}."
+        )

@@ -177,7 +177,7 @@ def test_the_commands(run, tmp_path):
     assert "Switch on disabled" in run("disable", "axis", "-f", file)
     told = run("home", "axis", "--explain", "-f", file)
     assert "slowly to negative positions of the drive until it stands against" in told
-    assert "homed at -40.00 mm; 6064h is 0" in run("home", "axis", "-f", file)
+    assert "homed at -40 mm. It is at -39.00 mm; 6064h is 1000." in run("home", "axis", "-f", file)
     assert "needs a terminal" in run("jog", "axis", "-f", file, code=1)
     assert "no cst to push with" in run("direction", "axis", "-f", written(tmp_path, "mclm"), code=1)
 

@@ -58,8 +58,7 @@ def written(frames):
         one
         for one in frames
         if one.id in (cia301.NMT, cia301.SYNC)
-        or 0x200 <= one.id < 0x580
-        and one.id & 0x780 in (0x200, 0x300, 0x400, 0x500)
+        or (0x200 <= one.id < 0x580 and one.id & 0x780 in (0x200, 0x300, 0x400, 0x500))
         or (0x600 <= one.id < 0x680 and one.data[0] >> 5 in (0, 1))
     ]
 
