@@ -5,13 +5,25 @@ from typing import TYPE_CHECKING
 from twin import late
 
 if TYPE_CHECKING:
-    from hw_bridge.commission import dcf, direction, homing, limits, lss, memory, objects, power, step, words
+    from hw_bridge.commission import (
+        dcf,
+        direction,
+        homing,
+        limit_effects,
+        limits,
+        lss,
+        memory,
+        objects,
+        power,
+        step,
+        words,
+    )
     from hw_bridge.commission.attendance import Attendance
     from hw_bridge.commission.axes import EXAMPLES, Axis, axis
     from hw_bridge.commission.deadman import HOLD, DeadMan, HeldKey, Keyboard
     from hw_bridge.commission.hand import SHARE, SLOWEST_STOP, Hand, alone, bounded
-    from hw_bridge.commission.reference import Reference
     from hw_bridge.commission.line import BOOT, Line, refuse_moving, unfinished
+    from hw_bridge.commission.reference import Reference
     from hw_bridge.commission.survey import TWICE, Found, known, recognized, scan
     from hw_bridge.commission.telling import Status, glance, status
 
@@ -42,6 +54,7 @@ __getattr__ = late.names(
         "glance": "telling",
         "homing": "",
         "known": "survey",
+        "limit_effects": "",
         "limits": "",
         "lss": "",
         "memory": "",
@@ -82,6 +95,7 @@ __all__ = [
     "glance",
     "homing",
     "known",
+    "limit_effects",
     "limits",
     "lss",
     "memory",

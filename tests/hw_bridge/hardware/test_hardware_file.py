@@ -351,3 +351,34 @@ def test_a_bench_that_came_with_the_project_by_its_name(tmp_path, monkeypatch):
     assert hardware.load(Path("simulated_force")).nodes.keys() == hardware.load(ROOT / SIMULATED).nodes.keys()
     with pytest.raises(ScenarioError, match="no_bench: cannot be read"):
         hardware.load(Path("no_bench"))
+
+
+def test_check_says_where_each_limit_acts(write, build, tmp_path):
+    done = CliRunner().invoke(hil.command, ["check", "hw_bridge/benches/simulated_racs.yaml", "--build", str(build)])
+    said = " ".join(done.output.split())
+    assert "servomotor_1, servomotor_2, rotation: where the limits act" in said
+    assert "acceleration targets of csp and csv; in cst the measured one over 4 cycles, else it stops" in said
+    mclm = tmp_path / "mclm.yaml"
+    mclm.write_text("simulated: true\nnodes: {axis: {node: 1, profile: mclm, limits: {actual_value_age: 12 ms}}}\n")
+    said = " ".join(CliRunner().invoke(hil.command, ["check", str(mclm), "--build", str(build)]).output.split())
+    assert "acceleration targets of pp and pv; the drive's 6083h, 6084h, 6085h: profile modes and quick stop" in said
+    assert "actual_value_age 12 ms" in said
+    assert "following_error each cycle, else it stops acceleration" in said, "the MCLM has no 6065h"
+
+
+def test_check_names_a_drive_that_is_enabled(write, build, monkeypatch):
+    from hw_bridge.device import Drive
+
+    power_on = Drive.power_on
+
+    def left(self):
+        power_on(self)
+        self.port.agenda.at(
+            self.port.agenda.now + 300_000_000, lambda: [self.dictionary.put(0x6040, word) or self._controlled(None)
+                                                         for word in (6, 7, 15)]
+        )  # fmt: skip
+
+    monkeypatch.setattr(Drive, "power_on", left)
+    done = CliRunner().invoke(hil.command, ["check", str(write(GOOD)), "--build", str(build)])
+    assert done.exit_code == 1
+    assert "is in Operation enabled: another program drives it, or left it so. Nothing was written." in done.output
