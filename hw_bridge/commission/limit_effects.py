@@ -35,7 +35,8 @@ def rows(keys: HardwareKeys, node: NodeKeys) -> list[tuple[str, str]]:
             "acceleration",
             f"targets of {position} and {velocity.partition(',')[0]}"
             + ("; in cst the measured one over 4 cycles, else it stops" if cst else "")
-            + f"{own(0x6083, 0x6084, 0x6085)}: profile modes and quick stop",
+            + f"{own(0x6083, 0x6084, 0x6085)}: profile modes and quick stop. From limits.velocity it takes "
+            + f"{1e3 * node.limits.velocity / node.limits.acceleration:.3g} ms to stop",
         ),
         ("actual_value_age", f"{oldest / 1e6:.4g} ms: {WATCHED}"),
     ]

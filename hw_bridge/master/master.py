@@ -139,12 +139,17 @@ class Master:
             node.follow(self.cycle, elapsed)
         for station in self.stations.values():
             station.account()
-            for frame in station.frames():
-                self.network.send(frame)
+            if self.running or self.has_mapping(station):
+                for frame in station.frames():
+                    self.network.send(frame)
         self._synced = self.network.send_at(Frame(cia301.SYNC), max(due, self.network.now + self._tail))
         for station in self.stations.values():
             station.synced(self._synced)
         return self._synced
+
+    def has_mapping(self, station: Node | ModuleNode) -> bool:
+        """Whether a node still has the PDO mapping of this program, for all that is known: a target is no controlword."""
+        return station.started and not station.boots and not self.rival.has_reset(station.number)
 
     def run_cycle(self) -> None:
         """One cycle outside of a run: while drives are brought up or stopped."""

@@ -64,7 +64,10 @@ class Stop:
         if not self.told or self.attempt(master.run_cycle):  # else nobody could answer
             for node in master.nodes.values():
                 self._release(node)
-            master.notes += [text for module in master.modules.values() if (text := module.release())]
+            for module in master.modules.values():
+                if module.silent:
+                    module.sdo.attempts, module.sdo.timeout = 1, SDO_TIMEOUT
+                master.notes += filter(None, [module.release()])
         for station in master.stations.values():
             self.attempt(partial(master.nmt, cia301.PRE_OPERATIONAL, station.number))
         self.attempt(partial(master.wait, master.cycle))
@@ -89,9 +92,9 @@ class Stop:
         return False
 
     def _enable_communication(self, station: Node | ModuleNode) -> None:
-        """Let a node take PDOs and SDOs. One that has booted has its own PDO mapping: Pre-operational, for SDOs alone."""
-        ours = station.started and not station.boots
-        self.attempt(partial(self.master.nmt, cia301.START if ours else cia301.PRE_OPERATIONAL, station.number))
+        """Let a node take PDOs and SDOs. One that has started anew has its own PDO mapping: SDOs alone."""
+        command = cia301.START if self.master.has_mapping(station) else cia301.PRE_OPERATIONAL
+        self.attempt(partial(self.master.nmt, command, station.number))
 
     def _order(self, node: Node, goal: State) -> None:
         """A goal for a drive, at once and by SDO too: process data may wait for a SYNC that does not come."""
@@ -110,7 +113,7 @@ class Stop:
         self.attempt(partial(self.network.send, frame))
 
     def _stands(self, node: Node) -> bool:
-        return abs(node.velocity) < 0.01 * node.keys.limits.velocity
+        return node.state in AT_REST or abs(node.velocity) < 0.01 * node.keys.limits.velocity
 
     def _confirmed(self, node: Node) -> bool:
         """Whether it has told since the stop began that it brakes or has no current."""
@@ -121,7 +124,7 @@ class Stop:
         patience = 2 * node.keys.heartbeat.lost_after + BRAKING
         if self.master.rival.act:
             patience = max(patience, BOOT)
-        return not self._confirmed(node) and self.network.now - self.began > patience
+        return self.network.now - max(self.began, node.word_at) > patience
 
     def _cycle_until_standstill(self) -> None:
         """Cycles until every drive that answers has no current, each as soon as it stands; or too long."""
@@ -138,6 +141,8 @@ class Stop:
                     station.nmt_state = None  # until its next heartbeat
                     self._enable_communication(station)
             for node in master.nodes.values():
+                if node.nmt_state is None:
+                    self._command(node)
                 if node.silent:
                     self._ask(node)
                 if node.goal is State.QUICK_STOP and self._confirmed(node) and self._stands(node):
@@ -179,7 +184,11 @@ class Stop:
     def _release(self, node: Node) -> None:
         """Disabled, with safe outputs and no heartbeat expected; told where it does not confirm that."""
         state, why = node.state, ""
-        node.sdo.attempts, node.sdo.timeout = (ATTEMPTS, TIMEOUT) if self._confirmed(node) else (1, SDO_TIMEOUT)
+        node.sdo.attempts, node.sdo.timeout = ATTEMPTS, TIMEOUT
+        if self._given_up(node):
+            node.sdo.attempts, node.sdo.timeout = 1, SDO_TIMEOUT
+        elif self.master.rival.act:  # it may be stopped again at any time
+            node.sdo.timeout = TIMEOUT // 3
         try:
             setup.make_safe(node)
             state = setup.release(node)

@@ -124,7 +124,7 @@ def real(tmp_path, monkeypatch, bus, arm, outputs):
     """A dry run of a scenario on drives that take themselves for real."""
     from hw_bridge.bridge import dry as module
 
-    keys, network, drives, states = bus
+    _, network, drives, states = bus
     monkeypatch.setattr(module, "bench_network", lambda *_: network)
     bench = tmp_path / "real.yaml"
     more = ", safe_outputs: 1" if outputs else ""

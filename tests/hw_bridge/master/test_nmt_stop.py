@@ -113,3 +113,86 @@ def test_a_node_that_was_never_started_is_not_started_by_the_stop(build, monkeyp
         rig.go(1)
     assert not [frame for frame in sent if frame.id == cia301.NMT and frame.data[0] == cia301.START]
     assert rig.drive.port.state is NmtState.PRE_OPERATIONAL
+
+
+@pytest.mark.parametrize("every", [1, 5, 20])
+def test_another_program_that_goes_on_sending_stop(build, every):
+    rig = moving(build, "mclm")
+    agenda = rig.session.bench.bus.agenda
+
+    def again():
+        rig.other.send(Frame(cia301.NMT, bytes([cia301.STOP, rig.drive.node])))
+        agenda.at(agenda.now + every * MILLISECOND, again)
+
+    again()
+    took, (way,) = ends(rig, "sent NMT command")
+    assert took < 1.5
+    assert way < 2e-3, f"{1e3 * way:.1f} mm"
+    assert not rig.drive.axis.motor.powered
+
+
+@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("boots_in", [1, 3, 100])
+def test_no_target_is_sent_to_a_drive_that_was_reset(build, name, boots_in):
+    """Its RPDO 1 is the controlword again, at the identifier of the targets. Also where it boots at once."""
+    rig = moving(build, name)
+    drive, sent, words = rig.drive, [], []
+    drive.nmt.boot_time = boots_in * MILLISECOND
+    rig.session.bench.bus.observers.append(lambda _, frame: sent.append(frame))
+    controlled = drive._controlled
+    drive.dictionary.effects[0x6040] = lambda entry: (words.append(drive.dictionary.get(0x6040)), controlled(entry))
+    rig.other.send(Frame(cia301.NMT, bytes([cia301.RESET_NODE, drive.node])))
+    ends(rig, "sent NMT command")
+    begin = next(
+        k for k, frame in enumerate(sent) if frame == Frame(cia301.NMT, bytes([cia301.RESET_NODE, drive.node]))
+    )
+    after = [frame for frame in sent[begin:] if frame.id in (0x200 + drive.node, 0x300 + drive.node)]
+    assert len(after) <= 2, "of the cycle in which it was noticed"
+    assert (cia301.START, drive.node) not in rig.commands
+    assert set(words) <= {0x00, 0x02, 0x0F}
+
+
+def test_a_module_that_was_stopped_has_safe_outputs(build):
+    more = {"modules": {"valves": {"node": 9, "outputs": {0: "sequencer.valve[1]"}, "safe_outputs": 2}}}
+    rig = Rig(build, {"servomotor": NODES["mclm"]}, **more)
+    switch = rig.hardware._module("valves", "")()
+    switch.start()
+    rig.axes["valves"] = switch
+    switch.views["output_0"][...] = True
+    rig.go(100)
+    module = rig.session.bench.modules["valves"]
+    assert module.outputs == 3
+    SimulatedNetwork(rig.session.bench.bus).send(Frame(cia301.NMT, bytes([cia301.STOP, 9])))
+    with pytest.raises(SimulationError, match="sent NMT command 02h to valves"):
+        rig.go(300)
+    assert module.outputs == 2
+    assert not any("did not confirm" in note for note in rig.session.account.notes)
+
+
+@pytest.mark.parametrize("left", [NmtState.STOPPED, NmtState.OPERATIONAL])
+@pytest.mark.parametrize("name", MODULES)
+def test_disable_reaches_a_drive_that_is_stopped(build, name, left):
+    """`twin hil disable`, and it brakes first."""
+    from hw_bridge.bus import Bus
+    from hw_bridge.commission import BOOT, Line, power
+    from hw_bridge.device import Drive, Motor
+    from hw_bridge.profiles import profile
+    from tests.hw_bridge.master.test_found_moving import enabled
+
+    chosen = profile(name)
+    drive = Drive(chosen, 1, Motor(chosen.motor, build=build))
+    bus = Bus()
+    bus.attach(drive)
+    line = Line(SimulatedNetwork(bus))
+    line.wait(BOOT)
+    enabled(drive, 20 * (1000 if name == "epos4" else 1))
+    line.wait(200 * MILLISECOND)
+    drive.nmt.enter(NmtState.OPERATIONAL)
+    drive.nmt.enter(left)
+    states, enter = [], drive._quick_stop
+    drive._quick_stop = lambda: (states.append(drive.state), enter())
+    assert power.disable(line, line.drive("1", name)) in (State.DISABLED, State.FAULT)
+    # Stopped ends the connection, where 6007h says what that means
+    assert states == [State.ENABLED] or (left is NmtState.STOPPED and drive.profile.option(drive.dictionary, 0x6007))
+    line.wait(100 * MILLISECOND)
+    assert abs(drive.axis.velocity) < 1e-3
