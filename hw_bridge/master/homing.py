@@ -6,9 +6,10 @@ direction, the way that was gone, and time. Before it begins, the drive's own li
 
 from __future__ import annotations
 
+from math import copysign
 from typing import TYPE_CHECKING, NamedTuple
 
-from hw_bridge.dictionary import State, Until, cia402
+from hw_bridge.dictionary import Mode, State, Until, cia402
 from hw_bridge.master import setup
 from hw_bridge.master.node import AT_REST
 from hw_bridge.master.sdo import SdoError
@@ -18,13 +19,14 @@ from twin.errors import SimulationError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hw_bridge.hardware import HomingKeys, NodeKeys
+    from hw_bridge.hardware import NodeKeys
     from hw_bridge.master.master import Master
     from hw_bridge.master.node import Node
 
 ENDS = (Until.NEGATIVE, Until.POSITIVE, Until.BLOCK)  # of a rail
 ROOM = 1.1  # of the way between the limits: a search that goes farther has passed one
 SHARE = 0.8  # of limits.force that the drive's own limit is lowered to: it overshoots
+SETTLE = 200_000_000  # after an approach [ns]
 RAMP_UP = 2_000_000_000  # longest time to Operation enabled, and back [ns]
 RATED, MILLIAMPERE = 0.0, 1e-3  # unit of an object: as 6077h counts, or [A]
 # objects that bound the force while a drive searches. 2350h and 2351h of a FAULHABER V3.0: against an end stop
@@ -37,8 +39,7 @@ FORCE_LIMITS: dict[str, tuple[tuple[int, int, float], ...]] = {
 class ForceLimit(NamedTuple):
     """An object that was lowered, and what it held."""
 
-    index: int
-    sub: int
+    place: tuple[int, int]  # index, subindex
     before: int
 
 
@@ -71,11 +72,38 @@ def refusal(name: str, keys: NodeKeys, told: Callable[[float], str]) -> str:
     return ""
 
 
+def problem(node: Node, start: float) -> str:
+    """Why a drive cannot be homed, or not be moved to where it begins afterwards [m or rad]; or nothing."""
+    if node.keys.homing is None:
+        return ""
+    low, high = node.keys.limits.position
+    if not low <= start <= high:
+        return f"{node.name}: begins at {node.way(start)}, outside of limits.position, {node.way(low)} to {node.way(high)}."
+    return refusal(node.name, node.keys, node.way)
+
+
+def approach(master: Master, node: Node, position: float) -> None:
+    """Go from the reference to where it begins [m or rad], at the speed of homing."""
+    assert node.keys.homing is not None
+    step = node.keys.homing.speed * master.cycle / 1e9
+    node.mode = Mode.CSP
+    while (left := position - node.target_position) != 0.0:
+        node.target_position = position if abs(left) <= step else node.target_position + copysign(step, left)
+        master.run_cycle()
+        if text := master.check():
+            raise SimulationError(text)
+    for _ in range(SETTLE // master.cycle):
+        master.run_cycle()
+    node.entered_from = None
+
+
 class Homing:
     """The search of one drive: `carry_out` once, with process data both ways."""
 
-    def __init__(self, master: Master, node: Node, keys: HomingKeys) -> None:
-        self.master, self.node, self.keys = master, node, keys
+    def __init__(self, master: Master, node: Node) -> None:
+        assert node.keys.homing is not None
+        self.master, self.node, self.keys = master, node, node.keys.homing
+        keys = self.keys
         self.what = f"{node.name}: homing by method {keys.method}"
         self.way = search_direction(node.keys)
         # so far it may go the other way first: to the next index, or as play and ringing
@@ -102,8 +130,8 @@ class Homing:
         until(self._done, keys.timeout, lambda: f"{self.what} did not end", self.watch)
         node.homing, node.goal = False, State.DISABLED
         until(lambda: node.state in AT_REST, RAMP_UP, lambda: node.name)
-        for index, sub, before in lowered:
-            setup.write(node, index, sub, before)
+        for place, before in lowered:
+            setup.write(node, *place, before)
         node.origin = -keys.at
         node.entered_from = keys.at
 
@@ -121,7 +149,7 @@ class Homing:
                 continue
             if (value := int(most / (unit or node.units.torque))) < before:
                 setup.write(node, index, sub, value)
-                found.append(ForceLimit(index, sub, before))
+                found.append(ForceLimit((index, sub), before))
         return found
 
     def _done(self) -> bool:

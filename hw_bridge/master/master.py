@@ -7,14 +7,12 @@ Call sequence: `begin` once, then `exchange` at every cycle with `wait` in betwe
 from __future__ import annotations
 
 from contextlib import contextmanager
-from math import copysign
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import MILLISECOND, Frame, bit_count, never
 from hw_bridge.dictionary import Mode, NmtState, State, cia301
 from hw_bridge.master import homing, setup, words
 from hw_bridge.master.activity import active_drives
-from hw_bridge.master.homing import Homing
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import Node
 from hw_bridge.master.rival import Rival
@@ -36,7 +34,6 @@ ALIVE = 0x05  # the state that this program's heartbeat tells: Operational
 BOOT = 500 * MILLISECOND  # longest time that a drive takes to answer after power-on [ns]
 SECOND_ANSWER = 10 * MILLISECOND  # time for that of another node with the same ID
 RAMP_UP = 2_000 * MILLISECOND  # longest time to Operation enabled
-SETTLE = 200 * MILLISECOND  # after an approach
 LEEWAY = (
     400_000  # at least, of the targets before SYNC by the wall clock: as long as waking up and orders may take [ns]
 )
@@ -212,14 +209,12 @@ class Master:
 
     def begin(self, starts: Mapping[str, float]) -> None:
         """From whatever state to Operation enabled at a standstill, where the scenario begins: `starts`, positions."""
-        if problems := [
-            text for node in self.nodes.values() if (text := self._homing_problem(node, starts[node.name]))
-        ]:
+        if problems := [text for node in self.nodes.values() if (text := homing.problem(node, starts[node.name]))]:
             raise SimulationError(" ".join(problems))
         self.prepare()
         for node in self.nodes.values():
             if node.keys.homing is not None:
-                Homing(self, node, node.keys.homing).carry_out()
+                homing.Homing(self, node).carry_out()
             else:
                 node.zero(starts[node.name])
             setup.limit_positions(node)
@@ -237,21 +232,11 @@ class Master:
             station.forget()
         for node in self.nodes.values():
             if node.keys.homing is not None:
-                self._approach(node, starts[node.name])
+                homing.approach(self, node, starts[node.name])
         for module in self.modules.values():
             module.resting = False
         if not self.network.wall_clock:
             self.wait((PHASE - self.network.now) % CONTROL_CYCLE)
-
-    @staticmethod
-    def _homing_problem(node: Node, start: float) -> str:
-        """Why a drive cannot be homed, or not be moved to where it begins afterwards; or nothing."""
-        if node.keys.homing is None:
-            return ""
-        low, high = node.keys.limits.position
-        if not low <= start <= high:
-            return f"{node.name}: begins at {node.way(start)}, outside of limits.position, {node.way(low)} to {node.way(high)}."
-        return homing.refusal(node.name, node.keys, node.way)
 
     def faults(self) -> list[str]:
         """What drives in Fault say; nobody but a person resets them."""
@@ -286,20 +271,6 @@ class Master:
     def emergencies(self) -> str:
         """What the drives said in EMCY messages."""
         return f" {words.emergencies(self.stations.values())}".rstrip()
-
-    def _approach(self, node: Node, position: float) -> None:
-        """Go to where the scenario begins, at the speed of homing."""
-        assert node.keys.homing is not None
-        step = node.keys.homing.speed * self.cycle / 1e9
-        node.mode = Mode.CSP
-        while (left := position - node.target_position) != 0.0:
-            node.target_position = position if abs(left) <= step else node.target_position + copysign(step, left)
-            self.run_cycle()
-            if problem := self.check():
-                raise SimulationError(problem)
-        for _ in range(SETTLE // self.cycle):
-            self.run_cycle()
-        node.entered_from = None
 
     # ------------------------------------------------------------------------------------------------------ watch
 

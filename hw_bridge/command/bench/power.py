@@ -86,7 +86,7 @@ def home_command(bus: BusChoice, node: str, explain: bool, arm: bool) -> None:
         return
     armed(bus, arm)
     with hand(bus, axis, arm, homes=True, start=end) as held:
-        node = held.node
+        drive = held.node
         say(
-            f"{axis.name}: homed at {axis.told(own.homing.at)}. It is at {node.way(node.position)}; 6064h is {node.raw_position}."
+            f"{axis.name}: homed at {axis.told(own.homing.at)}. It is at {drive.way(drive.position)}; 6064h is {drive.raw_position}."
         )
