@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from hw_bridge.commission.deadman import HOLD, DeadMan, HeldKey, Keyboard
     from hw_bridge.commission.hand import SHARE, SLOWEST_STOP, Hand, alone, bounded
     from hw_bridge.commission.line import BOOT, Line, refuse_moving, unfinished
-    from hw_bridge.commission.reference import Reference
     from hw_bridge.commission.survey import TWICE, Found, known, recognized, scan
     from hw_bridge.commission.telling import Status, glance, status
 
@@ -44,7 +43,6 @@ __getattr__ = late.names(
         "HeldKey": "deadman",
         "Keyboard": "deadman",
         "Line": "line",
-        "Reference": "reference",
         "Status": "telling",
         "alone": "hand",
         "axis": "axes",
@@ -85,7 +83,6 @@ __all__ = [
     "HeldKey",
     "Keyboard",
     "Line",
-    "Reference",
     "Status",
     "alone",
     "axis",

@@ -7,6 +7,7 @@ from hw_bridge.master.homing import refusal
 from hw_bridge.master.master import OLDEST, Master
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import Node, constant_of
+from hw_bridge.master.reference import Reference
 from hw_bridge.master.sdo import SdoClient, SdoError, SilentError
 from hw_bridge.master.station import Station
 from hw_bridge.master.vendor import SPEED, TRANSMIT, VENDORS, receive
@@ -19,6 +20,7 @@ __all__ = [
     "Master",
     "ModuleNode",
     "Node",
+    "Reference",
     "SdoClient",
     "SdoError",
     "SilentError",

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from hw_bridge.dictionary import Mode, State, Until, cia402
 from hw_bridge.master import setup
 from hw_bridge.master.node import AT_REST
+from hw_bridge.master.reference import Reference
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.profiles import profile
 from twin.errors import SimulationError
@@ -117,6 +118,7 @@ class Homing:
     def carry_out(self) -> None:
         """Search, then take the place that was found for `at`; the drive is disabled afterwards."""
         node, keys, until = self.node, self.keys, self.master.run_until
+        Reference(self.master.keys, node.name).forget()
         lowered = self._lower_force()
         setup.write(node, 0x6098, 0, keys.method)
         speed = round(keys.speed / (node.keys.scale * node.units.velocity))

@@ -83,7 +83,8 @@ def hand(
     homes: bool = False, paced: bool = False,
 ) -> Iterator[Hand]:  # fmt: skip
     """One drive, enabled for as long as the block lasts. Afterwards warnings are told; exit code 1 if there are any."""
-    from hw_bridge.commission import Hand, Line, Reference, alone
+    from hw_bridge.commission import Hand, Line, alone
+    from hw_bridge.master import Reference
 
     armed(bus, arm)
     keys = hardware(bus)
@@ -95,9 +96,11 @@ def hand(
     with bus.network() as network:
         line = Line(network, keys.nodes)
         looked_at(line, axis, bus.hardware)
-        reference = Reference(keys, name, axis.unit)
+        reference = Reference(keys, name, axis.rotary)
+        drive = line.drive(name)
         if homed:
-            reference.check(line.drive(name))
+            reference.check(drive)
+        keeps = not homes and not reference.problem(drive)
         reference.forget()
         held = Hand(alone(keys, name, homes), name, network, axis.rotary, forced)
         held.paced = paced
@@ -106,7 +109,7 @@ def hand(
         try:
             with held.enabled(start, axis.keys if homed else None):
                 yield held
-            if homed or homes:
+            if homes or keeps:
                 reference.save(held.node)
         finally:
             for note in held.master.notes:

@@ -71,15 +71,15 @@ def home_command(bus: BusChoice, node: str, explain: bool, arm: bool) -> None:
     twin hil home servomotor --explain -f my_bench.yaml
     twin hil home servomotor -f my_bench.yaml --arm
     """
-    from hw_bridge.commission import Reference, homing
-    from hw_bridge.master import refusal
+    from hw_bridge.commission import homing
+    from hw_bridge.master import Reference, refusal
 
     axis = meant(bus, node)
     own = axis.keys
     if problem := refusal(axis.name, own, axis.told):
         raise SimulationError(f"{bus.hardware}: {problem}")
     assert own.homing is not None
-    end = Reference(hardware(bus), axis.name, axis.unit).resting_position()
+    end = Reference(hardware(bus), axis.name, axis.rotary).resting_position()
     say(f"{axis.name}: method {own.homing.method}, then it is at {axis.told(own.homing.at)}:")
     table([(f"{place}.", text) for place, text in enumerate(homing.explained(own), 1)], 2)
     if explain:

@@ -193,3 +193,27 @@ def test_a_motion_that_was_broken_off_is_homed_again(homes, bench):
     bench.drive._reset_errors()
     bench.drive._enter(State.DISABLED)
     assert "a run was broken off since" in move(run, code=1)
+
+
+def test_a_motion_without_homed_keeps_the_reference(homes):
+    run = homes()
+    run("home", "servomotor", "--arm")
+    run("move", "servomotor", "--by", "2 mm", "--arm")
+    assert "from -37.0" in move(run)
+
+
+@pytest.mark.parametrize("name", ["faulhaber_v3", "epos4"])
+def test_a_run_that_homes_otherwise_forgets_it(homes, bench, build, tmp_path, name):
+    """The drive tells that it has a reference, but of another place."""
+    from hw_bridge.hardware import load
+    from hw_bridge.master import Master
+
+    run = homes(name)
+    run("home", "servomotor", "--arm")
+    other = tmp_path / "other.yaml"
+    at = "at: 3 mm" if name == "epos4" else "at: -41 mm"
+    other.write_text((tmp_path / "bench.yaml").read_text().replace("at: 0 mm" if name == "epos4" else "at: -40 mm", at))
+    master = Master(load(other), SimulatedNetwork(bench.bus))
+    master.begin({"servomotor": 0.0})
+    master.stop()
+    assert "--homed: this program has not homed it" in move(run, code=1)

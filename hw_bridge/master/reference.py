@@ -20,9 +20,9 @@ from twin.files import write_atomically
 
 if TYPE_CHECKING:
     from hw_bridge.hardware import HardwareKeys, NodeKeys
-    from hw_bridge.master import Node
+    from hw_bridge.master.node import Node
 
-CLEARANCE = {"m": 1e-3, "rad": 0.1}  # so far from its reference a drive is left that was homed [m or rad]
+CLEARANCE, TURNED = 1e-3, 0.1  # so far from its reference a drive is left that was homed [m], [rad]
 NEAR = 0.25  # of it, within which two positions are one
 
 
@@ -36,9 +36,9 @@ def folder() -> Path:
 class Reference:
     """The record of one drive of a hardware file."""
 
-    def __init__(self, keys: HardwareKeys, name: str, unit: str) -> None:
+    def __init__(self, keys: HardwareKeys, name: str, rotary: bool = False) -> None:
         self.keys, self.name, self.own = keys, name, keys.nodes[name]
-        self.clearance = CLEARANCE[unit]
+        self.clearance = TURNED if rotary else CLEARANCE
         bus = f"{keys.interface}_{keys.channel}_{keys.options.get('port', '')}" if keys.is_software() else "real"
         self.path = folder() / f"{re.sub(r'[^A-Za-z0-9.-]+', '_', bus)}-node{self.own.node}.json"
 
@@ -59,15 +59,19 @@ class Reference:
             write_atomically(self.path, json.dumps(content).encode())
 
     def forget(self) -> None:
-        """It is about to move; what becomes of it is not known yet."""
-        self.path.unlink(missing_ok=True)
+        """It is about to home or to move; what becomes of it is not known yet."""
+        if not self.keys.simulated:
+            self.path.unlink(missing_ok=True)
 
     def check(self, node: Node) -> None:
         """SimulationError unless the drive, which is only read, still counts from its reference."""
-        if problem := self._problem(node):
+        if problem := self.problem(node):
             raise SimulationError(f"{self.name}: --homed: {problem} Home it: twin hil home {self.name}")
 
-    def _problem(self, node: Node) -> str:
+    def problem(self, node: Node) -> str:
+        """Why it may not count from its reference, or nothing."""
+        if self.own.homing is None:
+            return "the hardware file has no `homing`."
         if self.keys.simulated:
             return "a simulated drive is switched on anew with each command."
         bit = REFERENCED.get(node.profile.name)
