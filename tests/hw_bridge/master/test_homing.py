@@ -111,3 +111,55 @@ def test_a_place_to_begin_outside_of_the_limits_is_refused_before_anything_moves
     with pytest.raises(SimulationError, match=r"begins at 36\.00 mm, outside of limits\.position"):
         rig.go(1)
     assert rig.force == 0.0
+
+
+def when_searching(rig, act):
+    """Do something once its search is 10 mm under way."""
+
+    def look(*_):
+        if not rig.acted and rig.drive.axis.motor.position < -10e-3:
+            rig.acted = True
+            act()
+
+    rig.acted, before = False, rig.see
+    rig.see = lambda: (before(), look())
+
+
+def test_a_host_that_is_gone_while_it_homes(homes):
+    """The drive misses the heartbeat, as it does in a run."""
+    rig = homes()
+    when_searching(rig, lambda: rig.session.bench.network.close())  # noqa: PLW0108 - it is made later
+    with pytest.raises(SimulationError):
+        rig.go(1)
+    assert rig.acted
+    assert rig.drive.state is not State.ENABLED
+    assert rig.way < 10e-3 + 0.02 * 0.06 + 1.5e-3, "60 ms at 20 mm/s, and the way of the quick stop"
+
+
+def test_ctrl_c_while_it_homes(homes, monkeypatch):
+    from hw_bridge.master import homing
+
+    rig, watch = homes(), homing.Homing.watch
+
+    def interrupted(self):
+        if self.node.position < -10e-3 and self.node.homing:
+            raise KeyboardInterrupt
+        watch(self)
+
+    monkeypatch.setattr(homing.Homing, "watch", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        rig.go(1)
+    assert rig.drive.state is State.DISABLED
+    assert rig.way < 12e-3
+    assert not rig.drive.axis.motor.powered
+
+
+def test_another_program_that_stops_the_drive_while_it_homes(homes):
+    from hw_bridge.bus import Frame, SimulatedNetwork
+
+    rig = homes()
+    when_searching(rig, lambda: SimulatedNetwork(rig.session.bench.bus).send(Frame(0, bytes([2, 1]))))
+    with pytest.raises(SimulationError, match="sent NMT command 02h to servomotor"):
+        rig.go(1)
+    assert rig.drive.state is not State.ENABLED
+    assert rig.way < 12e-3
