@@ -22,13 +22,14 @@ class ValueAge:
     def __init__(self, cycle: int) -> None:
         self.alike = round(ALIKE * cycle)
         self.open: deque[int] = deque(maxlen=KEPT)  # SYNCs without an answer, the oldest first
-        self.sampled_at = NEVER_SAMPLED
+        self.sampled_at, self.last = NEVER_SAMPLED, 0
         self._delay = self._before = 0  # of the last answer, and of the one before a gap
         self._behind = 0  # SYNCs that were open after the last answer
         self._looks = 0  # answers that may still show a loss
 
     def synced(self, time: int) -> None:
         """A SYNC was sent."""
+        self.last = time
         self.open.append(time)
 
     def received(self, now: int) -> None:

@@ -302,11 +302,10 @@ class Master:
         limits = node.keys.limits
         if text := self._unwell(node):
             return text
-        oldest = limits.actual_value_age or self.oldest
-        node.update_age(self.network.now)
-        if not node.silent and node.age > oldest:
+        oldest, age = limits.actual_value_age or self.oldest, node.sample_lag + self.cycle
+        if not node.silent and age > oldest:
             return (
-                f"{node.name}: its actual values are {node.age / 1e6:.1f} ms old, more than {oldest / 1e6:.4g} ms: SYNC or "
+                f"{node.name}: its actual values are {age / 1e6:.4g} ms old, more than {oldest / 1e6:.4g} ms: SYNC or "
                 f"process data come late. Check the bus and the adapter, or set limits.actual_value_age."
             )
         if node.state is not State.ENABLED:

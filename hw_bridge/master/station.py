@@ -75,6 +75,11 @@ class Station:
         self.age = max((now - one.sampled_at for one in self.ages.values()), default=0)
         self.oldest = max(self.oldest, self.age)
 
+    @property
+    def sample_lag(self) -> int:
+        """How much earlier the actual values were sampled than at the last SYNC [ns]; that this program is late is not in it."""
+        return max((one.last - one.sampled_at for one in self.ages.values()), default=0)
+
     def account(self) -> None:
         """Before a SYNC: whether the last one was answered."""
         self.missing += self.answered == 0

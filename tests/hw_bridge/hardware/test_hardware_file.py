@@ -356,7 +356,9 @@ def test_a_bench_that_came_with_the_project_by_its_name(tmp_path, monkeypatch):
 def test_check_says_where_each_limit_acts(write, build, tmp_path):
     done = CliRunner().invoke(hil.command, ["check", "hw_bridge/benches/simulated_racs.yaml", "--build", str(build)])
     said = " ".join(done.output.split())
-    assert "servomotor_1, servomotor_2, rotation: where the limits act" in said
+    assert "servomotor_1, servomotor_2: where the limits act" in said
+    assert "rotation: where the limits act" in said
+    assert "From limits.velocity it takes 100 ms to stop" in said
     assert "acceleration targets of csp and csv; in cst the measured one over 4 cycles, else it stops" in said
     mclm = tmp_path / "mclm.yaml"
     mclm.write_text("simulated: true\nnodes: {axis: {node: 1, profile: mclm, limits: {actual_value_age: 12 ms}}}\n")
@@ -382,3 +384,10 @@ def test_check_names_a_drive_that_is_enabled(write, build, monkeypatch):
     done = CliRunner().invoke(hil.command, ["check", str(write(GOOD)), "--build", str(build)])
     assert done.exit_code == 1
     assert "is in Operation enabled: another program drives it, or left it so. Nothing was written." in done.output
+
+
+def test_an_age_that_no_value_can_have(tmp_path):
+    file = tmp_path / "bench.yaml"
+    file.write_text("simulated: true\nnodes:\n  axis: {node: 1, profile: mclm, limits: {actual_value_age: 5 ms}}\n")
+    with pytest.raises(ScenarioError, match=r"bench\.yaml:3: .*actual_value_age: 5 ms is not more than a cycle"):
+        hardware.load(file)
