@@ -40,6 +40,7 @@ class AccelerationLimit:
         self._target: float | None = None  # position that was asked for in the cycle before
         self._target_velocity = 0.0  # its speed then
         self._speeds = [0.0] * (SPAN + 1)  # measured, of the last cycles
+        self._times = [0] * (SPAN + 1)  # when they were [ns]
         self._cycles = 0
 
     def begin(self, position: float, velocity: float = 0.0) -> None:
@@ -88,17 +89,19 @@ class AccelerationLimit:
         self.limited = limited
         self.count += limited
 
-    def measure(self, velocity: float) -> None:
-        """The measured velocity of a cycle [m/s or rad/s]."""
-        self._speeds[self._cycles % (SPAN + 1)] = velocity
+    def measure(self, velocity: float, time: int) -> None:
+        """The measured velocity of a cycle [m/s or rad/s], and when it was sampled [ns]."""
+        place = self._cycles % (SPAN + 1)
+        self._speeds[place], self._times[place] = velocity, time
         self._cycles += 1
 
-    def measured(self, h: float) -> float:
-        """Mean acceleration over the last cycles of `h` [s]; 0 before there are enough [m/s2 or rad/s2]."""
+    @property
+    def measured(self) -> float:
+        """Mean acceleration over the last cycles; 0 before there are enough [m/s2 or rad/s2]."""
         if self._cycles <= SPAN:
             return 0.0
-        last = self._cycles - 1
-        return (self._speeds[last % (SPAN + 1)] - self._speeds[(last - SPAN) % (SPAN + 1)]) / (SPAN * h)
+        last, first = (self._cycles - 1) % (SPAN + 1), self._cycles % (SPAN + 1)
+        return (self._speeds[last] - self._speeds[first]) * 1e9 / max(self._times[last] - self._times[first], 1)
 
     def forget(self) -> None:
         """A run begins: what was measured and counted before does not count."""

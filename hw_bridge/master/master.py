@@ -132,7 +132,7 @@ class Master:
         if planned is not None:
             due = max(due, planned + self.lead, self._synced + self.shortest)
         for node in self.nodes.values():
-            node.limit_acceleration(self.cycle)
+            node.limit_acceleration(self.cycle, self._synced)
             node.follow(self.cycle, elapsed)
         for station in self.stations.values():
             station.account()
@@ -315,7 +315,7 @@ class Master:
             return f"{node.name}: position {node.way(node.position)} is outside {node.way(low)} to {node.way(high)}."
         if abs(node.velocity) > limits.velocity:
             return f"{node.name}: velocity {node.way(node.velocity)}/s is above {node.way(limits.velocity)}/s."
-        acceleration = node.acceleration.measured(self.cycle / 1e9)
+        acceleration = node.acceleration.measured
         if node.mode is Mode.CST and abs(acceleration) > limits.acceleration and acceleration * node.force > 0.0:
             unit = "rad" if node.rotary else "m"
             return (

@@ -217,10 +217,10 @@ class Node(Station):
         """Whether it does what its targets say."""
         return self.state is State.ENABLED and self.goal is State.ENABLED and not self.homing
 
-    def limit_acceleration(self, cycle: int) -> None:
-        """Before the frames of a cycle [ns]: what it is told, by the targets and `limits.acceleration`."""
+    def limit_acceleration(self, cycle: int, synced: int) -> None:
+        """Before the frames of a cycle [ns]: what it is told, by the targets and `limits.acceleration`. `synced`: last SYNC."""
         limit, h = self.acceleration, cycle / 1e9
-        limit.measure(self.velocity)
+        limit.measure(self.velocity, synced)
         if not self.follows:
             limit.begin(self.position)
         elif self.mode is Mode.CST:

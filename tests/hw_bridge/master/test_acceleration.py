@@ -112,3 +112,11 @@ def test_a_moving_target_is_caught_up_with():
     assert max(errors) > 1.5e-3
     assert min(errors[101:]) > -0.2e-3
     assert errors[-100:] == [0.0] * 100
+
+
+def test_the_measured_acceleration_is_that_of_the_time_that_passed():
+    """Also where this program came late."""
+    limit = AccelerationLimit(1.0, 0.2)
+    for k, time in enumerate((0, 5, 10, 60, 65, 70)):
+        limit.measure(2.0 * time / 1000, time * 1_000_000)
+        assert limit.measured == pytest.approx(2.0 if k >= 4 else 0.0)
