@@ -13,6 +13,7 @@ from hw_bridge.bus import MILLISECOND, Frame, bit_count, never
 from hw_bridge.dictionary import Mode, NmtState, State, cia301
 from hw_bridge.master import homing, setup, words
 from hw_bridge.master.activity import active_drives
+from hw_bridge.master.age import PATTERN, SHIFT
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import Node
 from hw_bridge.master.rival import Rival
@@ -74,6 +75,7 @@ class Master:
         self.running = False
         self._beating = False
         self._beat_due = 0
+        self._uneven = 0  # place in the pattern of SYNCs that tell how late answers are
         self._exchanged = self._synced = 0  # when the last targets, and the last SYNC, went out [ns]
         self.shortest = int(SHORTEST * self.cycle)
         self.rival = Rival(keys.master, {one.number: name for name, one in self.stations.items()})
@@ -139,6 +141,9 @@ class Master:
             if self.running or self.has_mapping(station):
                 for frame in station.frames():
                     self.network.send(frame)
+        if any(station.in_doubt for station in self.stations.values()):
+            self._uneven = (self._uneven + 1) % len(PATTERN)
+            due += PATTERN[self._uneven] * round(SHIFT * self.cycle)
         self._synced = self.network.send_at(Frame(cia301.SYNC), max(due, self.network.now + self._tail))
         for station in self.stations.values():
             station.synced(self._synced)
@@ -303,7 +308,7 @@ class Master:
         if text := self._unwell(node):
             return text
         oldest, age = limits.actual_value_age or self.oldest, node.sample_lag + self.cycle
-        if not node.silent and age > oldest:
+        if not node.silent and not node.in_doubt and age > oldest:
             return (
                 f"{node.name}: its actual values are {age / 1e6:.4g} ms old, more than {oldest / 1e6:.4g} ms: SYNC or "
                 f"process data come late. Check the bus and the adapter, or set limits.actual_value_age."

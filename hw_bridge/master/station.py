@@ -80,6 +80,11 @@ class Station:
         """How much earlier the actual values were sampled than at the last SYNC [ns]; that this program is late is not in it."""
         return max((one.last - one.sampled_at for one in self.ages.values()), default=0)
 
+    @property
+    def in_doubt(self) -> bool:
+        """Whether it is not known which SYNC its process data answer."""
+        return any(one.in_doubt for one in self.ages.values())
+
     def account(self) -> None:
         """Before a SYNC: whether the last one was answered."""
         self.missing += self.answered == 0
