@@ -111,7 +111,7 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
             problems.append(f"{where}: modules.{name}: something else has this name. Use another one.")
     for name, node in keys.nodes.items():
         age = node.limits.actual_value_age
-        if age is not None and age <= keys.cycle:
+        if 0 < age <= keys.cycle:
             place = root.find(("nodes", name, "limits", "actual_value_age")).place
             problems.append(
                 f"{place}: nodes.{name}.limits.actual_value_age: {age / 1e6:g} ms is not more than a cycle, which is the least."

@@ -78,6 +78,7 @@ class Node(Station):
         self.told_force = False  # whether process data have room for a force
         self.outputs = self.safe_outputs = keys.safe_outputs or 0  # 60FEh.1, and what it is at rest
         self.word, self.word_at = 0, 0  # the last statusword, and when it came [ns], also by SDO
+        self.velocity_at = 0  # when the last velocity came [ns]
         self.raw_position = self.raw_velocity = self.raw_current = 0
         # parts of the last target and offset that rounding left over [device units]
         self.carried = self.offset_carried = 0.0
@@ -284,6 +285,7 @@ class Node(Station):
             self.answered, self.answered_at = self.answered + 1, now
         elif base == SPEED_PDO and len(frame.data) >= 6:
             self.raw_velocity = struct.unpack_from("<i", frame.data)[0]
+            self.velocity_at = now
             self.raw_current = struct.unpack_from(self.form, frame.data, 4)[0]
         else:
             super().heard(frame, now)

@@ -113,7 +113,9 @@ class Stop:
         self.attempt(partial(self.network.send, frame))
 
     def _stands(self, node: Node) -> bool:
-        return node.state in AT_REST or abs(node.velocity) < 0.01 * node.keys.limits.velocity
+        """Slow enough; or without current and no speed was told for long: another program may stop its answers."""
+        unknown = node.state in AT_REST and self.network.now - max(self.began, node.velocity_at) > BRAKING
+        return unknown or abs(node.velocity) < 0.01 * node.keys.limits.velocity
 
     def _confirmed(self, node: Node) -> bool:
         """Whether it has told since the stop began that it brakes or has no current."""
@@ -159,6 +161,7 @@ class Stop:
             node.word = setup.read(node, 0x6041)
             node.word_at = self.network.now
             node.raw_velocity = setup.read(node, 0x606C)
+            node.velocity_at = self.network.now
         if node.state is State.ENABLED:
             self._command(node)
 

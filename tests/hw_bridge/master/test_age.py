@@ -43,7 +43,9 @@ def test_values_of_the_last_sync_are_a_cycle_old_at_most(rig):
 def test_values_that_stay_20_ms_old_end_the_run(rig, delay):
     """They come once in a cycle, each four cycles late: none is missing."""
     late(rig, delay)
-    with pytest.raises(SimulationError, match=r"servomotor: its actual values are 2[45][\d.]* ms old, more than 21\.25 ms"):
+    with pytest.raises(
+        SimulationError, match=r"servomotor: its actual values are 2[45][\d.]* ms old, more than 21\.25 ms"
+    ):
         rig.go(200)
     assert rig.drive.state is not State.ENABLED
 

@@ -196,3 +196,25 @@ def test_disable_reaches_a_drive_that_is_stopped(build, name, left):
     assert states == [State.ENABLED] or (left is NmtState.STOPPED and drive.profile.option(drive.dictionary, 0x6007))
     line.wait(100 * MILLISECOND)
     assert abs(drive.axis.velocity) < 1e-3
+
+
+def test_outputs_stay_until_a_drive_without_current_stands(build):
+    """A fault takes its current away while it moves fast: a gripper does not let go before it stands."""
+    more = {"modules": {"valves": {"node": 9, "outputs": {0: "sequencer.valve[1]"}, "safe_outputs": 0}}}
+    limits = {"velocity": "300 mm/s", "acceleration": "10 m/s^2"}
+    rig = Rig(build, {"servomotor": node(limits=limits)}, **more)
+    switch = rig.hardware._module("valves", "")()
+    switch.start()
+    rig.axes["valves"] = switch
+    switch.views["output_0"][...] = True
+    rig.set(target_velocity=0.2)
+    rig.go(100)
+    module, speeds = rig.session.bench.modules["valves"], []
+    rig.session.bench.bus.observers.append(
+        lambda *_: speeds.append(abs(rig.drive.axis.velocity)) if not module.outputs else None
+    )
+    rig.drive.inject(0x7300)
+    with pytest.raises(SimulationError, match="EMCY 7300h"):
+        rig.go(300)
+    assert module.outputs == 0
+    assert speeds[0] < 5e-3
