@@ -13,7 +13,9 @@ if TYPE_CHECKING:
 
 KEPT = (Role.input, Role.output, Role.parameter)  # variables of the member
 PLACES = {"position", "position_actual_value", "angle"}
-START = dict.fromkeys(("velocity", "velocity_actual_value", "angular_velocity", "current", "force", "torque"), 0.0)
+START = dict.fromkeys(
+    ("actual_value_age", "velocity", "velocity_actual_value", "angular_velocity", "current", "force", "torque"), 0.0
+)
 
 
 class Sessions(Protocol):

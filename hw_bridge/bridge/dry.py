@@ -1,4 +1,4 @@
-"""A dry run: the bus as for a run but without power, then the whole scenario on simulated drives of the same profiles.
+"""A dry run: the bus as for a run but without power (with --arm up to Switched on), then the whole scenario on simulated drives of the same profiles.
 
 What these are sent is what the real ones would have been; `--trace` keeps it. They have no load but that of the scenario,
 and what a drive really follows only a run shows.
@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bridge.hardware import Hardware
 from hw_bridge.commission import Line, axis, limits
-from hw_bridge.dictionary import Mode, State
+from hw_bridge.dictionary import Mode, State, acting
 from hw_bridge.master import Master
 from hw_bridge.plant import bench_network
 from hw_bridge.session import Company
 from hw_bridge.trace import Watch
-from twin.errors import SimulationError
+from twin.errors import ScenarioError, SimulationError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -34,15 +34,15 @@ TOLD = {Mode.CSP: "target_position", Mode.CSV: "target_velocity", Mode.CST: "tar
 ON = 2_000_000_000  # longest time to Switched on [ns]
 
 
-def rehearse(keys: HardwareKeys, network: Network, rotary: Mapping[str, bool]) -> list[str]:
-    """Everything but power: identity, limits, parameters, process data both ways, Switched on; then down again.
+def rehearse(keys: HardwareKeys, network: Network, rotary: Mapping[str, bool], armed: bool = True) -> list[str]:
+    """Everything but power: identity, limits, parameters, process data both ways; armed, Switched on; then down again.
 
     What was seen. `rotary`: which members turn.
     """
     line = Line(network, keys.nodes)
     master = Master(keys, network)
     try:
-        told = without_power(line, master, rotary)
+        told = without_power(line, master, rotary, armed)
     except SimulationError as error:
         master.stop()
         raise SimulationError([master.in_full(str(error)), *master.notes]) from error
@@ -51,8 +51,8 @@ def rehearse(keys: HardwareKeys, network: Network, rotary: Mapping[str, bool]) -
     return [*told, *master.notes]
 
 
-def without_power(line: Line, master: Master, rotary: Mapping[str, bool]) -> list[str]:
-    """Up to Switched on, and what was seen there."""
+def without_power(line: Line, master: Master, rotary: Mapping[str, bool], armed: bool) -> list[str]:
+    """Up to Switched on if it is armed, else with the power stage off; and what was seen there."""
     keys, network = master.keys, master.network
     if problems := master.identify():
         raise SimulationError(problems)
@@ -64,10 +64,11 @@ def without_power(line: Line, master: Master, rotary: Mapping[str, bool]) -> lis
     if absurd := [text for text, is_absurd in wide if is_absurd]:
         raise SimulationError(absurd)
     master.prepare()
+    goal = State.SWITCHED_ON if armed else State.DISABLED
     for node in master.nodes.values():
-        node.goal = State.SWITCHED_ON
+        node.goal = goal
     end = network.now + ON
-    while network.now < end and any(one.state is not State.SWITCHED_ON for one in master.nodes.values()):
+    while network.now < end and any(one.state is not goal for one in master.nodes.values()):
         master.run_cycle()
     states = {name: f"{one.state}, no power" for name, one in master.nodes.items()}
     for station in master.stations.values():
@@ -141,6 +142,16 @@ def _amount(name: str, value: float, way: Callable[[float], str], newton: str) -
     return f"{value:.2f} {newton}" if name == "target_force" else way(value) + "/s" * (name == "target_velocity")
 
 
+def switching(keys: HardwareKeys) -> list[str]:
+    """Drives and modules whose outputs a set-up writes."""
+    drives = [
+        name
+        for name, one in keys.nodes.items()
+        if one.safe_outputs is not None or any(acting.switches(one.profile, index, True) for index, _ in one.objects)
+    ]
+    return [*drives, *keys.modules]
+
+
 def extremes(
     _keys: HardwareKeys, _network: Network, _axes: Mapping[str, Component], nodes: Mapping[str, Node], _build: Path
 ) -> Mapping[str, Observer]:
@@ -153,18 +164,25 @@ class DryHardware(Hardware):
 
     company = Company(Watch, extremes)
 
-    def __init__(self, path: Path, keys: HardwareKeys, build: Path, trace: Path | None) -> None:
+    def __init__(self, path: Path, keys: HardwareKeys, build: Path, trace: Path | None, arm: bool = False) -> None:
         super().__init__(path, keys.model_copy(update={"simulated": True}), False, build, trace)
         self.real = keys
+        self.armed = arm or keys.is_software()
         self.seen: list[str] = []
 
     def apply(self, scenario: Scenario) -> Scenario:
         """The scenario on simulated drives, if the bus could be brought up without power."""
+        if not self.armed and (names := switching(self.real)):
+            raise ScenarioError(
+                f"{self.path}: a dry run sets the outputs of {', '.join(names)} to their safe levels, which may switch valves "
+                f"and brakes. Add --arm if nobody is in their way."
+            )
         applied = super().apply(scenario)
         self.seen = rehearse(
             self.real,
             bench_network(self.real, self.build),
             {name: axis(self.path, self.real, name).rotary for name in self.real.nodes},
+            armed=self.armed,
         )
         return applied
 

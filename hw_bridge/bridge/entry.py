@@ -21,5 +21,5 @@ def load(
     if dry:
         from hw_bridge.bridge.dry import DryHardware
 
-        return DryHardware(path, keys, build, trace)
+        return DryHardware(path, keys, build, trace, arm)
     return Hardware(path, keys, arm, build, trace) if replay is None else recorded(path, keys, replay)

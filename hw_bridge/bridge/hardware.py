@@ -16,10 +16,11 @@ from hw_bridge.bridge import status, summary
 from hw_bridge.bridge.axis import KEPT, DriveAxis, OutputModule
 from hw_bridge.bridge.fitting import Fitting, replaced
 from hw_bridge.hardware import late, planned
-from hw_bridge.session import Company, Session, outputs
+from hw_bridge.session import AGE, Company, Session, outputs
 from hw_bridge.shadow import shadows
 from hw_bridge.trace import Watch
 from twin.component import input as input_variable
+from twin.component import output as output_variable
 from twin.errors import ScenarioError
 from twin.results import Ending
 from twin.scenario import ConnectionSpec, MemberSpec
@@ -121,6 +122,7 @@ class Hardware:
         if name in self.fitting.contacts:
             fields[CONTACT] = input_variable("N", "force that is watched")
         fields |= outputs.inputs(self.keys.nodes[name].outputs)
+        fields[AGE] = output_variable("s", "age of the actual values that the targets of this cycle follow from")
         fields |= {"hardware": self, "member": name, "replaced": replaced, "variant": variant, "__module__": ROOM}
         fields["__doc__"] = f"A drive instead of {replaced.__name__}."
         return type(f"Drive_{name}", (DriveAxis,), fields)

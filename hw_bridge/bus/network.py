@@ -50,16 +50,22 @@ class Network(ABC):
     def __init__(self) -> None:
         self.hear: Callable[[Frame], None] = unconnected
         self.observers: list[Hearing] = []
+        self.observer_errors: list[str] = []  # of observers that failed and hear nothing any more
         self.spent = Spent()
 
     def observe(self, observer: Hearing) -> None:
-        """Tell an observer all frames, those that this program sends too."""
+        """Tell an observer all frames, those that this program sends too; never while one is being sent."""
         self.observers.append(observer)
 
-    def tell(self, frame: Frame | None) -> None:
-        """Tell a frame to all observers."""
-        for observer in self.observers:
-            observer(self.now, frame)
+    def tell(self, time: int, frame: Frame | None) -> None:
+        """Tell all observers a frame and its time [ns]. One that fails is left out from then on: it drives nothing."""
+        for observer in tuple(self.observers):
+            try:
+                observer(time, frame)
+            except Exception as error:
+                self.observers.remove(observer)
+                owner = type(getattr(observer, "__self__", observer)).__name__
+                self.observer_errors.append(f"{owner}: {f'{error}'.rstrip('.')}. It observes the bus no longer.")
 
     def lock(self) -> bool:
         """Keep this program's memory where it is while it drives something on the bus; whether the system allows it."""
@@ -138,8 +144,10 @@ class SimulatedNetwork(Network):
 
     def observe(self, observer: Hearing) -> None:
         """The bus sees more than its stations: also what is lost or destroyed."""
-        self.bus.observers.append(observer)
-        self.bus.error_observers.append(lambda time: observer(time, None))
+        if not self.observers and not self.observer_errors:
+            self.bus.observers.append(self.tell)
+            self.bus.error_observers.append(lambda time: self.tell(time, None))
+        super().observe(observer)
 
     def _heard(self, frame: Frame) -> None:
         self.hear(frame)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.commission import TWICE, Line, axis, known, scan
+from hw_bridge.command.bench.options import table
+from hw_bridge.commission import TWICE, Line, axis, known, limit_effects, scan
 from hw_bridge.hardware import load
 from hw_bridge.plant import bench_network
 from twin.cli import say
@@ -91,6 +92,9 @@ def check(file: Path, build: Path) -> None:
     """
     keys = load(file)
     problems = differences(keys, build, {name: axis(file, keys, name).rotary for name in keys.nodes})
+    for names, rows in limit_effects.grouped(keys):
+        say(f"{', '.join(names)}: where the limits act")
+        table(rows, 2)
     for problem in problems:
         say(f"differs: {problem}")
     if problems:
@@ -100,7 +104,7 @@ def check(file: Path, build: Path) -> None:
 
 def differences(keys: HardwareKeys, build: Path, rotary: Mapping[str, bool] | None = None) -> list[str]:
     """Everything on the bus that is not as the hardware file says. `rotary`: which members turn."""
-    from hw_bridge.master import Master
+    from hw_bridge.master import Master, active_drives
 
     network = bench_network(keys, build)
     line = Line(network)
@@ -122,6 +126,8 @@ def differences(keys: HardwareKeys, build: Path, rotary: Mapping[str, bool] | No
             else:
                 differing = master.compare(node)
                 problems += differing or unready(node)
+        answering = [node for node in master.nodes.values() if node.number in found and not node.doubled]
+        problems += active_drives(answering, master.wait)
         strangers = [number for number in found if number not in expected]
         problems += [
             f"node {number} is not in the hardware file. Add it, or take it off the bus." for number in strangers
@@ -134,7 +140,7 @@ def differences(keys: HardwareKeys, build: Path, rotary: Mapping[str, bool] | No
 def unready(station: Node | ModuleNode) -> list[str]:
     """Why the right drive could not be run now; tells sizes that are not those of the profile, and wide limits."""
     from hw_bridge.commission import limits
-    from hw_bridge.master import Node, setup
+    from hw_bridge.master import Node, refusal, setup
 
     if not isinstance(station, Node):
         return []
@@ -146,7 +152,8 @@ def unready(station: Node | ModuleNode) -> list[str]:
     for text, absurd in found:
         if not absurd:
             say(f"note: {text}")
-    return [*refused, *(text for text, absurd in found if absurd), *([fault] if fault else [])]
+    homing = refusal(station.name, station.keys, station.way) if station.keys.homing is not None else ""
+    return [*refused, *(text for text, absurd in found if absurd), *filter(None, (fault, homing))]
 
 
 @command.command("reset", short_help="leave Fault, once the cause is known")

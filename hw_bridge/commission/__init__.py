@@ -5,7 +5,19 @@ from typing import TYPE_CHECKING
 from twin import late
 
 if TYPE_CHECKING:
-    from hw_bridge.commission import dcf, direction, homing, limits, lss, memory, objects, power, step, words
+    from hw_bridge.commission import (
+        dcf,
+        direction,
+        homing,
+        limit_effects,
+        limits,
+        lss,
+        memory,
+        objects,
+        power,
+        step,
+        words,
+    )
     from hw_bridge.commission.attendance import Attendance
     from hw_bridge.commission.axes import EXAMPLES, Axis, axis
     from hw_bridge.commission.deadman import HOLD, DeadMan, HeldKey, Keyboard
@@ -40,6 +52,7 @@ __getattr__ = late.names(
         "glance": "telling",
         "homing": "",
         "known": "survey",
+        "limit_effects": "",
         "limits": "",
         "lss": "",
         "memory": "",
@@ -79,6 +92,7 @@ __all__ = [
     "glance",
     "homing",
     "known",
+    "limit_effects",
     "limits",
     "lss",
     "memory",

@@ -10,7 +10,7 @@ from canopen.objectdictionary import ODVariable, eds
 
 from hw_bridge.commission.line import refuse_moving
 from hw_bridge.commission.objects import ACTING, download, read_all
-from hw_bridge.dictionary import Abort, cia301
+from hw_bridge.dictionary import Abort, acting, cia301
 from hw_bridge.eds import DATED, canopen_dictionary
 from hw_bridge.master import SdoError, setup
 from twin.errors import DeclarationError, SimulationError
@@ -27,7 +27,7 @@ Values = dict[tuple[int, int], "Value"]
 PDOS = range(0x1400, 0x1C00)
 HISTORY = 0x1003  # its number of errors is written only to clear it
 IDENTITY = {(0x1018, 1): "vendor", (0x1018, 2): "product code"}
-LEFT_OUT = {*ACTING, HISTORY, 0x60FE}  # 60FEh switches outputs: valves, brakes
+LEFT_OUT = {*ACTING, HISTORY, *acting.OUTPUTS[acting.COMMON]}  # outputs: valves, brakes
 
 
 def dump(node: Station, bit_rate: int) -> tuple[str, list[str]]:

@@ -44,17 +44,15 @@ def alone(keys: HardwareKeys, name: str, homes: bool = False) -> HardwareKeys:
 
 
 class Operator(Master):
-    """A master whose every cycle is looked at: also while it homes. `attend`: whether somebody still watches."""
+    """A master whose every cycle is attended, also while it homes. `attend`: whether somebody still watches."""
 
-    look: Callable[[], None] | None = None
     attend: Callable[[], None] | None = None
 
     def run_cycle(self) -> None:
         """One cycle while the drive is brought up or stopped."""
         super().run_cycle()
-        for one in (self.look, self.attend):
-            if one is not None and self.running:
-                one()
+        if self.attend is not None and self.running:
+            self.attend()
 
 
 class Hand:

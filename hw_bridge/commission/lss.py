@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 RATES = (1_000_000, 800_000, 500_000, 250_000, 125_000, 100_000, 50_000, 20_000, 10_000)  # table of CiA 305
 ANSWER = 500 * MILLISECOND  # longest time that a device takes [ns]
 INQUIRE = (0x5A, 0x5B, 0x5C, 0x5D)  # vendor, product, revision, serial
+INQUIRE_NODE_ID = 0x5E
+SECOND_ANSWER = 10 * MILLISECOND  # time for that of another device [ns]
 
 
 class Identity(NamedTuple):
@@ -56,6 +58,10 @@ class Carrier:
         self.line.wait(
             ANSWER if data[0] not in (0x04, 0x15, 0x40, 0x41, 0x42) else MILLISECOND, lambda: bool(self.answers)
         )
+        if self.answers and data[0] in (*INQUIRE, INQUIRE_NODE_ID):
+            self.line.wait(SECOND_ANSWER)
+            if len(self.answers) > 1:
+                raise LssError("several devices answer: name one by its identity (twin hil scan)")
         for one in self.answers:
             self.master.on_message_received(identifier, bytearray(one), 0.0)
 
@@ -89,7 +95,8 @@ def who(master: LssMaster) -> tuple[Identity, int]:
 def configure(line: Line, identity: Identity | None, node: int | None, bit_rate: int | None) -> tuple[Identity, int]:
     """Give node-ID and bit rate, store them, and start the device anew. Who it is, and its node-ID before.
 
-    A new bit rate acts when the device is switched off and on: the others of the bus have to change with it.
+    A new bit rate acts when the device is switched off and on: the others of the bus have to change with it. No other device
+    is reset. Without an identity, SimulationError if more than one answers: all of them would get the same node-ID.
     """
     if node is not None and answers(line, node):
         raise SimulationError(f"LSS: node {node} is on the bus already. Give another node-ID.")
@@ -104,7 +111,8 @@ def configure(line: Line, identity: Identity | None, node: int | None, bit_rate:
             master.store_configuration()
     if node is not None:
         line.states.pop(before, None)
-        line.nmt(cia301.RESET_COMMUNICATION, before if 1 <= before <= 127 else 0)
+        if 1 <= before <= 127:  # one that had no node-ID begins by itself (CiA 305); others are not reset for it
+            line.nmt(cia301.RESET_COMMUNICATION, before)
         line.wait(2 * ANSWER, lambda: node in line.states)
     return found, before
 

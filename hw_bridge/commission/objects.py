@@ -8,7 +8,7 @@ from math import degrees
 from typing import TYPE_CHECKING
 
 from hw_bridge.commission import words
-from hw_bridge.dictionary import Entry, cia402, told
+from hw_bridge.dictionary import Entry, acting, told
 from hw_bridge.hardware import without_unit
 from hw_bridge.master import Node, SdoError, SilentError, setup
 from twin.errors import CouplingError, SimulationError, nearest
@@ -33,8 +33,8 @@ KINDS = {
 KIND = {index: kind for kind, indices in KINDS.items() for index in indices}
 TIMES = {0x1017: "ms", 0x6066: "ms", 0x6068: "ms", 0x606E: "ms", 0x6070: "ms"}  # of CiA 301 and 402
 SUFFIX = {"position": "", "velocity": "/s", "acceleration": "/s^2"}
-# what moves a drive, or acts at once: not for `set` and `restore`. 2001h, 2400h: the bit rate, for `lss`
-ACTING = {0x1010, 0x1011, 0x2001, 0x2400, 0x257A, 0x31E4, 0x6040, 0x6060, 0x6071, 0x607A, 0x60FF, *cia402.OFFSETS}
+# what moves a drive, or has a command of its own: not for `set` and `restore`, whatever profile it is of
+ACTING = frozenset().union(*acting.COMMANDS.values())
 SOFTWARE_LIMIT = 0x607D
 NO_LIMIT = (0xFFFFFFFF, 0x7FFFFFFF, 0x80000000)
 

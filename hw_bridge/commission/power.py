@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hw_bridge.bus import MILLISECOND
-from hw_bridge.dictionary import Command, State, cia402, state_of
+from hw_bridge.dictionary import Command, State, cia301, cia402, state_of
+from hw_bridge.master import SilentError
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -13,16 +14,25 @@ if TYPE_CHECKING:
     from hw_bridge.master import Node
 
 STANDSTILL = 2_000 * MILLISECOND  # longest time of a quick stop [ns]
+BRAKING = (State.ENABLED, State.QUICK_STOP, State.REACTION)  # it moves, or is on the way to a standstill
 LOOK = 10 * MILLISECOND
 
 
 def disable(line: Line, node: Node) -> State:
-    """Quick stop with its ramp (6085h), then the power stage off. The state that the drive tells afterwards."""
-    state = state_of(node.sdo.number(0x6041) & 0xFFFF)
-    if state is State.ENABLED:
-        _write(node, cia402.TYPICAL[Command.QUICK_STOP])
+    """Quick stop with its ramp (6085h), then the power stage off. The state that the drive tells afterwards.
+
+    One that does not answer may be in NMT Stopped, where it takes no SDO: it goes to Pre-operational first.
+    """
+    try:
+        state = state_of(node.sdo.number(0x6041) & 0xFFFF)
+    except SilentError:
+        line.nmt(cia301.PRE_OPERATIONAL, node.number)
+        state = state_of(node.sdo.number(0x6041) & 0xFFFF)
+    if state in BRAKING:
+        if state is State.ENABLED:
+            _write(node, cia402.TYPICAL[Command.QUICK_STOP])
         end = line.network.now + STANDSTILL
-        while line.network.now < end and state in (State.ENABLED, State.QUICK_STOP):
+        while line.network.now < end and state in BRAKING:
             state = state_of(node.sdo.number(0x6041) & 0xFFFF)
             speed = int.from_bytes(node.sdo.read(0x606C), "little", signed=True)
             if state is State.QUICK_STOP and not speed:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import copysign, floor, inf, sqrt
+from math import copysign, inf
+
+from hw_bridge.master import stoppable
 
 NOTHING = 1e-9  # rounding of a place [m or rad]
 
@@ -42,12 +44,5 @@ class Ramp:
         return self.position
 
     def stoppable(self, room: float, h: float) -> float:
-        """The largest speed from which whole cycles of deceleration end within `room`, to the last bit of it.
-
-        In n more cycles after this one it goes h (v + (v - s) + ... + (v - n s)) with s = deceleration * h.
-        """
-        if room == inf:
-            return inf
-        step = self.deceleration * h
-        cycles = floor(0.5 * (sqrt(1.0 + 8.0 * max(room, 0.0) / (step * h)) - 1.0))
-        return 0.5 * step * cycles + max(room, 0.0) / (h * (cycles + 1))
+        """The largest speed from which it comes to rest within `room` [m/s or rad/s]."""
+        return stoppable(room, self.deceleration, h)

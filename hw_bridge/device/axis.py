@@ -53,6 +53,7 @@ class Axis:
     def start(self) -> None:
         """Begin as after power-on: the sensor counts from where the motor stands."""
         self.origin = self.motor.measured_position
+        self.referenced = False  # whether homing has set the origin
         self.heat = 0.0  # mean square of the current [A2]
         self.derated = self.limited = self.clipped = False
         self.demand = 0.0  # position demand

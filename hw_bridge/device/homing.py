@@ -60,7 +60,7 @@ class Homing(ModeOfOperation):
 
     def _found(self, place: float) -> None:
         offset = self.dictionary.get(0x607C, missing=self.dictionary.get(0x30B0)) * self.axis.units.position
-        self.axis.origin = place - offset
+        self.axis.origin, self.axis.referenced = place - offset, True
         self.axis.measure()
         self.running, self.attained = False, True
         self._ramp(0.0)

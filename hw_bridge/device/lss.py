@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 from hw_bridge.bus import Frame
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from hw_bridge.device.port import Port
 
 REQUEST, RESPONSE = 0x7E5, 0x7E4  # identifiers
@@ -18,13 +20,17 @@ INQUIRE = {0x5A: 1, 0x5B: 2, 0x5C: 3, 0x5D: 4}  # subindices of 1018h
 INQUIRE_NODE = 0x5E
 RATES = 9  # rows of the standard table of bit timings
 OK, OUT_OF_RANGE = 0, 1
+UNCONFIGURED = 255  # node-ID of a device that has none
 
 
 class LssSlave:
-    """Configures while it is switched on; a new node-ID acts at the next reset. The bus of a simulated drive has one rate."""
+    """Configures while it is switched on; a new node-ID acts at the next reset. The bus of a simulated drive has one rate.
 
-    def __init__(self, port: Port) -> None:
-        self.port = port
+    A device without a node-ID hears LSS alone. It begins (`start`) when it goes back to waiting with one.
+    """
+
+    def __init__(self, port: Port, start: Callable[[], None]) -> None:
+        self.port, self.start = port, start
         self.configures = False
         self.pending = port.node
         self.matched = 0  # parts of the identity that were right so far
@@ -36,6 +42,8 @@ class LssSlave:
         command, value = data[0], struct.unpack_from("<I", data, 1)[0]
         if command == SWITCH_GLOBAL:
             self.configures = data[1] == 1
+            if not self.configures and self.port.node == UNCONFIGURED != self.pending:
+                self.start()
         elif command in SELECT:
             self._select(SELECT.index(command), value)
         elif self.configures:

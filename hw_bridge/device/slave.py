@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 from hw_bridge.device.emergency import Emergency
-from hw_bridge.device.lss import REQUEST, LssSlave
+from hw_bridge.device.lss import REQUEST, UNCONFIGURED, LssSlave
 from hw_bridge.device.nmt import Nmt
 from hw_bridge.device.pdo import ReceivePdo, TransmitPdo
 from hw_bridge.device.port import Port, check_identifier
@@ -40,14 +40,15 @@ class Slave(ABC):
         self.storage = Storage(self.dictionary)
         self.emergency = Emergency(self.port)
         self.sdo = SdoServer(self.dictionary)
-        self.lss = LssSlave(self.port)
+        self.lss = LssSlave(self.port, self._begin_with_node_id)
         self.nmt = Nmt(self.port, boot_time, self._state_changed, self._reset, self.master_lost)
         numbers = range(4)
         self.rpdos = [ReceivePdo(self.port, rules, n, self.communication_error, self.data_received) for n in numbers]
         self.tpdos = [TransmitPdo(self.port, rules, n) for n in numbers]
         self.dictionary.checks[0x1005] = self._check_sync
         self._configure()
-        self.nmt.start()
+        if node != UNCONFIGURED:
+            self.nmt.start()
 
     # -------------------------------------------------------------------------------------------- what a device adds
 
@@ -126,7 +127,8 @@ class Slave(ABC):
         elif frame.id == 0:
             self.nmt.command(frame.data)
         elif self.port.state is NmtState.INITIALIZING:
-            return
+            if frame.id == REQUEST and node == UNCONFIGURED:
+                self.lss.heard(frame.data)
         elif cia301.ERROR_CONTROL < frame.id < cia301.ERROR_CONTROL + 0x80:
             self.nmt.heard(frame.id - cia301.ERROR_CONTROL)
         elif frame.id == cia301.SDO_REQUEST + node:
@@ -184,6 +186,10 @@ class Slave(ABC):
             pdo.reset()
         self.nmt_changed()
         self.refresh()
+
+    def _begin_with_node_id(self) -> None:
+        self._reset(application=False)
+        self.nmt.start()
 
     def _reset(self, application: bool) -> None:
         self.node = self.port.node = self.dictionary.node = self.lss.pending

@@ -19,6 +19,9 @@ class State(StrEnum):
     FAULT = "Fault"
 
 
+AT_REST = (State.DISABLED, State.READY, State.NOT_READY, State.FAULT)  # no current
+
+
 class Pattern(NamedTuple):
     """Bits that are looked at, and what they have to be."""
 

@@ -110,6 +110,12 @@ def check(keys: HardwareKeys, root: Node) -> list[str]:
         if group == "modules" and name in (*keys.nodes, MASTER):
             problems.append(f"{where}: modules.{name}: something else has this name. Use another one.")
     for name, node in keys.nodes.items():
+        age = node.limits.actual_value_age
+        if 0 < age <= keys.cycle:
+            place = root.find(("nodes", name, "limits", "actual_value_age")).place
+            problems.append(
+                f"{place}: nodes.{name}.limits.actual_value_age: {age / 1e6:g} ms is not more than a cycle, which is the least."
+            )
         low, high = node.limits.position
         if low >= high:
             place = root.find(("nodes", name, "limits", "position")).place

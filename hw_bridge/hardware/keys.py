@@ -148,6 +148,7 @@ class LimitKeys(Keys):
     force: Force = 15.0
     following_error: Distance = 5e-3
     acceleration: Acceleration = 10.0
+    actual_value_age: Lapse = 0  # 4.25 cycles, or `at_most` of late cycles
 
 
 class HeartbeatKeys(Keys):

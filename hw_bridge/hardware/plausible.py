@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import Mode, cia402
+from hw_bridge.dictionary import Mode, acting, cia402
 from hw_bridge.hardware import motor_data
 from hw_bridge.profiles import profile
 from twin.errors import CouplingError
@@ -109,6 +109,8 @@ def _following(node: NodeKeys, chosen: Profile) -> list[tuple[tuple[str, ...], s
 
 def _object(chosen: Profile, index: int, sub: int, value: int, simulated: bool) -> str:
     """What is wrong with a value of an object, or nothing."""
+    if index in acting.commands(chosen.name):
+        return "moves the drive or acts at once, and has a command of its own. Leave it out."
     entry: Entry | None = next((one for one in chosen.objects if (one.index, one.sub) == (index, sub)), None)
     if entry is None:  # a real drive has more objects than its profile, and says itself what it has not
         return f"{chosen.title} has no such object. Correct it." if simulated else ""

@@ -1,26 +1,35 @@
 """The master side of the bus: what makes a drive do what a member of the co-simulation says."""
 
 from hw_bridge.master import setup, words
-from hw_bridge.master.master import Master
+from hw_bridge.master.acceleration import stoppable
+from hw_bridge.master.activity import active_drives
+from hw_bridge.master.homing import refusal
+from hw_bridge.master.master import OLDEST, Master
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import Node, constant_of
+from hw_bridge.master.reference import Reference
 from hw_bridge.master.sdo import SdoClient, SdoError, SilentError
 from hw_bridge.master.station import Station
 from hw_bridge.master.vendor import SPEED, TRANSMIT, VENDORS, receive
 
 __all__ = [
+    "OLDEST",
     "SPEED",
     "TRANSMIT",
     "VENDORS",
     "Master",
     "ModuleNode",
     "Node",
+    "Reference",
     "SdoClient",
     "SdoError",
     "SilentError",
     "Station",
+    "active_drives",
     "constant_of",
     "receive",
+    "refusal",
     "setup",
+    "stoppable",
     "words",
 ]

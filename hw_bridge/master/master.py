@@ -7,14 +7,15 @@ Call sequence: `begin` once, then `exchange` at every cycle with `wait` in betwe
 from __future__ import annotations
 
 from contextlib import contextmanager
-from math import copysign
 from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import MILLISECOND, Frame, bit_count, never
-from hw_bridge.dictionary import Mode, State, cia301, cia402
-from hw_bridge.master import setup, words
+from hw_bridge.dictionary import Mode, NmtState, State, cia301
+from hw_bridge.master import homing, setup, words
+from hw_bridge.master.activity import active_drives
+from hw_bridge.master.age import PATTERN, SHIFT
 from hw_bridge.master.module import ModuleNode
-from hw_bridge.master.node import AT_REST, Node
+from hw_bridge.master.node import Node
 from hw_bridge.master.rival import Rival
 from hw_bridge.master.sdo import SilentError
 from hw_bridge.master.stop import ALONE, SILENT_CYCLES, Stop
@@ -32,8 +33,8 @@ if TYPE_CHECKING:
 
 ALIVE = 0x05  # the state that this program's heartbeat tells: Operational
 BOOT = 500 * MILLISECOND  # longest time that a drive takes to answer after power-on [ns]
+SECOND_ANSWER = 10 * MILLISECOND  # time for that of another node with the same ID
 RAMP_UP = 2_000 * MILLISECOND  # longest time to Operation enabled
-SETTLE = 200 * MILLISECOND  # after an approach
 LEEWAY = (
     400_000  # at least, of the targets before SYNC by the wall clock: as long as waking up and orders may take [ns]
 )
@@ -42,6 +43,8 @@ SHORTEST = 0.75
 # In simulated time cycles begin here in those of the drives [ns], so that results do not depend on how long the set-up
 # took. At 1 Mbit/s targets act 1.0 ms later; real drives have any phase.
 CONTROL_CYCLE, PHASE = MILLISECOND, 990_000
+# cycles that actual values may be old when the next targets follow from them; one is the least, and 5 without any end a run
+OLDEST = 4.25
 RESET = "Find the cause, then reset it with `twin hil reset FILE`."
 
 
@@ -54,6 +57,8 @@ class Master:
         self.nodes = {
             name: Node(name, one, profile(one.profile), network, self.wait) for name, one in keys.nodes.items()
         }
+        for node in self.nodes.values():
+            node.measure_age(self.cycle)
         for name in forced:
             self.nodes[name].told_force = True
         self.modules = {
@@ -64,11 +69,13 @@ class Master:
         self.timing = Timing(self.cycle)
         # so many cycles without process data end a run: a drive, or what carries its frames, may be as late as this program
         self.patience = max(SILENT_CYCLES, (keys.late_cycle.at_most or 0) // self.cycle)
+        self.oldest = max(round(OLDEST * self.cycle), keys.late_cycle.at_most or 0)  # age of actual values [ns]
         self.notes: list[str] = []
         self.said: list[str] = []  # by drives that were in Fault after the stop
         self.running = False
         self._beating = False
         self._beat_due = 0
+        self._uneven = 0  # place in the pattern of SYNCs that tell how late answers are
         self._exchanged = self._synced = 0  # when the last targets, and the last SYNC, went out [ns]
         self.shortest = int(SHORTEST * self.cycle)
         self.rival = Rival(keys.master, {one.number: name for name, one in self.stations.items()})
@@ -105,9 +112,13 @@ class Master:
             if network.now >= until or (done is not never and done()):
                 return
 
-    def nmt(self, command: int, number: int = 0) -> None:
-        """An NMT command, to all nodes if none is named."""
-        self.network.send(Frame(0, bytes([command, number])))
+    def nmt(self, command: int, number: int) -> None:
+        """Send an NMT command to one node: others on the bus may belong to another program."""
+        self.network.send(Frame(cia301.NMT, bytes([command, number])))
+
+    def end_heartbeat(self) -> None:
+        """Send no heartbeat any more: each drive stops by itself, as its 1016h and 6007h say."""
+        self._beating = False
 
     def exchange(self, planned: int | None = None) -> int:
         """Targets of all drives, then SYNC: when it left [ns]. `planned`: when the cycle was to begin.
@@ -117,17 +128,30 @@ class Master:
         the way in one step.
         """
         elapsed, self._exchanged = self.network.now - self._exchanged, self.network.now
+        for station in self.stations.values():
+            station.update_age(self.network.now)
         due = self._exchanged + self.window
         if planned is not None:
             due = max(due, planned + self.lead, self._synced + self.shortest)
         for node in self.nodes.values():
+            node.limit_acceleration(self.cycle, self._synced)
             node.follow(self.cycle, elapsed)
         for station in self.stations.values():
             station.account()
-            for frame in station.frames():
-                self.network.send(frame)
+            if self.running or self.has_mapping(station):
+                for frame in station.frames():
+                    self.network.send(frame)
+        if any(station.in_doubt for station in self.stations.values()):
+            self._uneven = (self._uneven + 1) % len(PATTERN)
+            due += PATTERN[self._uneven] * round(SHIFT * self.cycle)
         self._synced = self.network.send_at(Frame(cia301.SYNC), max(due, self.network.now + self._tail))
+        for station in self.stations.values():
+            station.synced(self._synced)
         return self._synced
+
+    def has_mapping(self, station: Node | ModuleNode) -> bool:
+        """Whether a node still has the PDO mapping of this program, for all that is known: a target is no controlword."""
+        return station.started and not station.boots and not self.rival.has_reset(station.number)
 
     def run_cycle(self) -> None:
         """One cycle outside of a run: while drives are brought up or stopped."""
@@ -144,7 +168,9 @@ class Master:
     def compare(self, station: Node | ModuleNode) -> list[str]:
         """Every difference between a node that answers and the one that the hardware file expects."""
         with self.asking(station):
-            return setup.identify(station) if isinstance(station, Node) else station.identify()
+            found = setup.identify(station) if isinstance(station, Node) else station.identify()
+        self.wait(SECOND_ANSWER)
+        return [station.doubled] if station.doubled else found
 
     @contextmanager
     def asking(self, station: Node | ModuleNode) -> Iterator[None]:
@@ -164,6 +190,8 @@ class Master:
             raise SimulationError(" ".join(problems))
         if problems := self.faults():
             raise SimulationError(f"{' '.join(problems)} {RESET}")
+        if problems := active_drives(self.nodes.values(), self.wait):
+            raise SimulationError(" ".join(problems))
         if self.rival.text:
             raise SimulationError(self.rival.text)
         self.network.lock()
@@ -180,23 +208,25 @@ class Master:
         self._beating, self._beat_due = True, self.network.now
         for station in self.stations.values():
             self.nmt(cia301.START, station.number)
-            station.heard_at = self.network.now
+            station.started, station.heard_at = True, self.network.now
         for _ in range(3):
             self.run_cycle()
 
     def begin(self, starts: Mapping[str, float]) -> None:
         """From whatever state to Operation enabled at a standstill, where the scenario begins: `starts`, positions."""
+        if problems := [text for node in self.nodes.values() if (text := homing.problem(node, starts[node.name]))]:
+            raise SimulationError(" ".join(problems))
         self.prepare()
         for node in self.nodes.values():
             if node.keys.homing is not None:
-                self._home(node)
+                homing.Homing(self, node).carry_out()
             else:
                 node.zero(starts[node.name])
             setup.limit_positions(node)
         for node in self.nodes.values():
             node.goal, node.target_velocity = State.ENABLED, 0.0
             node.target_position = node.position
-        self._until(
+        self.run_until(
             lambda: all(node.state is State.ENABLED for node in self.nodes.values()),
             RAMP_UP,
             lambda: ", ".join(
@@ -207,7 +237,7 @@ class Master:
             station.forget()
         for node in self.nodes.values():
             if node.keys.homing is not None:
-                self._approach(node, starts[node.name])
+                homing.approach(self, node, starts[node.name])
         for module in self.modules.values():
             module.resting = False
         if not self.network.wall_clock:
@@ -221,69 +251,31 @@ class Master:
                 found.append(setup.faults(node))
         return [text for text in found if text]
 
-    def _until(self, done: Callable[[], bool], limit: int, what: Callable[[], str]) -> None:
-        """Cycles until a condition holds; SimulationError if it takes too long."""
+    def run_until(
+        self, done: Callable[[], bool], limit: int, what: Callable[[], str], watch: Callable[[], None] | None = None
+    ) -> None:
+        """Cycles until a condition holds, each watched; SimulationError if it takes longer than `limit` [ns]."""
         end = self.network.now + limit
         while not done():
             if self.network.now > end:
-                raise SimulationError(f"not enabled after {limit / 1e9:g} s: {what()}.{self._emergencies()}")
+                raise SimulationError(f"not enabled after {limit / 1e9:g} s: {what()}.{self.emergencies()}")
             if any(node.state is State.FAULT for node in self.nodes.values()):
-                raise SimulationError(f"{' '.join(self.faults())}{self._emergencies()} {RESET}")
+                raise SimulationError(f"{' '.join(self.faults())}{self.emergencies()} {RESET}")
             if self.rival.text:
                 raise SimulationError(self.rival.text)
             self.run_cycle()
+            if watch is not None:
+                watch()
             for one in self.stations.values():
                 if self.lost(one) or one.silent > 4 * SILENT_CYCLES:
                     missing = "heartbeat" if self.lost(one) else "process data"
                     raise SimulationError(
-                        f"{one.name}: no {missing} while it was brought up.{self._emergencies()} Check its power and the bus."
+                        f"{one.name}: no {missing} while it was brought up.{self.emergencies()} Check its power and the bus."
                     )
 
-    def _emergencies(self) -> str:
+    def emergencies(self) -> str:
         """What the drives said in EMCY messages."""
         return f" {words.emergencies(self.stations.values())}".rstrip()
-
-    def _home(self, node: Node) -> None:
-        """Find the reference with the drive's own method."""
-        keys = node.keys.homing
-        assert keys is not None
-        setup.write(node, 0x6098, 0, keys.method)
-        speed = round(keys.speed / (node.keys.scale * node.units.velocity))
-        setup.put(node, 0x6099, 1, max(speed, 1))
-        setup.put(node, 0x6099, 2, max(speed // 2, 1))
-        node.homing, node.goal = True, State.ENABLED
-        attained = cia402.BIT_12 | cia402.TARGET_REACHED
-        what = f"{node.name}: homing by method {keys.method}"
-        self._until(lambda: node.state is State.ENABLED, RAMP_UP, lambda: f"{what}: {node.state}")
-        for _ in range(4):
-            self.run_cycle()
-
-        def done() -> bool:
-            if node.state is not State.ENABLED:
-                raise SimulationError(f"{what} was left: {node.state}.{self._emergencies()}")
-            if node.word & cia402.BIT_13:
-                raise SimulationError(f"{what} ended with an error.{self._emergencies()}")
-            return node.word & attained == attained
-
-        self._until(done, keys.timeout, lambda: f"{what} did not end")
-        node.homing, node.goal = False, State.DISABLED
-        self._until(lambda: node.state in AT_REST, RAMP_UP, lambda: node.name)
-        node.origin = -keys.at
-        node.entered_from = keys.at
-
-    def _approach(self, node: Node, position: float) -> None:
-        """Go to where the scenario begins, at the speed of homing."""
-        assert node.keys.homing is not None
-        step = node.keys.homing.speed * self.cycle / 1e9
-        node.mode = Mode.CSP
-        while (left := position - node.target_position) != 0.0:
-            node.target_position = position if abs(left) <= step else node.target_position + copysign(step, left)
-            self.run_cycle()
-            if problem := self.check():
-                raise SimulationError(problem)
-        for _ in range(SETTLE // self.cycle):
-            self.run_cycle()
-        node.entered_from = None
 
     # ------------------------------------------------------------------------------------------------------ watch
 
@@ -302,12 +294,25 @@ class Master:
             return f"{node.name}: no heartbeat for {(now - node.heard_at) / 1e6:.0f} ms. Check its power and the bus."
         if node.silent >= self.patience:
             return f"{node.name}: no process data for {node.silent} cycles. Check the bus."
-        return f"{node.name}: started anew by itself. Check its supply." if node.boots else ""
+        if node.doubled:
+            return node.doubled
+        if node.boots:  # the next SYNC shows whether it, or a second node with its ID
+            return f"{node.name}: started anew by itself. Check its supply." if node.silent else ""
+        if node.nmt_state in (NmtState.STOPPED, NmtState.PRE_OPERATIONAL):
+            state = node.nmt_state.name.capitalize().replace("_", "-")
+            return f"{node.name}: left NMT Operational: {state}. Another master stopped it, or an error of its own."
+        return ""
 
     def _wrong(self, node: Node) -> str:
         limits = node.keys.limits
         if text := self._unwell(node):
             return text
+        oldest, age = limits.actual_value_age or self.oldest, node.sample_lag + self.cycle
+        if not node.silent and not node.in_doubt and age > oldest:
+            return (
+                f"{node.name}: its actual values are {age / 1e6:.4g} ms old, more than {oldest / 1e6:.4g} ms: SYNC or "
+                f"process data come late. Check the bus and the adapter, or set limits.actual_value_age."
+            )
         if node.state is not State.ENABLED:
             return f"{node.name}: left Operation enabled: {node.state}."
         low, high = node.position_limits
@@ -315,6 +320,13 @@ class Master:
             return f"{node.name}: position {node.way(node.position)} is outside {node.way(low)} to {node.way(high)}."
         if abs(node.velocity) > limits.velocity:
             return f"{node.name}: velocity {node.way(node.velocity)}/s is above {node.way(limits.velocity)}/s."
+        acceleration = node.acceleration.measured
+        if node.mode is Mode.CST and abs(acceleration) > limits.acceleration and acceleration * node.force > 0.0:
+            unit = "rad" if node.rotary else "m"
+            return (
+                f"{node.name}: acceleration {abs(acceleration):.3g} {unit}/s^2 is above "
+                f"{limits.acceleration:g} {unit}/s^2 in cst, where only the force can be bounded."
+            )
         if abs(node.force) > limits.force:
             newton = "N m" if node.rotary else "N"
             return f"{node.name}: force {node.force:.2f} {newton} is above {limits.force:g} {newton}."
@@ -337,12 +349,14 @@ class Master:
             except Exception as error:
                 self.notes.append(f"stop: {error} {ALONE}")
             finally:
-                self._beating = False
+                self.end_heartbeat()
                 self.network.close()
+                self.notes += self.network.observer_errors
 
     def in_full(self, text: str) -> str:
         """After the stop: a failure with the drives' own words."""
-        return words.in_full(text, self.rival.text, self.said, self.stations.values())
+        second = " ".join(one.doubled for one in self.stations.values() if one.doubled and one.doubled not in text)
+        return words.in_full(f"{text} {second}".rstrip(), self.rival.text, self.said, self.stations.values())
 
     def lost(self, node: Node | ModuleNode) -> bool:
         """Whether its heartbeat is missing."""
@@ -352,6 +366,8 @@ class Master:
         """Statistics of the run."""
         nodes = {
             name: {
+                **({"limited_targets": node.acceleration.count} if isinstance(node, Node) else {}),
+                "oldest_actual_value": node.oldest / 1e9,
                 "late_pdos": node.late,
                 "lost_pdos": node.lost,
                 "emergencies": [f"{c:04X}" for _, c in node.emergencies],

@@ -44,7 +44,8 @@ class ModuleNode(Station):
 
     def heard(self, frame: Frame, now: int) -> None:
         """A frame of this module arrived."""
-        self.answered += frame.id == INPUT_PDO + self.number
+        if frame.id == INPUT_PDO + self.number:
+            self.answered, self.answered_at = self.answered + 1, now
         super().heard(frame, now)
 
     def identify(self) -> list[str]:

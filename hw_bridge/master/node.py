@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.bus import Frame
 from hw_bridge.dictionary import Mode, State, cia402, state_of
+from hw_bridge.master.acceleration import AccelerationLimit
+from hw_bridge.master.age import ValueAge
 from hw_bridge.master.station import Station
 from hw_bridge.master.vendor import SUBSTITUTES, VENDORS, current_unit
 from hw_bridge.profiles import profile
@@ -43,7 +45,7 @@ DOWN = {  # on the way to a standstill
     State.ENABLED:    0x02,
     State.QUICK_STOP: 0x02,
 }  # fmt: skip
-AT_REST = (State.DISABLED, State.READY, State.NOT_READY, State.FAULT)
+AT_REST = cia402.AT_REST
 
 
 def constant_of(keys: NodeKeys) -> float:
@@ -61,8 +63,10 @@ class Node(Station):
         super().__init__(name, keys, profile, network, wait)
         self.vendor = VENDORS[profile.name]
         self.sign = -keys.scale if keys.inverted else keys.scale
+        self.acceleration = AccelerationLimit(keys.limits.acceleration, keys.limits.velocity)
+        self.identity: list[int] = []  # vendor, product and serial number that it told
         self.rotary = False  # whether positions are angles
-        self.origin = 0.0  # what the drive counts where the position is 0 [m]
+        self._origin = 0.0
         self.entered_from: float | None = None  # where homing ended, on the way to where the scenario begins [m]
         self.goal = State.DISABLED
         self.homing = False
@@ -73,7 +77,8 @@ class Node(Station):
         self.speed = self.offset = 0.0  # of this target position, and what of it is fed forward in csp [m/s]
         self.told_force = False  # whether process data have room for a force
         self.outputs = self.safe_outputs = keys.safe_outputs or 0  # 60FEh.1, and what it is at rest
-        self.word = 0
+        self.word, self.word_at = 0, 0  # the last statusword, and when it came [ns], also by SDO
+        self.velocity_at = 0  # when the last velocity came [ns]
         self.raw_position = self.raw_velocity = self.raw_current = 0
         # parts of the last target and offset that rounding left over [device units]
         self.carried = self.offset_carried = 0.0
@@ -89,6 +94,16 @@ class Node(Station):
         self.ampere = current_unit(self.vendor, units)
         self.force_constant = constant_of(self.keys)
         self.form = "<i" if self.vendor.current & 0xFF == 32 else "<h"
+
+    @property
+    def origin(self) -> float:
+        """What the drive counts where the position is 0 [m]. What it was told last stays where it is."""
+        return self._origin
+
+    @origin.setter
+    def origin(self, value: float) -> None:
+        self.acceleration.shift(self._origin - value)
+        self._origin = value
 
     @property
     def position(self) -> float:
@@ -155,6 +170,10 @@ class Node(Station):
 
     # -------------------------------------------------------------------------------------------------- each cycle
 
+    def measure_age(self, cycle: int) -> None:
+        """From now on SYNC comes once in a cycle [ns]: measure how old the actual values are."""
+        self.ages = {STATE_PDO: ValueAge(cycle), SPEED_PDO: ValueAge(cycle)}
+
     def aim(self, position: float, cycle: int) -> None:
         """The target position of this cycle [m]. Its speed is that of the way on which the drive interpolates."""
         self._left = position if self.aimed is None else self.aimed
@@ -194,17 +213,37 @@ class Node(Station):
         offered = self.mirror.get(0x6502)
         return self.mode if offered >> (self.mode - 1) & 1 else SUBSTITUTES[self.mode]
 
+    @property
+    def follows(self) -> bool:
+        """Whether it does what its targets say."""
+        return self.state is State.ENABLED and self.goal is State.ENABLED and not self.homing
+
+    def limit_acceleration(self, cycle: int, synced: int) -> None:
+        """Before the frames of a cycle [ns]: what it is told, by the targets and `limits.acceleration`. `synced`: last SYNC."""
+        limit, h = self.acceleration, cycle / 1e9
+        limit.measure(self.velocity, synced)
+        if not self.follows:
+            limit.begin(self.position)
+        elif self.mode is Mode.CST:
+            limit.begin(self.position, self.velocity)
+        elif self.mode is Mode.CSV:
+            limit.follow_velocity(self.target_velocity, self.position, h)
+        else:
+            limit.follow_position(self.target_position, h)
+            if limit.limited:
+                fed = self.keys.follow.feedforward * abs(limit.velocity)
+                self.offset = min(max(self.offset, -fed), fed)
+
     def frames(self) -> list[Frame]:
         """Target and controlword of this cycle. Until the drive is enabled the targets are its actual values."""
-        mode, state = self.own_mode, self.state
-        follows = state is State.ENABLED and self.goal is State.ENABLED and not self.homing
+        mode, state, follows = self.own_mode, self.state, self.follows
         places = mode in (Mode.CSP, Mode.PP)
-        position = self.device_position(self.target_position) if follows and places else self.raw_position
+        position = self.device_position(self.acceleration.position) if follows and places else self.raw_position
         velocity = torque = 0
         if follows and mode is Mode.CST:
             torque = self.rounded(self.device_force(self.target_force))
         elif follows and not places:
-            velocity = self.rounded(self.target_velocity / (self.sign * self.units.velocity))
+            velocity = self.rounded(self.acceleration.velocity / (self.sign * self.units.velocity))
         word = self.controlword(state)
         control = [word]
         if mode is Mode.PP and follows:  # each target is a new set-point, on a rising edge of bit 4
@@ -238,11 +277,15 @@ class Node(Station):
     def heard(self, frame: Frame, now: int) -> None:
         """A frame of this drive arrived."""
         base = frame.id - self.number
+        if base in self.ages:
+            self.ages[base].received(now)
         if base == STATE_PDO and len(frame.data) == 7:
             self.word, _, self.raw_position = struct.unpack("<Hbi", frame.data)
-            self.answered += 1
+            self.word_at = now
+            self.answered, self.answered_at = self.answered + 1, now
         elif base == SPEED_PDO and len(frame.data) >= 6:
             self.raw_velocity = struct.unpack_from("<i", frame.data)[0]
+            self.velocity_at = now
             self.raw_current = struct.unpack_from(self.form, frame.data, 4)[0]
         else:
             super().heard(frame, now)
@@ -255,7 +298,7 @@ class Node(Station):
         if self.ways:
             asked, place = self.ways[-1]
             self.ways[-1] = asked * elapsed / cycle, place
-        asked = self.target_velocity * cycle / 1e9
+        asked = self.acceleration.velocity * cycle / 1e9
         self.ways.append((asked, self.position))
         while len(self.ways) * cycle > WINDOW * 1e9:
             self.ways.popleft()
@@ -264,6 +307,7 @@ class Node(Station):
         """A run begins: what happened before does not count."""
         super().forget()
         self.ways.clear()
+        self.acceleration.forget()
 
     @property
     def following_error(self) -> float:

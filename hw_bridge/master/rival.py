@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 TARGETS = (0x200, 0x300, 0x400, 0x500)  # identifiers of RPDOs, without the node-ID
 WRITES = (0, 1)  # requests of SDO clients, bits 7 to 5: segment of a download, download. Who only reads is welcome
+RESETS = (cia301.RESET_NODE, cia301.RESET_COMMUNICATION)
 
 
 class Rival:
@@ -26,6 +27,7 @@ class Rival:
         self.master, self.names = master, names
         self.act = ""  # the first thing that another master did
         self.strangers: set[int] = set()
+        self.resets: set[int] = set()  # node-IDs that another master has reset; 0: all
 
     def hear(self, frame: Frame) -> None:
         """A frame of somebody else."""
@@ -33,6 +35,8 @@ class Rival:
         known = (0, self.master, *self.names)
         if frame.id == cia301.ERROR_CONTROL + node and node not in known and not frame.remote:
             self.strangers.add(node)
+        if frame.id == cia301.NMT and len(frame.data) == 2 and frame.data[0] in RESETS:
+            self.resets.add(frame.data[1])
         if not self.act:
             self.act = self._done(frame, node)
 
@@ -52,6 +56,10 @@ class Rival:
             index, sub = struct.unpack_from("<HB", data, 1)
             return f"another master on the bus writes {index:04X}h.{sub} of {name}. Stop it."
         return f"another master on the bus sends {name} targets. Stop it." if service in TARGETS else ""
+
+    def has_reset(self, node: int) -> bool:
+        """Whether another master has reset a node."""
+        return not self.resets.isdisjoint((0, node))
 
     @property
     def text(self) -> str:

@@ -36,14 +36,19 @@ class SdoClient:
     def __init__(self, node: int, send: Callable[[Frame], None], wait: Callable[[int, Condition], None]) -> None:
         self.node, self.send, self.wait = node, send, wait
         self.answers: list[bytes] = []
-        self.attempts = ATTEMPTS
+        self.attempts, self.timeout = ATTEMPTS, TIMEOUT
+        self.doubled = False  # whether one request had two answers: two nodes have this ID
+        self.prompt = True  # whether every request was answered in time: else an answer may belong to an earlier one
+        self._request = b""  # index and subindex of the present request, which was sent once
         self.sized = True  # whether the last answer told how many bytes there are; else it is all four
 
     def heard(self, data: bytes) -> None:
         """A response arrived."""
+        if self._request and data[1:4] == self._request:
+            self.doubled |= self.prompt and any(one[1:4] == self._request for one in self.answers)
         self.answers.append(data)
 
-    def read(self, index: int, sub: int = 0, timeout: int = TIMEOUT) -> bytes:
+    def read(self, index: int, sub: int = 0, timeout: int | None = None) -> bytes:
         """The bytes of an entry."""
         answer = self._ask(struct.pack("<BHB4x", 0x40, index, sub), index, sub, 0x40, timeout)
         self.sized = not answer[0] & 0x02 or bool(answer[0] & 0x01)
@@ -57,23 +62,28 @@ class SdoClient:
                 return data
             toggle ^= 0x10
 
-    def number(self, index: int, sub: int = 0, timeout: int = TIMEOUT) -> int:
+    def number(self, index: int, sub: int = 0, timeout: int | None = None) -> int:
         """An unsigned number of however many bytes the node gives it."""
         return int.from_bytes(self.read(index, sub, timeout), "little")
 
-    def write(self, index: int, sub: int, data: bytes, timeout: int = TIMEOUT) -> None:
+    def write(self, index: int, sub: int, data: bytes, timeout: int | None = None) -> None:
         """Write an entry of up to four bytes; numbers have no more."""
         head = 0x23 | (4 - len(data)) << 2
         self._ask(struct.pack("<BHB", head, index, sub) + data.ljust(4, b"\0"), index, sub, 0x60, timeout)
 
-    def _ask(self, request: bytes, index: int, sub: int, expected: int, timeout: int, segment: bool = False) -> bytes:
-        for _ in range(1 if segment else self.attempts):
+    def _ask(
+        self, request: bytes, index: int, sub: int, expected: int, timeout: int | None, segment: bool = False
+    ) -> bytes:
+        timeout = self.timeout if timeout is None else timeout
+        for attempt in range(1 if segment else self.attempts):
             self.answers.clear()
+            self._request = b"" if segment or attempt else request[1:4]  # a repeated one may have two answers
             self.send(Frame(cia301.SDO_REQUEST + self.node, request))
             self.wait(timeout, lambda: any(self._fits(one, index, sub, expected, segment) for one in self.answers))
             for answer in self.answers:
                 if self._fits(answer, index, sub, expected, segment):
                     return self._checked(answer, index, sub)
+            self.prompt = False
         raise SilentError(
             f"node {self.node}: no answer on {index:04X}h.{sub}. Check its power, the wiring, the bit rate and its node-ID."
         )

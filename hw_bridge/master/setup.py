@@ -75,6 +75,7 @@ def identify(node: Node) -> list[str]:
     if device & 0xFFFF != DRIVE:
         return [f"{name}: node {node.number} is no drive: 1000h is {device:08X}h. Check the node-ID."]
     found = {sub: node.sdo.number(0x1018, sub) for sub in IDENTITY}
+    node.identity = [found[1], found[2], found[4]]
     if (title := UNFIT.get((found[1], found[2]))) is not None:
         text = f"{name}: node {node.number} is a {title}, another device than {node.profile.title}, with another dictionary."
         return [f"{text} No profile fits it. Use another drive."]
@@ -276,10 +277,12 @@ def unmask(node: Node) -> None:
 
 
 def release(node: Node) -> State:
-    """After an orderly end: disabled by SDO too, no heartbeat is expected any more. The state that it tells."""
+    """After an orderly end: disabled by SDO too. The state that it tells; no heartbeat is expected if it is at rest."""
     node.sdo.write(0x6040, 0, b"\0\0")
+    if (state := state_of(node.sdo.number(0x6041) & 0xFFFF)) not in cia402.AT_REST:
+        return state
     if node.keys.offset:
         forget_offsets(node)
     node.sdo.write(0x1016, 1, b"\0\0\0\0")
     node.sdo.write(0x1017, 0, b"\0\0")
-    return state_of(node.sdo.number(0x6041) & 0xFFFF)
+    return state

@@ -5,7 +5,8 @@ from __future__ import annotations
 import struct
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import Dictionary
+from hw_bridge.dictionary import Dictionary, NmtState
+from hw_bridge.master.age import ValueAge
 from hw_bridge.master.sdo import SdoClient
 
 if TYPE_CHECKING:
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
 
         def __call__(self, duration: int, done: Condition = ...) -> None:
             """Wait at most `duration` [ns]."""
+
+
+NMT_STATES = {int(one): one for one in NmtState}
 
 
 class Station:
@@ -39,8 +43,12 @@ class Station:
         self.heard_at = 0  # last heartbeat [ns]
         self.alive = False  # whether it was heard beside answers to SDO
         self.emergencies: list[tuple[int, int]] = []  # time [ns], code
-        self.boots = 0  # boot-up messages heard
-        self.answered = 0  # process data since the last SYNC
+        self.boots, self.booted_at = 0, 0  # boot-up messages heard, and when the last one came [ns]
+        self.started = False  # whether it was told to be Operational, with the mapping of this program
+        self.nmt_state: NmtState | None = None  # of its last heartbeat
+        self.answered, self.answered_at = 0, 0  # process data since the last SYNC, and when the last came [ns]
+        self.ages: dict[int, ValueAge] = {}  # of each PDO with actual values, by its identifier without the node-ID
+        self.age = self.oldest = 0  # of the actual values when the last cycle began, and the largest of the run [ns]
         self.missing = self.late = self.silent = 0  # of process data: cycles without, too late, the same in a row
 
     def heard(self, frame: Frame, now: int) -> None:
@@ -53,7 +61,29 @@ class Station:
             self.emergencies.append((now, struct.unpack_from("<H", frame.data)[0]))
         elif base == 0x700 and frame.data:
             self.heard_at = now
-            self.boots += frame.data[0] == 0
+            if frame.data[0] == 0:
+                self.boots, self.booted_at = self.boots + 1, now
+            self.nmt_state = NMT_STATES.get(frame.data[0] & 0x7F)
+
+    def synced(self, time: int) -> None:
+        """A SYNC was sent [ns]: actual values are sampled."""
+        for one in self.ages.values():
+            one.synced(time)
+
+    def update_age(self, now: int) -> None:
+        """A cycle begins [ns]: how old the actual values are that its targets follow from."""
+        self.age = max((now - one.sampled_at for one in self.ages.values()), default=0)
+        self.oldest = max(self.oldest, self.age)
+
+    @property
+    def sample_lag(self) -> int:
+        """How much earlier the actual values were sampled than at the last SYNC [ns]; that this program is late is not in it."""
+        return max((one.last - one.sampled_at for one in self.ages.values()), default=0)
+
+    @property
+    def in_doubt(self) -> bool:
+        """Whether it is not known which SYNC its process data answer."""
+        return any(one.in_doubt for one in self.ages.values())
 
     def account(self) -> None:
         """Before a SYNC: whether the last one was answered."""
@@ -65,7 +95,17 @@ class Station:
     def forget(self) -> None:
         """A run begins: what happened before does not count."""
         self.missing = self.late = self.silent = self.boots = 0
+        self.nmt_state, self.oldest = None, 0
+        for one in self.ages.values():
+            one.forget()
         self.emergencies.clear()
+
+    @property
+    def doubled(self) -> str:
+        """That a second node has this ID, or nothing: it answered too, or booted while this one went on."""
+        if self.sdo.doubled or (self.boots and self.answered_at > self.booted_at):
+            return f"{self.name}: two nodes have node-ID {self.number}. Take one off the bus, and give it another: twin hil lss."
+        return ""
 
     @property
     def lost(self) -> int:

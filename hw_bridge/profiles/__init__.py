@@ -1,6 +1,6 @@
 """Vendors' drives and modules as data: object dictionary, errors, units, traps. From public facts, no vendor's file."""
 
-from hw_bridge.profiles.catalog import DEVICES, MODULES, UNFIT, device, identity, profile
+from hw_bridge.profiles.catalog import DEVICES, MODULES, REFERENCED, UNFIT, device, identity, profile
 from hw_bridge.profiles.description import Currents, Device, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motor import EFFORT, MotorModel, member_load
 
@@ -8,6 +8,7 @@ __all__ = [
     "DEVICES",
     "EFFORT",
     "MODULES",
+    "REFERENCED",
     "UNFIT",
     "Currents",
     "Device",

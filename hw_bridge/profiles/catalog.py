@@ -18,6 +18,9 @@ DEVICES = {"cia401": "a generic I/O module with digital inputs and outputs (CiA 
 # devices of these vendors that no profile fits, by vendor and product code
 UNFIT = {(0xFB, 0x68500000): "maxon EPOS4 Micro 24/5"}
 
+# bit of the statusword, by profile, that tells whether positions count from a reference since power-on; recalled
+REFERENCED = {"epos4": 15}
+
 
 def listed() -> dict[str, str]:
     """What there is, for `twin list`."""

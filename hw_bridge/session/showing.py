@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from hw_bridge.plant import Bench
     from twin.component import Component
 
+AGE = "actual_value_age"
 TOLD: dict[str, Callable[[Node], float]] = {  # what a drive tells of itself
     "position_actual_value": lambda node: node.position,
     "position":              lambda node: node.position,
@@ -26,6 +27,7 @@ TOLD: dict[str, Callable[[Node], float]] = {  # what a drive tells of itself
     "force":                 lambda node: node.force,
     "torque":                lambda node: node.force * node.keys.scale,
     "limited":               lambda node: bool(node.word & cia402.INTERNAL_LIMIT),
+    AGE:                     lambda node: node.age / 1e9,
 }  # fmt: skip
 
 

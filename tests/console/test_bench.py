@@ -128,7 +128,7 @@ def test_the_steps_from_a_box_to_a_move(drive, page):
         opened(page, "home")
         page.wait_for_selector("text=slowly to negative positions of the drive until it stands against its end stop")
         page.get_by_role("button", name="home", exact=True).click()
-        said(page, "homed at -40.00 mm")
+        said(page, "homed at -40 mm")
         said(page, "stopped and disabled")
         begin = place(node)
         opened(page, "move")

@@ -17,6 +17,14 @@ def networks_end_soon() -> Iterator[None]:
         yield
 
 
+@pytest.fixture(scope="session", autouse=True)
+def state_of_a_user(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """What commands keep from one to the next is not that of whoever runs the tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TWIN_STATE", str(tmp_path_factory.mktemp("state")))
+        yield
+
+
 @pytest.fixture(params=MODULES)
 def name(request):
     return request.param

@@ -83,7 +83,8 @@ def hand(
     homes: bool = False, paced: bool = False,
 ) -> Iterator[Hand]:  # fmt: skip
     """One drive, enabled for as long as the block lasts. Afterwards warnings are told; exit code 1 if there are any."""
-    from hw_bridge.commission import Hand, Line, alone, homing
+    from hw_bridge.commission import Hand, Line, alone
+    from hw_bridge.master import Reference
 
     armed(bus, arm)
     keys = hardware(bus)
@@ -93,16 +94,23 @@ def hand(
             f"{bus.hardware}: nodes.{name} has no `homing`: --homed means nothing. Add it, or leave it out."
         )
     with bus.network() as network:
-        looked_at(Line(network, keys.nodes), axis, bus.hardware)
+        line = Line(network, keys.nodes)
+        looked_at(line, axis, bus.hardware)
+        reference = Reference(keys, name, axis.rotary)
+        drive = line.drive(name)
+        if homed:
+            reference.check(drive)
+        keeps = not homes and not reference.problem(drive)
+        reference.forget()
         held = Hand(alone(keys, name, homes), name, network, axis.rotary, forced)
         held.paced = paced
-        if homes:
-            held.master.look = homing.watch(held)
         if (page := attendance()) is not None:
             held.master.attend = page.look
         try:
             with held.enabled(start, axis.keys if homed else None):
                 yield held
+            if homes or keeps:
+                reference.save(held.node)
         finally:
             for note in held.master.notes:
                 paragraph(f"warning: {note}")

@@ -41,6 +41,12 @@ class BusChoice:
         """The hardware file, if one is named."""
         return load(self.hardware) if self.hardware is not None else None
 
+    @property
+    def is_software(self) -> bool:
+        """Whether nothing real can move or switch."""
+        named = HardwareKeys.model_construct(interface=self.interface or "", channel=self.channel or "")
+        return (self.keys or named).is_software()
+
     @contextmanager
     def network(self) -> Iterator[Network]:
         """The bus, opened and at the end closed; with --trace all frames are kept."""
@@ -62,6 +68,8 @@ class BusChoice:
             yield network
         finally:
             network.close()
+            for text in network.observer_errors:
+                paragraph(f"warning: {text}")
             if writer is not None:
                 writer.close()
 

@@ -10,10 +10,13 @@ import click
 
 from hw_bridge.command.bench.options import NODE, PROFILE, on_a_bus, paragraph, table
 from twin.cli import say
+from twin.errors import SimulationError
 from twin.files import write_atomically
 
 if TYPE_CHECKING:
     from hw_bridge.command.bench.options import BusChoice
+    from hw_bridge.dictionary import Entry
+    from hw_bridge.master import Station
 
 FILE = click.argument("file", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE.dcf")
 RAM = "It is lost when the drive is switched off. Keep it: twin hil store"
@@ -55,13 +58,17 @@ def get_command(bus: BusChoice, node: str, names: tuple[str, ...], profile: str 
 @click.argument("name", metavar="OBJECT")
 @click.argument("value")
 @click.option("--store", is_flag=True, help="Keep it when the drive is switched off, with all other parameters.")
+@click.option("--arm", is_flag=True, help="What it switches may move: nobody is in the way of valves and brakes.")
 @PROFILE
 @on_a_bus
-def set_command(bus: BusChoice, node: str, name: str, value: str, store: bool, profile: str | None) -> None:
+def set_command(
+    bus: BusChoice, node: str, name: str, value: str, store: bool, arm: bool, profile: str | None
+) -> None:  # fmt: skip
     """Write an object of NODE and read it back. VALUE has a unit where the object has one: "200 mm/s", 26h, "-5 mm".
 
     Access and range are checked before anything is sent. What moves a drive (6040h, targets, modes) is refused, and so is
-    a drive that somebody drives. `150 raw` is in the drive's own units.
+    a drive that somebody drives. What switches an output (60FEh, 6200h, functions of pins), and objects of the vendor that
+    the profile does not have, need --arm. `150 raw` is in the drive's own units.
 
     \b
     twin hil set 1 quick_stop_deceleration "5 m/s^2" -f my_bench.yaml
@@ -78,6 +85,7 @@ def set_command(bus: BusChoice, node: str, name: str, value: str, store: bool, p
             raise click.UsageError(f"{name} is several objects: {known}.")
         entry = entries[0]
         number = objects.parsed(asked, entry, value)
+        switching_needs_arm(bus, asked, entry, arm)
         refuse_moving(asked)
         before = objects.upload(asked, entry)
         objects.download(asked, entry, number)
@@ -88,6 +96,19 @@ def set_command(bus: BusChoice, node: str, name: str, value: str, store: bool, p
             say("All parameters are stored.")
         else:
             paragraph(f"{RAM} {asked.number}")
+
+
+def switching_needs_arm(bus: BusChoice, node: Station, entry: Entry, arm: bool) -> None:
+    """SimulationError for an object that may switch an output at once on a real bus, unless it is armed."""
+    from hw_bridge.dictionary import acting
+
+    known = entry.sub in node.mirror.objects.get(entry.index, {})
+    if acting.switches(node.profile.name, entry.index, known) and not arm and not bus.is_software:
+        why = "switches outputs at once" if known else "is not in the profile, and may act at once"
+        raise SimulationError(
+            f"{node.name}: {entry.index:04X}h.{entry.sub} {why}. Nothing was written. Add --arm if nobody is in the way of "
+            f"what is connected: valves, brakes."
+        )
 
 
 @click.command("dump")

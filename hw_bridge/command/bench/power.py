@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.command.bench.hands import ARM, HOMED, armed, attendance, hand, meant
+from hw_bridge.command.bench.hands import ARM, HOMED, armed, attendance, hand, hardware, meant
 from hw_bridge.command.bench.options import NODE, on_a_bus, table
 from twin.cli import say
 from twin.errors import SimulationError
@@ -62,24 +62,31 @@ def home_command(bus: BusChoice, node: str, explain: bool, arm: bool) -> None:
     """Let NODE find its reference by the method of the hardware file, told in words before it moves.
 
     Refused where it would pass a limit: a method that goes to one end while `at` is at the other, or a speed above the
-    limit. Stopped once it has gone farther than the limits are apart. The drive keeps its reference until it is switched
-    off: jog and move count from it with --homed.
+    limit. The drive's own torque limit is lowered for it, where it has one. Stopped where force or velocity is above its
+    limit, where it goes to the other end, or farther than the limits are apart. A run homes in the same way. Then it goes
+    into the limits of position. The drive keeps its reference until it is switched off: jog and move count from it with
+    --homed.
 
     \b
     twin hil home servomotor --explain -f my_bench.yaml
     twin hil home servomotor -f my_bench.yaml --arm
     """
     from hw_bridge.commission import homing
+    from hw_bridge.master import Reference, refusal
 
     axis = meant(bus, node)
     own = axis.keys
-    if problem := homing.refused(axis.name, own, axis.told):
+    if problem := refusal(axis.name, own, axis.told):
         raise SimulationError(f"{bus.hardware}: {problem}")
     assert own.homing is not None
+    end = Reference(hardware(bus), axis.name, axis.rotary).resting_position()
     say(f"{axis.name}: method {own.homing.method}, then it is at {axis.told(own.homing.at)}:")
     table([(f"{place}.", text) for place, text in enumerate(homing.explained(own), 1)], 2)
     if explain:
         return
     armed(bus, arm)
-    with hand(bus, axis, arm, homes=True, start=own.homing.at) as held:
-        say(f"{axis.name}: homed at {held.node.way(held.node.position)}; 6064h is {held.node.raw_position}.")
+    with hand(bus, axis, arm, homes=True, start=end) as held:
+        drive = held.node
+        say(
+            f"{axis.name}: homed at {axis.told(own.homing.at)}. It is at {drive.way(drive.position)}; 6064h is {drive.raw_position}."
+        )

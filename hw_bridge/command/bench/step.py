@@ -31,7 +31,8 @@ SHOWN = {"m": ("mm", 1e3), "rad": ("deg", 57.29577951308232)}
 def step_command(bus: BusChoice, node: str, by: str | None, plot: Path, explain: bool, arm: bool) -> None:
     """Let NODE jump by a small step and draw how it gets there, beside the simulated drive of its profile.
 
-    The twin's motor and gains are those of the profile: a difference tells another load, friction or tuning. --explain
+    The target goes there at limits.acceleration. A step at which the simulated drive meets a limit of the file is refused
+    before anything moves. The twin's motor and gains are those of the profile: a difference tells another load, friction or tuning. --explain
     says which gains of the twin would do the same; whether gains are the cause only the vendor's software tells. A step
     that meets a limit ends it: take a smaller one.
 
@@ -48,9 +49,13 @@ def step_command(bus: BusChoice, node: str, by: str | None, plot: Path, explain:
         raise SimulationError(
             f"--by {axis.told(way)} is not above 0 and at most {axis.told(SHARE * limit)}: half of limits.following_error."
         )
+    keys = alone(hardware(bus), axis.name)
+    try:
+        expected = steps.simulated(keys, axis.name, way, bus.build, {})
+    except SimulationError as error:
+        raise SimulationError(f"--by {axis.told(way)}: the simulated drive meets a limit: {error} Take less.") from None
     with hand(bus, axis, arm) as held:
         real = steps.response(held, way)
-    keys = alone(hardware(bus), axis.name)
     curves = {axis.name: real}
     if explain:
         twin, gains, (before, after) = steps.explain(real, keys, axis.name, bus.build)
@@ -68,7 +73,7 @@ def step_command(bus: BusChoice, node: str, by: str | None, plot: Path, explain:
                 f"No gains explain the difference of {axis.told(before)} rms: look at load, friction and scaling."
             )
     else:
-        curves["twin"] = steps.simulated(keys, axis.name, way, bus.build, {})
+        curves["twin"] = expected
     table(
         [("", "rise", "overshoot", "settled", "left"), *(figures(axis, name, one) for name, one in curves.items())],
         head=True,

@@ -11,7 +11,7 @@ from hw_bridge.device import Drive, Module, Motor
 from hw_bridge.dictionary import State
 from hw_bridge.hardware import load as load_keys
 from hw_bridge.profiles import device, profile
-from twin.errors import SimulationError
+from twin.errors import ScenarioError, SimulationError
 from twin.run import run_scenario
 from twin.scenario import load_scenario
 
@@ -118,3 +118,39 @@ def test_a_limit_that_would_be_met(tmp_path, build):
     outcome, _ = dry(tmp_path, build, distance="20 mm", speed="50 mm/s")
     assert outcome.run.status == "failed"
     assert "is above" in outcome.run.reason
+
+
+def real(tmp_path, monkeypatch, bus, arm, outputs):
+    """A dry run of a scenario on drives that take themselves for real."""
+    from hw_bridge.bridge import dry as module
+
+    _, network, drives, states = bus
+    monkeypatch.setattr(module, "bench_network", lambda *_: network)
+    bench = tmp_path / "real.yaml"
+    more = ", safe_outputs: 1" if outputs else ""
+    bench.write_text(
+        f"interface: socketcan\nchannel: can0\nnodes: {{servomotor: {{node: 1, profile: faulhaber_v3{more}}}}}\n"
+    )
+    file = tmp_path / "one.yaml"
+    file.write_text(SCENARIO.format(distance="1 mm", speed="5 mm/s"))
+    hardware = load(bench, arm=arm, build=tmp_path / "build", dry=True)
+    hardware.apply(load_scenario(file))
+    return hardware, drives[0], states
+
+
+@pytest.mark.parametrize("arm", [False, True])
+def test_real_drives_are_switched_on_only_if_it_is_armed(tmp_path, monkeypatch, bus, arm):
+    hardware, drive, states = real(tmp_path, monkeypatch, bus, arm, outputs=False)
+    assert (State.SWITCHED_ON in states) is arm
+    assert (State.READY in states) is arm
+    expected = "Switched on" if arm else "Switch on disabled"
+    assert hardware.seen[0] == f"servomotor: {expected}, no power; 0 of {CYCLES} process data lost"
+    assert drive.dictionary.get(0x1017) == 0, "it was set up, and released"
+
+
+def test_outputs_of_real_drives_are_set_only_if_it_is_armed(tmp_path, monkeypatch, bus):
+    with pytest.raises(ScenarioError, match=r"sets the outputs of servomotor to their safe levels.*Add --arm"):
+        real(tmp_path, monkeypatch, bus, False, outputs=True)
+    assert bus[2][0].outputs == 0
+    _, drive, _ = real(tmp_path, monkeypatch, bus, True, outputs=True)
+    assert drive.outputs == 1

@@ -53,6 +53,30 @@ def test_a_node_id_that_there_is_not(line):
     assert [one.node for one in scan(line)] == [1, 3]
 
 
+def test_without_an_identity_only_one_may_be_there(line):
+    """All devices would get the same node-ID."""
+    with pytest.raises(SimulationError, match="several devices answer: name one by its identity"):
+        lss.configure(line, None, 17, None)
+    assert [one.node for one in scan(line)] == [1, 3]
+
+
+def test_only_the_device_itself_is_reset(line, build):
+    """Also where it had no node-ID: it begins by itself."""
+    commands = []
+    line.network.observe(lambda _, frame: commands.append(tuple(frame.data)) if frame.id == 0 else None)
+    chosen = profile("mclm")
+    line.network.bus.attach(Drive(chosen, 255, Motor(chosen.motor, build=build)))
+    mclm = lss.Identity(*(int(one.default) for one in chosen.objects if one.index == 0x1018 and one.sub))
+    line.wait(BOOT)
+    assert [one.node for one in scan(line)] == [1, 3]
+    lss.configure(line, mclm, 5, None)
+    assert commands == []
+    assert [one.node for one in scan(line)] == [1, 3, 5]
+    lss.configure(line, V3, 17, None)
+    assert commands == [(130, 1)]
+    assert [one.node for one in scan(line)] == [3, 5, 17]
+
+
 def test_the_command(build):
     bench = "hw_bridge/benches/simulated_force.yaml"
 

@@ -9,7 +9,6 @@ from click.testing import CliRunner
 
 from hw_bridge import hardware
 from hw_bridge.command import hil
-from hw_bridge.commission import homing
 from hw_bridge.commission.direction import pushes
 from hw_bridge.commission.hand import Hand, alone, bounded
 from hw_bridge.commission.limits import Row, wider
@@ -178,7 +177,7 @@ def test_the_commands(run, tmp_path):
     assert "Switch on disabled" in run("disable", "axis", "-f", file)
     told = run("home", "axis", "--explain", "-f", file)
     assert "slowly to negative positions of the drive until it stands against" in told
-    assert "homed at -40.00 mm; 6064h is 0" in run("home", "axis", "-f", file)
+    assert "homed at -40 mm. It is at -39.00 mm; 6064h is 1000." in run("home", "axis", "-f", file)
     assert "needs a terminal" in run("jog", "axis", "-f", file, code=1)
     assert "no cst to push with" in run("direction", "axis", "-f", written(tmp_path, "mclm"), code=1)
 
@@ -204,7 +203,6 @@ def test_a_search_that_finds_nothing_is_stopped(hand, tmp_path, build):
     narrow = {**LIMITS, "position": ["-5 mm", "5 mm"]}
     keys = hardware.load(written(tmp_path, homing={**HOMING, "at": "-5 mm"}, limits=narrow))
     held = Hand(alone(keys, "axis", homes=True), "axis", bench_network(keys, build))
-    held.master.look = homing.watch(held)
     with pytest.raises(SimulationError, match="and found nothing; the limits are 10"), held.enabled():
         pass
     assert held.node.state is not State.ENABLED

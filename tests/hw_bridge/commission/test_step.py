@@ -58,3 +58,33 @@ def test_the_command(build, tmp_path):
     assert max(map(len, done.output.replace(str(plot), "").splitlines())) <= 80
     assert plot.read_text().startswith("<svg ")
     assert "half of limits.following_error" in str(CliRunner().invoke(hil.command, [*words, "--by", "3 mm"]).exception)
+
+
+@pytest.mark.parametrize("name", ["epos4", "faulhaber_v3", "mclm"])
+def test_the_step_of_a_bench_file_keeps_to_its_limits(build, tmp_path, name):
+    """The one that is taken where nothing is said; a larger one that would not is refused before anything moves."""
+    text = Path(f"hw_bridge/benches/can0_{name}.yaml").read_text().replace("bit_rate", "simulated: true\nbit_rate")
+    file = tmp_path / "bench.yaml"
+    file.write_text(text)
+    keys = hardware.load(file).nodes["servomotor"]
+    seen = []
+    enabled = Hand.enabled
+
+    def watched(self, *args, **more):
+        seen.append(self)
+        return enabled(self, *args, **more)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Hand, "enabled", watched)
+        words = ["step", "servomotor", "-f", str(file), "--plot", str(tmp_path / "a.svg"), "--build", str(build)]
+        done = CliRunner().invoke(hil.command, words)
+        assert done.exit_code == 0, f"{done.output}{done.exception}"
+        assert len(seen) == 2
+        for hand in seen:
+            force = max(abs(one.current) for one in hand.samples) * hand.node.force_constant
+            assert force < keys.limits.force
+        if name == "epos4":
+            seen.clear()
+            refused = CliRunner().invoke(hil.command, [*words, "--by", "1 mm"])
+            assert "the simulated drive meets a limit: servomotor: force" in str(refused.exception)
+            assert len(seen) == 1, "that of the simulated drive alone"

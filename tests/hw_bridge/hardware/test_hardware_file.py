@@ -276,7 +276,9 @@ def test_the_command_runs_a_scenario_on_drives(tmp_path, build, monkeypatch):
     summary = json.loads(done.stdout)
     (case,) = summary["hardware"]["cases"]
     assert case["cycles"] == 30
-    assert case["nodes"]["servomotor"] == {"late_pdos": 0, "lost_pdos": 0, "emergencies": []}
+    assert case["nodes"]["servomotor"] == {
+        "limited_targets": 0, "oldest_actual_value": 0.005, "late_pdos": 0, "lost_pdos": 0, "emergencies": []
+    }  # fmt: skip
     assert 0.05 < case["bus_load"] < 0.3
     assert summary["hardware"]["simulated"] is True
 
@@ -349,3 +351,43 @@ def test_a_bench_that_came_with_the_project_by_its_name(tmp_path, monkeypatch):
     assert hardware.load(Path("simulated_force")).nodes.keys() == hardware.load(ROOT / SIMULATED).nodes.keys()
     with pytest.raises(ScenarioError, match="no_bench: cannot be read"):
         hardware.load(Path("no_bench"))
+
+
+def test_check_says_where_each_limit_acts(write, build, tmp_path):
+    done = CliRunner().invoke(hil.command, ["check", "hw_bridge/benches/simulated_racs.yaml", "--build", str(build)])
+    said = " ".join(done.output.split())
+    assert "servomotor_1, servomotor_2: where the limits act" in said
+    assert "rotation: where the limits act" in said
+    assert "From limits.velocity it takes 100 ms to stop" in said
+    assert "acceleration targets of csp and csv; in cst the measured one over 4 cycles, else it stops" in said
+    mclm = tmp_path / "mclm.yaml"
+    mclm.write_text("simulated: true\nnodes: {axis: {node: 1, profile: mclm, limits: {actual_value_age: 12 ms}}}\n")
+    said = " ".join(CliRunner().invoke(hil.command, ["check", str(mclm), "--build", str(build)]).output.split())
+    assert "acceleration targets of pp and pv; the drive's 6083h, 6084h, 6085h: profile modes and quick stop" in said
+    assert "actual_value_age 12 ms" in said
+    assert "following_error each cycle, else it stops acceleration" in said, "the MCLM has no 6065h"
+
+
+def test_check_names_a_drive_that_is_enabled(write, build, monkeypatch):
+    from hw_bridge.device import Drive
+
+    power_on = Drive.power_on
+
+    def left(self):
+        power_on(self)
+        self.port.agenda.at(
+            self.port.agenda.now + 300_000_000, lambda: [self.dictionary.put(0x6040, word) or self._controlled(None)
+                                                         for word in (6, 7, 15)]
+        )  # fmt: skip
+
+    monkeypatch.setattr(Drive, "power_on", left)
+    done = CliRunner().invoke(hil.command, ["check", str(write(GOOD)), "--build", str(build)])
+    assert done.exit_code == 1
+    assert "is in Operation enabled: another program drives it, or left it so. Nothing was written." in done.output
+
+
+def test_an_age_that_no_value_can_have(tmp_path):
+    file = tmp_path / "bench.yaml"
+    file.write_text("simulated: true\nnodes:\n  axis: {node: 1, profile: mclm, limits: {actual_value_age: 5 ms}}\n")
+    with pytest.raises(ScenarioError, match=r"bench\.yaml:3: .*actual_value_age: 5 ms is not more than a cycle"):
+        hardware.load(file)

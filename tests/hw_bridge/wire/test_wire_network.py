@@ -207,3 +207,25 @@ def test_what_comes_back_is_not_another_masters(pair):
     network.advance(network.now + 20_000_000_000, lambda: bool(heard))
     network.advance(network.now + 20_000_000)
     assert heard == [Frame(0x080)]
+
+
+def test_observers_hear_of_a_sent_frame_after_the_send(pair):
+    """A slow or failing observer must not delay, or be taken for a failure of, what stops a drive."""
+    network, other = pair
+    heard = []
+
+    def failing(_time, _frame):
+        raise OSError("no space left on device")
+
+    network.observe(failing)
+    network.observe(lambda _time, frame: heard.append(frame))
+    network.send(Frame(0x123, b"\1"))
+    assert heard == []
+    assert other.recv(1.0).arbitration_id == 0x123
+    network.send_at(Frame(0x080), network.now + 1_000_000)
+    assert heard == []
+    network.advance(network.now)
+    network.send(Frame(0x123, b"\2"))
+    network.close()
+    assert heard == [Frame(0x123, b"\1"), Frame(0x080), Frame(0x123, b"\2")]
+    assert network.observer_errors == ["function: no space left on device. It observes the bus no longer."]

@@ -1,0 +1,55 @@
+"""Where each limit of a hardware file acts: on what is told, in the drive, or as a watch that ends the run."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hw_bridge.dictionary import Mode
+from hw_bridge.master import OLDEST
+from hw_bridge.profiles import profile
+
+if TYPE_CHECKING:
+    from hw_bridge.hardware import HardwareKeys, NodeKeys
+
+WATCHED = "each cycle, else it stops"
+
+
+def rows(keys: HardwareKeys, node: NodeKeys) -> list[tuple[str, str]]:
+    """Name of a limit and where it acts, for one drive."""
+    chosen = profile(node.profile)
+    has = {one.index for one in chosen.objects}
+    position, velocity = ("csp", "csv") if Mode.CSP in chosen.modes else ("pp", "pv, instead of csp and csv")
+
+    def own(*indices: int) -> str:
+        found = [f"{index:04X}h" for index in indices if index in has]
+        return f"; the drive's {', '.join(found)}" if found else ""
+
+    cst = Mode.CST in chosen.modes
+    oldest = node.limits.actual_value_age or max(round(OLDEST * keys.cycle), keys.late_cycle.at_most or 0)
+    return [
+        ("position", f"{WATCHED}{own(0x607D)}, a tenth beyond"),
+        ("velocity", f"targets of {velocity}, to 80 %; {WATCHED}{own(0x607F, 0x6080)}"),
+        ("force", f"{'targets of cst, to 80 %; ' if cst else ''}{WATCHED}; while it homes too"),
+        ("following_error", f"{WATCHED}{own(0x6065)}"),
+        (
+            "acceleration",
+            f"targets of {position} and {velocity.partition(',')[0]}"
+            + ("; in cst the measured one over 4 cycles, else it stops" if cst else "")
+            + f"{own(0x6083, 0x6084, 0x6085)}: profile modes and quick stop. From limits.velocity it takes "
+            + f"{1e3 * node.limits.velocity / node.limits.acceleration:.3g} ms to stop",
+        ),
+        ("actual_value_age", f"{oldest / 1e6:.4g} ms: {WATCHED}"),
+    ]
+
+
+def grouped(keys: HardwareKeys) -> list[tuple[list[str], list[tuple[str, str]]]]:
+    """These rows once for all drives that have the same, with their names."""
+    found: list[tuple[list[str], list[tuple[str, str]]]] = []
+    for name, node in keys.nodes.items():
+        own = rows(keys, node)
+        names = next((names for names, other in found if other == own), None)
+        if names is None:
+            found.append(([name], own))
+        else:
+            names.append(name)
+    return found

@@ -1,0 +1,193 @@
+"""Homing, for a run and for `twin hil home` alike: refused where it contradicts the limits, stopped where it meets one.
+
+The drive searches by itself (mode 6, CiA 402). Meanwhile no position is known, so that what is watched is force, velocity,
+direction, the way that was gone, and time. Before it begins, the drive's own limit of the force is lowered where it has one.
+"""
+
+from __future__ import annotations
+
+from math import copysign
+from typing import TYPE_CHECKING, NamedTuple
+
+from hw_bridge.dictionary import Mode, State, Until, cia402
+from hw_bridge.master import setup
+from hw_bridge.master.node import AT_REST
+from hw_bridge.master.reference import Reference
+from hw_bridge.master.sdo import SdoError
+from hw_bridge.profiles import profile
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from hw_bridge.hardware import NodeKeys
+    from hw_bridge.master.master import Master
+    from hw_bridge.master.node import Node
+
+ENDS = (Until.NEGATIVE, Until.POSITIVE, Until.BLOCK)  # of a rail
+ROOM = 1.1  # of the way between the limits: a search that goes farther has passed one
+SHARE = 0.8  # of limits.force that the drive's own limit is lowered to: it overshoots
+SETTLE = 200_000_000  # after an approach [ns]
+RAMP_UP = 2_000_000_000  # longest time to Operation enabled, and back [ns]
+RATED, MILLIAMPERE = 0.0, 1e-3  # unit of an object: as 6077h counts, or [A]
+# objects that bound the force while a drive searches. 2350h and 2351h of a FAULHABER V3.0: against an end stop
+FORCE_LIMITS: dict[str, tuple[tuple[int, int, float], ...]] = {
+    "faulhaber_v3": ((0x60E0, 0, RATED), (0x60E1, 0, RATED), (0x2350, 0, RATED), (0x2351, 0, RATED)),
+    "epos4": ((0x30B2, 0, MILLIAMPERE),),
+}
+
+
+class ForceLimit(NamedTuple):
+    """An object that was lowered, and what it held."""
+
+    place: tuple[int, int]  # index, subindex
+    before: int
+
+
+def search_direction(keys: NodeKeys) -> int:
+    """Way of the search for an end of the rail, in the member's direction: 1, -1, or 0 where the method searches none."""
+    assert keys.homing is not None
+    moves = profile(keys.profile).homing.get(keys.homing.method, ())
+    found = next((one.direction for one in moves if one.until in ENDS), 0)
+    return -found if keys.inverted else found
+
+
+def refusal(name: str, keys: NodeKeys, told: Callable[[float], str]) -> str:
+    """Why homing would pass a limit, or nothing. `told`: a way for people."""
+    homing, limits = keys.homing, keys.limits
+    if homing is None:
+        return f"{name}: has no `homing` in the hardware file. Add it, such as homing: {{method: -3, at: -40 mm, speed: 20 mm/s}}."
+    if homing.speed > limits.velocity:
+        return (
+            f"{name}: homing.speed {told(homing.speed)}/s is above limits.velocity {told(limits.velocity)}/s. Lower it."
+        )
+    way = search_direction(keys)
+    low, high = limits.position
+    if (homing.at - 0.5 * (low + high)) * way < 0.0:
+        ends = ("positive", "negative")
+        return (
+            f"{name}: method {homing.method} goes to the {ends[way < 0]} end, but `at` {told(homing.at)} is at the "
+            f"{ends[way > 0]} end of {told(low)} to {told(high)}: it would run through the limits. Correct method, `at` or "
+            f"`inverted`."
+        )
+    return ""
+
+
+def problem(node: Node, start: float) -> str:
+    """Why a drive cannot be homed, or not be moved to where it begins afterwards [m or rad]; or nothing."""
+    if node.keys.homing is None:
+        return ""
+    low, high = node.keys.limits.position
+    if not low <= start <= high:
+        return f"{node.name}: begins at {node.way(start)}, outside of limits.position, {node.way(low)} to {node.way(high)}."
+    return refusal(node.name, node.keys, node.way)
+
+
+def approach(master: Master, node: Node, position: float) -> None:
+    """Go from the reference to where it begins [m or rad], at the speed of homing."""
+    assert node.keys.homing is not None
+    step = node.keys.homing.speed * master.cycle / 1e9
+    node.mode = Mode.CSP
+    while (left := position - node.target_position) != 0.0:
+        node.target_position = position if abs(left) <= step else node.target_position + copysign(step, left)
+        master.run_cycle()
+        if text := master.check():
+            raise SimulationError(text)
+    for _ in range(SETTLE // master.cycle):
+        master.run_cycle()
+    node.entered_from = None
+
+
+class Homing:
+    """The search of one drive: `carry_out` once, with process data both ways."""
+
+    def __init__(self, master: Master, node: Node) -> None:
+        assert node.keys.homing is not None
+        self.master, self.node, self.keys = master, node, node.keys.homing
+        keys = self.keys
+        self.what = f"{node.name}: homing by method {keys.method}"
+        self.way = search_direction(node.keys)
+        # so far it may go the other way first: to the next index, or as play and ringing
+        moves = node.profile.homing.get(keys.method, ())
+        indexed = any(one.until is Until.INDEX for one in moves)
+        self.back = node.keys.limits.following_error + (node.profile.motor.index * node.keys.scale if indexed else 0.0)
+        # one that may meet its switch at once has to leave it the other way
+        self.strict = all(one.until in (Until.BLOCK, Until.INDEX) for one in moves)
+        self.begin: float | None = None
+
+    def carry_out(self) -> None:
+        """Search, then take the place that was found for `at`; the drive is disabled afterwards."""
+        node, keys, until = self.node, self.keys, self.master.run_until
+        Reference(self.master.keys, node.name).forget()
+        lowered = self._lower_force()
+        setup.write(node, 0x6098, 0, keys.method)
+        speed = round(keys.speed / (node.keys.scale * node.units.velocity))
+        setup.put(node, 0x6099, 1, max(speed, 1))
+        setup.put(node, 0x6099, 2, max(speed // 2, 1))
+        node.homing, node.goal = True, State.ENABLED
+        until(lambda: node.state is State.ENABLED, RAMP_UP, lambda: f"{self.what}: {node.state}", self.watch)
+        for _ in range(4):
+            self.master.run_cycle()
+            self.watch()
+        until(self._done, keys.timeout, lambda: f"{self.what} did not end", self.watch)
+        node.homing, node.goal = False, State.DISABLED
+        until(lambda: node.state in AT_REST, RAMP_UP, lambda: node.name)
+        for place, before in lowered:
+            setup.write(node, *place, before)
+        node.origin = -keys.at
+        node.entered_from = keys.at
+
+    def _lower_force(self) -> list[ForceLimit]:
+        """Bound the drive's own force by the limit, where it may be larger; what it was."""
+        node = self.node
+        most = SHARE * node.keys.limits.force / node.force_constant  # [A]
+        found = []
+        for index, sub, unit in FORCE_LIMITS.get(node.profile.name, ()):
+            if sub not in node.mirror.objects.get(index, {}):
+                continue
+            try:
+                before = setup.read(node, index, sub)
+            except SdoError:  # this drive has it not: its force is watched all the same
+                continue
+            if (value := int(most / (unit or node.units.torque))) < before:
+                setup.write(node, index, sub, value)
+                found.append(ForceLimit((index, sub), before))
+        return found
+
+    def _done(self) -> bool:
+        node, attained = self.node, cia402.BIT_12 | cia402.TARGET_REACHED
+        if node.state is not State.ENABLED:
+            raise SimulationError(f"{self.what} was left: {node.state}.{self.master.emergencies()}")
+        if node.word & cia402.BIT_13:
+            raise SimulationError(f"{self.what} ended with an error.{self.master.emergencies()}")
+        return node.word & attained == attained
+
+    def watch(self) -> None:
+        """SimulationError where the search leaves what the hardware file allows. At every cycle."""
+        node, limits = self.node, self.node.keys.limits
+        newton = "N m" if node.rotary else "N"
+        if abs(node.force) > limits.force:
+            raise SimulationError(
+                f"{self.what}: force {node.force:.2f} {newton} is above {limits.force:g} {newton}. Is it blocked? "
+                f"Lower the drive's own torque limit for homing, or check limits.force."
+            )
+        if abs(node.velocity) > limits.velocity:
+            raise SimulationError(
+                f"{self.what}: velocity {node.way(node.velocity)}/s is above {node.way(limits.velocity)}/s."
+            )
+        if node.state is not State.ENABLED or node.word & cia402.BIT_12:  # afterwards the drive counts anew
+            return
+        if self.begin is None:
+            self.begin = node.position
+        gone, room = node.position - self.begin, limits.position[1] - limits.position[0]
+        if self.strict and self.way and -gone * self.way > self.back:
+            ends = ("positive", "negative")
+            raise SimulationError(
+                f"{self.what} goes to the {ends[self.way > 0]} end instead of the {ends[self.way < 0]} one. It is not taken "
+                f"for {node.way(self.keys.at)}. Correct method, `at` or `inverted`."
+            )
+        if abs(gone) > ROOM * room:
+            raise SimulationError(
+                f"{node.name}: homing went {node.way(abs(gone))} and found nothing; the limits are {node.way(room)} apart. "
+                f"Check switches, method and direction."
+            )

@@ -1,0 +1,109 @@
+"""Whether a drive still counts from the reference that `twin hil home` found: by its own bit, and by a record on disk.
+
+The record tells which drive was homed how, and what 6064h was when it was left. Few drives tell whether they were switched
+off since. With those that do not, the reference counts only while 6064h is what it was and is not 0, as it is after power-on:
+an axis that was pushed meanwhile is homed again.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from math import copysign
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hw_bridge.profiles import REFERENCED
+from twin.errors import SimulationError
+from twin.files import write_atomically
+
+if TYPE_CHECKING:
+    from hw_bridge.hardware import HardwareKeys, NodeKeys
+    from hw_bridge.master.node import Node
+
+CLEARANCE, TURNED = 1e-3, 0.1  # so far from its reference a drive is left that was homed [m], [rad]
+NEAR = 0.25  # of it, within which two positions are one
+
+
+def folder() -> Path:
+    """`$TWIN_STATE`, else `twin` in the user's state folder (XDG; `%LOCALAPPDATA%` on Windows), with its records."""
+    base = os.environ.get("LOCALAPPDATA" if os.name == "nt" else "XDG_STATE_HOME")
+    state = Path(base) if base else Path.home() / ".local" / "state"
+    return Path(os.environ.get("TWIN_STATE") or state / "twin") / "references"
+
+
+class Reference:
+    """The record of one drive of a hardware file."""
+
+    def __init__(self, keys: HardwareKeys, name: str, rotary: bool = False) -> None:
+        self.keys, self.name, self.own = keys, name, keys.nodes[name]
+        self.clearance = TURNED if rotary else CLEARANCE
+        bus = f"{keys.interface}_{keys.channel}_{keys.options.get('port', '')}" if keys.is_software() else "real"
+        self.path = folder() / f"{re.sub(r'[^A-Za-z0-9.-]+', '_', bus)}-node{self.own.node}.json"
+
+    def resting_position(self) -> float:
+        """Where it goes after it was homed [m or rad]: into its limits, and away from where it counts 0."""
+        assert self.own.homing is not None
+        low, high = self.own.limits.position
+        at = min(max(self.own.homing.at, low), high)
+        if abs(at - self.own.homing.at) >= self.clearance:
+            return at
+        return min(max(at + copysign(self.clearance, 0.5 * (low + high) - at), low), high)
+
+    def save(self, node: Node) -> None:
+        """It was homed, or moved with its reference, and stands now."""
+        if not self.keys.simulated:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            content = {"identity": node.identity, "homing": homing_of(self.own), "position": node.raw_position}
+            write_atomically(self.path, json.dumps(content).encode())
+
+    def forget(self) -> None:
+        """It is about to home or to move; what becomes of it is not known yet."""
+        if not self.keys.simulated:
+            self.path.unlink(missing_ok=True)
+
+    def check(self, node: Node) -> None:
+        """SimulationError unless the drive, which is only read, still counts from its reference."""
+        if problem := self.problem(node):
+            raise SimulationError(f"{self.name}: --homed: {problem} Home it: twin hil home {self.name}")
+
+    def problem(self, node: Node) -> str:
+        """Why it may not count from its reference, or nothing."""
+        if self.own.homing is None:
+            return "the hardware file has no `homing`."
+        if self.keys.simulated:
+            return "a simulated drive is switched on anew with each command."
+        bit = REFERENCED.get(node.profile.name)
+        if bit is not None and not node.sdo.number(0x6041) >> bit & 1:
+            return f"the drive has no reference (6041h, bit {bit}): it was not homed since it was switched on."
+        try:
+            record: dict[str, Any] = json.loads(self.path.read_text())
+            same = record["identity"] == identity_of(node), record["homing"] == homing_of(self.own)
+            before = int(record["position"])
+        except (OSError, ValueError, KeyError, TypeError):
+            return "this program has not homed it, or a run was broken off since."
+        if not same[0]:
+            return "another drive was homed at this node-ID."
+        if not same[1]:
+            return "it was homed with another `homing`, `scale` or `inverted`."
+        if bit is not None:
+            return ""
+        now = int.from_bytes(node.sdo.read(0x6064), "little", signed=True)
+        near = NEAR * self.clearance / (self.own.scale * node.units.position)
+        if abs(now - before) > near:
+            return f"6064h is {now} and was {before} when it was left: it was switched off, or pushed."
+        if abs(now) <= near:
+            return f"6064h is {now}, as after power-on: whether it was switched off since is not known."
+        return ""
+
+
+def identity_of(node: Node) -> list[int]:
+    """Vendor, product and serial number."""
+    return [node.sdo.number(0x1018, sub) for sub in (1, 2, 4)]
+
+
+def homing_of(keys: NodeKeys) -> dict[str, Any]:
+    """What a reference depends on in the hardware file."""
+    assert keys.homing is not None
+    return {"method": keys.homing.method, "at": keys.homing.at, "scale": keys.scale, "inverted": keys.inverted}
