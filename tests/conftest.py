@@ -10,7 +10,9 @@ xdist's own way to group tests writes into node IDs, which newer versions of pyt
 import gc
 import os
 import re
+import shutil
 import sys
+import tempfile
 from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Any
@@ -30,6 +32,9 @@ gc.disable()
 # tests start many processes, and each would compile all it imports where bytecode is not kept
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+# journals of drives: those of tests are no user's
+os.environ["TWIN_STATE"] = tempfile.mkdtemp(prefix="twin-state-")
 
 # workers share the cores already: threads of theirs would only wait for each other
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import TYPE_CHECKING, Any
 
+from hw_bridge.bridge import announcement
 from hw_bridge.bridge.hardware import Hardware
 from hw_bridge.commission import Line, axis, limits
 from hw_bridge.dictionary import Mode, State
@@ -48,7 +49,7 @@ def rehearse(keys: HardwareKeys, network: Network, rotary: Mapping[str, bool]) -
         raise SimulationError([master.in_full(str(error)), *master.notes]) from error
     finally:
         master.stop()
-    return [*told, *master.notes]
+    return [*told, *master.restorations, *master.notes]
 
 
 def without_power(line: Line, master: Master, rotary: Mapping[str, bool]) -> list[str]:
@@ -63,6 +64,7 @@ def without_power(line: Line, master: Master, rotary: Mapping[str, bool]) -> lis
         wide += list(limits.wider(drive, limits.compare(drive)))
     if absurd := [text for text, is_absurd in wide if is_absurd]:
         raise SimulationError(absurd)
+    writes = announcement.lines(master)
     master.prepare()
     for node in master.nodes.values():
         node.goal = State.SWITCHED_ON
@@ -82,7 +84,7 @@ def without_power(line: Line, master: Master, rotary: Mapping[str, bool]) -> lis
         f"{name}: {states.get(name, 'outputs safe')}; {one.lost} of {CYCLES} process data lost"
         for name, one in master.stations.items()
     ]
-    return [*told, *(text for text, _ in wide)]
+    return [*told, *(text for text, _ in wide), *writes]
 
 
 @dataclass

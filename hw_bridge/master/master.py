@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import MILLISECOND, Frame, bit_count, never
 from hw_bridge.dictionary import Mode, State, cia301, cia402
-from hw_bridge.master import setup, words
+from hw_bridge.master import restoration, setup, words
 from hw_bridge.master.module import ModuleNode
 from hw_bridge.master.node import AT_REST, Node
 from hw_bridge.master.rival import Rival
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from hw_bridge.bus import Condition, Network
     from hw_bridge.hardware import HardwareKeys
+    from hw_bridge.master.plan import WritePlan
 
 ALIVE = 0x05  # the state that this program's heartbeat tells: Operational
 BOOT = 500 * MILLISECOND  # longest time that a drive takes to answer after power-on [ns]
@@ -65,7 +66,9 @@ class Master:
         # so many cycles without process data end a run: a drive, or what carries its frames, may be as late as this program
         self.patience = max(SILENT_CYCLES, (keys.late_cycle.at_most or 0) // self.cycle)
         self.notes: list[str] = []
+        self.restorations: list[str] = []  # what became of the objects that were written
         self.said: list[str] = []  # by drives that were in Fault after the stop
+        self.announce: Callable[[Master], None] | None = None  # before anything is written
         self.running = False
         self._beating = False
         self._beat_due = 0
@@ -167,6 +170,9 @@ class Master:
         if self.rival.text:
             raise SimulationError(self.rival.text)
         self.network.lock()
+        restoration.begin(self)
+        if self.announce is not None:
+            self.announce(self)
         self.running = True
         for node in self.nodes.values():
             self.nmt(cia301.PRE_OPERATIONAL, node.number)
@@ -183,6 +189,13 @@ class Master:
             station.heard_at = self.network.now
         for _ in range(3):
             self.run_cycle()
+
+    def plan(self, station: Node | ModuleNode) -> WritePlan:
+        """All that a run would write into a node; it is only read."""
+        if isinstance(station, ModuleNode):
+            return station.plan(self.keys.master)
+        watched = self.keys.late_cycle.rpdo_timeout or not station.profile.rpdo_timeout
+        return setup.plan_drive(station, self.cycle if watched else 0, self.keys.master)
 
     def begin(self, starts: Mapping[str, float]) -> None:
         """From whatever state to Operation enabled at a standstill, where the scenario begins: `starts`, positions."""
@@ -328,6 +341,7 @@ class Master:
     def stop(self) -> None:
         """The one way to the end: quick stop, then disabled; what cannot be confirmed is told. Never raises."""
         if not self.running:
+            restoration.finish(self)
             self.network.close()
             return
         self.running = False
@@ -337,6 +351,7 @@ class Master:
             except Exception as error:
                 self.notes.append(f"stop: {error} {ALONE}")
             finally:
+                restoration.finish(self)
                 self._beating = False
                 self.network.close()
 
@@ -358,4 +373,4 @@ class Master:
             }
             for name, node in self.stations.items()
         }
-        return {**self.timing.summary(), "nodes": nodes}
+        return {**self.timing.summary(), "nodes": nodes, "restorations": self.restorations}

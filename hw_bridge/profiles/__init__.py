@@ -3,21 +3,26 @@
 from hw_bridge.profiles.catalog import DEVICES, MODULES, UNFIT, device, identity, profile
 from hw_bridge.profiles.description import Currents, Device, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motor import EFFORT, MotorModel
+from hw_bridge.profiles.motors import MOTORS, MotorParameters, disagreement, motor_parameters
 
 __all__ = [
     "DEVICES",
     "EFFORT",
     "MODULES",
+    "MOTORS",
     "UNFIT",
     "Currents",
     "Device",
     "Fault",
     "MotorModel",
+    "MotorParameters",
     "Profile",
     "Reaction",
     "Rules",
     "Units",
     "device",
+    "disagreement",
     "identity",
+    "motor_parameters",
     "profile",
 ]

@@ -27,15 +27,14 @@ from hw_bridge.dictionary import (
     var,
 )
 from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
-from hw_bridge.profiles.motor import MotorModel
+from hw_bridge.profiles.motors import MOTORS, PER_PITCH
 from hw_bridge.profiles.rows import joined, pdo
 
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Dictionary
 
 MODES = (Mode.PP, Mode.PV, Mode.HM, Mode.CSP, Mode.CSV, Mode.CST)
-INCREMENT = 8e-6  # 24 mm of magnetic pitch in 3000 increments [m]
-LM2070 = MotorModel("servomotor", "m", resolution=INCREMENT, index=24e-3)
+PITCH = MOTORS["lm2070"].pitch  # the drive has no object that tells it
 FAR = 2_000_000_000
 
 COMMUNICATION = joined(
@@ -171,11 +170,11 @@ FAULTS = {  # EMCY: bits of 1001h, bits of 2320h
 }  # fmt: skip
 
 
-def units(dictionary: Dictionary) -> Units:
-    """User units follow the factor group: um, mm/s, mm/s2 with the defaults."""
+def units(dictionary: Dictionary, pitch: float | None = None) -> Units:
+    """User units follow the factor group: um, mm/s, mm/s2 with the defaults. `pitch` of the motor [m], else an LM 2070's."""
     get = dictionary.get
     increments = get(0x608F, 1) / get(0x608F, 2) * get(0x6091, 1) / get(0x6091, 2) * get(0x6092, 2) / get(0x6092, 1)
-    position = INCREMENT * increments
+    position = (PITCH if pitch is None else pitch) / PER_PITCH * increments
     return Units(position, 1000.0 * position, 1000.0 * position, get(0x6075) * 1e-6)
 
 
@@ -201,8 +200,9 @@ PROFILE = Profile(
     modes=MODES,
     homing={n: moves for n, moves in METHODS.items() if n != 35} | BLOCKS_FAULHABER,
     faults=FAULTS,
-    motor=LM2070,
+    motor_name="lm2070",
     units=units,
+    scaling=((0x608F, 1), (0x608F, 2), (0x6091, 1), (0x6091, 2), (0x6092, 1), (0x6092, 2), (0x6075, 0)),
     currents=currents,
     rules=Rules(objects=8, remap=Code.UNSUPPORTED_ACCESS),
     bus_off=0x8140,

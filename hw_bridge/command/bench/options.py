@@ -41,6 +41,17 @@ class BusChoice:
         """The hardware file, if one is named."""
         return load(self.hardware) if self.hardware is not None else None
 
+    @property
+    def journals(self) -> Path:
+        """The folder with the journals and dumps of the bus's drives."""
+        from hw_bridge.journal import bus_folder
+        from hw_bridge.master import restoration
+
+        if self.keys is not None:
+            return restoration.folder_of(self.keys)
+        named = HardwareKeys.model_construct(interface=self.interface or "", channel=self.channel or "")
+        return bus_folder(named.interface, named.channel, named.is_software(), self.options)
+
     @contextmanager
     def network(self) -> Iterator[Network]:
         """The bus, opened and at the end closed; with --trace all frames are kept."""

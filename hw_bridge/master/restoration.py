@@ -1,0 +1,235 @@
+"""Every object that a run wrote gets back what it held: at the end of the run, or from a journal that one left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from hw_bridge.dictionary import State, cia301, cia401, cia402, state_of
+from hw_bridge.journal import DriveIdentity, JournalFile, bus_folder, journal_path
+from hw_bridge.master.scaling import SCALING
+from hw_bridge.master.sdo import SdoError
+from hw_bridge.master.writes import LONGEST, PDOS, ask, download
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from pathlib import Path
+
+    from hw_bridge.hardware import HardwareKeys
+    from hw_bridge.journal import Journal, ObjectChange
+    from hw_bridge.master.master import Master
+    from hw_bridge.master.module import ModuleNode
+    from hw_bridge.master.node import Node
+    from hw_bridge.master.station import Station
+
+Place = tuple[int, int]
+OUTPUTS = (cia402.OUTPUTS, cia401.OUTPUTS)  # to restore them would switch valves or a brake
+ENABLED = (State.ENABLED, State.QUICK_STOP, State.REACTION)
+HEARTBEATS = (0x1016, 0x1017)
+MODE = 0x6060
+STATUSWORD = 0x6041
+ROUNDS = 2  # a limit may be refused until its counterpart is restored
+
+
+@dataclass
+class Restored:
+    """What became of the changes of one node; `failed` and `foreign`: lines."""
+
+    restored: list[str] = field(default_factory=list)
+    kept: list[str] = field(default_factory=list)  # as the hardware file says, or outputs that stay safe
+    foreign: list[str] = field(default_factory=list)  # changed by another program since: left as they are
+    failed: list[str] = field(default_factory=list)
+
+
+def restore(station: Station) -> Restored:
+    """Write back and verify all that the station's journal has. Its power is off, and it is in Pre-operational.
+
+    Order (CiA 301): all PDOs that were touched out of use; scaling, then all else, last written first; mappings as count
+    0, entries, count; kinds and times; COB-IDs with their valid bit; heartbeats. SimulationError if it is enabled.
+    """
+    journal, result = station.journal, Restored()
+    if 0x6041 in station.mirror and (state := state_of(station.sdo.number(STATUSWORD) & 0xFFFF)) in ENABLED:
+        raise SimulationError(f"{station.name}: is in {state}: nothing is restored while it is enabled.")
+    keep = _kept(station, journal)
+    result.kept = [journal.changes[place].name for place in keep]
+    journal.settle(keep)
+    changes = [one for one in journal.changes.values() if one.before]
+    pdos = [one for one in changes if one.index in PDOS]
+    others = sorted((one for one in reversed(changes) if one.index not in PDOS), key=_rank)
+    _disable(station, pdos)
+    left = [one for one in others if one.index not in HEARTBEATS]
+    left = _write_back(station, left, result)
+    left += _write_back(station, sorted(pdos, key=_pdo_rank), result, prepare=lambda one: _empty(station, one))
+    left += _write_back(station, [one for one in others if one.index in HEARTBEATS], result)
+    _verify(station, changes, left, result)
+    return result
+
+
+def _kept(station: Station, journal: Journal) -> list[Place]:
+    """Changes that stay: those that the hardware file names, outputs, and offsets that would be added to targets."""
+    named = getattr(station.keys, "keep", ())
+    everything = named == "all"
+    return [
+        place
+        for place in journal.changes
+        if place[0] in (*OUTPUTS, *cia402.OFFSETS) or everything or place in named or (place[0], None) in named
+    ]
+
+
+def _rank(change: ObjectChange) -> int:
+    """Scaling goes first: other values are in its units."""
+    return 0 if change.index in SCALING else 1
+
+
+def _pdo_rank(change: ObjectChange) -> tuple[int, int, int, int]:
+    """One PDO after the other: mapping entries, count, kind and times, at last the COB-ID."""
+    is_mapping = bool(change.index & 0x200)
+    order = (0 if change.sub else 1) if is_mapping else (3 if change.sub == 1 else 2)
+    return change.index & ~0x200, order, change.index, change.sub
+
+
+def _disable(station: Station, pdos: Iterable[ObjectChange]) -> None:
+    """Take PDOs out of use that are to be mapped."""
+    for index in sorted({one.index & ~0x200 for one in pdos}):
+        present = int.from_bytes(ask(station, index, 1), "little")
+        if not present & cia301.INVALID:
+            download(station, index, 1, (present | cia301.INVALID).to_bytes(LONGEST, "little"))
+
+
+def _empty(station: Station, change: ObjectChange) -> None:
+    """Before the entries of a mapping: no entry counts."""
+    if change.index & 0x200 and change.sub and ask(station, change.index, 0) != b"\0":
+        download(station, change.index, 0, b"\0")
+
+
+def _write_back(
+    station: Station, changes: list[ObjectChange], result: Restored, prepare: Callable[[ObjectChange], None] | None = None
+) -> list[ObjectChange]:
+    """Write the values before, in rounds; those that were refused to the end."""
+    for _ in range(ROUNDS):
+        refused = []
+        for change in changes:
+            try:
+                present = ask(station, change.index, change.sub)
+                if present == change.before:
+                    continue
+                is_own = change.index in PDOS or not change.written or present in change.written
+                if not is_own:
+                    result.foreign.append(
+                        f"{station.name}: {change.name} is {_hex(present)}, which the run did not write; before the run it "
+                        f"was {_hex(change.before)}. It is left as it is."
+                    )
+                    station.journal.settle([change.place])
+                    continue
+                if prepare is not None:
+                    prepare(change)
+                download(station, change.index, change.sub, change.before)
+            except SdoError:
+                refused.append(change)
+        changes = refused
+    return changes
+
+
+def _verify(station: Station, changes: list[ObjectChange], left: list[ObjectChange], result: Restored) -> None:
+    """Read everything back; what is as it was is settled."""
+    for change in changes:
+        if change.place not in station.journal.changes:
+            continue
+        try:
+            present = ask(station, change.index, change.sub)
+        except SdoError as error:
+            result.failed.append(f"{station.name}: {change.name} was {_hex(change.before)} and cannot be read: {error}")
+            continue
+        if present == change.before:
+            result.restored.append(change.name)
+        else:
+            why = "the drive refuses it" if change in left else "it reads otherwise"
+            result.failed.append(
+                f"{station.name}: {change.name} is {_hex(present)} and was {_hex(change.before)} before the run: {why}."
+            )
+    unread = [one.place for one in station.journal.changes.values() if not one.before]
+    done = set(result.restored)
+    station.journal.settle([*unread, *(one.place for one in changes if one.name in done)])
+
+
+def _hex(data: bytes) -> str:
+    """Bytes as the number that they are, in as many digits as it has."""
+    return f"{data[::-1].hex().upper()}h"
+
+
+# ---------------------------------------------------------------------------------------------------- journals on disk
+
+
+def identity_of(station: Station) -> DriveIdentity:
+    """1018h and node-ID; a number that the node does not tell is 0."""
+    numbers = []
+    for sub in (1, 2, 4):
+        try:
+            numbers.append(station.sdo.number(0x1018, sub))
+        except SdoError:
+            numbers.append(0)
+    return DriveIdentity(numbers[0], numbers[1], numbers[2], station.number)
+
+
+def folder_of(keys: HardwareKeys) -> Path:
+    """Where the journals of a hardware file's drives are."""
+    return bus_folder(keys.interface, keys.channel, keys.is_software(), keys.options)
+
+
+def open_journal(station: Station, folder: Path) -> None:
+    """Keep the station's journal on disk from now on, with what an earlier run left in it."""
+    identity = identity_of(station)
+    station.journal.attach(JournalFile(journal_path(folder, identity), identity))
+
+
+def begin(master: Master) -> None:
+    """Before anything is written: journals are opened, and what a run that was killed left is restored."""
+    for station in master.stations.values():
+        if not master.keys.simulated:
+            open_journal(station, folder_of(master.keys))
+        if not (count := len(station.journal.changes)):
+            continue
+        master.nmt(cia301.PRE_OPERATIONAL, station.number)
+        result = restore(station)
+        if result.failed:
+            raise SimulationError([*result.failed, f"{station.name}: an earlier run left these. The journal is kept."])
+        master.restorations.append(
+            f"{station.name}: an earlier run ended without restoring {count} objects; they were restored before this one."
+        )
+        master.restorations += result.foreign
+        station.journal.history.clear()
+
+
+def finish(master: Master) -> None:
+    """After the stop. Never raises: what could not be restored goes to the master's notes, and its journal is kept."""
+    for station in master.stations.values():
+        journal = station.journal
+        try:
+            if journal.changes:
+                _finish(master, station)
+        except Exception as error:
+            master.notes.append(_unrestored(station, str(error)))
+        finally:
+            journal.close()
+
+
+def _finish(master: Master, station: Node | ModuleNode) -> None:
+    if master.lost(station):
+        master.notes.append(_unrestored(station, "it does not answer."))
+        return
+    station.sdo.attempts = 1  # nobody waits for a node that is gone
+    master.nmt(cia301.PRE_OPERATIONAL, station.number)
+    result = restore(station)
+    if result.failed or result.foreign:
+        master.notes += [*result.failed, *result.foreign]
+    master.restorations.append(
+        f"{station.name}: {len(result.restored)} objects were changed for the run and are as before"
+        + (f"; kept: {', '.join(result.kept)}" if result.kept else "")
+    )
+
+
+def _unrestored(station: Station, why: str) -> str:
+    file = station.journal.file
+    where = f" The journal is kept ({file.path}): `twin hil restore {station.number}`." if file is not None else ""
+    return f"{station.name}: {len(station.journal.changes)} objects are not restored: {why}{where}"
