@@ -35,24 +35,29 @@ TOLD = {Mode.CSP: "target_position", Mode.CSV: "target_velocity", Mode.CST: "tar
 ON = 2_000_000_000  # longest time to Switched on [ns]
 
 
-def rehearse(keys: HardwareKeys, network: Network, rotary: Mapping[str, bool]) -> list[str]:
+def rehearse(
+    keys: HardwareKeys, network: Network, rotary: Mapping[str, bool], writes: list[str] | None = None
+) -> list[str]:
     """Everything but power: identity, limits, parameters, process data both ways, Switched on; then down again.
 
-    What was seen. `rotary`: which members turn.
+    What was seen. `rotary`: which members turn. `writes`: gets a line for each object that was written, and whether all
+    have their values again.
     """
+    writes = [] if writes is None else writes
     line = Line(network, keys.nodes)
     master = Master(keys, network)
     try:
-        told = without_power(line, master, rotary)
+        told = without_power(line, master, rotary, writes)
     except SimulationError as error:
         master.stop()
         raise SimulationError([master.in_full(str(error)), *master.notes]) from error
     finally:
         master.stop()
-    return [*told, *master.restorations, *master.notes]
+    writes += master.restorations
+    return [*told, *master.notes]
 
 
-def without_power(line: Line, master: Master, rotary: Mapping[str, bool]) -> list[str]:
+def without_power(line: Line, master: Master, rotary: Mapping[str, bool], writes: list[str]) -> list[str]:
     """Up to Switched on, and what was seen there."""
     keys, network = master.keys, master.network
     if problems := master.identify():
@@ -64,7 +69,7 @@ def without_power(line: Line, master: Master, rotary: Mapping[str, bool]) -> lis
         wide += list(limits.wider(drive, limits.compare(drive)))
     if absurd := [text for text, is_absurd in wide if is_absurd]:
         raise SimulationError(absurd)
-    writes = announcement.lines(master)
+    writes += announcement.lines(master)
     master.prepare()
     for node in master.nodes.values():
         node.goal = State.SWITCHED_ON
@@ -84,7 +89,7 @@ def without_power(line: Line, master: Master, rotary: Mapping[str, bool]) -> lis
         f"{name}: {states.get(name, 'outputs safe')}; {one.lost} of {CYCLES} process data lost"
         for name, one in master.stations.items()
     ]
-    return [*told, *(text for text, _ in wide), *writes]
+    return [*told, *(text for text, _ in wide)]
 
 
 @dataclass
@@ -159,6 +164,7 @@ class DryHardware(Hardware):
         super().__init__(path, keys.model_copy(update={"simulated": True}), False, build, trace)
         self.real = keys
         self.seen: list[str] = []
+        self.writes: list[str] = []
 
     def apply(self, scenario: Scenario) -> Scenario:
         """The scenario on simulated drives, if the bus could be brought up without power."""
@@ -167,6 +173,7 @@ class DryHardware(Hardware):
             self.real,
             bench_network(self.real, self.build),
             {name: axis(self.path, self.real, name).rotary for name in self.real.nodes},
+            self.writes,
         )
         return applied
 
@@ -177,4 +184,5 @@ class DryHardware(Hardware):
             *(f"dry run on {bus}, power never on: {one.rstrip('.')}." for one in self.seen),
             *self.bounds(),
             *(f"would have been sent: {one}" for one in super().notes()),
+            *(f"dry run, {one.strip().rstrip('.')}." for one in self.writes),
         ]

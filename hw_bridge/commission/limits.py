@@ -72,6 +72,6 @@ def wider(node: Node, rows: list[Row]) -> Iterator[tuple[str, bool]]:
         if row.own <= 0.0 or row.file <= NEAR * row.own:
             continue
         told, own = shown(row.file, row.unit), shown(row.own, row.unit)
-        text = f"{node.name}: limits.{row.name} {told} is above the drive's own {own} ({row.source}), which counts."
+        text = f"{node.name}: limits.{row.name} {told} is above the drive's own {own} ({row.source})."
         absurd = row.file > ABSURD * row.own
         yield (f"{text} Correct the unit or the number." if absurd else text), absurd

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from hw_bridge.bus import MILLISECOND
 from hw_bridge.commission.line import refuse_moving
 from hw_bridge.dictionary import cia301
-from hw_bridge.journal import Journal, JournalFile, journal_path
+from hw_bridge.journal import Journal, JournalFile, bus_folder, journal_path
 from hw_bridge.master import SdoError, restoration
 from twin.errors import SimulationError
 
@@ -24,9 +24,12 @@ FLASH = 3_000 * MILLISECOND  # longest time that writing flash takes; estimate [
 START = 5_000 * MILLISECOND  # longest time to the boot-up message; estimate [ns]
 
 
-def store(node: Station, folder: Path) -> None:
-    """Keep all parameters that can be kept (1010h.1); refused for values that a run left, by the journal in `folder`."""
-    if left := left_by_a_run(node, folder):
+def store(node: Station, folder: Path | None = None) -> None:
+    """Keep all parameters that can be kept (1010h.1); refused for values that a run left, by the journal in `folder`.
+
+    Without `folder` that of real buses.
+    """
+    if left := left_by_a_run(node, folder or bus_folder("", "", software=False)):
         raise SimulationError(
             f"{node.name}: holds {len(left)} values that a run wrote and did not restore ({', '.join(left[:4])}"
             f"{', ...' if len(left) > 4 else ''}). Restore them first: twin hil restore {node.number}"

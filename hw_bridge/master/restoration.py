@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from hw_bridge.hardware import HardwareKeys
     from hw_bridge.journal import Journal, ObjectChange
     from hw_bridge.master.master import Master
-    from hw_bridge.master.module import ModuleNode
-    from hw_bridge.master.node import Node
     from hw_bridge.master.station import Station
 
 Place = tuple[int, int]
@@ -209,15 +207,12 @@ def finish(master: Master) -> None:
             if journal.changes:
                 _finish(master, station)
         except Exception as error:
-            master.notes.append(_unrestored(station, str(error)))
+            _unrestored(master, station, str(error))
         finally:
             journal.close()
 
 
-def _finish(master: Master, station: Node | ModuleNode) -> None:
-    if master.lost(station):
-        master.notes.append(_unrestored(station, "it does not answer."))
-        return
+def _finish(master: Master, station: Station) -> None:
     station.sdo.attempts = 1  # nobody waits for a node that is gone
     master.nmt(cia301.PRE_OPERATIONAL, station.number)
     result = restore(station)
@@ -229,7 +224,10 @@ def _finish(master: Master, station: Node | ModuleNode) -> None:
     )
 
 
-def _unrestored(station: Station, why: str) -> str:
-    file = station.journal.file
-    where = f" The journal is kept ({file.path}): `twin hil restore {station.number}`." if file is not None else ""
-    return f"{station.name}: {len(station.journal.changes)} objects are not restored: {why}{where}"
+def _unrestored(master: Master, station: Station, why: str) -> None:
+    """Note it; simulated drives of this process are gone with it."""
+    if (file := station.journal.file) is not None:
+        master.notes.append(
+            f"{station.name}: {len(station.journal.changes)} objects are not restored: {why} The journal is kept "
+            f"({file.path}): `twin hil restore {station.number}`."
+        )

@@ -32,7 +32,11 @@ def beginning(axis: Component) -> float:
 def set_up_for(drive: Drive, motor: MotorParameters) -> Drive:
     """A simulated drive as it comes to a bench: it holds what the vendor's software stores for this motor."""
     name = drive.profile.name
-    values = {**motor.scaling.get(name, {}), **motor.settings.get(name, {})}
+    entry = drive.dictionary.entry
+    values = {
+        place: entry(*place).type.saturated(value)
+        for place, value in {**motor.scaling.get(name, {}), **motor.settings.get(name, {})}.items()
+    }
     drive.storage.saved |= values
     drive.dictionary.restore(dict(values))
     return drive

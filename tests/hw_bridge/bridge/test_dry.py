@@ -46,16 +46,43 @@ def bus(build):
     return keys, SimulatedNetwork(found), drives, states
 
 
+def held(device):
+    """All values that a person could have set; not targets and commands."""
+    acting = {0x6040, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60FE, 0x60FF}
+    dictionary = device.dictionary
+    return {(one.index, one.sub): dictionary.values[one.index, one.sub] for one in dictionary.entries()
+            if one.access == "rw" and one.index not in acting}  # fmt: skip
+
+
+def note_writes(dictionary, number, written):
+    """Keep the first value that is written to each object."""
+    download = dictionary.download
+
+    def noted(index, sub, data):
+        written.setdefault((number, index, sub), int.from_bytes(data, "little"))
+        return download(index, sub, data)
+
+    dictionary.download = noted
+
+
 def test_everything_but_power(bus):
     keys, network, drives, states = bus
-    told = rehearse(keys, network, ROTARY)
+    written = {}
+    for number, one in enumerate(drives):
+        note_writes(one.dictionary, number, written)
+    before = [held(one) for one in drives]
+    told = rehearse(keys, network, ROTARY, lines := [])
+    assert "    6007h.0 Abort connection option code: 1 -> 3" in "\n".join(f"  {line}" for line in lines)
+    assert "servomotor_1: 3" in lines[-4]
+    assert lines[-4].endswith("objects were changed for the run and are as before")
     assert told[4] == "servomotor_1: limits.force 25 N is above the drive's own 18.39 N (its peak current)."
     assert told[0] == f"servomotor_1: Switched on, no power; 0 of {CYCLES} process data lost"
     assert told[3] == f"valves: outputs safe; 0 of {CYCLES} process data lost"
     assert State.SWITCHED_ON in states
     assert State.ENABLED not in states
     assert {one.state for one in drives} == {State.DISABLED}
-    assert {one.dictionary.get(0x6007) for one in drives} == {3}  # parameters are those of a run
+    assert written[0, 0x6007, 0] == written[1, 0x6007, 0] == 3  # parameters were those of a run
+    assert [held(one) for one in drives] == before  # and are as they were
     assert [one.axis.motor.position for one in drives] == [0.0] * 3
 
 
