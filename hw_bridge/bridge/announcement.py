@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 def announce(master: Master) -> None:
-    """Print the list, unless it was printed for these keys before. Simulated drives of this process have none."""
+    """Print the list to stderr, unless it was printed for these keys before. Simulated drives of this process have none."""
     marker = _marker(master)
     if master.keys.simulated or marker.exists():
         return
     for line in lines(master):
-        say(line)
+        say(line, err=True)
     with suppress(OSError):  # then it is printed again
         marker.parent.mkdir(parents=True, exist_ok=True)
         marker.touch()

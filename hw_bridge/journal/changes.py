@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 from twin.errors import SimulationError
@@ -74,7 +74,7 @@ class Journal:
         for change in changes:
             known = self.changes.get(change.place)
             if known is None:
-                self.changes[change.place] = change
+                self.changes[change.place] = replace(change, written=list(change.written))
             elif set(change.written) <= set(known.written):
                 continue
             else:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from hw_bridge.dictionary import Value
     from hw_bridge.hardware import NodeKeys
     from twin.component import Component
 
@@ -33,12 +34,12 @@ def set_up_for(drive: Drive, motor: MotorParameters) -> Drive:
     """A simulated drive as it comes to a bench: it holds what the vendor's software stores for this motor."""
     name = drive.profile.name
     entry = drive.dictionary.entry
-    values = {
+    values: dict[tuple[int, int], Value] = {
         place: entry(*place).type.saturated(value)
         for place, value in {**motor.scaling.get(name, {}), **motor.settings.get(name, {})}.items()
     }
-    drive.storage.saved |= values
-    drive.dictionary.restore(dict(values))
+    drive.storage.saved = values | drive.storage.saved
+    drive.dictionary.restore({place: drive.storage.saved[place] for place in values})
     return drive
 
 

@@ -11,6 +11,7 @@ from hw_bridge.device import Drive, Module, Motor
 from hw_bridge.dictionary import State
 from hw_bridge.hardware import load as load_keys
 from hw_bridge.profiles import device, profile
+from tests.hw_bridge.values import each_write, held
 from twin.errors import SimulationError
 from twin.run import run_scenario
 from twin.scenario import load_scenario
@@ -46,30 +47,13 @@ def bus(build):
     return keys, SimulatedNetwork(found), drives, states
 
 
-def held(device):
-    """All values that a person could have set; not targets and commands."""
-    acting = {0x6040, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60FE, 0x60FF}
-    dictionary = device.dictionary
-    return {(one.index, one.sub): dictionary.values[one.index, one.sub] for one in dictionary.entries()
-            if one.access == "rw" and one.index not in acting}  # fmt: skip
-
-
-def note_writes(dictionary, number, written):
-    """Keep the first value that is written to each object."""
-    download = dictionary.download
-
-    def noted(index, sub, data):
-        written.setdefault((number, index, sub), int.from_bytes(data, "little"))
-        return download(index, sub, data)
-
-    dictionary.download = noted
-
-
 def test_everything_but_power(bus):
     keys, network, drives, states = bus
     written = {}
     for number, one in enumerate(drives):
-        note_writes(one.dictionary, number, written)
+        each_write(
+            one, lambda index, sub, data, n=number: written.setdefault((n, index, sub), int.from_bytes(data, "little"))
+        )
     before = [held(one) for one in drives]
     told = rehearse(keys, network, ROTARY, lines := [])
     assert "    6007h.0 Abort connection option code: 1 -> 3" in "\n".join(f"  {line}" for line in lines)

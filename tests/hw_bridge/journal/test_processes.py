@@ -1,0 +1,100 @@
+"""Drives in processes of their own: `hil compare` with a dump from before has nothing to tell, however a run ends."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from click.testing import CliRunner
+
+from benchmarks import hil as benchmark
+from hw_bridge.command import hil
+from hw_bridge.profiles import MODULES
+from hw_bridge.wire import WireNetwork
+from tests.hw_bridge import program
+from tests.hw_bridge.multicast import needed, own
+
+SYNC = 0x080
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.real_time,
+    pytest.mark.skipif(sys.platform != "linux", reason="multicast"),
+]
+
+
+@pytest.fixture(params=MODULES)
+def rig(request, tmp_path, build, monkeypatch):
+    """A drive process, its bench, a dump of it, and `twin hil` on it."""
+    monkeypatch.setenv("TWIN_STATE", str(tmp_path / "state"))
+    channel, profile = needed(own(76), port=benchmark.PORT), request.param
+    with benchmark.drive(profile, "udp_multicast", channel, build) as process:
+        bench = benchmark.bench(tmp_path, profile, "udp_multicast", channel)
+        if profile == "epos4":
+            bench.write_text(bench.read_text().replace("profile: epos4", "profile: epos4\n    scale: 1.5915e-3"))
+
+        def command(*words, code=0):
+            done = CliRunner().invoke(hil.command, [*map(str, words), "-f", str(bench), "--build", str(build)])
+            assert done.exit_code == code, f"{done.output}\n{done.exception}"
+            return done.output
+
+        command("dump", 1, tmp_path / "before.dcf")
+        yield profile, channel, bench, command, process
+
+
+def compared(command, folder):
+    assert "holds what" in command("compare", 1, folder / "before.dcf")
+
+
+def until_syncs(channel, count, process):
+    """Wait for so many SYNCs on the bus."""
+    heard = []
+    network = WireNetwork("udp_multicast", channel, 1_000_000, benchmark.options("udp_multicast"))
+    try:
+        network.hear = lambda frame: heard.append(frame.id == SYNC)
+        network.advance(network.now + 60_000_000_000, lambda: sum(heard) > count or process.poll() is not None)
+    finally:
+        network.close()
+    assert sum(heard) > count, process.communicate()
+
+
+def started(rig, tmp_path, build, seconds=20.0):
+    _, _, bench, _, _ = rig
+    return program.begun(
+        benchmark.run_line(bench, seconds, tmp_path / "runs", build), stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+
+
+@pytest.mark.parametrize("syncs", [1, 250])
+def test_after_kill_9_and_restore(rig, tmp_path, build, syncs):
+    _, channel, _, command, _ = rig
+    process = started(rig, tmp_path, build)
+    until_syncs(channel, syncs, process)
+    program.send(process, signal.SIGKILL)
+    process.communicate()
+    time.sleep(0.5)  # the drive misses the heartbeat
+    command("store", 1, code=1)
+    command("compare", 1, tmp_path / "before.dcf", code=1)
+    assert "objects are as before the run, 0 are not" in command("restore")
+    compared(command, tmp_path)
+    assert "No run left anything to restore." in command("restore")
+
+
+def test_after_ctrl_c(rig, tmp_path, build):
+    _, channel, _, command, _ = rig
+    process = started(rig, tmp_path, build)
+    until_syncs(channel, 150, process)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=30)
+    assert process.returncode == 130, (out, err)
+    compared(command, tmp_path)
+
+
+def test_after_a_whole_run(rig, tmp_path, build):
+    _, _, _, command, _ = rig
+    process = started(rig, tmp_path, build, 1.0)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode in (0, 1), (out, err)
+    assert b"objects are written, and restored at the end" in err, (out, err)
+    assert b"objects were changed for the run and are as before" in out, (out, err)
+    compared(command, tmp_path)
