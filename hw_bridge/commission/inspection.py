@@ -85,8 +85,8 @@ def inspect(node: Node) -> Inspection:
 def _entry(node: Node, place: Place) -> Entry | None:
     """The row of the profile, else that of `MORE` where the profile knows no other object of this index."""
     subs = node.mirror.objects.get(place[0], {})
-    if place[1] in subs:
-        return subs[place[1]]
+    if (own := subs.get(place[1])) is not None:
+        return None if own.title and not own.sub else own  # how many a record has
     return None if subs else MORE.get(place)
 
 

@@ -98,8 +98,7 @@ class ModuleNode(Station):
         self.resting = True
         try:
             self.make_safe()
-            setup.write(self, 0x1016, 1, 0, "heartbeat.lost_after")
-            setup.write(self, 0x1017, 0, 0, "heartbeat.every")
+            setup.forget_heartbeats(self)
         except SimulationError as error:
             return f"{self.name}: did not confirm its safe outputs ({error}) Check them before you touch anything."
         return ""

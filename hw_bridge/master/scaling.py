@@ -41,8 +41,15 @@ def learn_scaling(node: Node) -> None:
             node.mirror.values[place] = int.from_bytes(ask(node, *place), "little")
         except SdoError:
             node.mirror.values.pop(place, None)
-    node.own.assumed += node.profile.unsure(node.mirror)
-    node.use_units()
+            if place in node.keys.scaling:
+                node.mirror.values[place] = node.keys.scaling[place]
+    try:
+        node.own.assumed += node.profile.unsure(node.mirror, node.keys.motor in MOTORS)
+        node.use_units()
+    except ZeroDivisionError:
+        zero = [place for place in node.profile.scaling if not node.mirror.get(*place)]
+        names = ", ".join(f"{index:04X}h.{sub}" for index, sub in zero)
+        node.own.assumed.append(f"{names} is 0")
 
 
 def wrong_motor(node: Node) -> str:
@@ -50,7 +57,8 @@ def wrong_motor(node: Node) -> str:
     if node.keys.motor not in MOTORS:
         return ""
     motor = motor_parameters(node.profile, node.keys.motor)
-    held = {place: node.mirror.get(*place) for place in motor.scaling.get(node.profile.name, {})}
+    places = motor.scaling.get(node.profile.name, {})
+    held = {place: node.mirror.get(*place) for place in places if node.keys.scaling.get(place) != node.mirror.get(*place)}
     if not (text := disagreement(node.profile, motor, held)):
         return ""
     return (
@@ -64,6 +72,6 @@ def unknown_scale(node: Node) -> str:
     if not node.own.assumed:
         return ""
     return (
-        f"{node.name}: its scale is ASSUMED: {'; '.join(node.own.assumed)}. It is not moved: name the drive's profile, or give "
-        f"the value under `scaling` of the hardware file."
+        f"{node.name}: its scale is ASSUMED: {'; '.join(node.own.assumed)}. It is not moved. Name its motor, or give the values "
+        f"under `scaling`, in the hardware file."
     )

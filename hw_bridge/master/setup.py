@@ -18,6 +18,7 @@ from twin.errors import SimulationError
 
 if TYPE_CHECKING:
     from hw_bridge.master.node import Node
+    from hw_bridge.master.station import Station
 
 __all__ = [
     "SCALING",
@@ -26,6 +27,7 @@ __all__ = [
     "carry_out",
     "configure",
     "faults",
+    "forget_heartbeats",
     "identify",
     "learn_scaling",
     "limit_positions",
@@ -100,17 +102,19 @@ def reset(node: Node) -> State:
 
 
 def configure(node: Node, period: int, master: int) -> None:
-    """All parameters of a run. The node is in Pre-operational; its power stage goes off first.
+    """All parameters of a run. The node is in Pre-operational; its power stage goes off before anything is written.
 
     What is written, and what it held before, is in the node's journal before the first write. `period` as in `plan_drive`.
     """
-    node.sdo.write(0x6040, 0, b"\0\0")
     offered = read(node, 0x6502)
     if node.told_force and not offered >> (Mode.CST - 1) & 1:
         raise SimulationError(
             f"{node.name}: is told a force, but has no cst: 6502h is {offered:X}h. Use another drive."
         )
-    carry_out(plan_drive(node, period, master))
+    plan = plan_drive(node, period, master)
+    plan.raise_problems()
+    node.sdo.write(0x6040, 0, b"\0\0")
+    carry_out(plan)
 
 
 def carry_out(plan: WritePlan) -> None:
@@ -157,6 +161,12 @@ def release(node: Node) -> State:
         return state
     if node.keys.offset:
         forget_offsets(node)
-    write(node, 0x1016, 1, 0, "heartbeat.lost_after")
-    write(node, 0x1017, 0, 0, "heartbeat.every")
+    forget_heartbeats(node)
     return state
+
+
+def forget_heartbeats(node: Station) -> None:
+    """No heartbeat is expected any more, and none is told, where this program had asked for them."""
+    for index, sub in ((0x1016, 1), (0x1017, 0)):
+        if (index, sub) in node.journal.changes:
+            write(node, index, sub, 0, "heartbeat")

@@ -259,7 +259,7 @@ def units(dictionary: Dictionary, _pitch: float | None = None) -> Units:
     return Units(increment, RPM * 10.0**prefix, RPM, dictionary.get(0x3001, 1) * 1e-6)
 
 
-def unsure(dictionary: Dictionary) -> list[str]:
+def unsure(dictionary: Dictionary, _named: bool) -> list[str]:
     """Why increments may be others than those of the digital incremental encoder 1 (3010h.1).
 
     3000h.1 has the type of sensor 1 in its lowest byte (1: digital incremental encoder), that of sensor 2 in the next one
