@@ -7,6 +7,7 @@ a lottery. `--hypothesis-seed` repeats it.
 xdist's own way to group tests writes into node IDs, which newer versions of pytest do not let it.
 """
 
+import atexit
 import gc
 import os
 import re
@@ -35,6 +36,7 @@ sys.dont_write_bytecode = False
 
 # journals of drives: those of tests are no user's
 os.environ["TWIN_STATE"] = tempfile.mkdtemp(prefix="twin-state-")
+atexit.register(shutil.rmtree, os.environ["TWIN_STATE"], ignore_errors=True)
 
 # workers share the cores already: threads of theirs would only wait for each other
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

@@ -33,7 +33,9 @@ def planned_rows(plan: WritePlan) -> list[PlannedRow]:
     changed = [one for place, one in last.items() if plan.holds(*place) != one.value]
     after = {(one.index, one.sub): _meant(plan.node, one.index, one.sub, one.value) for one in changed}
     with_units_before(plan)
-    before = {(one.index, one.sub): _meant(plan.node, one.index, one.sub, plan.holds(one.index, one.sub)) for one in changed}
+    before = {
+        (one.index, one.sub): _meant(plan.node, one.index, one.sub, plan.holds(one.index, one.sub)) for one in changed
+    }
     with_units_after(plan)
     return [
         PlannedRow(

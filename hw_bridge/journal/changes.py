@@ -54,7 +54,9 @@ class Journal:
             try:
                 self._take(row)
             except (KeyError, ValueError, TypeError):
-                raise SimulationError(f"{file.path}:{number}: is no line of a journal; the file is kept. Move it away.") from None
+                raise SimulationError(
+                    f"{file.path}:{number}: is no line of a journal; the file is kept. Move it away."
+                ) from None
 
     def _take(self, row: dict[str, Any]) -> None:
         place = int(row["index"], 16), int(row["sub"])

@@ -44,14 +44,19 @@ def journal_path(folder: Path, identity: DriveIdentity) -> Path:
 def encode(row: dict[str, Any]) -> bytes:
     """A line with the checksum of its content."""
     text = json.dumps(row, ensure_ascii=True, sort_keys=True)
-    return json.dumps({"row": row, "crc": zlib.crc32(text.encode())}, ensure_ascii=True, sort_keys=True).encode() + b"\n"
+    return (
+        json.dumps({"row": row, "crc": zlib.crc32(text.encode())}, ensure_ascii=True, sort_keys=True).encode() + b"\n"
+    )
 
 
 def decode(line: bytes) -> dict[str, Any]:
     """The content of a line; ValueError where it is not as it was written."""
     whole = json.loads(line)
     row = whole["row"]
-    if not isinstance(row, dict) or zlib.crc32(json.dumps(row, ensure_ascii=True, sort_keys=True).encode()) != whole["crc"]:
+    if (
+        not isinstance(row, dict)
+        or zlib.crc32(json.dumps(row, ensure_ascii=True, sort_keys=True).encode()) != whole["crc"]
+    ):
         raise ValueError("checksum")
     return row
 
@@ -132,7 +137,9 @@ class JournalFile:
             self.file.flush()
             os.fsync(self.file.fileno())
         except OSError as error:
-            raise SimulationError(f"{self.path}: cannot be written: {error.strerror}. The drive is not written.") from None
+            raise SimulationError(
+                f"{self.path}: cannot be written: {error.strerror}. The drive is not written."
+            ) from None
 
     def _sync_folder(self) -> None:
         with suppress(OSError, AttributeError):  # not every system lets folders be flushed

@@ -221,7 +221,9 @@ def _positions(plan: WritePlan, node: Node) -> None:
         within = ends if own is None else [max(ends[0], own[0]), min(ends[1], own[1])]
         begin = "from where the scenario begins" if homing is None else "after homing"
         for sub, value, wide in zip((1, 2), within, ends, strict=True):
-            plan.add(0x607D, sub, value, f"limits.position and a tenth, {begin}{OWN if value != wide else ''}", later=True)
+            plan.add(
+                0x607D, sub, value, f"limits.position and a tenth, {begin}{OWN if value != wide else ''}", later=True
+            )
     if MODE in node.mirror.objects:
         plan.add(MODE, 0, int(node.own_mode), "mode of operation, by process data", later=True)
 

@@ -102,7 +102,10 @@ def _empty(station: Station, change: ObjectChange) -> None:
 
 
 def _write_back(
-    station: Station, changes: list[ObjectChange], result: Restored, prepare: Callable[[ObjectChange], None] | None = None
+    station: Station,
+    changes: list[ObjectChange],
+    result: Restored,
+    prepare: Callable[[ObjectChange], None] | None = None,
 ) -> list[ObjectChange]:
     """Write the values before, in rounds; those that were refused to the end."""
     for _ in range(ROUNDS):

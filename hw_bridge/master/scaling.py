@@ -58,7 +58,9 @@ def wrong_motor(node: Node) -> str:
         return ""
     motor = motor_parameters(node.profile, node.keys.motor)
     places = motor.scaling.get(node.profile.name, {})
-    held = {place: node.mirror.get(*place) for place in places if node.keys.scaling.get(place) != node.mirror.get(*place)}
+    held = {
+        place: node.mirror.get(*place) for place in places if node.keys.scaling.get(place) != node.mirror.get(*place)
+    }
     if not (text := disagreement(node.profile, motor, held)):
         return ""
     return (

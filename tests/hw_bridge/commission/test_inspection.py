@@ -63,7 +63,9 @@ def test_objects_that_the_profile_has_not(build):
     assert bench.value("2350h.0").endswith("(900)")
     (note,) = [one for one in bench.found.notes if "end stop" in one]
     assert note.startswith("axis: homing pushes against the end stop with 8.276 N, above limits.force 8 N.")
-    assert not [one for one in Bench("mclm", build).found.groups["homing"] if one[0].startswith("235")]  # the motor there
+    assert not [
+        one for one in Bench("mclm", build).found.groups["homing"] if one[0].startswith("235")
+    ]  # the motor there
 
 
 @pytest.mark.parametrize(

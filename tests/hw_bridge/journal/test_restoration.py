@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from hw_bridge.bus import Bus, SimulatedNetwork
-from hw_bridge.commission import BOOT, Line, dcf, memory, objects
+from hw_bridge.commission import Line, dcf, memory, objects
 from hw_bridge.device import Drive, Module, Motor
 from hw_bridge.dictionary import State
 from hw_bridge.hardware import HardwareKeys
@@ -308,7 +308,9 @@ def test_store_refuses_what_a_run_left(bench):
     bench.bus.advance(bench.bus.now + 2_000_000_000)
     line = bench.line()
     node = line.drive("axis")
-    with pytest.raises(SimulationError, match=r"axis: holds \d+ values that a run wrote and did not restore \(.*twin hil restore 1"):
+    with pytest.raises(
+        SimulationError, match=r"axis: holds \d+ values that a run wrote and did not restore \(.*twin hil restore 1"
+    ):
         memory.store(node)
     check_restored(bench)
     memory.store(node)

@@ -12,7 +12,12 @@ from hw_bridge.profiles import profile
 from tests.hw_bridge.values import each_write
 from twin.errors import SimulationError
 
-WIDE = {"velocity": "900 mm/s", "following_error": "30 mm", "position": ["-300 mm", "300 mm"], "acceleration": "20 m/s^2"}
+WIDE = {
+    "velocity": "900 mm/s",
+    "following_error": "30 mm",
+    "position": ["-300 mm", "300 mm"],
+    "acceleration": "20 m/s^2",
+}
 TURNS = {"velocity": "300 rad/s", "following_error": "3 turn", "position": ["-30 turn", "30 turn"],
          "acceleration": "900 rad/s^2", "force": "0.5 N*m"}  # fmt: skip
 OWN = {
@@ -60,7 +65,9 @@ def test_no_limit_is_written_wider(bench):
         if place not in own:
             continue
         most = own[place] * (factor if LIMITS.get(place) == "velocity" else 1)
-        assert all(value >= most for value in values) if place == (0x607D, 1) else all(value <= most for value in values), place
+        assert (
+            all(value >= most for value in values) if place == (0x607D, 1) else all(value <= most for value in values)
+        ), place
     limits, units, scale = found.keys.limits, profile(bench.drive.profile.name).units(bench.drive.dictionary), 1.0
     assert limits.velocity == pytest.approx(own[0x607F, 0] * factor * units.velocity * scale)
     assert limits.position == pytest.approx([one * units.position for one in (own[0x607D, 1], own[0x607D, 2])])
@@ -108,7 +115,9 @@ def test_narrower_ones_of_the_file_are_written(build):
 def test_ranges_without_a_common_position_are_refused(build):
     own = {**OWN["faulhaber_v3"], (0x607D, 1): 500_000, (0x607D, 2): 600_000}
     bench = Bench("faulhaber_v3", build, own)
-    with pytest.raises(SimulationError, match=r"axis: limits\.position .* and the drive's own 607Dh, 500\.00 mm to 600\.00 mm"):
+    with pytest.raises(
+        SimulationError, match=r"axis: limits\.position .* and the drive's own 607Dh, 500\.00 mm to 600\.00 mm"
+    ):
         try:
             bench.master.begin({"axis": 0.0})
         finally:
@@ -118,9 +127,15 @@ def test_ranges_without_a_common_position_are_refused(build):
 
 @pytest.mark.parametrize(("name", "index"), [("faulhaber_v3", 0x607C), ("epos4", 0x30B0), ("epos4", 0x30B1)])
 def test_an_offset_of_homing_is_refused_before_anything_is_written(build, name, index):
-    homing = {"method": 37, "at": "0 deg" if name == "epos4" else "0 mm", "speed": "10 rad/s" if name == "epos4" else "10 mm/s"}
+    homing = {
+        "method": 37,
+        "at": "0 deg" if name == "epos4" else "0 mm",
+        "speed": "10 rad/s" if name == "epos4" else "10 mm/s",
+    }
     bench = Bench(name, build, {**OWN[name], (index, 0): 40}, homing=homing)
-    with pytest.raises(SimulationError, match=rf"{index:04X}h is 40, so that the drive does not count 0 at its reference"):
+    with pytest.raises(
+        SimulationError, match=rf"{index:04X}h is 40, so that the drive does not count 0 at its reference"
+    ):
         bench.master.begin({"axis": 0.0})
     bench.master.stop()
     assert set(bench.written) <= {(0x6040, 0)}

@@ -34,7 +34,9 @@ class Bench:
         self.bus = Bus()
         self.bus.attach(self.drive)
         self.writes = []
-        each_write(self.drive, lambda index, sub, data: self.writes.append((index, sub, int.from_bytes(data, "little"))))
+        each_write(
+            self.drive, lambda index, sub, data: self.writes.append((index, sub, int.from_bytes(data, "little")))
+        )
         self.keys = HardwareKeys.model_validate(
             {"simulated": True, "nodes": {"axis": {"node": 1, "profile": name, **LIMITS.get(name, {}), **keys}}}
         )
@@ -84,14 +86,21 @@ def test_a_move_is_as_long_as_it_is_asked_for(build, motor, pitch):
 @pytest.mark.parametrize(
     ("name", "motor", "named", "text"),
     [
-        ("mclm", "lm1247", "lm2070", r"another motor than FAULHABER LM 2070-080-11: 2350h\.4 is 18, 24 with this motor"),
+        (
+            "mclm",
+            "lm1247",
+            "lm2070",
+            r"another motor than FAULHABER LM 2070-080-11: 2350h\.4 is 18, 24 with this motor",
+        ),
         ("mclm", "lm2070", "lm1247", r"2350h\.4 is 24, 18 with this motor"),
         ("faulhaber_v3", "lm1247", "lm2070", r"6092h\.1 is 18000, 24000 with this motor"),
     ],
 )
 def test_a_drive_for_another_motor_stops_the_run(build, name, motor, named, text):
     bench = Bench(name, build, motor)
-    bench.keys = HardwareKeys.model_validate({"simulated": True, "nodes": {"axis": {"node": 1, "profile": name, "motor": named}}})
+    bench.keys = HardwareKeys.model_validate(
+        {"simulated": True, "nodes": {"axis": {"node": 1, "profile": name, "motor": named}}}
+    )
     bench.refused(text)
 
 
@@ -105,7 +114,9 @@ def test_a_v3_for_an_lm1247_is_understood_without_its_name(build):
 
 def test_user_units_that_are_no_micrometers_need_the_motors_name(build):
     values = {(0x6092, 1): 1000}
-    Bench("faulhaber_v3", build, values=values).refused(r"axis: its scale is ASSUMED: a magnetic pitch is 1000 user units")
+    Bench("faulhaber_v3", build, values=values).refused(
+        r"axis: its scale is ASSUMED: a magnetic pitch is 1000 user units"
+    )
     bench = Bench("faulhaber_v3", build, values=values, scaling={"6092h.1": 1000})
     bench.keys.nodes["axis"].__dict__["motor"] = "lm2070"
     master = bench.begin()
@@ -134,7 +145,8 @@ def test_an_epos4_whose_firmware_tells_the_resolution(build):
 
 
 @pytest.mark.parametrize(
-    ("name", "place"), [("mclm", (0x2350, 4)), ("mclm", (0x6092, 1)), ("faulhaber_v3", (0x6075, 0)), ("epos4", (0x60A9, 0))]
+    ("name", "place"),
+    [("mclm", (0x2350, 4)), ("mclm", (0x6092, 1)), ("faulhaber_v3", (0x6075, 0)), ("epos4", (0x60A9, 0))],
 )
 def test_an_object_that_does_not_answer_is_assumed_and_told(build, name, place):
     bench = Bench(name, build)
