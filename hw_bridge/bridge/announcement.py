@@ -30,13 +30,13 @@ def announce(master: Master) -> None:
 
 def lines(master: Master) -> list[str]:
     """Each object with its name, what it holds, what it becomes and why; as many lines as there are, and one before."""
-    found = []
+    text = []
     for station in master.stations.values():
         with master.asking(station):
             rows = planned_rows(master.plan(station))
-        found.append(f"{station.name}: {len(rows)} objects are written, and restored at the end:")
-        found += [f"  {row.object} {row.name}: {row.before} -> {row.after} ({row.reason})" for row in rows]
-    return found
+        text.append(f"{station.name}: {len(rows)} objects are written, and restored at the end:")
+        text += [f"  {row.object} {row.name}: {row.before} -> {row.after} ({row.reason})" for row in rows]
+    return text
 
 
 def _marker(master: Master) -> Path:

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from hw_bridge.master import Node
 
-Place = tuple[int, int]
-GROUPS: dict[str, tuple[Place, ...]] = {
+Address = tuple[int, int]
+GROUPS: dict[str, tuple[Address, ...]] = {
     "homing": (
         (0x6098, 0), (0x607C, 0), (0x30B0, 0), (0x30B1, 0), (0x30B2, 0), (0x2324, 2), (0x2350, 0), (0x2351, 0),
     ),
@@ -36,7 +36,7 @@ GROUPS: dict[str, tuple[Place, ...]] = {
     ),
 }  # fmt: skip
 # objects that profiles have not but drives may have: name and type, used where the drive answers
-MORE: dict[Place, Entry] = {
+MORE: dict[Address, Entry] = {
     (one.index, one.sub): one
     for one in (
         Entry(0x2324, 2, "Block detection time", U16, "ro"),
@@ -66,37 +66,37 @@ class Inspection(NamedTuple):
 
 def inspect(node: Node) -> Inspection:
     """Read all of it that the drive has, and compare it with the hardware file."""
-    values: dict[Place, int] = {}
+    values: dict[Address, int] = {}
     groups: dict[str, list[tuple[str, str, str]]] = {}
-    for group, places in GROUPS.items():
+    for group, addresses in GROUPS.items():
         rows = groups[group] = []
-        for place in places:
-            if (entry := _entry(node, place)) is None:
+        for address in addresses:
+            if (entry := _entry(node, address)) is None:
                 continue
             try:
-                data = setup.ask(node, *place)
+                data = setup.ask(node, *address)
             except SdoError:
                 continue
-            value = values[place] = int.from_bytes(data, "little", signed=entry.type.signed)
-            rows.append((f"{place[0]:04X}h.{place[1]}", UNIT.sub("", entry.name), meant(node, entry, value)))
+            value = values[address] = int.from_bytes(data, "little", signed=entry.type.signed)
+            rows.append((f"{address[0]:04X}h.{address[1]}", UNIT.sub("", entry.name), meant(node, entry, value)))
     return Inspection(groups, list(_notes(node, values)))
 
 
-def _entry(node: Node, place: Place) -> Entry | None:
+def _entry(node: Node, address: Address) -> Entry | None:
     """The row of the profile, else that of `MORE` where the profile knows no other object of this index."""
-    subs = node.mirror.objects.get(place[0], {})
-    if (own := subs.get(place[1])) is not None:
+    subs = node.mirror.objects.get(address[0], {})
+    if (own := subs.get(address[1])) is not None:
         return None if own.title and not own.sub else own  # how many a record has
-    return None if subs else MORE.get(place)
+    return None if subs else MORE.get(address)
 
 
-def _notes(node: Node, values: dict[Place, int]) -> Iterator[str]:
+def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
     """What of it does not fit the hardware file, or is to be known."""
     name, homing = node.name, node.keys.homing
     limit, constant = node.own.file.force, constant_of(node.keys)
     rated = values.get((0x6075, 0), 0) / 1e3
     currents = [values[0x30B2, 0] / 1e3] if (0x30B2, 0) in values else []
-    currents += [values[place] * rated / 1e3 for place in ((0x2350, 0), (0x2351, 0)) if place in values and rated]
+    currents += [values[address] * rated / 1e3 for address in ((0x2350, 0), (0x2351, 0)) if address in values and rated]
     if homing is not None and homing.method in BLOCK_METHODS:
         newton = "N*m" if node.rotary else "N"
         if not currents:

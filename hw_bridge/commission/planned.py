@@ -30,7 +30,7 @@ def planned_rows(plan: WritePlan) -> list[PlannedRow]:
     last: dict[tuple[int, int], PlannedWrite] = {}
     for one in plan.writes:
         last[one.index, one.sub] = one
-    changed = [one for place, one in last.items() if plan.holds(*place) != one.value]
+    changed = [one for address, one in last.items() if plan.holds(*address) != one.value]
     after = {(one.index, one.sub): _meant(plan.node, one.index, one.sub, one.value) for one in changed}
     with_units_before(plan)
     before = {
@@ -39,21 +39,25 @@ def planned_rows(plan: WritePlan) -> list[PlannedRow]:
     with_units_after(plan)
     return [
         PlannedRow(
-            f"{one.index:04X}h.{one.sub}", _name(plan.node, one.index, one.sub), before[place], after[place], one.reason
+            f"{one.index:04X}h.{one.sub}",
+            _name(plan.node, one.index, one.sub),
+            before[address],
+            after[address],
+            one.reason,
         )
         for one in changed
-        if (place := (one.index, one.sub))
+        if (address := (one.index, one.sub))
     ]
 
 
 def with_units_before(plan: WritePlan) -> None:
     """Let the node's units be those of the values that it holds."""
-    _scale(plan, {place: plan.holds(*place) for place in _scales(plan)})
+    _scale(plan, {address: plan.holds(*address) for address in _scales(plan)})
 
 
 def with_units_after(plan: WritePlan) -> None:
     """Let the node's units be those of the values that will be written."""
-    _scale(plan, {place: one.value for place, one in _scales(plan).items()})
+    _scale(plan, {address: one.value for address, one in _scales(plan).items()})
 
 
 def _scales(plan: WritePlan) -> dict[tuple[int, int], PlannedWrite]:
@@ -65,7 +69,7 @@ def _scales(plan: WritePlan) -> dict[tuple[int, int], PlannedWrite]:
 def _scale(plan: WritePlan, values: dict[tuple[int, int], int | None]) -> None:
     node = plan.node
     if isinstance(node, Node) and values:
-        node.mirror.values.update({place: value for place, value in values.items() if value is not None})
+        node.mirror.values.update({address: value for address, value in values.items() if value is not None})
         node.use_units()
 
 

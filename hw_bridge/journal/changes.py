@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from hw_bridge.journal.file import JournalFile
 
-Place = tuple[int, int]  # index and subindex
+Address = tuple[int, int]  # index and subindex
 
 
 @dataclass
@@ -29,7 +29,7 @@ class ObjectChange:
     reason: str = ""
 
     @property
-    def place(self) -> Place:
+    def address(self) -> Address:
         """Index and subindex."""
         return self.index, self.sub
 
@@ -43,7 +43,7 @@ class Journal:
     """The changes of one node, in the order of their first write; also in a file, if one is attached."""
 
     def __init__(self) -> None:
-        self.changes: dict[Place, ObjectChange] = {}
+        self.changes: dict[Address, ObjectChange] = {}
         self.history: list[ObjectChange] = []  # of changes that were restored or kept
         self.file: JournalFile | None = None
 
@@ -59,14 +59,14 @@ class Journal:
                 ) from None
 
     def _take(self, row: dict[str, Any]) -> None:
-        place = int(row["index"], 16), int(row["sub"])
+        address = int(row["index"], 16), int(row["sub"])
         if row.get("done"):
-            self.changes.pop(place, None)
+            self.changes.pop(address, None)
             return
         written = [bytes.fromhex(row["after"])] if row["after"] is not None else []
-        known = self.changes.get(place)
+        known = self.changes.get(address)
         if known is None:
-            self.changes[place] = ObjectChange(*place, bytes.fromhex(row["before"]), written, str(row["reason"]))
+            self.changes[address] = ObjectChange(*address, bytes.fromhex(row["before"]), written, str(row["reason"]))
         else:
             known.written += written
 
@@ -74,9 +74,9 @@ class Journal:
         """Note writes that are about to be made. On return they are on the disk, if a file is attached."""
         rows = []
         for change in changes:
-            known = self.changes.get(change.place)
+            known = self.changes.get(change.address)
             if known is None:
-                self.changes[change.place] = replace(change, written=list(change.written))
+                self.changes[change.address] = replace(change, written=list(change.written))
             elif set(change.written) <= set(known.written):
                 continue
             else:
@@ -85,9 +85,9 @@ class Journal:
         if rows and self.file is not None:
             self.file.append(rows)
 
-    def settle(self, places: Iterable[Place]) -> None:
+    def settle(self, addresses: Iterable[Address]) -> None:
         """These are as they were, or are to stay as they are: nothing is left to restore there."""
-        settled = [self.changes.pop(place) for place in places if place in self.changes]
+        settled = [self.changes.pop(address) for address in addresses if address in self.changes]
         self.history += settled
         if settled and self.file is not None:
             self.file.append({"index": f"{one.index:04X}", "sub": one.sub, "done": True} for one in settled)

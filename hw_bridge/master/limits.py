@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     from hw_bridge.hardware import LimitKeys
     from hw_bridge.master.node import Node
 
-Place = tuple[int, int]
+Address = tuple[int, int]
 FOLLOWING_ERROR = 0x6065
 SPEED_LIMITS = (0x607F, 0x6080)
 ACCELERATION_LIMITS = (0x60C5, 0x60C6)
 POSITION_LIMITS = ((0x607D, 1), (0x607D, 2))
 # other objects that bound what a drive does, and what of the units they count in
-LIMITS: dict[Place, str] = {
+LIMITS: dict[Address, str] = {
     (0x607F, 0): "velocity",
     (0x6080, 0): "velocity",
     (0x6065, 0): "position",
@@ -42,13 +42,13 @@ class OwnLimits:
     """
 
     file: LimitKeys
-    values: dict[Place, float] = field(default_factory=dict)
+    values: dict[Address, float] = field(default_factory=dict)
     positions: tuple[int, int] | None = None
     assumed: list[str] = field(default_factory=list)
 
-    def smallest(self, *places: Place) -> list[float]:
+    def smallest(self, *addresses: Address) -> list[float]:
         """Those of these limits that the drive has [SI at the motor]."""
-        return [self.values[place] for place in places if place in self.values]
+        return [self.values[address] for address in addresses if address in self.values]
 
 
 def narrow(node: Node) -> None:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hw_bridge.master.node import Node
     from hw_bridge.master.station import Station
 
-Place = tuple[int, int]
+Address = tuple[int, int]
 ACCELERATIONS, PROFILE_VELOCITY = (0x6083, 0x6084, 0x6085), 0x6081
 MODE = 0x6060
 HOMING_OFFSETS = (0x607C, 0x30B0, 0x30B1)  # home offset, of an EPOS4 home position and the way after it
@@ -43,23 +43,23 @@ class WritePlan:
     def __init__(self, node: Station) -> None:
         self.node = node
         self.writes: list[PlannedWrite] = []
-        self.before: dict[Place, bytes] = {}
+        self.before: dict[Address, bytes] = {}
         self.refused: list[str] = []
         self.problems: list[str] = []  # why it cannot be moved
-        self._present: dict[Place, int] = {}
+        self._present: dict[Address, int] = {}
 
     def holds(self, index: int, sub: int = 0) -> int | None:
         """What an object holds before the run; nothing if the node refuses to tell it, which is noted once."""
-        place = index, sub
-        if place not in self.before:
+        address = index, sub
+        if address not in self.before:
             try:
-                self.before[place] = before_of(self.node, index, sub)
+                self.before[address] = before_of(self.node, index, sub)
             except SdoError as error:
-                self.before[place] = b""
+                self.before[address] = b""
                 self.refused.append(
                     f"{self.node.name}: {error} A run writes it. Correct the hardware file or the profile."
                 )
-        data = self.before[place]
+        data = self.before[address]
         return number(self.node, index, sub, data) if data else None
 
     def peek(self, index: int, sub: int = 0) -> int | None:
@@ -86,14 +86,14 @@ class WritePlan:
 
     def sizes(self) -> list[str]:
         """Numbers that have other sizes than in the profile."""
-        found = []
+        lines = []
         for (index, sub), data in self.before.items():
             known = self.node.mirror.objects.get(index, {}).get(sub)
             if known is not None and data and len(data) != known.type.size:
-                found.append(
+                lines.append(
                     f"{self.node.name}: {index:04X}h.{sub} has {len(data)} bytes, in the profile {known.type.size}."
                 )
-        return found
+        return lines
 
     def encode(self) -> list[tuple[PlannedWrite, bytes]]:
         """The writes with their bytes; SimulationError where a value does not fit what the node has."""
@@ -101,8 +101,8 @@ class WritePlan:
 
     def raise_problems(self) -> None:
         """SimulationError with all that stands against a run, before anything is written."""
-        if found := [*self.refused, *self.problems]:
-            raise SimulationError(" ".join(found))
+        if problems := [*self.refused, *self.problems]:
+            raise SimulationError(" ".join(problems))
 
 
 def plan_drive(node: Node, period: int, master: int) -> WritePlan:
@@ -141,15 +141,15 @@ def plan_drive(node: Node, period: int, master: int) -> WritePlan:
 def _own_limits(plan: WritePlan, node: Node) -> None:
     """Limits of the drive in its units as it was found."""
     node.own.values.clear()
-    found = {
-        place: value
-        for place in (*LIMITS, *POSITION_LIMITS)
-        if place[1] in node.mirror.objects.get(place[0], {}) and (value := plan.peek(*place)) is not None
+    held = {
+        address: value
+        for address in (*LIMITS, *POSITION_LIMITS)
+        if address[1] in node.mirror.objects.get(address[0], {}) and (value := plan.peek(*address)) is not None
     }
-    for place, kind in LIMITS.items():
-        if kind and found.get(place, 0) > 0:
-            node.own.values[place] = found[place] * getattr(node.units, kind)
-    low, high = (found.get(place) for place in POSITION_LIMITS)
+    for address, kind in LIMITS.items():
+        if kind and held.get(address, 0) > 0:
+            node.own.values[address] = held[address] * getattr(node.units, kind)
+    low, high = (held.get(address) for address in POSITION_LIMITS)
     none = low is None or high is None or low >= high
     node.own.positions = None if none else (low, high)  # type: ignore[assignment]
 
@@ -186,10 +186,10 @@ def _ramps(plan: WritePlan, node: Node) -> None:
     given, limits, own, units = node.own.file, node.keys.limits, node.own, node.units
     scale = node.keys.scale
 
-    def counted(value: float, unit: float, place: Place | None = None) -> int:
+    def counted(value: float, unit: float, address: Address | None = None) -> int:
         """A limit of the member in the drive's units: rounded up, but not beyond the drive's own."""
         whole = ceil(value / (scale * unit))
-        return whole if place not in own.values else min(whole, round(own.values[place] / unit))
+        return whole if address not in own.values else min(whole, round(own.values[address] / unit))
 
     narrower = {key: OWN if getattr(limits, key) < getattr(given, key) else "" for key in type(limits).model_fields}
     for index in ACCELERATIONS:
@@ -258,7 +258,7 @@ def plan_pdo(plan: WritePlan, index: int, identifier: int, words: tuple[int, ...
         return
     plan.add(index, 2, kind, reason)
     plan.add(index + 0x200, 0, 0, reason)
-    for place, word in enumerate(words, 1):
-        plan.add(index + 0x200, place, word, reason)
+    for address, word in enumerate(words, 1):
+        plan.add(index + 0x200, address, word, reason)
     plan.add(index + 0x200, 0, len(words), reason)
     plan.add(index, 1, flags | identifier, reason)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hw_bridge.master.master import Master
     from hw_bridge.master.station import Station
 
-Place = tuple[int, int]
+Address = tuple[int, int]
 OUTPUTS = (cia402.OUTPUTS, cia401.OUTPUTS)  # to restore them would switch valves or a brake
 ENABLED = (State.ENABLED, State.QUICK_STOP, State.REACTION)
 HEARTBEATS = (0x1016, 0x1017)
@@ -50,7 +50,7 @@ def restore(station: Station) -> Restored:
     if 0x6041 in station.mirror and (state := state_of(station.sdo.number(STATUSWORD) & 0xFFFF)) in ENABLED:
         raise SimulationError(f"{station.name}: is in {state}: nothing is restored while it is enabled.")
     keep = _kept(station, journal)
-    result.kept = [journal.changes[place].name for place in keep]
+    result.kept = [journal.changes[address].name for address in keep]
     journal.settle(keep)
     changes = [one for one in journal.changes.values() if one.before]
     pdos = [one for one in changes if one.index in PDOS]
@@ -64,14 +64,14 @@ def restore(station: Station) -> Restored:
     return result
 
 
-def _kept(station: Station, journal: Journal) -> list[Place]:
+def _kept(station: Station, journal: Journal) -> list[Address]:
     """Changes that stay: those that the hardware file names, outputs, and offsets that would be added to targets."""
     named = getattr(station.keys, "keep", ())
     everything = named == "all"
     return [
-        place
-        for place in journal.changes
-        if place[0] in (*OUTPUTS, *cia402.OFFSETS) or everything or place in named or (place[0], None) in named
+        address
+        for address in journal.changes
+        if address[0] in (*OUTPUTS, *cia402.OFFSETS) or everything or address in named or (address[0], None) in named
     ]
 
 
@@ -121,7 +121,7 @@ def _write_back(
                         f"{station.name}: {change.name} is {_hex(present)}, which the run did not write; before the run it "
                         f"was {_hex(change.before)}. It is left as it is."
                     )
-                    station.journal.settle([change.place])
+                    station.journal.settle([change.address])
                     continue
                 if prepare is not None:
                     prepare(change)
@@ -135,7 +135,7 @@ def _write_back(
 def _verify(station: Station, changes: list[ObjectChange], left: list[ObjectChange], result: Restored) -> None:
     """Read everything back; what is as it was is settled."""
     for change in changes:
-        if change.place not in station.journal.changes:
+        if change.address not in station.journal.changes:
             continue
         try:
             present = ask(station, change.index, change.sub)
@@ -149,9 +149,9 @@ def _verify(station: Station, changes: list[ObjectChange], left: list[ObjectChan
             result.failed.append(
                 f"{station.name}: {change.name} is {_hex(present)} and was {_hex(change.before)} before the run: {why}."
             )
-    unread = [one.place for one in station.journal.changes.values() if not one.before]
+    unread = [one.address for one in station.journal.changes.values() if not one.before]
     done = set(result.restored)
-    station.journal.settle([*unread, *(one.place for one in changes if one.name in done)])
+    station.journal.settle([*unread, *(one.address for one in changes if one.name in done)])
 
 
 def _hex(data: bytes) -> str:

@@ -26,28 +26,28 @@ def learn_scaling(node: Node) -> None:
         for entry in node.mirror.objects.get(index, {}).values():
             if not entry.readable or (not entry.sub and entry.title):
                 continue
-            place = entry.index, entry.sub
+            address = entry.index, entry.sub
             try:
-                read(node, *place)
+                read(node, *address)
             except SdoError:
-                if place in node.keys.scaling:
-                    node.mirror.values[place] = node.keys.scaling[place]
-                elif place in node.profile.scaling:
+                if address in node.keys.scaling:
+                    node.mirror.values[address] = node.keys.scaling[address]
+                elif address in node.profile.scaling:
                     node.own.assumed.append(
-                        f"{index:04X}h.{entry.sub} {entry.name} does not answer, {node.mirror.get(*place)} is assumed"
+                        f"{index:04X}h.{entry.sub} {entry.name} does not answer, {node.mirror.get(*address)} is assumed"
                     )
-    for place in OPTIONAL.get(node.profile.name, ()):
+    for address in OPTIONAL.get(node.profile.name, ()):
         try:
-            node.mirror.values[place] = int.from_bytes(ask(node, *place), "little")
+            node.mirror.values[address] = int.from_bytes(ask(node, *address), "little")
         except SdoError:
-            node.mirror.values.pop(place, None)
-            if place in node.keys.scaling:
-                node.mirror.values[place] = node.keys.scaling[place]
+            node.mirror.values.pop(address, None)
+            if address in node.keys.scaling:
+                node.mirror.values[address] = node.keys.scaling[address]
     try:
         node.own.assumed += node.profile.unsure(node.mirror, node.keys.motor in MOTORS)
         node.use_units()
     except ZeroDivisionError:
-        zero = [place for place in node.profile.scaling if not node.mirror.get(*place)]
+        zero = [address for address in node.profile.scaling if not node.mirror.get(*address)]
         names = ", ".join(f"{index:04X}h.{sub}" for index, sub in zero)
         node.own.assumed.append(f"{names} is 0")
 
@@ -57,9 +57,11 @@ def wrong_motor(node: Node) -> str:
     if node.keys.motor not in MOTORS:
         return ""
     motor = motor_parameters(node.profile, node.keys.motor)
-    places = motor.scaling.get(node.profile.name, {})
+    addresses = motor.scaling.get(node.profile.name, {})
     held = {
-        place: node.mirror.get(*place) for place in places if node.keys.scaling.get(place) != node.mirror.get(*place)
+        address: node.mirror.get(*address)
+        for address in addresses
+        if node.keys.scaling.get(address) != node.mirror.get(*address)
     }
     if not (text := disagreement(node.profile, motor, held)):
         return ""

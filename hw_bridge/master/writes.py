@@ -23,17 +23,17 @@ MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
 def ask(node: Station, index: int, sub: int = 0) -> bytes:
     """A number as the node has it: how many bytes there are is for the node to say, not for the profile."""
     data = node.sdo.read(index, sub)
-    known = node.mirror.objects.get(index, {}).get(sub)
-    if not node.sdo.sized and known is not None:
-        data = data[: known.type.size or LONGEST]
+    entry = node.mirror.objects.get(index, {}).get(sub)
+    if not node.sdo.sized and entry is not None:
+        data = data[: entry.type.size or LONGEST]
     node.sizes[index, sub] = len(data)
     return data
 
 
 def is_signed(node: Station, index: int, sub: int, value: int = 0) -> bool:
     """Whether a number is signed, by the profile; what the profile has not, by its value."""
-    known = node.mirror.objects.get(index, {}).get(sub)
-    return value < 0 if known is None else known.type.signed
+    entry = node.mirror.objects.get(index, {}).get(sub)
+    return value < 0 if entry is None else entry.type.signed
 
 
 def number(node: Station, index: int, sub: int, data: bytes) -> int:
@@ -84,14 +84,14 @@ def write(node: Station, index: int, sub: int, value: int, reason: str = "", las
         data = encoded(node, index, sub, value)
         if not lasting:
             node.journal.record([ObjectChange(index, sub, before, [data], reason)])
-        found = download(node, index, sub, data)
+        read_back = download(node, index, sub, data)
     except SdoError as error:
         raise SdoError(f"{node.name}: {error} It was to become {value}.", error.code) from None
     if sub in node.mirror.objects.get(index, {}):
-        node.mirror.values[index, sub] = int.from_bytes(found, "little", signed=is_signed(node, index, sub))
-    if found != data:
-        value_found = int.from_bytes(found, "little", signed=is_signed(node, index, sub, value))
-        raise SimulationError(f"{node.name}: {index:04X}h.{sub} reads {value_found} after {value} was written.")
+        node.mirror.values[index, sub] = int.from_bytes(read_back, "little", signed=is_signed(node, index, sub))
+    if read_back != data:
+        value_read = int.from_bytes(read_back, "little", signed=is_signed(node, index, sub, value))
+        raise SimulationError(f"{node.name}: {index:04X}h.{sub} reads {value_read} after {value} was written.")
 
 
 def download(node: Station, index: int, sub: int, data: bytes) -> bytes:

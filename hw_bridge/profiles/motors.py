@@ -96,9 +96,9 @@ def motor_parameters(profile: Profile, name: str) -> MotorParameters:
 
 def disagreement(profile: Profile, motor: MotorParameters, held: Mapping[tuple[int, int], int]) -> str:
     """Objects of a drive that are not those of the motor, or nothing. `held`: what the drive holds."""
-    found = [
+    differing = [
         f"{index:04X}h.{sub} is {held[index, sub]}, {value} with this motor"
         for (index, sub), value in motor.scaling.get(profile.name, {}).items()
         if (index, sub) in held and held[index, sub] != value
     ]
-    return "; ".join(found)
+    return "; ".join(differing)
