@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -27,6 +28,7 @@ ENABLED = (State.ENABLED, State.QUICK_STOP, State.REACTION)
 HEARTBEATS = (0x1016, 0x1017)
 MODE = 0x6060
 STATUSWORD = 0x6041
+ATTEMPTS = 4  # of a request: some hundred of them are made, and frames may be lost
 ROUNDS = 2  # a limit may be refused until its counterpart is restored
 
 
@@ -47,21 +49,43 @@ def restore(station: Station) -> Restored:
     0, entries, count; kinds and times; COB-IDs with their valid bit; heartbeats. SimulationError if it is enabled.
     """
     journal, result = station.journal, Restored()
-    if 0x6041 in station.mirror and (state := state_of(station.sdo.number(STATUSWORD) & 0xFFFF)) in ENABLED:
-        raise SimulationError(f"{station.name}: is in {state}: nothing is restored while it is enabled.")
+    refuse_enabled(station)
     keep = _kept(station, journal)
     result.kept = [journal.changes[address].name for address in keep]
     journal.settle(keep)
     changes = [one for one in journal.changes.values() if one.before]
-    pdos = [one for one in changes if one.index in PDOS]
+    pdos = _changed_pdos(station, [one for one in changes if one.index in PDOS])
     others = sorted((one for one in reversed(changes) if one.index not in PDOS), key=_rank)
-    _disable(station, pdos)
-    left = [one for one in others if one.index not in HEARTBEATS]
-    left = _write_back(station, left, result)
+    disabled = _disable(station, pdos)
+    left = _write_back(station, [one for one in others if one.index not in HEARTBEATS], result)
     left += _write_back(station, sorted(pdos, key=_pdo_rank), result, prepare=lambda one: _empty(station, one))
+    for index, identifier in disabled.items():
+        if (index, 1) not in journal.changes:  # it is to stay as it was a moment ago
+            download(station, index, 1, identifier)
     left += _write_back(station, [one for one in others if one.index in HEARTBEATS], result)
     _verify(station, changes, left, result)
     return result
+
+
+def _changed_pdos(station: Station, changes: list[ObjectChange]) -> list[ObjectChange]:
+    """Changes of those PDOs of which anything is not as before: the others stay in use."""
+    touched = {one.index & ~0x200 for one in changes if _reads(station, one) != one.before}
+    return [one for one in changes if one.index & ~0x200 in touched]
+
+
+def _reads(station: Station, change: ObjectChange) -> bytes:
+    """What an object holds; nothing where it cannot be read, as mapping entries beyond the count."""
+    try:
+        return ask(station, change.index, change.sub)
+    except SdoError:
+        return b""
+
+
+def refuse_enabled(station: Station) -> None:
+    """SimulationError for a drive whose power stage is on; what has no statusword is no drive."""
+    with suppress(SdoError):
+        if (state := state_of(station.sdo.number(STATUSWORD) & 0xFFFF)) in ENABLED:
+            raise SimulationError(f"{station.name}: is in {state}: nothing is restored while it is enabled.")
 
 
 def _kept(station: Station, journal: Journal) -> list[Address]:
@@ -87,12 +111,16 @@ def _pdo_rank(change: ObjectChange) -> tuple[int, int, int, int]:
     return change.index & ~0x200, order, change.index, change.sub
 
 
-def _disable(station: Station, pdos: Iterable[ObjectChange]) -> None:
-    """Take PDOs out of use that are to be mapped."""
+def _disable(station: Station, pdos: Iterable[ObjectChange]) -> dict[int, bytes]:
+    """Take PDOs out of use that are to be mapped; the COB-IDs of those that were in use, by index."""
+    disabled = {}
     for index in sorted({one.index & ~0x200 for one in pdos}):
-        present = int.from_bytes(ask(station, index, 1), "little")
+        identifier = ask(station, index, 1)
+        present = int.from_bytes(identifier, "little")
         if not present & cia301.INVALID:
             download(station, index, 1, (present | cia301.INVALID).to_bytes(LONGEST, "little"))
+            disabled[index] = identifier
+    return disabled
 
 
 def _empty(station: Station, change: ObjectChange) -> None:
@@ -216,7 +244,8 @@ def finish(master: Master) -> None:
 
 
 def _finish(master: Master, station: Station) -> None:
-    station.sdo.attempts = 1  # nobody waits for a node that is gone
+    station.sdo.number(0x1000)  # a node that is gone is given up here
+    station.sdo.attempts = ATTEMPTS
     master.nmt(cia301.PRE_OPERATIONAL, station.number)
     result = restore(station)
     if result.failed or result.foreign:

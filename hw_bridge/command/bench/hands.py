@@ -104,6 +104,8 @@ def hand(
             with held.enabled(start, axis.keys if homed else None):
                 yield held
         finally:
+            for text in held.master.restorations:
+                paragraph(text)
             for note in held.master.notes:
                 paragraph(f"warning: {note}")
     if held.master.notes:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hw_bridge.bus import Bus, SimulatedNetwork
+from hw_bridge.bus import Bus, Disturbance, Kind, SimulatedNetwork
 from hw_bridge.commission import Line, dcf, memory, objects
 from hw_bridge.device import Drive, Module, Motor
 from hw_bridge.dictionary import State
@@ -204,6 +204,33 @@ def test_killed_and_restored_by_the_next_run(bench):
     assert bench.journals() == []
 
 
+def test_a_drive_that_was_switched_off_meanwhile_has_nothing_to_restore(bench):
+    master = bench.master()
+    master.begin(START)
+    killed(master)
+    for number in (1, 9):
+        bench.line().nmt(0x81, number)
+    bench.bus.advance(bench.bus.now + 1_000_000_000)
+    assert bench.now == bench.before
+    writes = []
+    each_write(bench.drive, lambda *one: writes.append(one))
+    check_restored(bench)
+    assert writes == []
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_frames_may_be_lost_meanwhile(build, seed):
+    """Two of a hundred requests and answers."""
+    bench = RealBench("faulhaber_v3", build)
+    bench.bus._chance.seed(seed)
+    master = bench.master()
+    master.begin(START)
+    bench.bus.disturbances.append(Disturbance(Kind.DROP, 0x580, 0x67F, share=0.02))
+    master.stop()
+    assert master.notes == []
+    assert bench.now == bench.before
+
+
 def test_a_journal_is_not_applied_to_a_drive_with_another_serial_number(bench):
     master = bench.master()
     master.begin(START)
@@ -278,9 +305,16 @@ def test_the_hardware_file_says_what_stays(build):
     master.begin(START)
     master.stop()
     assert master.notes == []
-    differing = {place for place, value in bench.now[0].items() if value != bench.before[0][place]}
+    differing = {address for address, value in bench.now[0].items() if value != bench.before[0][address]}
     assert differing == {(0x6083, 0), (0x1600, 1)}
     assert "kept: 6083h.0, 1600h.1" in master.restorations[0]
+    bench = RealBench("faulhaber_v3", build, keep=["1400h.1", "1402h.1"])  # one in use, one that the run does not use
+    master = bench.master()
+    master.begin(START)
+    master.stop()
+    assert master.notes == []
+    differing = {address for address, value in bench.now[0].items() if value != bench.before[0][address]}
+    assert differing == {(0x1402, 1)}
     bench = RealBench("faulhaber_v3", build, keep="all")
     master = bench.master()
     master.begin(START)
