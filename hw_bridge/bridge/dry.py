@@ -53,7 +53,7 @@ def rehearse(
         raise SimulationError([master.in_full(str(error)), *master.notes]) from error
     finally:
         master.stop()
-    writes += master.restorations
+    writes += [*master.recovered, *master.restorations]
     return [*told, *master.notes]
 
 

@@ -67,6 +67,7 @@ class Master:
         self.patience = max(SILENT_CYCLES, (keys.late_cycle.at_most or 0) // self.cycle)
         self.notes: list[str] = []
         self.restorations: list[str] = []  # what became of the objects that were written
+        self.recovered: list[str] = []  # what an earlier run had left and was restored before this one
         self.said: list[str] = []  # by drives that were in Fault after the stop
         self.announce: Callable[[Master], None] | None = None  # before anything is written
         self.running = False
@@ -373,4 +374,4 @@ class Master:
             }
             for name, node in self.stations.items()
         }
-        return {**self.timing.summary(), "nodes": nodes, "restorations": self.restorations}
+        return {**self.timing.summary(), "nodes": nodes, "restorations": [*self.recovered, *self.restorations]}

@@ -223,10 +223,10 @@ def begin(master: Master) -> None:
         result = restore(station)
         if result.failed:
             raise SimulationError([*result.failed, f"{station.name}: an earlier run left these. The journal is kept."])
-        master.restorations.append(
+        master.recovered.append(
             f"{station.name}: an earlier run ended without restoring {count} objects; they were restored before this one."
         )
-        master.restorations += result.foreign
+        master.recovered += result.foreign
         station.journal.history.clear()
 
 

@@ -104,7 +104,7 @@ def hand(
             with held.enabled(start, axis.keys if homed else None):
                 yield held
         finally:
-            for text in held.master.restorations:
+            for text in held.master.recovered:
                 paragraph(text)
             for note in held.master.notes:
                 paragraph(f"warning: {note}")

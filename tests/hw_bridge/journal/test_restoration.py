@@ -196,7 +196,7 @@ def test_killed_and_restored_by_the_next_run(bench):
     setup.reset(node)
     again = bench.master()
     again.begin(START)
-    told = [text for text in again.restorations if "ended without restoring" in text]
+    told = [text for text in again.recovered if "ended without restoring" in text]
     assert len(told) == 2
     again.stop()
     assert again.notes == []
