@@ -10,6 +10,7 @@ import click
 
 from hw_bridge.command.bench.options import NODE, PROFILE, on_a_bus, paragraph, table
 from twin.cli import say
+from twin.errors import SimulationError
 from twin.files import write_atomically
 
 if TYPE_CHECKING:
@@ -226,7 +227,7 @@ def restore_file(bus: BusChoice, line: Line, node: str, file: Path, store: bool,
 def store_command(bus: BusChoice, node: str, file: Path | None) -> None:
     """Keep all parameters of NODE when it is switched off (1010h.1), and show what differs from FILE, or its last dump.
 
-    Refused while somebody drives it, and while it holds values that a run wrote and did not restore.
+    Refused while a program drives it, and while it holds values that a run wrote and did not restore.
     """
     from hw_bridge.commission import dcf, memory, objects
 
@@ -235,9 +236,14 @@ def store_command(bus: BusChoice, node: str, file: Path | None) -> None:
         objects.learn(asked)
         source = file if file is not None else dcf.last_dump(asked, bus.journals)
         if source is None:
-            paragraph("note: there is no dump of this drive, so that nobody sees what changes: twin hil dump")
+            paragraph(
+                "note: there is no dump of this drive to compare with. Take one before you change it: twin hil dump"
+            )
         else:
-            rows = difference_rows(asked, dcf.differences(asked, dcf.load(source, asked.number)))
+            wanted = dcf.load(source, asked.number)
+            if problem := dcf.another(asked, wanted):
+                raise SimulationError(problem)
+            rows = difference_rows(asked, dcf.differences(asked, wanted))
             say(f"{asked.name}: {len(rows)} objects differ from {'its last dump' if file is None else file}:")
             table([("object", "name", "drive", "dump"), *rows] if rows else [], 2, head=True)
         memory.store(asked, bus.journals)
