@@ -78,6 +78,8 @@ def inspect(node: Node) -> Inspection:
             except SdoError:
                 continue
             value = values[address] = int.from_bytes(data, "little", signed=entry.type.signed)
+            if address[1] in node.mirror.objects.get(address[0], {}):
+                node.mirror.values[address] = value
             rows.append((f"{address[0]:04X}h.{address[1]}", UNIT.sub("", entry.name), meant(node, entry, value)))
     return Inspection(groups, list(_notes(node, values)))
 
@@ -97,8 +99,8 @@ def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
     rated = values.get((0x6075, 0), 0) / 1e3
     currents = [values[0x30B2, 0] / 1e3] if (0x30B2, 0) in values else []
     currents += [values[address] * rated / 1e3 for address in ((0x2350, 0), (0x2351, 0)) if address in values and rated]
+    newton = "N*m" if node.rotary else "N"
     if homing is not None and homing.method in BLOCK_METHODS:
-        newton = "N*m" if node.rotary else "N"
         if not currents:
             yield f"{name}: homing pushes against an end stop, and no object tells with which current."
         elif max(currents) * constant > limit:
@@ -106,6 +108,12 @@ def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
                 f"{name}: homing pushes against the end stop with {shown(max(currents) * constant, newton)}, above "
                 f"limits.force {shown(limit, newton)}. Lower it under `objects` (30B2h, or 2350h and 2351h)."
             )
+    peak = node.profile.currents(node.mirror).peak * constant
+    if peak > limit:
+        yield (
+            f"{name}: the drive's own currents allow {shown(peak, newton)}, limits.force is {shown(limit, newton)}: only this program "
+            f"watches it. Lower them under `objects` or in the drive, so that the drive holds it too."
+        )
     options = {(index, sub): value for index, sub, value in node.vendor.setup} | node.keys.objects
     if options.get((0x605A, 0), values.get((0x605A, 0))) == COASTS:
         yield f"{name}: 605Ah is 0: at a quick stop it coasts. Set a ramp: twin hil set {node.number} 605Ah 2."

@@ -76,6 +76,8 @@ def test_objects_that_the_profile_has_not(build):
         ("faulhaber_v3", {}, {"homing": {"method": -3, "at": "-40 mm"}}, "no object tells with which current"),
         ("faulhaber_v3", {(0x605A, 0): 0}, {}, "605Ah is 0: at a quick stop it coasts"),
         ("mclm", {(0x1029, 1): 1}, {}, "1029h.1 is 1: it stays Operational"),
+        ("faulhaber_v3", {}, {"limits": {"force": "8 N"}}, "the drive's own currents allow 18.39 N, limits.force is 8 N"),
+        ("mclm", {(0x2333, 2): 9000}, {"limits": {"force": "8 N"}}, "the drive's own currents allow 104.8 N"),
         ("epos4", {}, {}, "8250h (RPDO time-out) follows from 60C2h"),
     ],
 )  # fmt: skip
