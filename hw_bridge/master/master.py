@@ -352,8 +352,8 @@ class Master:
             except Exception as error:
                 self.notes.append(f"stop: {error} {ALONE}")
             finally:
+                self._beating = False  # a drive that goes on is to miss it
                 restoration.finish(self)
-                self._beating = False
                 self.network.close()
 
     def in_full(self, text: str) -> str:
