@@ -23,6 +23,7 @@ Address = tuple[int, int]
 ACCELERATIONS, PROFILE_VELOCITY = (0x6083, 0x6084, 0x6085), 0x6081
 MODE = 0x6060
 HOMING_OFFSETS = (0x607C, 0x30B0, 0x30B1)  # home offset, of an EPOS4 home position and the way after it
+NARROWED = ("velocity", "acceleration", "following_error")  # of the limits, beside positions
 OWN = "; the drive's own is narrower and counts"
 
 
@@ -191,7 +192,7 @@ def _ramps(plan: WritePlan, node: Node) -> None:
         whole = ceil(value / (scale * unit))
         return whole if address not in own.values else min(whole, round(own.values[address] / unit))
 
-    narrower = {key: OWN if getattr(limits, key) < getattr(given, key) else "" for key in type(limits).model_fields}
+    narrower = {key: OWN if getattr(limits, key) < getattr(given, key) else "" for key in NARROWED}
     for index in ACCELERATIONS:
         value = counted(limits.acceleration, units.acceleration)
         plan.add_if_present(index, value, f"limits.acceleration{narrower['acceleration']}")
