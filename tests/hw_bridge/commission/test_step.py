@@ -58,3 +58,11 @@ def test_the_command(build, tmp_path):
     assert max(map(len, done.output.replace(str(plot), "").splitlines())) <= 80
     assert plot.read_text().startswith("<svg ")
     assert "half of limits.following_error" in str(CliRunner().invoke(hil.command, [*words, "--by", "3 mm"]).exception)
+
+
+@pytest.mark.parametrize("motor", ["lm2070", "lm1247"])
+def test_the_simulated_drive_is_set_up_for_the_motor_of_the_file(build, motor):
+    node = {"node": 1, "profile": "mclm", "motor": motor}
+    keys = hardware.HardwareKeys.model_validate({"simulated": True, "nodes": {"axis": node}})
+    found = step.simulated(keys, "axis", 0.5e-3, build, {})
+    assert found.way[-1] == pytest.approx(0.5e-3, abs=5e-5)
