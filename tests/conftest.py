@@ -7,10 +7,13 @@ a lottery. `--hypothesis-seed` repeats it.
 xdist's own way to group tests writes into node IDs, which newer versions of pytest do not let it.
 """
 
+import atexit
 import gc
 import os
 import re
+import shutil
 import sys
+import tempfile
 from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Any
@@ -30,6 +33,10 @@ gc.disable()
 # tests start many processes, and each would compile all it imports where bytecode is not kept
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+# journals of drives: those of tests are no user's
+os.environ["TWIN_STATE"] = tempfile.mkdtemp(prefix="twin-state-")
+atexit.register(shutil.rmtree, os.environ["TWIN_STATE"], ignore_errors=True)
 
 # workers share the cores already: threads of theirs would only wait for each other
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

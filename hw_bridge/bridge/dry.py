@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import TYPE_CHECKING, Any
 
+from hw_bridge.bridge import announcement
 from hw_bridge.bridge.hardware import Hardware
 from hw_bridge.commission import Line, axis, limits
 from hw_bridge.dictionary import Mode, State, acting
@@ -34,24 +35,33 @@ TOLD = {Mode.CSP: "target_position", Mode.CSV: "target_velocity", Mode.CST: "tar
 ON = 2_000_000_000  # longest time to Switched on [ns]
 
 
-def rehearse(keys: HardwareKeys, network: Network, rotary: Mapping[str, bool], armed: bool = True) -> list[str]:
+def rehearse(
+    keys: HardwareKeys,
+    network: Network,
+    rotary: Mapping[str, bool],
+    armed: bool = True,
+    writes: list[str] | None = None,
+) -> list[str]:
     """Everything but power: identity, limits, parameters, process data both ways; armed, Switched on; then down again.
 
-    What was seen. `rotary`: which members turn.
+    What was seen. `rotary`: which members turn. `writes`: gets a line for each object that was written, and whether all
+    have their values again.
     """
+    writes = [] if writes is None else writes
     line = Line(network, keys.nodes)
     master = Master(keys, network)
     try:
-        told = without_power(line, master, rotary, armed)
+        told = without_power(line, master, rotary, armed, writes)
     except SimulationError as error:
         master.stop()
         raise SimulationError([master.in_full(str(error)), *master.notes]) from error
     finally:
         master.stop()
+    writes += [*master.recovered, *master.restorations]
     return [*told, *master.notes]
 
 
-def without_power(line: Line, master: Master, rotary: Mapping[str, bool], armed: bool) -> list[str]:
+def without_power(line: Line, master: Master, rotary: Mapping[str, bool], armed: bool, writes: list[str]) -> list[str]:
     """Up to Switched on if it is armed, else with the power stage off; and what was seen there."""
     keys, network = master.keys, master.network
     if problems := master.identify():
@@ -63,6 +73,7 @@ def without_power(line: Line, master: Master, rotary: Mapping[str, bool], armed:
         wide += list(limits.wider(drive, limits.compare(drive)))
     if absurd := [text for text, is_absurd in wide if is_absurd]:
         raise SimulationError(absurd)
+    writes += announcement.lines(master)
     master.prepare()
     goal = State.SWITCHED_ON if armed else State.DISABLED
     for node in master.nodes.values():
@@ -169,6 +180,7 @@ class DryHardware(Hardware):
         self.real = keys
         self.armed = arm or keys.is_software()
         self.seen: list[str] = []
+        self.writes: list[str] = []
 
     def apply(self, scenario: Scenario) -> Scenario:
         """The scenario on simulated drives, if the bus could be brought up without power."""
@@ -183,6 +195,7 @@ class DryHardware(Hardware):
             bench_network(self.real, self.build),
             {name: axis(self.path, self.real, name).rotary for name in self.real.nodes},
             armed=self.armed,
+            writes=self.writes,
         )
         return applied
 
@@ -193,4 +206,5 @@ class DryHardware(Hardware):
             *(f"dry run on {bus}, power never on: {one.rstrip('.')}." for one in self.seen),
             *self.bounds(),
             *(f"would have been sent: {one}" for one in super().notes()),
+            *(f"dry run, {one.strip().rstrip('.')}." for one in self.writes),
         ]

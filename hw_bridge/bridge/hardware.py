@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hw_bridge.bridge import status, summary
+from hw_bridge.bridge.announcement import announce
 from hw_bridge.bridge.axis import KEPT, DriveAxis, OutputModule
 from hw_bridge.bridge.fitting import Fitting, replaced
 from hw_bridge.hardware import late, planned
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 CONTACT = "contact_force"
 ROOM = "hw_bridge.bridge"  # as whose the components appear
-COMPANY = Company(Watch, shadows)
+COMPANY = Company(Watch, shadows, announce)
 
 
 class Hardware:

@@ -32,6 +32,8 @@ def report(path: Path, keys: HardwareKeys, sessions: Sequence[Session], jitter: 
     for session, one in zip([one for one in sessions if one.begun], reports, strict=True):
         if session.trace is not None:
             told.append(f"{session.trace}: {one['frames']} frames")
+        if not keys.simulated:
+            told += one["restorations"]
     return {
         "file": str(path),
         "simulated": keys.simulated,

@@ -13,7 +13,7 @@ import click
 from hw_bridge.bus import NEVER
 from hw_bridge.dictionary import cia401
 from hw_bridge.fault import LARGEST, MEANINGS, Cause, Fault
-from hw_bridge.profiles import DEVICES, MODULES, device, profile
+from hw_bridge.profiles import DEVICES, MODULES, MOTORS, device, profile
 from twin.cli import say
 from twin.files import write_atomically
 from twin.process import SIGNALS
@@ -41,6 +41,9 @@ if TYPE_CHECKING:
 @click.option(
     "--write-eds", type=click.Path(dir_okay=False, path_type=Path), help="Write the profile's EDS file and end."
 )
+@click.option("--motor", type=click.Choice(list(MOTORS)), help="The motor that it moves, and that it is set up for.")
+@click.option("--factory", is_flag=True, help="As delivered, not set up for its motor: an MCLM has a pitch of 18 mm and software "
+              "limits of +-9 996 um.")  # fmt: skip
 @click.option("--store", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Keep there what 1010h "
               "stores, also after the process.")  # fmt: skip
 @click.option("--extrapolate", type=click.IntRange(0, 100), default=0, metavar="N", help="In csp, go on at the last speed "
@@ -60,6 +63,8 @@ def command(
     options: tuple[str, ...],
     eds: Path | None,
     write_eds: Path | None,
+    motor: str | None,
+    factory: bool,
     store: Path | None,
     extrapolate: int,
     control: int | None,
@@ -96,9 +101,14 @@ def command(
             chosen = replace(chosen, objects=entries)
         for warning in warnings:
             say(f"warning: {warning}", err=True)
+    if isinstance(chosen, Profile) and motor is not None:
+        if chosen.name not in MOTORS[motor].scaling:
+            raise click.UsageError(f"--motor {motor}: no values of it are known for {chosen.title}.")
+        chosen = replace(chosen, motor_name=motor)
     if extrapolate and isinstance(chosen, Profile):
         chosen = replace(chosen, extrapolation=extrapolate)
-    serve(chosen, node, interface, channel, bitrate, build, control, store, named(options))
+    is_set_up = not factory and (eds is None or motor is not None)
+    serve(chosen, node, interface, channel, bitrate, build, control, store, named(options), is_set_up)
 
 
 WIDTH = max(map(len, Cause))
@@ -215,16 +225,20 @@ def serve(
     port: int | None = None,
     store: Path | None = None,
     options: dict[str, Any] | None = None,
+    is_set_up: bool = True,
 ) -> None:
-    """Run the drive on an interface until a signal ends it."""
+    """Run the drive on an interface until a signal ends it. `is_set_up`: it holds the values of its motor."""
     from hw_bridge.command.control import Control
-    from hw_bridge.device import Module, Store
+    from hw_bridge.device import Drive, Module, Store
+    from hw_bridge.plant import set_up_for
     from hw_bridge.wire import Wire, left, link, opened, refuse_if_taken, settle
 
     control: Control | None = None
     slave = made(chosen, node, build)
     if store is not None:
         slave.remember(Store(store, chosen.name, node))
+    if is_set_up and isinstance(slave, Drive):
+        set_up_for(slave, MOTORS[slave.profile.motor_name])
     bus = opened(interface, channel, bitrate, options or {})
     try:
         ends = link(bus, interface)

@@ -125,7 +125,7 @@ def differences(keys: HardwareKeys, build: Path, rotary: Mapping[str, bool] | No
                 problems.append(f"{node.name}: node {number}: {found[number]}. Give one of them another.")
             else:
                 differing = master.compare(node)
-                problems += differing or unready(node)
+                problems += differing or unready(master, node)
         answering = [node for node in master.nodes.values() if node.number in found and not node.doubled]
         problems += active_drives(answering, master.wait)
         strangers = [number for number in found if number not in expected]
@@ -137,23 +137,34 @@ def differences(keys: HardwareKeys, build: Path, rotary: Mapping[str, bool] | No
         master.network.close()
 
 
-def unready(station: Node | ModuleNode) -> list[str]:
-    """Why the right drive could not be run now; tells sizes that are not those of the profile, and wide limits."""
-    from hw_bridge.commission import limits
+def unready(master: Master, station: Node | ModuleNode) -> list[str]:
+    """Why the right node could not be run now; tells what a run would write, and what else is to be known."""
+    from hw_bridge.command.bench.options import table
+    from hw_bridge.commission import inspect, limits, planned_rows
     from hw_bridge.master import Node, refusal, setup
 
-    if not isinstance(station, Node):
-        return []
-    sizes, refused = setup.differing(station)
-    for line in sizes:
+    plan = master.plan(station)
+    for line in plan.sizes():
         say(f"note: {line}")
+    rows = planned_rows(plan)
+    say(f"{station.name}: a run writes {len(rows)} objects, and restores them at its end:")
+    table([("object", "name", "before", "after", "why"), *rows], 2, head=True)
+    problems = [*plan.refused, *plan.problems]
+    if not isinstance(station, Node):
+        return problems
+    inspection = inspect(station)
+    for group, values in inspection.groups.items():
+        say(f"{station.name}: {group}, left as it is unless the hardware file says otherwise:")
+        table(values, 2)
+    for text in inspection.notes:
+        say(f"note: {text}")
     fault = setup.faults(station)
     found = list(limits.wider(station, limits.compare(station)))
     for text, absurd in found:
         if not absurd:
             say(f"note: {text}")
     homing = refusal(station.name, station.keys, station.way) if station.keys.homing is not None else ""
-    return [*refused, *(text for text, absurd in found if absurd), *filter(None, (fault, homing))]
+    return [*problems, *(text for text, absurd in found if absurd), *filter(None, (fault, homing))]
 
 
 @command.command("reset", short_help="leave Fault, once the cause is known")

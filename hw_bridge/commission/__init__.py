@@ -22,7 +22,9 @@ if TYPE_CHECKING:
     from hw_bridge.commission.axes import EXAMPLES, Axis, axis
     from hw_bridge.commission.deadman import HOLD, DeadMan, HeldKey, Keyboard
     from hw_bridge.commission.hand import SHARE, SLOWEST_STOP, Hand, alone, bounded
+    from hw_bridge.commission.inspection import Inspection, inspect
     from hw_bridge.commission.line import BOOT, Line, refuse_moving, unfinished
+    from hw_bridge.commission.planned import PlannedRow, planned_rows
     from hw_bridge.commission.survey import TWICE, Found, known, recognized, scan
     from hw_bridge.commission.telling import Status, glance, status
 
@@ -41,7 +43,9 @@ __getattr__ = late.names(
         "Found": "survey",
         "Hand": "hand",
         "HeldKey": "deadman",
+        "Inspection": "inspection",
         "Keyboard": "deadman",
+        "PlannedRow": "planned",
         "Line": "line",
         "Status": "telling",
         "alone": "hand",
@@ -51,12 +55,14 @@ __getattr__ = late.names(
         "direction": "",
         "glance": "telling",
         "homing": "",
+        "inspect": "inspection",
         "known": "survey",
         "limit_effects": "",
         "limits": "",
         "lss": "",
         "memory": "",
         "objects": "",
+        "planned_rows": "planned",
         "power": "",
         "recognized": "survey",
         "refuse_moving": "line",
@@ -81,8 +87,10 @@ __all__ = [
     "Found",
     "Hand",
     "HeldKey",
+    "Inspection",
     "Keyboard",
     "Line",
+    "PlannedRow",
     "Status",
     "alone",
     "axis",
@@ -91,12 +99,14 @@ __all__ = [
     "direction",
     "glance",
     "homing",
+    "inspect",
     "known",
     "limit_effects",
     "limits",
     "lss",
     "memory",
     "objects",
+    "planned_rows",
     "power",
     "recognized",
     "refuse_moving",

@@ -12,8 +12,10 @@ from hw_bridge.commission.line import refuse_moving
 from hw_bridge.commission.objects import ACTING, download, read_all
 from hw_bridge.dictionary import Abort, acting, cia301
 from hw_bridge.eds import DATED, canopen_dictionary
-from hw_bridge.master import SdoError, setup
+from hw_bridge.journal import journal_path
+from hw_bridge.master import SdoError, restoration, setup
 from twin.errors import DeclarationError, SimulationError
+from twin.files import write_atomically
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -42,6 +44,24 @@ def dump(node: Station, bit_rate: int) -> tuple[str, list[str]]:
     target = io.StringIO()
     eds.export_dcf(whole, target, dict(DATED))
     return target.getvalue(), refused
+
+
+def dump_path(node: Station, folder: Path) -> Path:
+    """Where the last dump of a drive is kept."""
+    return journal_path(folder / "dumps", restoration.identity_of(node)).with_suffix(".dcf")
+
+
+def keep_dump(node: Station, folder: Path, text: str) -> None:
+    """Keep a dump, so that `store` can tell what changed since."""
+    path = dump_path(node, folder)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(path, text.encode("latin-1"))
+
+
+def last_dump(node: Station, folder: Path) -> Path | None:
+    """The last dump of a drive, if there is one."""
+    path = dump_path(node, folder)
+    return path if path.exists() else None
 
 
 def load(path: Path, node: int) -> Values:
@@ -122,25 +142,42 @@ def restore(line: Line, node: Station, wanted: Mapping[tuple[int, int], Value]) 
             refused.append(str(error))
     for number in sorted({entry.index & ~0x200 for entry, _, _ in changes if entry.index in PDOS}):
         try:
-            _restore_pdo(node, number, wanted)
+            refused += _restore_pdo(node, number, wanted)
             changed.append(f"{number:04X}h {node.mirror.objects[number][1].title}")
         except SimulationError as error:
             refused.append(str(error))
     return changed, refused
 
 
-def _restore_pdo(node: Station, index: int, wanted: Mapping[tuple[int, int], Value]) -> None:
-    """A PDO by the procedure of CiA 301: out of use, kind and times, mapping, and back into use if it was."""
+def _restore_pdo(node: Station, index: int, wanted: Mapping[tuple[int, int], Value]) -> list[str]:
+    """A PDO by the procedure of CiA 301: out of use, kind and times, mapping, and back into use if it was.
+
+    Entries beyond the count are written too, where they differ. A line for each of those that the drive refuses: no PDO
+    carries them.
+    """
+
+    def put(place: int, sub: int, value: int) -> None:
+        setup.write(node, place, sub, value, lasting=True)
+
     identifier = int(wanted[index, 1])
-    setup.write(node, index, 1, identifier | cia301.INVALID)
+    put(index, 1, identifier | cia301.INVALID)
     for sub in (2, 3, 5):
         entry = node.mirror.objects[index].get(sub)
         if (index, sub) in wanted and entry is not None and entry.writable:
-            setup.write(node, index, sub, int(wanted[index, sub]))
+            put(index, sub, int(wanted[index, sub]))
     mapping = index + 0x200
     count = int(wanted.get((mapping, 0), 0))
-    setup.write(node, mapping, 0, 0)
-    for place in range(1, count + 1):
-        setup.write(node, mapping, place, int(wanted[mapping, place]))
-    setup.write(node, mapping, 0, count)
-    setup.write(node, index, 1, identifier)
+    put(mapping, 0, 0)
+    refused = []
+    for place in sorted(sub for number, sub in wanted if number == mapping and sub):
+        value = int(wanted[mapping, place])
+        try:
+            if int.from_bytes(setup.ask(node, mapping, place), "little") != value:
+                put(mapping, place, value)
+        except SdoError as error:
+            if place <= count:
+                raise
+            refused.append(str(error))
+    put(mapping, 0, count)
+    put(index, 1, identifier)
+    return refused

@@ -1,4 +1,4 @@
-"""Limits of the hardware file beside the drive's own: what is wider never acts, or is widened by a run."""
+"""Limits of the hardware file beside the drive's own: the narrower one counts."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Row(NamedTuple):
 def compare(node: Node) -> list[Row]:
     """Every limit that both have. Only reads."""
     learn(node)
-    limits, scale, units = node.keys.limits, node.keys.scale, node.units
+    limits, scale, units = node.own.file, node.keys.scale, node.units
     low, high = limits.position
     length = "rad" if node.rotary else "m"
     plain = (

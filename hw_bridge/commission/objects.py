@@ -90,7 +90,8 @@ def meant(node: Station, entry: Entry, value: Value) -> str:
         open_ended = abs(value) in NO_LIMIT and entry.type.size == 4
         if entry.index == SOFTWARE_LIMIT and value == 0 and getattr(node.profile, "limits_off_when_zero", False):
             return "none if both are 0 (0)"
-        return f"{'no limit' if open_ended else shown(value * unit.factor, unit.unit)} ({value})"
+        assumed = ", scale ASSUMED" if isinstance(node, Node) and node.own.assumed and entry.index in KIND else ""
+        return f"{'no limit' if open_ended else shown(value * unit.factor, unit.unit)} ({value}{assumed})"
     return f"{value:X}h" if entry.index < 0x2000 and value > 9 and entry.index != 0x1016 else str(value)
 
 
@@ -142,9 +143,9 @@ def upload(node: Station, entry: Entry) -> Value:
 
 
 def download(node: Station, entry: Entry, value: int) -> None:
-    """Write a number and read it back; why it was refused in one line."""
+    """Write a number that is to stay, and read it back; why it was refused in one line."""
     try:
-        setup.write(node, entry.index, entry.sub, value)
+        setup.write(node, entry.index, entry.sub, value, lasting=True)
     except SilentError as error:
         raise SilentError(f"{node.name}: {error}") from None
 
@@ -205,13 +206,5 @@ def read_all(node: Station, entries: Iterable[Entry]) -> tuple[dict[tuple[int, i
 
 def learn(node: Station) -> None:
     """Read from the drive what its units follow from, so that quantities are right."""
-    if not isinstance(node, Node):
-        return
-    for index in setup.SCALING:
-        for entry in node.mirror.objects.get(index, {}).values():
-            if entry.readable and (entry.sub or not entry.title):
-                try:
-                    setup.read(node, index, entry.sub)
-                except SdoError:
-                    continue
-    node.use_units()
+    if isinstance(node, Node):
+        setup.learn_scaling(node)

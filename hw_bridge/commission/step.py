@@ -11,7 +11,8 @@ import numpy as np
 from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.commission.hand import Hand
 from hw_bridge.device import Drive, Motor
-from hw_bridge.profiles import profile
+from hw_bridge.plant import set_up_for
+from hw_bridge.profiles import motor_parameters, profile
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -71,8 +72,9 @@ def simulated(keys: HardwareKeys, name: str, step: float, build: Path, gains: di
     """The same of the profile's drive in simulated time; `gains`: times those of its motor's component."""
     own = keys.nodes[name]
     chosen = profile(own.profile)
-    motor = Motor(chosen.motor, build=build)
-    drive = Drive(chosen, own.node, motor)
+    parameters = motor_parameters(chosen, own.motor)
+    motor = Motor(parameters.model, build=build)
+    drive = set_up_for(Drive(chosen, own.node, motor), parameters)
     for gain, factor in gains.items():
         motor.scale(gain, factor)
     bus = Bus(keys.bit_rate)

@@ -71,7 +71,7 @@ class Axis:
         dictionary, motor = self.dictionary, self.motor
         if self._version != dictionary.version:  # scaling and limits are parameters
             self._version = dictionary.version
-            self.units = self.profile.units(dictionary)
+            self.units = self.profile.units(dictionary, motor.model.index)
             self.currents = self.profile.currents(dictionary)
             self.warming = 1.0 - exp(-clock.seconds(CYCLE) / self.currents.lag)  # towards the square, in a cycle
             self._tune()

@@ -11,7 +11,7 @@ from pydantic import BeforeValidator, Field
 
 from hw_bridge.bus import NEVER
 from hw_bridge.fault import Cause, Fault, inject
-from hw_bridge.profiles import DEVICES, MODULES
+from hw_bridge.profiles import DEVICES, MODULES, MOTORS
 from twin.errors import CouplingError
 from twin.scenario import Keys, Period, Reference, Text, Time, nanoseconds, number, reference, short
 
@@ -117,6 +117,22 @@ def object_name(value: Any) -> dict[tuple[int, int], int]:
         except (ValueError, TypeError):
             raise ValueError(f"expected an object such as '3001h.1': 2410, not {short(key)}: {short(one)}") from None
     return found
+
+
+def object_names(value: Any) -> Any:
+    """`all`, or a list such as `[6083h, 607Dh.1]`: a subindex, or a whole object."""
+    if isinstance(value, str | frozenset):
+        return value
+    if not isinstance(value, list):
+        raise ValueError(f"expected all, or objects such as [6083h, 607Dh.1], not {short(value)}")  # noqa: TRY004
+    found = set()
+    for one in value:
+        index, mark, sub = str(one).partition(".")
+        try:
+            found.add((int(index.removesuffix("h"), 16), int(sub) if mark else None))
+        except ValueError:
+            raise ValueError(f"expected an object such as 607Dh.1, not {short(one)}") from None
+    return frozenset(found)
 
 
 def output_bits(value: Any) -> dict[int, str]:
@@ -260,7 +276,11 @@ class FaultKeys(Keys):
 
 
 class NodeKeys(Keys):
-    """The drive that stands for a member. `motor`: what a simulated one moves, that of its profile or the member's own.
+    """The drive that stands for a member. `motor`: the parameter set of the motor that is wired to it; without one a
+    simulated drive moves that of its profile, or with `member` the member's own.
+
+    `keep`: objects that stay as a run wrote them, `all` or a list. `scaling`: values of objects that lengths follow from,
+    where the drive does not tell them.
 
     `outputs`: bits of 60FEh.1 and the Boolean signals that they follow, for valves of grippers. `safe_outputs`: all of
     60FEh.1 before the start and after every stop.
@@ -268,7 +288,7 @@ class NodeKeys(Keys):
 
     node: Annotated[int, Field(strict=True, ge=1, le=126)]
     profile: Literal[tuple(MODULES)]  # type: ignore[valid-type]
-    motor: Literal["profile", "member"] = "profile"
+    motor: Literal[("profile", "member", *MOTORS)] = "profile"  # type: ignore[valid-type]
     product: Unsigned32 | None = None
     serial: Unsigned32 | None = None
     scale: Annotated[float, Field(ge=1 / LARGEST, le=LARGEST)] = 1.0
@@ -284,6 +304,8 @@ class NodeKeys(Keys):
     outputs: Annotated[dict[int, str], BeforeValidator(output_bits)] = Field(default={})
     safe_outputs: Unsigned32 | None = None
     objects: Annotated[dict[tuple[int, int], int], BeforeValidator(object_name)] = Field(default={})
+    keep: Annotated[Literal["all"] | frozenset[tuple[int, int | None]], BeforeValidator(object_names)] = frozenset()
+    scaling: Annotated[dict[tuple[int, int], int], BeforeValidator(object_name)] = Field(default={})
     description: Text = ""
 
     @property
@@ -307,6 +329,7 @@ class ModuleKeys(Keys):
     outputs: Annotated[dict[int, str], BeforeValidator(output_bits), Field(min_length=1)]
     safe_outputs: Unsigned32
     objects: Annotated[dict[tuple[int, int], int], BeforeValidator(object_name)] = Field(default={})
+    keep: Annotated[Literal["all"] | frozenset[tuple[int, int | None]], BeforeValidator(object_names)] = frozenset()
     description: Text = ""
 
 

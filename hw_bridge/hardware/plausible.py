@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import Mode, acting, cia402
 from hw_bridge.hardware import motor_data
-from hw_bridge.profiles import profile
+from hw_bridge.profiles import MOTORS, profile
 from twin.errors import CouplingError
 from twin.scenario import number
 
@@ -89,7 +89,11 @@ def _node(node: NodeKeys, simulated: bool) -> list[tuple[tuple[str, ...], str]]:
         found.append((("safe_outputs",), text))
     found += _following(node, chosen) + motor_data.check(node)
     if node.motor == "member" and not simulated:
-        found.append((("motor",), "a real drive has the motor that is wired to it. Leave it out."))
+        found.append((("motor",), f"a real drive has the motor that is wired to it. Name it: {', '.join(MOTORS)}."))
+    if node.motor in MOTORS and node.profile not in MOTORS[node.motor].scaling:
+        fitting = [name for name, one in MOTORS.items() if node.profile in one.scaling]
+        text = f"no values of {MOTORS[node.motor].title} are known for {chosen.title}. There are: {', '.join(fitting)}."
+        found.append((("motor",), text))
     for (index, sub), value in node.objects.items():
         if text := _object(chosen, index, sub, value, simulated):
             found.append((("objects",), f"{index:04X}h.{sub}: {text}"))

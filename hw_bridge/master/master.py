@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import MILLISECOND, Frame, bit_count, never
 from hw_bridge.dictionary import Mode, NmtState, State, cia301
-from hw_bridge.master import homing, setup, words
+from hw_bridge.master import homing, restoration, setup, words
 from hw_bridge.master.activity import active_drives
 from hw_bridge.master.age import PATTERN, SHIFT
 from hw_bridge.master.module import ModuleNode
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
     from hw_bridge.bus import Condition, Network
     from hw_bridge.hardware import HardwareKeys
+    from hw_bridge.master.plan import WritePlan
 
 ALIVE = 0x05  # the state that this program's heartbeat tells: Operational
 BOOT = 500 * MILLISECOND  # longest time that a drive takes to answer after power-on [ns]
@@ -71,7 +72,10 @@ class Master:
         self.patience = max(SILENT_CYCLES, (keys.late_cycle.at_most or 0) // self.cycle)
         self.oldest = max(round(OLDEST * self.cycle), keys.late_cycle.at_most or 0)  # age of actual values [ns]
         self.notes: list[str] = []
+        self.restorations: list[str] = []  # what became of the objects that were written
+        self.recovered: list[str] = []  # what an earlier run had left and was restored before this one
         self.said: list[str] = []  # by drives that were in Fault after the stop
+        self.announce: Callable[[Master], None] | None = None  # before anything is written
         self.running = False
         self._beating = False
         self._beat_due = 0
@@ -195,6 +199,9 @@ class Master:
         if self.rival.text:
             raise SimulationError(self.rival.text)
         self.network.lock()
+        restoration.begin(self)
+        if self.announce is not None:
+            self.announce(self)
         self.running = True
         for node in self.nodes.values():
             self.nmt(cia301.PRE_OPERATIONAL, node.number)
@@ -211,6 +218,13 @@ class Master:
             station.started, station.heard_at = True, self.network.now
         for _ in range(3):
             self.run_cycle()
+
+    def plan(self, station: Node | ModuleNode) -> WritePlan:
+        """All that a run would write into a node; it is only read."""
+        if isinstance(station, ModuleNode):
+            return station.plan(self.keys.master)
+        watched = self.keys.late_cycle.rpdo_timeout or not station.profile.rpdo_timeout
+        return setup.plan_drive(station, self.cycle if watched else 0, self.keys.master)
 
     def begin(self, starts: Mapping[str, float]) -> None:
         """From whatever state to Operation enabled at a standstill, where the scenario begins: `starts`, positions."""
@@ -340,6 +354,7 @@ class Master:
     def stop(self) -> None:
         """The one way to the end: quick stop, then disabled; what cannot be confirmed is told. Never raises."""
         if not self.running:
+            restoration.finish(self)
             self.network.close()
             return
         self.running = False
@@ -350,6 +365,7 @@ class Master:
                 self.notes.append(f"stop: {error} {ALONE}")
             finally:
                 self.end_heartbeat()
+                restoration.finish(self)
                 self.network.close()
                 self.notes += self.network.observer_errors
 
@@ -374,4 +390,4 @@ class Master:
             }
             for name, node in self.stations.items()
         }
-        return {**self.timing.summary(), "nodes": nodes}
+        return {**self.timing.summary(), "nodes": nodes, "restorations": [*self.recovered, *self.restorations]}

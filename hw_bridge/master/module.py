@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from hw_bridge.bus import Frame
 from hw_bridge.dictionary import cia401
 from hw_bridge.master import setup
+from hw_bridge.master.plan import WritePlan, plan_heartbeat, plan_pdo
 from hw_bridge.master.station import Station
 from twin.errors import SimulationError
 
@@ -66,32 +67,39 @@ class ModuleNode(Station):
             if value != expected[sub]
         ]
 
-    def configure(self, master: int) -> None:
-        """Safe outputs first, then what makes them safe without a master, then process data; each value read back."""
-        self.make_safe()
-        for block, safe in enumerate(self.safe_outputs.to_bytes(self.size, "little"), 1):
-            setup.write(self, cia401.ERROR_VALUE, block, safe)
-            setup.write(self, cia401.ERROR_MODE, block, 0xFF)
+    def plan(self, master: int) -> WritePlan:
+        """All that a run writes: safe outputs first, then what makes them safe without a master, then process data."""
+        plan = WritePlan(self)
+        levels = list(enumerate(self.safe_outputs.to_bytes(self.size, "little"), 1))
+        for block, safe in levels:
+            plan.add(cia401.OUTPUTS, block, safe, "safe_outputs, also after the run")
+        for block, safe in levels:
+            plan.add(cia401.ERROR_VALUE, block, safe, "safe_outputs, when the module misses this program")
+            plan.add(cia401.ERROR_MODE, block, 0xFF, "safe_outputs, when the module misses this program")
         for (index, sub), value in self.keys.objects.items():
-            setup.write(self, index, sub, value)
-        setup.heartbeat(self, master)
+            plan.add(index, sub, value, "objects of the hardware file")
+        plan_heartbeat(plan, master)
         blocks = range(1, self.size + 1)
         written = tuple(cia401.OUTPUTS << 16 | block << 8 | 8 for block in blocks)
-        setup.map_pdo(self, 0x1400, OUTPUT_PDO + self.number, written, AT_SYNC)
-        setup.map_pdo(self, 0x1800, INPUT_PDO + self.number, (cia401.INPUTS << 16 | 1 << 8 | 8,), AT_SYNC)
+        plan_pdo(plan, 0x1400, OUTPUT_PDO + self.number, written, AT_SYNC)
+        plan_pdo(plan, 0x1800, INPUT_PDO + self.number, (cia401.INPUTS << 16 | 1 << 8 | 8,), AT_SYNC)
+        return plan
+
+    def configure(self, master: int) -> None:
+        """Make these writes; each value is read back."""
+        setup.carry_out(self.plan(master))
 
     def make_safe(self) -> None:
         """Safe outputs by SDO, read back."""
         for block, safe in enumerate(self.safe_outputs.to_bytes(self.size, "little"), 1):
-            setup.write(self, cia401.OUTPUTS, block, safe)
+            setup.write(self, cia401.OUTPUTS, block, safe, "safe_outputs, also after the run")
 
     def release(self) -> str:
         """After an orderly end: safe outputs, no heartbeat is expected any more. What could not be confirmed."""
         self.resting = True
         try:
             self.make_safe()
-            self.sdo.write(0x1016, 1, b"\0\0\0\0")
-            self.sdo.write(0x1017, 0, b"\0\0")
+            setup.forget_heartbeats(self)
         except SimulationError as error:
             return f"{self.name}: did not confirm its safe outputs ({error}) Check them before you touch anything."
         return ""

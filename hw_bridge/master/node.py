@@ -12,9 +12,10 @@ from hw_bridge.bus import Frame
 from hw_bridge.dictionary import Mode, State, cia402, state_of
 from hw_bridge.master.acceleration import AccelerationLimit
 from hw_bridge.master.age import ValueAge
+from hw_bridge.master.limits import OwnLimits
 from hw_bridge.master.station import Station
 from hw_bridge.master.vendor import SUBSTITUTES, VENDORS, current_unit
-from hw_bridge.profiles import profile
+from hw_bridge.profiles import MOTORS, motor_parameters, profile
 
 if TYPE_CHECKING:
     from hw_bridge.bus import Network
@@ -50,7 +51,7 @@ AT_REST = cia402.AT_REST
 
 def constant_of(keys: NodeKeys) -> float:
     """Force [N] or torque [N*m] on the member of one ampere: as the hardware file has it, or the profile's motor."""
-    return keys.force_constant or profile(keys.profile).motor.force_constant / keys.scale
+    return keys.force_constant or motor_parameters(profile(keys.profile), keys.motor).model.force_constant / keys.scale
 
 
 class Node(Station):
@@ -62,6 +63,7 @@ class Node(Station):
     def __init__(self, name: str, keys: NodeKeys, profile: Profile, network: Network, wait: Waiting) -> None:
         super().__init__(name, keys, profile, network, wait)
         self.vendor = VENDORS[profile.name]
+        self.own = OwnLimits(keys.limits)
         self.sign = -keys.scale if keys.inverted else keys.scale
         self.acceleration = AccelerationLimit(keys.limits.acceleration, keys.limits.velocity)
         self.identity: list[int] = []  # vendor, product and serial number that it told
@@ -89,7 +91,7 @@ class Node(Station):
 
     def use_units(self) -> None:
         """Take over units after the drive's scaling is known."""
-        units = self.profile.units(self.mirror)
+        units = self.profile.units(self.mirror, MOTORS[self.keys.motor].pitch if self.keys.motor in MOTORS else None)
         self.units = units
         self.ampere = current_unit(self.vendor, units)
         self.force_constant = constant_of(self.keys)

@@ -6,6 +6,7 @@ import struct
 from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import Dictionary, NmtState
+from hw_bridge.journal import Journal
 from hw_bridge.master.age import ValueAge
 from hw_bridge.master.sdo import SdoClient
 
@@ -39,6 +40,7 @@ class Station:
         self.number = keys.node
         self.mirror = Dictionary(profile.objects, keys.node)  # what the node is known to hold
         self.sizes: dict[tuple[int, int], int] = {}  # bytes of its numbers as the node has them, not as the profile
+        self.journal = Journal()  # of its objects that were written
         self.sdo = SdoClient(keys.node, network.send, wait)
         self.heard_at = 0  # last heartbeat [ns]
         self.alive = False  # whether it was heard beside answers to SDO

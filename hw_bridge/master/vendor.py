@@ -10,36 +10,51 @@ from hw_bridge.dictionary import Mode, cia402
 if TYPE_CHECKING:
     from hw_bridge.profiles import Units
 
-QUICK_STOP_WHEN_LOST = (0x6007, 0, 3)
+QUICK_STOP_WHEN_LOST = (0x6007, 0, 3, "a quick stop when this program's heartbeat stays away")
 
 
 @dataclass(frozen=True)
 class Vendor:
-    """Objects to write (index, subindex, value) and where the current is. `per_unit`: [A]; 0: as 6077h counts."""
+    """Objects to write (index, subindex, value, reason) and where the current is. `per_unit`: [A]; 0: as 6077h counts."""
 
-    setup: tuple[tuple[int, int, int], ...]
+    rows: tuple[tuple[int, int, int, str], ...]
     current: int  # mapping word
     per_unit: float
+
+    @property
+    def setup(self) -> tuple[tuple[int, int, int], ...]:
+        """Index, subindex and value of each."""
+        return tuple(row[:3] for row in self.rows)
+
+    @property
+    def reasons(self) -> dict[tuple[int, int], str]:
+        """Why each is written."""
+        return {row[:2]: row[3] for row in self.rows}
 
 
 VENDORS = {
     "faulhaber_v3": Vendor(
         # units stay um and mm/s: finer ones would limit ramps to 3 m/s2. What rounding leaves over is carried on.
-        setup=(QUICK_STOP_WHEN_LOST,),
+        rows=(QUICK_STOP_WHEN_LOST,),
         current=0x60770010,
         per_unit=0.0,
     ),
     "mclm": Vendor(
-        # pitch of the LM 2070 instead of 18 mm; errors of 2321h trip instead of being told only, also the heartbeat's,
-        # but the continuous overcurrent, which derates; software limits act in velocity mode too
-        setup=((0x2350, 4, 24), (0x2321, 2, 0x7BDE), (0x2338, 2, 1)),
+        # not the continuous overcurrent, which derates
+        rows=(
+            (0x2321, 2, 0x7BDE, "errors trip instead of being told only, also the heartbeat's"),
+            (0x2338, 2, 1, "software limits act in velocity mode too"),
+        ),
         current=0x60780010,
         per_unit=1e-3,
     ),
     "epos4": Vendor(
-        # a unit of 1 mrpm instead of 1 rpm; a quick stop ends disabled: out of Quick stop active, where it would stay, a
-        # controlword that goes on coming enables again
-        setup=((0x60A9, 0, 0xFDB44700), QUICK_STOP_WHEN_LOST, (0x605A, 0, 2)),
+        # out of Quick stop active, where it would stay, a controlword that goes on coming enables again
+        rows=(
+            (0x60A9, 0, 0xFDB44700, "velocities in mrpm instead of rpm"),
+            QUICK_STOP_WHEN_LOST,
+            (0x605A, 0, 2, "a quick stop ends disabled"),
+        ),
         current=0x30D10220,
         per_unit=1e-3,
     ),

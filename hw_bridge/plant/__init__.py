@@ -1,7 +1,7 @@
 """What a run stands on: simulated drives that feel the members' loads on a simulated bus, or a wire to real ones."""
 
 from hw_bridge.plant.bench import Bench, bench_network, set_up
-from hw_bridge.plant.plant import Plant, beginning
+from hw_bridge.plant.plant import Plant, beginning, set_up_for
 
 __all__ = [
     "Bench",
@@ -9,4 +9,5 @@ __all__ = [
     "beginning",
     "bench_network",
     "set_up",
+    "set_up_for",
 ]

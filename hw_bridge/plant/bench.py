@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.device import Drive, Module, Motor
-from hw_bridge.plant.plant import Plant, beginning
-from hw_bridge.profiles import device, profile
+from hw_bridge.plant.plant import Plant, beginning, set_up_for
+from hw_bridge.profiles import device, motor_parameters, profile
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -37,7 +37,8 @@ def bench_network(keys: HardwareKeys, build: Path) -> Network:
     bus = Bus(keys.bit_rate)
     for node in keys.nodes.values():
         vendor = profile(node.profile)
-        bus.attach(Drive(vendor, node.node, Motor(vendor.motor, build=build)))
+        motor = motor_parameters(vendor, node.motor)
+        bus.attach(set_up_for(Drive(vendor, node.node, Motor(motor.model, build=build)), motor))
     for module in keys.modules.values():
         bus.attach(Module(device(module.profile), module.node))
     return SimulatedNetwork(bus)

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.device import Drive, Motor
 from hw_bridge.dictionary import State
-from hw_bridge.profiles import MotorModel, member_load, profile
+from hw_bridge.profiles import MotorModel, MotorParameters, member_load, motor_parameters, profile
 from twin.component import Float64, Role
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from hw_bridge.dictionary import Value
     from hw_bridge.hardware import NodeKeys
     from twin.component import Component
 
@@ -29,6 +30,19 @@ def beginning(axis: Component) -> float:
     return float(axis.views["target_position"]) if "target_position" in axis.views else 0.0
 
 
+def set_up_for(drive: Drive, motor: MotorParameters) -> Drive:
+    """A simulated drive as it comes to a bench: it holds what the vendor's software stores for this motor."""
+    name = drive.profile.name
+    entry = drive.dictionary.entry
+    values: dict[tuple[int, int], Value] = {
+        place: entry(*place).type.saturated(value)
+        for place, value in {**motor.scaling.get(name, {}), **motor.settings.get(name, {})}.items()
+    }
+    drive.storage.saved = values | drive.storage.saved
+    drive.dictionary.restore({place: drive.storage.saved[place] for place in values})
+    return drive
+
+
 class Plant:
     """Drive and motor. Positions of the member are those of the motor, but for scale, direction and origin."""
 
@@ -37,9 +51,10 @@ class Plant:
         self.axis, self.keys = axis, keys
         self.sign = -keys.scale if keys.inverted else keys.scale
         self.parameters: dict[str, float] = {}
-        model = self.model(vendor.motor)
+        motor = motor_parameters(vendor, keys.motor)
+        model = self.model(motor.model)
         self.motor = Motor(model, build=build, position=0.0 if keys.homing else position / self.sign)
-        self.drive = Drive(vendor, keys.node, self.motor)
+        self.drive = set_up_for(Drive(vendor, keys.node, self.motor), motor)
         self.load = self.sign * model.ratio  # of the member's load, what the motor's component takes
         self.origin = 0.0
 

@@ -3,23 +3,28 @@
 from hw_bridge.profiles.catalog import DEVICES, MODULES, REFERENCED, UNFIT, device, identity, profile
 from hw_bridge.profiles.description import Currents, Device, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motor import EFFORT, MotorModel, member_load
+from hw_bridge.profiles.motors import MOTORS, MotorParameters, disagreement, motor_parameters
 
 __all__ = [
     "DEVICES",
     "EFFORT",
     "MODULES",
+    "MOTORS",
     "REFERENCED",
     "UNFIT",
     "Currents",
     "Device",
     "Fault",
     "MotorModel",
+    "MotorParameters",
     "Profile",
     "Reaction",
     "Rules",
     "Units",
     "device",
+    "disagreement",
     "identity",
     "member_load",
+    "motor_parameters",
     "profile",
 ]

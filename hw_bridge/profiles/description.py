@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.bus import MILLISECOND
+from hw_bridge.profiles.motors import MOTORS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -85,11 +86,14 @@ class Profile:
     modes: tuple[Mode, ...]
     homing: dict[int, tuple[Move, ...]]  # methods of 6098h
     faults: dict[int, Fault]
-    motor: MotorModel
-    units: Callable[[Dictionary], Units]
+    motor_name: str  # of `MOTORS`: the one of a hardware file that names none
+    units: Callable[..., Units]  # of the dictionary, and of the motor's magnetic pitch [m] if that is known
     currents: Callable[[Dictionary], Currents]
     rules: Rules
     bus_off: int  # EMCY after recovery from bus-off
+    scaling: tuple[tuple[int, int], ...] = ()  # objects that `units` uses: without one of them a scale is assumed
+    # why the units may not be those of the drive; whether the hardware file names the motor
+    unsure: Callable[[Dictionary, bool], list[str]] = lambda _, __: []
     options: dict[int, int] = field(default_factory=dict)  # instead of FIXED
     target_beyond_limit: int = 0  # EMCY for a target outside 607Dh; 0: it is clipped
     limits_off_when_zero: bool = False  # 607Dh with both limits 0 means none
@@ -103,6 +107,11 @@ class Profile:
     supply: Callable[[Dictionary], tuple[float, float]] = lambda _: (9.0, 56.0)  # under- and overvoltage [V]
     boot_time: int = 100 * MILLISECOND
     sdo_time: int = MILLISECOND
+
+    @property
+    def motor(self) -> MotorModel:
+        """The motor that a simulated drive of this profile moves."""
+        return MOTORS[self.motor_name].model
 
     def option(self, dictionary: Dictionary, index: int) -> int:
         """An option code, from the dictionary or as the vendor fixed it."""

@@ -30,7 +30,7 @@ from hw_bridge.dictionary import (
     var,
 )
 from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
-from hw_bridge.profiles.motor import MotorModel
+from hw_bridge.profiles.motors import PULSES, RPM
 from hw_bridge.profiles.rows import joined, pdo
 
 if TYPE_CHECKING:
@@ -38,26 +38,7 @@ if TYPE_CHECKING:
 
 HOMING = {n: METHODS[n] for n in (1, 2, 7, 11, 17, 18, 23, 27, 33, 34, 37)} | BLOCKS_MAXON
 MODES = (Mode.PP, Mode.PV, Mode.HM, Mode.CSP, Mode.CSV, Mode.CST)
-PULSES = 500  # of the encoder, four increments each
-RPM = 2.0 * pi / 60.0  # [rad/s]
-
-# The EC-i 40 (488607) with the gear and the frame that the rig has on it. The drive counts at the motor.
-GEAR = 5.0  # turns of the motor for one of the frame
-EC_I_40 = MotorModel(
-    "rotary_drive",
-    "rad",
-    resolution=2.0 * pi / (4 * PULSES),
-    index=2.0 * pi,
-    parameters={
-        "gear_ratio": GEAR,
-        "encoder_counts": 4.0 * PULSES,
-        "current_maximum": 15.0,  # the drive's output limit 3001h.2
-        "velocity_maximum": 8000.0 * RPM / GEAR,
-    },
-    position="angle",
-    load="load_torque",
-    ratio=GEAR,
-)
+MAIN_SENSOR = (0x3000, 5)  # increments of a turn, as newer firmware computes them; not in the EDS of 2021
 
 COMMUNICATION = joined(
     var(0x1000, "Device type", U32, "const", 0x00020192),
@@ -266,12 +247,38 @@ FAULTS = {  # EMCY: bits of 1001h, where recalled; bit 7 is a motion error
 }  # fmt: skip
 
 
-def units(dictionary: Dictionary) -> Units:
-    """Increments, the velocity unit of 60A9h (rpm with its prefix), rpm/s, per mille of the rated torque."""
+def units(dictionary: Dictionary, _pitch: float | None = None) -> Units:
+    """Increments, the velocity unit of 60A9h (rpm with its prefix), rpm/s, per mille of the rated torque.
+
+    An increment is that of the main sensor: 3000h.5 where a drive tells it, else a quarter pulse of encoder 1.
+    """
     prefix = dictionary.get(0x60A9) >> 24
     prefix -= 256 * (prefix > 127)
-    increment = 2.0 * pi / (4 * dictionary.get(0x3010, 1))
+    told = dictionary.values.get(MAIN_SENSOR, 0)
+    increment = 2.0 * pi / (told if isinstance(told, int) and told > 0 else 4 * dictionary.get(0x3010, 1))
     return Units(increment, RPM * 10.0**prefix, RPM, dictionary.get(0x3001, 1) * 1e-6)
+
+
+def unsure(dictionary: Dictionary, _named: bool) -> list[str]:
+    """Why increments may be others than those of the digital incremental encoder 1 (3010h.1).
+
+    3000h.1 has the type of sensor 1 in its lowest byte (1: digital incremental encoder), that of sensor 2 in the next one
+    (3: SSI, 3012h); 3000h.2 has the number of the main sensor in bits 16 to 19.
+    """
+    sensors, structure = dictionary.get(0x3000, 1), dictionary.get(0x3000, 2)
+    main = structure >> 16 & 0xF
+    told = dictionary.values.get(MAIN_SENSOR, 0)
+    resolution = told if isinstance(told, int) else 0
+    encoder = main == 1 and sensors & 0xFF == 1
+    if encoder and resolution in (0, 4 * dictionary.get(0x3010, 1)):
+        return []
+    if encoder:
+        return [f"3000h.5 tells {resolution} increments for a turn, 3010h.1 {4 * dictionary.get(0x3010, 1)}"]
+    if resolution:
+        return []
+    kind = sensors >> 8 * max(main - 1, 0) & 0xFF
+    what = "an SSI encoder (3012h)" if main == 2 and kind == 3 else f"sensor {main} of type {kind}"
+    return [f"the main sensor (3000h) is {what}, and no 3000h.5 tells its increments for a turn"]
 
 
 def currents(dictionary: Dictionary) -> Currents:
@@ -298,8 +305,10 @@ PROFILE = Profile(
     modes=MODES,
     homing=HOMING,
     faults=FAULTS,
-    motor=EC_I_40,
+    motor_name="ec_i_40",
     units=units,
+    scaling=((0x3000, 1), (0x3000, 2), (0x3010, 1), (0x3001, 1), (0x60A9, 0)),
+    unsure=unsure,
     currents=currents,
     rules=Rules(objects=12, remap=Code.DEVICE_STATE),
     bus_off=0x81FD,

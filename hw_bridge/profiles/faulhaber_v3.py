@@ -27,15 +27,14 @@ from hw_bridge.dictionary import (
     var,
 )
 from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
-from hw_bridge.profiles.motor import MotorModel
+from hw_bridge.profiles.motors import MOTORS, PER_PITCH
 from hw_bridge.profiles.rows import joined, pdo
 
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Dictionary
 
 MODES = (Mode.PP, Mode.PV, Mode.HM, Mode.CSP, Mode.CSV, Mode.CST)
-INCREMENT = 8e-6  # 24 mm of magnetic pitch in 3000 increments [m]
-LM2070 = MotorModel("servomotor", "m", resolution=INCREMENT, index=24e-3)
+PITCH = MOTORS["lm2070"].pitch
 FAR = 2_000_000_000
 
 COMMUNICATION = joined(
@@ -171,12 +170,38 @@ FAULTS = {  # EMCY: bits of 1001h, bits of 2320h
 }  # fmt: skip
 
 
-def units(dictionary: Dictionary) -> Units:
-    """User units follow the factor group: um, mm/s, mm/s2 with the defaults."""
+def units(dictionary: Dictionary, pitch: float | None = None) -> Units:
+    """User units follow the factor group: um, mm/s, mm/s2 with the defaults.
+
+    `pitch`: that of the motor [m]. No object tells it: without it the motor is the one whose pitch is the feed in um, by
+    the vendor's convention; else an LM 2070.
+    """
+    if pitch is None:
+        pitch = _pitch_in_micrometers(dictionary) or PITCH
+    position = pitch * _pitches(dictionary)
+    return Units(position, 1000.0 * position, 1000.0 * position, dictionary.get(0x6075) * 1e-6)
+
+
+def _pitches(dictionary: Dictionary) -> float:
+    """Magnetic pitches of one user unit, by the factor group."""
     get = dictionary.get
     increments = get(0x608F, 1) / get(0x608F, 2) * get(0x6091, 1) / get(0x6091, 2) * get(0x6092, 2) / get(0x6092, 1)
-    position = INCREMENT * increments
-    return Units(position, 1000.0 * position, 1000.0 * position, get(0x6075) * 1e-6)
+    return increments / PER_PITCH
+
+
+def _pitch_in_micrometers(dictionary: Dictionary) -> float:
+    """The pitch of a known motor that user units of 1 um mean [m]; 0 where it is none."""
+    feed = 1e-6 / _pitches(dictionary)
+    return next((one.pitch for one in MOTORS.values() if one.pitch and abs(feed - one.pitch) < 1e-9), 0.0)
+
+
+def unsure(dictionary: Dictionary, named: bool) -> list[str]:
+    """Why lengths may be others: no object tells the motor's magnetic pitch. `named`: the hardware file does."""
+    if named or _pitch_in_micrometers(dictionary):
+        return []
+    return [
+        f"a magnetic pitch is {1.0 / _pitches(dictionary):g} user units (608Fh, 6091h, 6092h), that of no known motor in um"
+    ]
 
 
 def currents(dictionary: Dictionary) -> Currents:
@@ -201,8 +226,10 @@ PROFILE = Profile(
     modes=MODES,
     homing={n: moves for n, moves in METHODS.items() if n != 35} | BLOCKS_FAULHABER,
     faults=FAULTS,
-    motor=LM2070,
+    motor_name="lm2070",
     units=units,
+    scaling=((0x608F, 1), (0x608F, 2), (0x6091, 1), (0x6091, 2), (0x6092, 1), (0x6092, 2), (0x6075, 0)),
+    unsure=unsure,
     currents=currents,
     rules=Rules(objects=8, remap=Code.UNSUPPORTED_ACCESS),
     bus_off=0x8140,

@@ -1,7 +1,7 @@
 """FAULHABER MCLM 300x CO (Motion Control V2) with a linear motor LM 2070-080-11, from the facts of its public EDS.
 
 Traps, all simulated: software limits of +-9 996 um that act in position mode; a magnetic pitch of 18 mm by default,
-while this motor has 24 mm, so that a "um" is 1.333 um until 2350h.4 is written; errors that are told but do not trip.
+while this motor has 24 mm, so that a "um" is 1.333 um until 2350h.4 is set for it; errors that are told but do not trip.
 """
 
 from __future__ import annotations
@@ -26,14 +26,13 @@ from hw_bridge.dictionary import (
     var,
 )
 from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
-from hw_bridge.profiles.faulhaber_v3 import INCREMENT, LM2070
+from hw_bridge.profiles.motors import PER_PITCH
 from hw_bridge.profiles.rows import joined, pdo
 
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Dictionary
 
 MODES = (Mode.PP, Mode.PV, Mode.HM)
-PER_PITCH = 3000  # increments of one magnetic pitch
 
 COMMUNICATION = joined(
     var(0x1000, "Device type", U32, "const", 0x00420192),
@@ -152,10 +151,12 @@ FAULTS = {  # EMCY: bits of 1001h, bits of 2320h; reactions act only where the f
 }  # fmt: skip
 
 
-def units(dictionary: Dictionary) -> Units:
-    """User units are um, mm/s, mm/s2 of a motor with the pitch of 2350h.4, whatever motor is there."""
-    pitch = dictionary.get(0x2350, 4)  # [mm]
-    millimeter = INCREMENT * PER_PITCH / pitch  # what the drive takes for 1 mm [m]
+def units(dictionary: Dictionary, pitch: float | None = None) -> Units:
+    """User units are um, mm/s, mm/s2 of a motor with the pitch of 2350h.4.
+
+    `pitch`: that of the motor that is there [m]; without it the drive's own counts.
+    """
+    millimeter = 1e-3 if pitch is None else pitch / dictionary.get(0x2350, 4)  # what the drive takes for 1 mm [m]
     position = millimeter * dictionary.get(0x6092, 2) / dictionary.get(0x6092, 1)
     return Units(position, millimeter, millimeter, 0.0)
 
@@ -177,8 +178,9 @@ PROFILE = Profile(
     modes=MODES,
     homing={n: moves for n, moves in METHODS.items() if n != 37},
     faults=FAULTS,
-    motor=LM2070,
+    motor_name="lm2070",
     units=units,
+    scaling=((0x2350, 4), (0x6092, 1), (0x6092, 2)),
     currents=currents,
     rules=Rules(objects=4, remap=Code.UNSUPPORTED_ACCESS),
     bus_off=0x8140,

@@ -1,4 +1,4 @@
-"""The motor that a profile names, as data."""
+"""The motor of a simulated drive, as data."""
 
 from __future__ import annotations
 

@@ -33,10 +33,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Company:
-    """Who looks on: how the listener of a case is made, and the observers of its drives."""
+    """Who looks on: how the listener of a case is made, and the observers of its drives.
+
+    `announce`: called before anything is written.
+    """
 
     listener: Listening
     observers: Observing
+    announce: Callable[[Master], None] | None = None
 
 
 class Session:
@@ -142,6 +146,7 @@ class Session:
         network = self.network()
         self.listener = self.company.listener(keys, network, self.trace)
         master = self.master = Master(keys, network, orders.forced)
+        master.announce = self.company.announce
         self.begun, self.start, self.real_time = True, t, master.network.real_time
         self.observers = self.company.observers(keys, network, orders.axes, master.nodes, self.build)
         for name, axis in orders.axes.items():

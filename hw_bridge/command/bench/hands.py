@@ -112,6 +112,8 @@ def hand(
             if homes or keeps:
                 reference.save(held.node)
         finally:
+            for text in held.master.recovered:
+                paragraph(text)
             for note in held.master.notes:
                 paragraph(f"warning: {note}")
     if held.master.notes:

@@ -44,8 +44,23 @@ class BusChoice:
     @property
     def is_software(self) -> bool:
         """Whether nothing real can move or switch."""
-        named = HardwareKeys.model_construct(interface=self.interface or "", channel=self.channel or "")
-        return (self.keys or named).is_software()
+        return (self.keys or self._named).is_software()
+
+    @property
+    def journals(self) -> Path:
+        """The folder with the journals and dumps of the bus's drives."""
+        from hw_bridge.journal import bus_folder
+        from hw_bridge.master import restoration
+
+        if self.keys is not None:
+            return restoration.folder_of(self.keys)
+        named = self._named
+        return bus_folder(named.interface, named.channel, named.is_software(), self.options)
+
+    @property
+    def _named(self) -> HardwareKeys:
+        """The bus that options name, without a file."""
+        return HardwareKeys.model_construct(interface=self.interface or "", channel=self.channel or "")
 
     @contextmanager
     def network(self) -> Iterator[Network]:

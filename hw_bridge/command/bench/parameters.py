@@ -15,7 +15,8 @@ from twin.files import write_atomically
 
 if TYPE_CHECKING:
     from hw_bridge.command.bench.options import BusChoice
-    from hw_bridge.dictionary import Entry
+    from hw_bridge.commission import Line
+    from hw_bridge.dictionary import Entry, Value
     from hw_bridge.master import Station
 
 FILE = click.argument("file", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE.dcf")
@@ -92,7 +93,7 @@ def set_command(
         where = f"{asked.name}: {entry.index:04X}h.{entry.sub} {objects.UNIT.sub('', entry.name)}"
         paragraph(f"{where}: {objects.meant(asked, entry, number)}, was {objects.meant(asked, entry, before)}.")
         if store:
-            memory.store(asked)
+            memory.store(asked, bus.journals)
             say("All parameters are stored.")
         else:
             paragraph(f"{RAM} {asked.number}")
@@ -129,6 +130,7 @@ def dump_command(bus: BusChoice, node: str, file: Path, profile: str | None) -> 
         objects.learn(asked)
         text, refused = dcf.dump(asked, bus.keys.bit_rate if bus.keys is not None else bus.bit_rate)
         write_atomically(file, text.encode("latin-1"))
+        dcf.keep_dump(asked, bus.journals, text)
         count = text.count("ParameterValue=")
         say(f"{file}: {count} values of {asked.name} ({asked.profile.title}).")
         for one in refused:
@@ -152,59 +154,117 @@ def compare_command(bus: BusChoice, node: str, file: Path, profile: str | None) 
             paragraph(f"differs: {problem}")
             sys.exit(1)
         found = dcf.differences(asked, wanted)
-        rows = [
-            (f"{e.index:04X}h.{e.sub}", objects.UNIT.sub("", e.name)[:28], objects.meant(asked, e, own),
-             objects.meant(asked, e, value))
-            for e, own, value in found
-        ]  # fmt: skip
+        rows = difference_rows(asked, found)
         if rows:
             table([("object", "name", "drive", "file"), *rows], head=True)
             sys.exit(1)
         say(f"{asked.name} holds what {file} says.")
 
 
+def difference_rows(node: Station, found: list[tuple[Entry, Value, Value]]) -> list[tuple[str, str, str, str]]:
+    """Object, name, value of the drive and of the file."""
+    from hw_bridge.commission import objects
+
+    return [
+        (f"{e.index:04X}h.{e.sub}", objects.UNIT.sub("", e.name)[:28], objects.meant(node, e, own),
+         objects.meant(node, e, value))
+        for e, own, value in found
+    ]  # fmt: skip
+
+
 @click.command("restore")
-@NODE
-@FILE
+@click.argument("node", required=False, metavar="[NODE]")
+@click.argument("file", required=False, type=click.Path(dir_okay=False, path_type=Path), metavar="[FILE.dcf]")
 @click.option("--store", is_flag=True, help="Keep it when the drive is switched off.")
 @PROFILE
 @on_a_bus
-def restore_command(bus: BusChoice, node: str, file: Path, store: bool, profile: str | None) -> None:
-    """Write what differs from a DCF file into NODE, and read it back. Look at it first with compare.
+def restore_command(bus: BusChoice, node: str | None, file: Path | None, store: bool, profile: str | None) -> None:
+    """Give NODE what it held before a run that was killed, by its journal; with FILE what a dump says.
 
-    Node-ID, bit rate, outputs and what moves a drive stay as they are. Refused while somebody drives it. Exit code 1 if
-    the drive refuses anything.
+    Without NODE all nodes that answer and have a journal. Every value is read back. With FILE, node-ID, bit rate, outputs
+    and what moves a drive stay as they are; look first with compare. Refused while somebody drives it. Exit code 1 if the
+    drive refuses anything.
+
+    \b
+    twin hil restore -f my_bench.yaml
+    twin hil restore 1 before.dcf -i socketcan -c can0
     """
+    with bus.line() as line:
+        if file is not None and node is not None:
+            restore_file(bus, line, node, file, store, profile)
+            return
+        from hw_bridge.commission import scan
+
+        found = [str(one.node) for one in scan(line) if not one.problem] if node is None else [node]
+        results = [restore_left(bus, line, one, profile) for one in found]
+    if not any(one is not None for one in results):
+        say("No run left anything to restore.")
+    if any(one is False for one in results):
+        sys.exit(1)
+
+
+def restore_left(bus: BusChoice, line: Line, node: str, profile: str | None) -> bool | None:
+    """Restore what a run left in one node; whether all is as before, nothing where there is no journal."""
+    from hw_bridge.commission import memory, objects
+
+    asked = line.node(node, profile or "")
+    objects.learn(asked)
+    if (found := memory.restore_journal(line, asked, bus.journals)) is None:
+        return None
+    for text in (*found.foreign, *found.failed):
+        paragraph(f"not restored: {text}")
+    say(f"{asked.name}: {len(found.restored)} objects are as before the run, {len(found.failed)} are not.")
+    return not found.foreign and not found.failed
+
+
+def restore_file(bus: BusChoice, line: Line, node: str, file: Path, store: bool, profile: str | None) -> None:
+    """Write what differs from a DCF file."""
     from hw_bridge.commission import dcf, memory, objects
 
-    with bus.line() as line:
-        asked = line.node(node, profile or "")
-        objects.learn(asked)
-        changed, refused = dcf.restore(line, asked, dcf.load(file, asked.number))
-        for one in changed:
-            say(f"changed: {one}")
-        for one in refused:
-            paragraph(f"refused: {one}")
-        say(f"{asked.name}: {len(changed)} changed, {len(refused)} refused.")
-        if store and not refused:
-            memory.store(asked)
-            say("All parameters are stored.")
-        elif changed:
-            paragraph(f"{RAM} {asked.number}")
-        if refused:
-            sys.exit(1)
+    asked = line.node(node, profile or "")
+    objects.learn(asked)
+    changed, refused = dcf.restore(line, asked, dcf.load(file, asked.number))
+    for one in changed:
+        say(f"changed: {one}")
+    for one in refused:
+        paragraph(f"refused: {one}")
+    say(f"{asked.name}: {len(changed)} changed, {len(refused)} refused.")
+    if store and not refused:
+        memory.store(asked, bus.journals)
+        say("All parameters are stored.")
+    elif changed:
+        paragraph(f"{RAM} {asked.number}")
+    if refused:
+        sys.exit(1)
 
 
 @click.command("store")
 @NODE
+@click.argument("file", required=False, type=click.Path(dir_okay=False, path_type=Path), metavar="[FILE.dcf]")
 @on_a_bus
-def store_command(bus: BusChoice, node: str) -> None:
-    """Keep all parameters of NODE when it is switched off (1010h.1). Refused while somebody drives it."""
-    from hw_bridge.commission import memory
+def store_command(bus: BusChoice, node: str, file: Path | None) -> None:
+    """Keep all parameters of NODE when it is switched off (1010h.1), and show what differs from FILE, or its last dump.
+
+    Refused while a program drives it, and while it holds values that a run wrote and did not restore.
+    """
+    from hw_bridge.commission import dcf, memory, objects
 
     with bus.line() as line:
         asked = line.node(node)
-        memory.store(asked)
+        objects.learn(asked)
+        source = file if file is not None else dcf.last_dump(asked, bus.journals)
+        if source is None:
+            paragraph(
+                "note: there is no dump of this drive to compare with. Take one before you change it: twin hil dump"
+            )
+        else:
+            wanted = dcf.load(source, asked.number)
+            if problem := dcf.another(asked, wanted):
+                raise SimulationError(problem)
+            rows = difference_rows(asked, dcf.differences(asked, wanted))
+            say(f"{asked.name}: {len(rows)} objects differ from {'its last dump' if file is None else file}:")
+            table([("object", "name", "drive", "dump"), *rows] if rows else [], 2, head=True)
+        memory.store(asked, bus.journals)
         say(f"{asked.name}: all parameters are stored.")
 
 

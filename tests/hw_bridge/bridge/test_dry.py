@@ -11,6 +11,7 @@ from hw_bridge.device import Drive, Module, Motor
 from hw_bridge.dictionary import State
 from hw_bridge.hardware import load as load_keys
 from hw_bridge.profiles import device, profile
+from tests.hw_bridge.values import each_write, held
 from twin.errors import ScenarioError, SimulationError
 from twin.run import run_scenario
 from twin.scenario import load_scenario
@@ -48,14 +49,24 @@ def bus(build):
 
 def test_everything_but_power(bus):
     keys, network, drives, states = bus
-    told = rehearse(keys, network, ROTARY)
+    written = {}
+    for number, one in enumerate(drives):
+        each_write(
+            one, lambda index, sub, data, n=number: written.setdefault((n, index, sub), int.from_bytes(data, "little"))
+        )
+    before = [held(one) for one in drives]
+    told = rehearse(keys, network, ROTARY, lines := [])
+    assert "    6007h.0 Abort connection option code: 1 -> 3" in "\n".join(f"  {line}" for line in lines)
+    assert "servomotor_1: 3" in lines[-4]
+    assert lines[-4].endswith("objects were changed for the run and are as before")
     assert told[4] == "servomotor_1: limits.force 25 N is above the drive's own 18.39 N (its peak current)."
     assert told[0] == f"servomotor_1: Switched on, no power; 0 of {CYCLES} process data lost"
     assert told[3] == f"valves: outputs safe; 0 of {CYCLES} process data lost"
     assert State.SWITCHED_ON in states
     assert State.ENABLED not in states
     assert {one.state for one in drives} == {State.DISABLED}
-    assert {one.dictionary.get(0x6007) for one in drives} == {3}  # parameters are those of a run
+    assert written[0, 0x6007, 0] == written[1, 0x6007, 0] == 3  # parameters were those of a run
+    assert [held(one) for one in drives] == before  # and are as they were
     assert [one.axis.motor.position for one in drives] == [0.0] * 3
 
 

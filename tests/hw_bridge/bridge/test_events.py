@@ -143,7 +143,7 @@ def test_a_run_that_was_to_be_stopped_and_is_not_fails(run):
 def test_a_stop_outside_its_time_fails(run):
     outcome, _ = run({"a": event(fault="heartbeat")}, "[{ends: stopped, to: 0.21 s}]")
     (one,) = outcome.evaluation.outcomes
-    assert "stopped at 245 ms" in one.detail
+    assert "stopped at 255 ms" in one.detail
     assert one.verdict == "fail"
 
 

@@ -249,3 +249,23 @@ def test_help_is_at_most_80_columns_and_has_examples(run):
     for name in hil.COMMANDS:
         told = run(name, "--help")
         assert max(map(len, told.splitlines())) <= 80, name
+
+
+def test_store_shows_what_differs_from_a_dump(build, tmp_path, monkeypatch):
+    monkeypatch.setenv("TWIN_STATE", str(tmp_path))
+
+    def run(*words, code=0):
+        done = CliRunner().invoke(hil.command, [*map(str, words), "-f", FORCE, "--build", str(build)])
+        assert done.exit_code == code, done.output
+        return done.output + str(done.exception or "")
+
+    assert "note: there is no dump of this drive to compare with." in run("store", 1)
+    file = tmp_path / "delivered.dcf"
+    run("dump", 1, file)
+    assert "servomotor: 0 objects differ from its last dump:" in run("store", 1)
+    file.write_text(file.read_text().replace("ParameterValue=2000", "ParameterValue=900", 1))
+    told = run("store", 1, file)
+    assert "servomotor: 1 objects differ from" in told
+    assert "6072h.0" in told
+    file.write_text(file.read_text().replace("ParameterValue=327", "ParameterValue=251"))
+    assert "vendor is 147h, the file is of FBh" in run("store", 1, file, code=1)

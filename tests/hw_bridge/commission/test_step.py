@@ -88,3 +88,11 @@ def test_the_step_of_a_bench_file_keeps_to_its_limits(build, tmp_path, name):
             refused = CliRunner().invoke(hil.command, [*words, "--by", "1 mm"])
             assert "the simulated drive meets a limit: servomotor: force" in str(refused.exception)
             assert len(seen) == 1, "that of the simulated drive alone"
+
+
+@pytest.mark.parametrize("motor", ["lm2070", "lm1247"])
+def test_the_simulated_drive_is_set_up_for_the_motor_of_the_file(build, motor):
+    node = {"node": 1, "profile": "mclm", "motor": motor}
+    keys = hardware.HardwareKeys.model_validate({"simulated": True, "nodes": {"axis": node}})
+    found = step.simulated(keys, "axis", 0.5e-3, build, {})
+    assert found.way[-1] == pytest.approx(0.5e-3, abs=5e-5)

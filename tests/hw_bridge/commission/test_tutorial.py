@@ -59,7 +59,16 @@ def run(line, folder, build, drive):
     process = subprocess.Popen(start, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     if "--by-hand" in words:
         assert "Move it by hand" in process.stdout.readline()
-        inject = ["-m", "hw_bridge.drive", "inject", "encoder_offset", "--offset", "0.5", "--control", drive.control]
+        inject = [
+            "-m",
+            "hw_bridge.drive",
+            "inject",
+            "encoder_offset",
+            "--offset",
+            drive.pushed,
+            "--control",
+            drive.control,
+        ]
         subprocess.run([sys.executable, *inject], check=True, capture_output=True)
     out, _ = process.communicate(timeout=120)
     return process.returncode, out
@@ -92,6 +101,7 @@ def held(start, folder):
 def test_the_page_runs(profile, build, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with drive_process(profile, build, 46000 + os.getpid() % 4000) as drive:
+        drive.pushed = "0.5" if profile == "epos4" else "0.02"  # by hand [rad, m], within the drive's own limits
         bench = (ROOT / f"hw_bridge/benches/can0_{profile}.yaml").read_text()
         place = f"interface: udp_multicast\nchannel: {drive.channel}\noptions: {{port: {drive.port}}}\n"
         assert "interface: socketcan\nchannel: can0\n" in bench

@@ -111,7 +111,7 @@ def test_every_bench_is_well_formed_and_fits_its_scenario(path):
         ("node: 1", "node: 1, follow: {mode: csv, gain: 50}", "follow.gain: 50 has no unit. Write it with one, such as 50 1/s."),
         ("node: 1", "node: 1, follow: {gain: 50 1/s}", "follow.gain: in csp the position loop is the drive's. Leave it out, or add `mode: csv`."),
         ("node: 1, profile: faulhaber_v3", "node: 1, profile: mclm, follow: {feedforward: 1}", "follow.feedforward: FAULHABER MCLM 300x CO has no velocity offset 60B1h in csp. Add `mode: csv`, or use another drive."),
-        ("true\nnodes:\n  servomotor: {", "false\ninterface: socketcan\nchannel: can0\nnodes:\n  servomotor: {motor: member, ", "motor: a real drive has the motor that is wired to it. Leave it out."),
+        ("true\nnodes:\n  servomotor: {", "false\ninterface: socketcan\nchannel: can0\nnodes:\n  servomotor: {motor: member, ", "motor: a real drive has the motor that is wired to it. Name it: lm2070, lm1247, ec_i_40."),
         ("node: 1", "node: 1, inverted: maybe", "nodes.servomotor.inverted: input should be a valid boolean"),
     ],
 )  # fmt: skip

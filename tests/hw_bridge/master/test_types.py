@@ -76,9 +76,9 @@ def unsized(answer):
 
 def test_the_check_tells_sizes_and_what_is_refused(build, monkeypatch, capsys):
     keys = HardwareKeys.model_validate({"simulated": True, "nodes": {"servomotor": node("mclm", objects={"2FFFh": 1})}})
-    monkeypatch.setattr(bench, "profile", lambda _: other("mclm", _2350_4={"type": U32}))
+    monkeypatch.setattr(bench, "profile", lambda _: other("mclm", _2338_2={"type": U32}))
     found = hil.differences(keys, build)
-    assert "note: servomotor: 2350h.4 has 4 bytes, in the profile 1." in capsys.readouterr().out
+    assert "note: servomotor: 2338h.2 has 4 bytes, in the profile 2." in capsys.readouterr().out
     assert len(found) == 1
     assert "2FFFh.0: refused with 06020000h, no object. A run writes it." in found[0]
 

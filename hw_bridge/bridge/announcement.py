@@ -1,0 +1,45 @@
+"""The list of all objects that a run will write, printed before the first run with a hardware file."""
+
+from __future__ import annotations
+
+import hashlib
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from hw_bridge.commission import planned_rows
+from hw_bridge.journal import state_folder
+from twin.cli import say
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from hw_bridge.master import Master
+
+
+def announce(master: Master) -> None:
+    """Print the list to stderr, unless it was printed for these keys before. Simulated drives of this process have none."""
+    marker = _marker(master)
+    if master.keys.simulated or marker.exists():
+        return
+    for line in lines(master):
+        say(line, err=True)
+    with suppress(OSError):  # then it is printed again
+        marker.parent.mkdir(parents=True, exist_ok=True)
+        marker.touch()
+
+
+def lines(master: Master) -> list[str]:
+    """Each object with its name, what it holds, what it becomes and why; as many lines as there are, and one before."""
+    text = []
+    for station in master.stations.values():
+        with master.asking(station):
+            rows = planned_rows(master.plan(station))
+        text.append(f"{station.name}: {len(rows)} objects are written, and restored at the end:")
+        text += [f"  {row.object} {row.name}: {row.before} -> {row.after} ({row.reason})" for row in rows]
+    return text
+
+
+def _marker(master: Master) -> Path:
+    """A file that says that the list was printed for these keys."""
+    text = master.keys.model_dump_json()
+    return state_folder() / "announced" / hashlib.sha256(text.encode()).hexdigest()[:32]

@@ -1,0 +1,123 @@
+"""What else a drive holds that decides how it homes, limits its current and stops: read, beside the hardware file.
+
+Nothing of it is written unless the hardware file asks for it under `objects`.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from hw_bridge.commission.objects import UNIT, meant, shown
+from hw_bridge.dictionary import U8, U16, U32, Entry
+from hw_bridge.master import SdoError, constant_of, setup
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from hw_bridge.master import Node
+
+Address = tuple[int, int]
+GROUPS: dict[str, tuple[Address, ...]] = {
+    "homing": (
+        (0x6098, 0), (0x607C, 0), (0x30B0, 0), (0x30B1, 0), (0x30B2, 0), (0x2324, 2), (0x2350, 0), (0x2351, 0),
+    ),
+    "current": (
+        (0x6072, 0), (0x60E0, 0), (0x60E1, 0), (0x6075, 0), (0x3001, 1), (0x3001, 2), (0x2333, 1), (0x2333, 2),
+        (0x2329, 1), (0x2329, 2), (0x2329, 3),
+    ),
+    "stop": (
+        (0x605A, 0), (0x605B, 0), (0x605C, 0), (0x605D, 0), (0x605E, 0), (0x6007, 0), (0x1029, 1), (0x6065, 0), (0x6066, 0),
+        (0x60C2, 1),
+    ),
+    "inputs, outputs, brake": (
+        (0x60FD, 0), (0x60FE, 1), (0x60FE, 2), (0x3202, 1), (0x2310, 1), (0x2310, 2), (0x2310, 3),
+        *((0x3142, sub) for sub in range(1, 9)), *((0x3151, sub) for sub in range(1, 4)),
+        (0x3158, 1), (0x3158, 2), (0x3158, 3),
+    ),
+}  # fmt: skip
+# objects that profiles have not but drives may have: name and type, used where the drive answers
+MORE: dict[Address, Entry] = {
+    (one.index, one.sub): one
+    for one in (
+        Entry(0x2324, 2, "Block detection time", U16, "ro"),
+        Entry(0x2350, 0, "Homing torque limit [0.001 of the rated torque]", U16, "ro"),
+        Entry(0x2351, 0, "Homing torque limit [0.001 of the rated torque]", U16, "ro"),
+        Entry(0x2329, 1, "Motor data 1", U32, "ro"),
+        Entry(0x2329, 2, "Motor data 2", U32, "ro"),
+        Entry(0x2329, 3, "Motor data 3", U32, "ro"),
+        Entry(0x2310, 1, "Negative limit switches", U8, "ro"),
+        Entry(0x2310, 2, "Positive limit switches", U8, "ro"),
+        Entry(0x2310, 3, "Homing switches", U8, "ro"),
+        Entry(0x605D, 0, "Halt option code", U16, "ro"),
+        Entry(0x1029, 1, "Communication error", U8, "ro"),
+    )
+}
+COASTS = 0  # of 605Ah: the power stage goes off at once
+STAYS_OPERATIONAL = 1  # of 1029h.1
+BLOCK_METHODS = range(-4, 0)  # against an end stop
+
+
+class Inspection(NamedTuple):
+    """Rows (object, name, value) by group, and what of them does not fit the hardware file."""
+
+    groups: dict[str, list[tuple[str, str, str]]]
+    notes: list[str]
+
+
+def inspect(node: Node) -> Inspection:
+    """Read all of it that the drive has, and compare it with the hardware file."""
+    values: dict[Address, int] = {}
+    groups: dict[str, list[tuple[str, str, str]]] = {}
+    for group, addresses in GROUPS.items():
+        rows = groups[group] = []
+        for address in addresses:
+            if (entry := _entry(node, address)) is None:
+                continue
+            try:
+                data = setup.ask(node, *address)
+            except SdoError:
+                continue
+            value = values[address] = int.from_bytes(data, "little", signed=entry.type.signed)
+            if address[1] in node.mirror.objects.get(address[0], {}):
+                node.mirror.values[address] = value
+            rows.append((f"{address[0]:04X}h.{address[1]}", UNIT.sub("", entry.name), meant(node, entry, value)))
+    return Inspection(groups, list(_notes(node, values)))
+
+
+def _entry(node: Node, address: Address) -> Entry | None:
+    """The row of the profile, else that of `MORE` where the profile knows no other object of this index."""
+    subs = node.mirror.objects.get(address[0], {})
+    if (own := subs.get(address[1])) is not None:
+        return None if own.title and not own.sub else own  # how many a record has
+    return None if subs else MORE.get(address)
+
+
+def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
+    """What of it does not fit the hardware file, or is to be known."""
+    name, homing = node.name, node.keys.homing
+    limit, constant = node.own.file.force, constant_of(node.keys)
+    rated = values.get((0x6075, 0), 0) / 1e3
+    currents = [values[0x30B2, 0] / 1e3] if (0x30B2, 0) in values else []
+    currents += [values[address] * rated / 1e3 for address in ((0x2350, 0), (0x2351, 0)) if address in values and rated]
+    newton = "N*m" if node.rotary else "N"
+    if homing is not None and homing.method in BLOCK_METHODS:
+        if not currents:
+            yield f"{name}: homing pushes against an end stop, and no object tells with which current."
+        elif max(currents) * constant > limit:
+            yield (
+                f"{name}: homing pushes against the end stop with {shown(max(currents) * constant, newton)}, above "
+                f"limits.force {shown(limit, newton)}. Lower it under `objects` (30B2h, or 2350h and 2351h)."
+            )
+    peak = node.profile.currents(node.mirror).peak * constant
+    if peak > limit:
+        yield (
+            f"{name}: the drive's own currents allow {shown(peak, newton)}, limits.force is {shown(limit, newton)}: only this program "
+            f"watches it. Lower them under `objects` or in the drive, so that the drive holds it too."
+        )
+    options = {(index, sub): value for index, sub, value in node.vendor.setup} | node.keys.objects
+    if options.get((0x605A, 0), values.get((0x605A, 0))) == COASTS:
+        yield f"{name}: 605Ah is 0: at a quick stop it coasts. Set a ramp: twin hil set {node.number} 605Ah 2."
+    if options.get((0x1029, 1), values.get((0x1029, 1))) == STAYS_OPERATIONAL:
+        yield f"{name}: 1029h.1 is 1: it stays Operational when it misses this program's heartbeat. 6007h stops it alone."
+    if node.profile.rpdo_timeout and values.get((0x60C2, 1)) is not None:
+        yield f"{name}: 8250h (RPDO time-out) follows from 60C2h, which a run sets to its cycle; see late_cycle.rpdo_timeout."

@@ -1,0 +1,95 @@
+"""What a run will write into a drive, as a person reads it, and what else of it decides how it moves and stops."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from hw_bridge.commission.objects import UNIT, meant
+from hw_bridge.dictionary import U32, Entry
+from hw_bridge.master import Node, PlannedWrite
+
+if TYPE_CHECKING:
+    from hw_bridge.master import Station, WritePlan
+
+
+class PlannedRow(NamedTuple):
+    """One object: its name, what it holds, what it becomes, and why."""
+
+    object: str
+    name: str
+    before: str
+    after: str
+    reason: str
+
+
+def planned_rows(plan: WritePlan) -> list[PlannedRow]:
+    """A row for each object that a run changes, in the order of its first write; quantities with their units.
+
+    Objects that hold what the run needs are left out. A scale that is written as well counts for values after it.
+    """
+    last: dict[tuple[int, int], PlannedWrite] = {}
+    for one in plan.writes:
+        last[one.index, one.sub] = one
+    changed = [one for address, one in last.items() if plan.holds(*address) != one.value]
+    after = {(one.index, one.sub): _meant(plan.node, one.index, one.sub, one.value) for one in changed}
+    with_units_before(plan)
+    before = {
+        (one.index, one.sub): _meant(plan.node, one.index, one.sub, plan.holds(one.index, one.sub)) for one in changed
+    }
+    with_units_after(plan)
+    return [
+        PlannedRow(
+            f"{one.index:04X}h.{one.sub}",
+            _name(plan.node, one.index, one.sub),
+            before[address],
+            after[address],
+            one.reason,
+        )
+        for one in changed
+        if (address := (one.index, one.sub))
+    ]
+
+
+def with_units_before(plan: WritePlan) -> None:
+    """Let the node's units be those of the values that it holds."""
+    _scale(plan, {address: plan.holds(*address) for address in _scales(plan)})
+
+
+def with_units_after(plan: WritePlan) -> None:
+    """Let the node's units be those of the values that will be written."""
+    _scale(plan, {address: one.value for address, one in _scales(plan).items()})
+
+
+def _scales(plan: WritePlan) -> dict[tuple[int, int], PlannedWrite]:
+    """Writes that change units."""
+    scaling = getattr(plan.node.profile, "scaling", ())
+    return {(one.index, one.sub): one for one in plan.writes if (one.index, one.sub) in scaling}
+
+
+def _scale(plan: WritePlan, values: dict[tuple[int, int], int | None]) -> None:
+    node = plan.node
+    if isinstance(node, Node) and values:
+        node.mirror.values.update({address: value for address, value in values.items() if value is not None})
+        node.use_units()
+
+
+def _entry(node: Station, index: int, sub: int) -> Entry | None:
+    return node.mirror.objects.get(index, {}).get(sub)
+
+
+def _name(node: Station, index: int, sub: int) -> str:
+    entry = _entry(node, index, sub)
+    if entry is None:
+        return "not in the profile"
+    own = UNIT.sub("", entry.name)
+    kind, _, rest = entry.title.partition(" PDO ")
+    return f"{kind[0]}PDO {rest.split()[0]}: {own}" if kind in ("Receive", "Transmit") else own
+
+
+def _meant(node: Station, index: int, sub: int, value: int | None) -> str:
+    if value is None:
+        return "not told"
+    entry = _entry(node, index, sub) or Entry(index, sub, "", U32, "rw")
+    if 0x1400 <= index < 0x1C00 and (sub or not index & 0x200):
+        return f"{value:X}h" if sub == 1 or index & 0x200 else str(value)
+    return meant(node, entry, value)

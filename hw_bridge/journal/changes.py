@@ -1,0 +1,110 @@
+"""What a run has changed in one node, with the values before."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from hw_bridge.journal.file import JournalFile
+
+Address = tuple[int, int]  # index and subindex
+
+
+@dataclass
+class ObjectChange:
+    """One object: the bytes that it held before and those that were written; `before` empty: it could not be read.
+
+    `written` has every value that this program wrote; empty: process data wrote it.
+    """
+
+    index: int
+    sub: int
+    before: bytes
+    written: list[bytes] = field(default_factory=list)
+    reason: str = ""
+
+    @property
+    def address(self) -> Address:
+        """Index and subindex."""
+        return self.index, self.sub
+
+    @property
+    def name(self) -> str:
+        """`607Dh.1`."""
+        return f"{self.index:04X}h.{self.sub}"
+
+
+class Journal:
+    """The changes of one node, in the order of their first write; also in a file, if one is attached."""
+
+    def __init__(self) -> None:
+        self.changes: dict[Address, ObjectChange] = {}
+        self.history: list[ObjectChange] = []  # of changes that were restored or kept
+        self.file: JournalFile | None = None
+
+    def attach(self, file: JournalFile) -> None:
+        """Keep the changes in a file from now on; those that it holds are taken over first."""
+        self.file = file
+        for number, row in enumerate(file.changes, 2):
+            try:
+                self._take(row)
+            except (KeyError, ValueError, TypeError):
+                raise SimulationError(
+                    f"{file.path}:{number}: is no line of a journal; the file is kept. Move it away."
+                ) from None
+
+    def _take(self, row: dict[str, Any]) -> None:
+        address = int(row["index"], 16), int(row["sub"])
+        if row.get("done"):
+            self.changes.pop(address, None)
+            return
+        written = [bytes.fromhex(row["after"])] if row["after"] is not None else []
+        known = self.changes.get(address)
+        if known is None:
+            self.changes[address] = ObjectChange(*address, bytes.fromhex(row["before"]), written, str(row["reason"]))
+        else:
+            known.written += written
+
+    def record(self, changes: Iterable[ObjectChange]) -> None:
+        """Note writes that are about to be made. On return they are on the disk, if a file is attached."""
+        rows = []
+        for change in changes:
+            known = self.changes.get(change.address)
+            if known is None:
+                self.changes[change.address] = replace(change, written=list(change.written))
+            elif set(change.written) <= set(known.written):
+                continue
+            else:
+                known.written += change.written
+            rows.append(_row(change))
+        if rows and self.file is not None:
+            self.file.append(rows)
+
+    def settle(self, addresses: Iterable[Address]) -> None:
+        """These are as they were, or are to stay as they are: nothing is left to restore there."""
+        settled = [self.changes.pop(address) for address in addresses if address in self.changes]
+        self.history += settled
+        if settled and self.file is not None:
+            self.file.append({"index": f"{one.index:04X}", "sub": one.sub, "done": True} for one in settled)
+
+    def close(self) -> None:
+        """Close the file, and remove it if nothing is left."""
+        if self.file is not None:
+            self.file.close(remove=not self.changes)
+            self.file = None
+
+
+def _row(change: ObjectChange) -> dict[str, Any]:
+    return {
+        "index": f"{change.index:04X}",
+        "sub": change.sub,
+        "size": len(change.before),
+        "before": change.before.hex(),
+        "after": change.written[-1].hex() if change.written else None,
+        "reason": change.reason,
+    }

@@ -1,0 +1,94 @@
+"""Limits that a drive has itself, as they were found: a run makes none of them wider."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from hw_bridge.hardware import LimitKeys
+    from hw_bridge.master.node import Node
+
+Address = tuple[int, int]
+FOLLOWING_ERROR = 0x6065
+SPEED_LIMITS = (0x607F, 0x6080)
+ACCELERATION_LIMITS = (0x60C5, 0x60C6)
+POSITION_LIMITS = ((0x607D, 1), (0x607D, 2))
+# other objects that bound what a drive does, and what of the units they count in
+LIMITS: dict[Address, str] = {
+    (0x607F, 0): "velocity",
+    (0x6080, 0): "velocity",
+    (0x6065, 0): "position",
+    (0x60C5, 0): "acceleration",
+    (0x60C6, 0): "acceleration",
+    (0x6072, 0): "",
+    (0x60E0, 0): "",
+    (0x60E1, 0): "",
+    (0x2333, 1): "",
+    (0x2333, 2): "",
+    (0x3001, 1): "",
+    (0x3001, 2): "",
+}
+
+
+@dataclass
+class OwnLimits:
+    """What a drive told before a run. `file`: limits of the hardware file, whatever the drive's own are.
+
+    `values`: of `LIMITS`, in SI at the motor; `positions`: 607Dh in the drive's units, None: no limit. `assumed`: a line
+    for each scale that it does not tell.
+    """
+
+    file: LimitKeys
+    values: dict[Address, float] = field(default_factory=dict)
+    positions: tuple[int, int] | None = None
+    assumed: list[str] = field(default_factory=list)
+
+    def smallest(self, *addresses: Address) -> list[float]:
+        """Those of these limits that the drive has [SI at the motor]."""
+        return [self.values[address] for address in addresses if address in self.values]
+
+
+def narrow(node: Node) -> None:
+    """Let the narrower of the hardware file's limits and the drive's own count, except positions."""
+    own, scale = node.own, node.keys.scale
+    limits = own.file
+
+    def narrower(value: float, *indices: int) -> float:
+        return min([value, *(scale * one for one in own.smallest(*((index, 0) for index in indices)))])
+
+    update = {
+        "velocity": narrower(limits.velocity, *SPEED_LIMITS),
+        "acceleration": narrower(limits.acceleration, *ACCELERATION_LIMITS),
+        "following_error": narrower(limits.following_error, FOLLOWING_ERROR),
+    }
+    node.keys = node.keys.model_copy(update={"limits": limits.model_copy(update=update)})
+
+
+def software_limits(node: Node) -> tuple[int, int]:
+    """607Dh once it is known from where positions count: a tenth beyond the hardware file's, within the drive's own.
+
+    Not on this side of where the drive stands after homing: it would jump there as soon as it is enabled. The limits that
+    are watched in each cycle are narrowed too. SimulationError where both have no position in common.
+    """
+    low, high = node.own.file.position
+    margin = 0.1 * (high - low)
+    ends = sorted(
+        node.device_position(one) for one in (min(low, node.position) - margin, max(high, node.position) + margin)
+    )
+    if node.own.positions is None:
+        return ends[0], ends[1]
+    own = node.own.positions
+    ends = [max(ends[0], own[0]), min(ends[1], own[1])]
+    inside = sorted(node.sign * one * node.units.position - node.origin for one in own)
+    narrowed = [max(low, inside[0]), min(high, inside[1])]
+    if narrowed[0] >= narrowed[1] or ends[0] >= ends[1]:
+        raise SimulationError(
+            f"{node.name}: limits.position {node.way(low)} to {node.way(high)} and the drive's own 607Dh, "
+            f"{node.way(inside[0])} to {node.way(inside[1])}, have no position in common. Correct one of them."
+        )
+    limits = node.keys.limits.model_copy(update={"position": narrowed})
+    node.keys = node.keys.model_copy(update={"limits": limits})
+    return ends[0], ends[1]

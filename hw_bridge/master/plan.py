@@ -1,0 +1,265 @@
+"""The writes of a bringing up, before any of them is made: what each object holds, what it becomes, and why."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil
+from typing import TYPE_CHECKING
+
+from hw_bridge.bus import MILLISECOND
+from hw_bridge.dictionary import cia301, cia402
+from hw_bridge.master.limits import FOLLOWING_ERROR, LIMITS, POSITION_LIMITS, SPEED_LIMITS, narrow
+from hw_bridge.master.scaling import learn_scaling, unknown_scale, wrong_motor
+from hw_bridge.master.sdo import SdoError
+from hw_bridge.master.vendor import SPEED, TRANSMIT, receive
+from hw_bridge.master.writes import before_of, encoded, limited, number
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from hw_bridge.master.node import Node
+    from hw_bridge.master.station import Station
+
+Address = tuple[int, int]
+ACCELERATIONS, PROFILE_VELOCITY = (0x6083, 0x6084, 0x6085), 0x6081
+MODE = 0x6060
+HOMING_OFFSETS = (0x607C, 0x30B0, 0x30B1)  # home offset, of an EPOS4 home position and the way after it
+NARROWED = ("velocity", "acceleration", "following_error")  # of the limits, beside positions
+OWN = "; the drive's own is narrower and counts"
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedWrite:
+    """One write. `later`: not made while process data are set up, but after homing, or by process data."""
+
+    index: int
+    sub: int
+    value: int
+    reason: str
+    later: bool = False
+
+
+class WritePlan:
+    """The writes of one node in their order. `before`: what it holds; `refused`: a line for each that it has not."""
+
+    def __init__(self, node: Station) -> None:
+        self.node = node
+        self.writes: list[PlannedWrite] = []
+        self.before: dict[Address, bytes] = {}
+        self.refused: list[str] = []
+        self.problems: list[str] = []  # why it cannot be moved
+        self._present: dict[Address, int] = {}
+
+    def holds(self, index: int, sub: int = 0) -> int | None:
+        """What an object holds before the run; nothing if the node refuses to tell it, which is noted once."""
+        address = index, sub
+        if address not in self.before:
+            try:
+                self.before[address] = before_of(self.node, index, sub)
+            except SdoError as error:
+                self.before[address] = b""
+                self.refused.append(
+                    f"{self.node.name}: {error} A run writes it. Correct the hardware file or the profile."
+                )
+        data = self.before[address]
+        return number(self.node, index, sub, data) if data else None
+
+    def peek(self, index: int, sub: int = 0) -> int | None:
+        """The same of an object that the run may not write: nothing is noted where the node has it not."""
+        try:
+            self.before.setdefault((index, sub), before_of(self.node, index, sub))
+        except SdoError:
+            return None
+        return self.holds(index, sub)
+
+    def add(self, index: int, sub: int, value: int, reason: str, later: bool = False) -> None:
+        """Plan a write, unless the object holds this value already."""
+        before = self.holds(index, sub)
+        if self._present.get((index, sub), before) == value:
+            return
+        self._present[index, sub] = value
+        self.writes.append(PlannedWrite(index, sub, value, reason, later))
+
+    def add_if_present(self, index: int, value: int, reason: str) -> None:
+        """Plan a write where the profile has such an object, at most what it takes."""
+        entry = self.node.mirror.objects.get(index, {}).get(0)
+        if entry is not None and entry.writable:
+            self.add(index, 0, limited(entry, value), reason)
+
+    def sizes(self) -> list[str]:
+        """Numbers that have other sizes than in the profile."""
+        lines = []
+        for (index, sub), data in self.before.items():
+            known = self.node.mirror.objects.get(index, {}).get(sub)
+            if known is not None and data and len(data) != known.type.size:
+                lines.append(
+                    f"{self.node.name}: {index:04X}h.{sub} has {len(data)} bytes, in the profile {known.type.size}."
+                )
+        return lines
+
+    def encode(self) -> list[tuple[PlannedWrite, bytes]]:
+        """The writes with their bytes; SimulationError where a value does not fit what the node has."""
+        return [(one, encoded(self.node, one.index, one.sub, one.value)) for one in self.writes]
+
+    def raise_problems(self) -> None:
+        """SimulationError with all that stands against a run, before anything is written."""
+        if problems := [*self.refused, *self.problems]:
+            raise SimulationError(" ".join(problems))
+
+
+def plan_drive(node: Node, period: int, master: int) -> WritePlan:
+    """All that a run writes into a drive. Only reads.
+
+    `period` [ns]: of interpolation; 0: none, and no watch on late targets where a drive has one.
+    """
+    plan = WritePlan(node)
+    learn_scaling(node)
+    _own_limits(plan, node)
+    for index, sub, value in node.vendor.setup:
+        plan.add(index, sub, value, node.vendor.reasons[index, sub])
+        _overlay(node, index, sub, value)
+    for (index, sub), value in node.keys.objects.items():
+        own = plan.holds(index, sub) if (index, sub) in LIMITS else None
+        narrowed = value if own is None else min(value, own)
+        plan.add(index, sub, narrowed, f"objects of the hardware file{OWN if narrowed != value else ''}")
+        _overlay(node, index, sub, narrowed)
+    node.use_units()
+    plan.problems += filter(None, [wrong_motor(node), unknown_scale(node), *_homing_offsets(plan, node)])
+    narrow(node)
+    if 0x60C2 in node.mirror.objects:
+        plan.add(0x60C2, 1, period // MILLISECOND, "period of targets, on which the drive interpolates")
+        plan.add(0x60C2, 2, -3, "in milliseconds")
+    for index in cia402.OFFSETS:
+        if index in node.mirror and plan.peek(index):
+            plan.add(index, 0, 0, "would be added to every target")
+    _outputs(plan, node)
+    _ramps(plan, node)
+    _positions(plan, node)
+    plan_heartbeat(plan, master)
+    _process_data(plan, node)
+    return plan
+
+
+def _own_limits(plan: WritePlan, node: Node) -> None:
+    """Limits of the drive in its units as it was found."""
+    node.own.values.clear()
+    held = {
+        address: value
+        for address in (*LIMITS, *POSITION_LIMITS)
+        if address[1] in node.mirror.objects.get(address[0], {}) and (value := plan.peek(*address)) is not None
+    }
+    for address, kind in LIMITS.items():
+        if kind and held.get(address, 0) > 0:
+            node.own.values[address] = held[address] * getattr(node.units, kind)
+    low, high = (held.get(address) for address in POSITION_LIMITS)
+    none = low is None or high is None or low >= high
+    node.own.positions = None if none else (low, high)  # type: ignore[assignment]
+
+
+def _homing_offsets(plan: WritePlan, node: Node) -> list[str]:
+    """Why positions after homing would not be those of the hardware file."""
+    if node.keys.homing is None:
+        return []
+    return [
+        f"{node.name}: {index:04X}h is {value}, so that the drive does not count 0 at its reference as `homing.at` expects. "
+        f"Set it to 0: twin hil set {node.number} {index:04X}h '0 raw'."
+        for index in HOMING_OFFSETS
+        if index in node.mirror and (index, 0) not in node.keys.objects and (value := plan.peek(index))
+    ]
+
+
+def _overlay(node: Node, index: int, sub: int, value: int) -> None:
+    """Let units follow from what will be written."""
+    if sub in node.mirror.objects.get(index, {}):
+        node.mirror.values[index, sub] = value
+
+
+def _outputs(plan: WritePlan, node: Node) -> None:
+    """Digital outputs as the hardware file wants them when nothing moves; then the mask lets the bits act."""
+    if node.keys.safe_outputs is not None:
+        plan.add(cia402.OUTPUTS, cia402.LEVELS, node.keys.safe_outputs, "safe_outputs, also after the run")
+    if node.keys.outputs and cia402.MASK in node.mirror.objects[cia402.OUTPUTS]:
+        mask = (plan.holds(cia402.OUTPUTS, cia402.MASK) or 0) | sum(1 << bit for bit in node.keys.outputs)
+        plan.add(cia402.OUTPUTS, cia402.MASK, mask, "outputs that follow signals, also after the run")
+
+
+def _ramps(plan: WritePlan, node: Node) -> None:
+    """Accelerations, the largest speeds and the following error, in the drive's units."""
+    given, limits, own, units = node.own.file, node.keys.limits, node.own, node.units
+    scale = node.keys.scale
+
+    def counted(value: float, unit: float, address: Address | None = None) -> int:
+        """A limit of the member in the drive's units: rounded up, but not beyond the drive's own."""
+        whole = ceil(value / (scale * unit))
+        return whole if address not in own.values else min(whole, round(own.values[address] / unit))
+
+    narrower = {key: OWN if getattr(limits, key) < getattr(given, key) else "" for key in NARROWED}
+    for index in ACCELERATIONS:
+        value = counted(limits.acceleration, units.acceleration)
+        plan.add_if_present(index, value, f"limits.acceleration{narrower['acceleration']}")
+    for index in (*SPEED_LIMITS, PROFILE_VELOCITY):
+        value = counted(limits.velocity, units.velocity, (index, 0))
+        plan.add_if_present(index, value, f"limits.velocity{narrower['velocity']}")
+    value = counted(limits.following_error, units.position, (FOLLOWING_ERROR, 0))
+    plan.add_if_present(FOLLOWING_ERROR, value, f"limits.following_error{narrower['following_error']}")
+
+
+def _positions(plan: WritePlan, node: Node) -> None:
+    """What is written once a drive has its reference: methods and speeds of homing, software limits, mode."""
+    keys, homing = node.keys, node.keys.homing
+    if homing is not None:
+        speed = max(round(homing.speed / (keys.scale * node.units.velocity)), 1)
+        plan.add(0x6098, 0, homing.method, "homing.method", later=True)
+        for sub, value in ((1, speed), (2, max(speed // 2, 1))):
+            if sub in node.mirror.objects.get(0x6099, {}):
+                plan.add(0x6099, sub, value, "homing.speed", later=True)
+    if 0x607D in node.mirror.objects:
+        here = plan.peek(0x6064) or 0
+        low, high = sorted(one / (node.sign * node.units.position) for one in keys.limits.position)
+        zero = here if homing is None else homing.at / (-node.sign * node.units.position)
+        margin = 0.1 * (high - low)
+        ends = [round(low - margin + zero), round(high + margin + zero)]
+        own = node.own.positions
+        within = ends if own is None else [max(ends[0], own[0]), min(ends[1], own[1])]
+        begin = "from where the scenario begins" if homing is None else "after homing"
+        for sub, value, wide in zip((1, 2), within, ends, strict=True):
+            plan.add(
+                0x607D, sub, value, f"limits.position and a tenth, {begin}{OWN if value != wide else ''}", later=True
+            )
+    if MODE in node.mirror.objects:
+        plan.add(MODE, 0, int(node.own_mode), "mode of operation, by process data", later=True)
+
+
+def plan_heartbeat(plan: WritePlan, master: int) -> None:
+    """Both directions: the node tells that it lives, and stops when this program does not."""
+    times = plan.node.keys.heartbeat
+    watch = master << 16 | times.lost_after // MILLISECOND
+    if plan.holds(0x1016, 1) != watch:  # an entry that is in use may not be changed
+        plan.add(0x1016, 1, 0, "heartbeat.lost_after")
+    plan.add(0x1016, 1, watch, "heartbeat.lost_after")
+    plan.add(0x1017, 0, times.every // MILLISECOND, "heartbeat.every")
+
+
+def _process_data(plan: WritePlan, node: Node) -> None:
+    """The remap procedure for four PDOs each way: one controlword in all, everything at SYNC, the others off."""
+    # a drive without interpolation gets several set-points in a cycle: they act when they come
+    kind = 1 if 0x60C2 in node.mirror else 255
+    received = receive(bool(node.keys.outputs), node.told_force, node.keys.offset)
+    transmit: tuple[tuple[int, ...], ...] = (TRANSMIT, (SPEED, node.vendor.current), (), ())
+    for number_ in range(4):
+        plan_pdo(plan, 0x1400 + number_, 0x200 + 0x100 * number_ + node.number, received[number_], kind)
+        plan_pdo(plan, 0x1800 + number_, 0x180 + 0x100 * number_ + node.number, transmit[number_], 1)
+
+
+def plan_pdo(plan: WritePlan, index: int, identifier: int, words: tuple[int, ...], kind: int) -> None:
+    """Take a PDO out of use, map it anew, and use it again if it has anything to carry."""
+    reason = "process data of the run" if words else "not used by the run: the controlword comes once"
+    flags = (plan.holds(index, 1) or 0) & 0x40000000
+    plan.add(index, 1, cia301.INVALID | flags | identifier, reason)
+    if not words:
+        return
+    plan.add(index, 2, kind, reason)
+    plan.add(index + 0x200, 0, 0, reason)
+    for address, word in enumerate(words, 1):
+        plan.add(index + 0x200, address, word, reason)
+    plan.add(index + 0x200, 0, len(words), reason)
+    plan.add(index, 1, flags | identifier, reason)

@@ -1,0 +1,265 @@
+"""Every object that a run wrote gets back what it held: at the end of the run, or from a journal that one left."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from hw_bridge.dictionary import State, cia301, cia401, cia402, state_of
+from hw_bridge.journal import DriveIdentity, JournalFile, bus_folder, journal_path
+from hw_bridge.master.scaling import SCALING
+from hw_bridge.master.sdo import SdoError
+from hw_bridge.master.writes import LONGEST, PDOS, ask, download
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+    from pathlib import Path
+
+    from hw_bridge.hardware import HardwareKeys
+    from hw_bridge.journal import Journal, ObjectChange
+    from hw_bridge.master.master import Master
+    from hw_bridge.master.station import Station
+
+Address = tuple[int, int]
+OUTPUTS = (cia402.OUTPUTS, cia401.OUTPUTS)  # to restore them would switch valves or a brake
+ENABLED = (State.ENABLED, State.QUICK_STOP, State.REACTION)
+HEARTBEATS = (0x1016, 0x1017)
+MODE = 0x6060
+STATUSWORD = 0x6041
+ATTEMPTS = 4  # of a request: some hundred of them are made, and frames may be lost
+ROUNDS = 2  # a limit may be refused until its counterpart is restored
+
+
+@dataclass
+class Restored:
+    """What became of the changes of one node; `failed` and `foreign`: lines."""
+
+    restored: list[str] = field(default_factory=list)
+    kept: list[str] = field(default_factory=list)  # as the hardware file says, or outputs that stay safe
+    foreign: list[str] = field(default_factory=list)  # changed by another program since: left as they are
+    failed: list[str] = field(default_factory=list)
+
+
+def restore(station: Station) -> Restored:
+    """Write back and verify all that the station's journal has. Its power is off, and it is in Pre-operational.
+
+    Order (CiA 301): all PDOs that were touched out of use; scaling, then all else, last written first; mappings as count
+    0, entries, count; kinds and times; COB-IDs with their valid bit; heartbeats. SimulationError if it is enabled.
+    """
+    journal, result = station.journal, Restored()
+    refuse_enabled(station)
+    keep = _kept(station, journal)
+    result.kept = [journal.changes[address].name for address in keep]
+    journal.settle(keep)
+    changes = [one for one in journal.changes.values() if one.before]
+    pdos = _changed_pdos(station, [one for one in changes if one.index in PDOS])
+    others = sorted((one for one in reversed(changes) if one.index not in PDOS), key=_rank)
+    disabled = _disable(station, pdos)
+    left = _write_back(station, [one for one in others if one.index not in HEARTBEATS], result)
+    left += _write_back(station, sorted(pdos, key=_pdo_rank), result, prepare=lambda one: _empty(station, one))
+    for index, identifier in disabled.items():
+        if (index, 1) not in journal.changes:  # it is to stay as it was a moment ago
+            download(station, index, 1, identifier)
+    left += _write_back(station, [one for one in others if one.index in HEARTBEATS], result)
+    _verify(station, changes, left, result)
+    return result
+
+
+def _changed_pdos(station: Station, changes: list[ObjectChange]) -> list[ObjectChange]:
+    """Changes of those PDOs of which anything is not as before: the others stay in use."""
+    touched = {one.index & ~0x200 for one in changes if _reads(station, one) != one.before}
+    return [one for one in changes if one.index & ~0x200 in touched]
+
+
+def _reads(station: Station, change: ObjectChange) -> bytes:
+    """What an object holds; nothing where it cannot be read, as mapping entries beyond the count."""
+    try:
+        return ask(station, change.index, change.sub)
+    except SdoError:
+        return b""
+
+
+def refuse_enabled(station: Station) -> None:
+    """SimulationError for a drive whose power stage is on; what has no statusword is no drive."""
+    with suppress(SdoError):
+        if (state := state_of(station.sdo.number(STATUSWORD) & 0xFFFF)) in ENABLED:
+            raise SimulationError(f"{station.name}: is in {state}: nothing is restored while it is enabled.")
+
+
+def _kept(station: Station, journal: Journal) -> list[Address]:
+    """Changes that stay: those that the hardware file names, outputs, and offsets that would be added to targets."""
+    named = getattr(station.keys, "keep", ())
+    everything = named == "all"
+    return [
+        address
+        for address in journal.changes
+        if address[0] in (*OUTPUTS, *cia402.OFFSETS) or everything or address in named or (address[0], None) in named
+    ]
+
+
+def _rank(change: ObjectChange) -> int:
+    """Scaling goes first: other values are in its units."""
+    return 0 if change.index in SCALING else 1
+
+
+def _pdo_rank(change: ObjectChange) -> tuple[int, int, int, int]:
+    """One PDO after the other: mapping entries, count, kind and times, at last the COB-ID."""
+    is_mapping = bool(change.index & 0x200)
+    order = (0 if change.sub else 1) if is_mapping else (3 if change.sub == 1 else 2)
+    return change.index & ~0x200, order, change.index, change.sub
+
+
+def _disable(station: Station, pdos: Iterable[ObjectChange]) -> dict[int, bytes]:
+    """Take PDOs out of use that are to be mapped; the COB-IDs of those that were in use, by index."""
+    disabled = {}
+    for index in sorted({one.index & ~0x200 for one in pdos}):
+        identifier = ask(station, index, 1)
+        present = int.from_bytes(identifier, "little")
+        if not present & cia301.INVALID:
+            download(station, index, 1, (present | cia301.INVALID).to_bytes(LONGEST, "little"))
+            disabled[index] = identifier
+    return disabled
+
+
+def _empty(station: Station, change: ObjectChange) -> None:
+    """Before the entries of a mapping: no entry counts."""
+    if change.index & 0x200 and change.sub and ask(station, change.index, 0) != b"\0":
+        download(station, change.index, 0, b"\0")
+
+
+def _write_back(
+    station: Station,
+    changes: list[ObjectChange],
+    result: Restored,
+    prepare: Callable[[ObjectChange], None] | None = None,
+) -> list[ObjectChange]:
+    """Write the values before, in rounds; those that were refused to the end."""
+    for _ in range(ROUNDS):
+        refused = []
+        for change in changes:
+            try:
+                present = ask(station, change.index, change.sub)
+                if present == change.before:
+                    continue
+                is_own = change.index in PDOS or not change.written or present in change.written
+                if not is_own:
+                    result.foreign.append(
+                        f"{station.name}: {change.name} is {_hex(present)}, which the run did not write; before the run it "
+                        f"was {_hex(change.before)}. It is left as it is."
+                    )
+                    station.journal.settle([change.address])
+                    continue
+                if prepare is not None:
+                    prepare(change)
+                download(station, change.index, change.sub, change.before)
+            except SdoError:
+                refused.append(change)
+        changes = refused
+    return changes
+
+
+def _verify(station: Station, changes: list[ObjectChange], left: list[ObjectChange], result: Restored) -> None:
+    """Read everything back; what is as it was is settled."""
+    for change in changes:
+        if change.address not in station.journal.changes:
+            continue
+        try:
+            present = ask(station, change.index, change.sub)
+        except SdoError as error:
+            result.failed.append(f"{station.name}: {change.name} was {_hex(change.before)} and cannot be read: {error}")
+            continue
+        if present == change.before:
+            result.restored.append(change.name)
+        else:
+            why = "the drive refuses it" if change in left else "it reads otherwise"
+            result.failed.append(
+                f"{station.name}: {change.name} is {_hex(present)} and was {_hex(change.before)} before the run: {why}."
+            )
+    unread = [one.address for one in station.journal.changes.values() if not one.before]
+    done = set(result.restored)
+    station.journal.settle([*unread, *(one.address for one in changes if one.name in done)])
+
+
+def _hex(data: bytes) -> str:
+    """Bytes as the number that they are, in as many digits as it has."""
+    return f"{data[::-1].hex().upper()}h"
+
+
+# ---------------------------------------------------------------------------------------------------- journals on disk
+
+
+def identity_of(station: Station) -> DriveIdentity:
+    """1018h and node-ID; a number that the node does not tell is 0."""
+    numbers = []
+    for sub in (1, 2, 4):
+        try:
+            numbers.append(station.sdo.number(0x1018, sub))
+        except SdoError:
+            numbers.append(0)
+    return DriveIdentity(numbers[0], numbers[1], numbers[2], station.number)
+
+
+def folder_of(keys: HardwareKeys) -> Path:
+    """Where the journals of a hardware file's drives are."""
+    return bus_folder(keys.interface, keys.channel, keys.is_software(), keys.options)
+
+
+def open_journal(station: Station, folder: Path) -> None:
+    """Keep the station's journal on disk from now on, with what an earlier run left in it."""
+    identity = identity_of(station)
+    station.journal.attach(JournalFile(journal_path(folder, identity), identity))
+
+
+def begin(master: Master) -> None:
+    """Before anything is written: journals are opened, and what a run that was killed left is restored."""
+    for station in master.stations.values():
+        if not master.keys.simulated:
+            open_journal(station, folder_of(master.keys))
+        if not (count := len(station.journal.changes)):
+            continue
+        master.nmt(cia301.PRE_OPERATIONAL, station.number)
+        result = restore(station)
+        if result.failed:
+            raise SimulationError([*result.failed, f"{station.name}: an earlier run left these. The journal is kept."])
+        master.recovered.append(
+            f"{station.name}: an earlier run ended without restoring {count} objects; they were restored before this one."
+        )
+        master.recovered += result.foreign
+        station.journal.history.clear()
+
+
+def finish(master: Master) -> None:
+    """After the stop. Never raises: what could not be restored goes to the master's notes, and its journal is kept."""
+    for station in master.stations.values():
+        journal = station.journal
+        try:
+            if journal.changes:
+                _finish(master, station)
+        except Exception as error:
+            _unrestored(master, station, str(error))
+        finally:
+            journal.close()
+
+
+def _finish(master: Master, station: Station) -> None:
+    station.sdo.number(0x1000)  # a node that is gone is given up here
+    station.sdo.attempts = ATTEMPTS
+    master.nmt(cia301.PRE_OPERATIONAL, station.number)
+    result = restore(station)
+    if result.failed or result.foreign:
+        master.notes += [*result.failed, *result.foreign]
+    master.restorations.append(
+        f"{station.name}: {len(result.restored)} objects were changed for the run and are as before"
+        + (f"; kept: {', '.join(result.kept)}" if result.kept else "")
+    )
+
+
+def _unrestored(master: Master, station: Station, why: str) -> None:
+    """Note it; simulated drives of this process are gone with it."""
+    if (file := station.journal.file) is not None:
+        master.notes.append(
+            f"{station.name}: {len(station.journal.changes)} objects are not restored: {why} The journal is kept "
+            f"({file.path}): `twin hil restore {station.number}`."
+        )

@@ -1,0 +1,81 @@
+"""What lengths, angles and currents of a drive follow from: as it tells it, or assumed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hw_bridge.master.sdo import SdoError
+from hw_bridge.master.writes import ask, read
+from hw_bridge.profiles import MOTORS, disagreement, motor_parameters
+
+if TYPE_CHECKING:
+    from hw_bridge.master.node import Node
+
+# what units, and what is told of currents, follow from
+SCALING = (0x2350, 0x3000, 0x3001, 0x3010, 0x608F, 0x6075, 0x6091, 0x6092, 0x60A9)
+OPTIONAL = {"epos4": ((0x3000, 5),)}  # of newer firmware, by profile
+
+
+def learn_scaling(node: Node) -> None:
+    """Read from the drive what its units follow from; `node.own.assumed` then has a line for each that it does not tell.
+
+    A value of `scaling` in the hardware file stands for an object that the drive has not.
+    """
+    node.own.assumed = []
+    for index in SCALING:
+        for entry in node.mirror.objects.get(index, {}).values():
+            if not entry.readable or (not entry.sub and entry.title):
+                continue
+            address = entry.index, entry.sub
+            try:
+                read(node, *address)
+            except SdoError:
+                if address in node.keys.scaling:
+                    node.mirror.values[address] = node.keys.scaling[address]
+                elif address in node.profile.scaling:
+                    node.own.assumed.append(
+                        f"{index:04X}h.{entry.sub} {entry.name} does not answer, {node.mirror.get(*address)} is assumed"
+                    )
+    for address in OPTIONAL.get(node.profile.name, ()):
+        try:
+            node.mirror.values[address] = int.from_bytes(ask(node, *address), "little")
+        except SdoError:
+            node.mirror.values.pop(address, None)
+            if address in node.keys.scaling:
+                node.mirror.values[address] = node.keys.scaling[address]
+    try:
+        node.own.assumed += node.profile.unsure(node.mirror, node.keys.motor in MOTORS)
+        node.use_units()
+    except ZeroDivisionError:
+        zero = [address for address in node.profile.scaling if not node.mirror.get(*address)]
+        names = ", ".join(f"{index:04X}h.{sub}" for index, sub in zero)
+        node.own.assumed.append(f"{names} is 0")
+
+
+def wrong_motor(node: Node) -> str:
+    """That the drive is set up for another motor than the hardware file names, or nothing."""
+    if node.keys.motor not in MOTORS:
+        return ""
+    motor = motor_parameters(node.profile, node.keys.motor)
+    addresses = motor.scaling.get(node.profile.name, {})
+    held = {
+        address: node.mirror.get(*address)
+        for address in addresses
+        if node.keys.scaling.get(address) != node.mirror.get(*address)
+    }
+    if not (text := disagreement(node.profile, motor, held)):
+        return ""
+    return (
+        f"{node.name}: the drive is set up for another motor than {motor.title}: {text}. Correct `motor` of the hardware "
+        f"file, or set the drive up for its motor (twin hil set). It is not written."
+    )
+
+
+def unknown_scale(node: Node) -> str:
+    """That a scale of the drive is only assumed, or nothing: it is not moved then."""
+    if not node.own.assumed:
+        return ""
+    return (
+        f"{node.name}: its scale is ASSUMED: {'; '.join(node.own.assumed)}. It is not moved. Name its motor, or give the values "
+        f"under `scaling`, in the hardware file."
+    )

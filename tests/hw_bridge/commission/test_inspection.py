@@ -1,0 +1,113 @@
+"""What decides how a drive homes, limits its current and stops: read, compared, shown in `check`, not written."""
+
+import pytest
+
+from hw_bridge.bus import Bus, SimulatedNetwork
+from hw_bridge.command import hil
+from hw_bridge.commission import BOOT, Line, inspect
+from hw_bridge.device import Drive, Motor
+from hw_bridge.dictionary import U16, var
+from hw_bridge.hardware import HardwareKeys
+from hw_bridge.profiles import MODULES, profile
+from tests.hw_bridge.values import each_write, held
+
+BLOCK = {"faulhaber_v3": -3, "epos4": -3, "mclm": 35}
+
+
+class Bench:
+    """A drive with values of its own, and what `inspect` says of it."""
+
+    def __init__(self, name, build, values=(), more=(), **keys):
+        chosen = profile(name)
+        self.drive = Drive(chosen, 1, Motor(chosen.motor, build=build))
+        for entry in more:
+            self.drive.dictionary.objects.setdefault(entry.index, {})[entry.sub] = entry
+        self.drive.dictionary.values.update(dict(values))
+        bus = Bus()
+        bus.attach(self.drive)
+        own = HardwareKeys.model_validate({"simulated": True, "nodes": {"axis": {"node": 1, "profile": name, **keys}}})
+        self.line = Line(SimulatedNetwork(bus), own.nodes)
+        self.line.wait(BOOT)
+        self.writes = []
+        each_write(self.drive, lambda *one: self.writes.append(one))
+        self.found = inspect(self.line.drive("axis"))
+
+    def value(self, object_):
+        return next(row[2] for rows in self.found.groups.values() for row in rows if row[0] == object_)
+
+    @property
+    def objects(self):
+        return {row[0] for rows in self.found.groups.values() for row in rows}
+
+
+EXPECTED = {
+    "faulhaber_v3": {"607Ch.0", "6072h.0", "60E0h.0", "60E1h.0", "6075h.0", "605Ah.0", "605Bh.0", "605Ch.0", "605Dh.0",
+                     "605Eh.0", "6007h.0", "1029h.1", "6065h.0", "6066h.0", "60FDh.0", "60FEh.1", "60FEh.2"},
+    "mclm": {"607Ch.0", "2333h.1", "2333h.2", "1029h.1", "60FDh.0"},
+    "epos4": {"30B0h.0", "30B1h.0", "30B2h.0", "3001h.1", "3001h.2", "605Ah.0", "605Bh.0", "605Ch.0", "605Eh.0", "6007h.0",
+              "1029h.1", "6066h.0", "3142h.1", "3158h.1", "3202h.1", "60FEh.1"},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_all_of_it_is_read_and_nothing_written(build, name):
+    bench = Bench(name, build)
+    assert bench.objects >= EXPECTED[name]
+    assert bench.writes == []
+
+
+def test_objects_that_the_profile_has_not(build):
+    more = [*var(0x2350, "x", U16, "rw", 900), *var(0x2351, "x", U16, "rw", 800)]
+    values = {(0x2350, 0): 900, (0x2351, 0): 800}
+    bench = Bench("faulhaber_v3", build, values, more, homing={"method": -3, "at": "-40 mm"}, limits={"force": "8 N"})
+    assert bench.value("2350h.0").endswith("(900)")
+    (note,) = [one for one in bench.found.notes if "end stop" in one]
+    assert note.startswith("axis: homing pushes against the end stop with 8.276 N, above limits.force 8 N.")
+    assert not [
+        one for one in Bench("mclm", build).found.groups["homing"] if one[0].startswith("235")
+    ]  # the motor there
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "keys", "text"),
+    [
+        ("epos4", {(0x30B2, 0): 5000}, {"scale": 1.5915e-3, "homing": {"method": -3, "at": "-40 mm"}, "limits": {"force": "250 N"}},
+         "axis: homing pushes against the end stop with 285.9 N, above limits.force 250 N"),
+        ("faulhaber_v3", {}, {"homing": {"method": -3, "at": "-40 mm"}}, "no object tells with which current"),
+        ("faulhaber_v3", {(0x605A, 0): 0}, {}, "605Ah is 0: at a quick stop it coasts"),
+        ("mclm", {(0x1029, 1): 1}, {}, "1029h.1 is 1: it stays Operational"),
+        ("faulhaber_v3", {}, {"limits": {"force": "8 N"}}, "the drive's own currents allow 18.39 N, limits.force is 8 N"),
+        ("mclm", {(0x2333, 2): 9000}, {"limits": {"force": "8 N"}}, "the drive's own currents allow 104.8 N"),
+        ("epos4", {}, {}, "8250h (RPDO time-out) follows from 60C2h"),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_is_told(build, name, values, keys, text):
+    assert any(text in note for note in Bench(name, build, values, **keys).found.notes)
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_check_shows_the_list_and_writes_nothing(build, name, monkeypatch, capsys):
+    from hw_bridge.plant import bench
+
+    made = []
+
+    class Watched(Drive):
+        def __init__(self, *arguments):
+            super().__init__(*arguments)
+            made.append((self, held(self), written := []))
+            each_write(self, lambda *one: written.append(one))
+
+    monkeypatch.setattr(bench, "Drive", Watched)
+    keys = HardwareKeys.model_validate({"simulated": True, "nodes": {"axis": {"node": 1, "profile": name}}})
+    if name == "epos4":
+        keys.nodes["axis"].__dict__["scale"] = 1e-3
+    hil.differences(keys, build)
+    told = capsys.readouterr().out
+    assert "axis: a run writes" in told
+    assert "limits.velocity" in told
+    assert "heartbeat.lost_after" in told
+    assert "axis: stop, left as it is unless the hardware file says otherwise:" in told
+    ((drive, before, written),) = made
+    assert written == []
+    if name != "mclm":
+        assert held(drive) == before
