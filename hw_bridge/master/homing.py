@@ -7,10 +7,11 @@ direction, the way that was gone, and time. Before it begins, the drive's own li
 from __future__ import annotations
 
 from math import copysign
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import Mode, State, Until, cia402
 from hw_bridge.master import setup
+from hw_bridge.master.limits import HOMING_FORCE_REASON, LoweredLimit, lowered_for_homing
 from hw_bridge.master.node import AT_REST
 from hw_bridge.master.reference import Reference
 from hw_bridge.master.sdo import SdoError
@@ -26,22 +27,8 @@ if TYPE_CHECKING:
 
 ENDS = (Until.NEGATIVE, Until.POSITIVE, Until.BLOCK)  # of a rail
 ROOM = 1.1  # of the way between the limits: a search that goes farther has passed one
-SHARE = 0.8  # of limits.force that the drive's own limit is lowered to: it overshoots
 SETTLE = 200_000_000  # after an approach [ns]
 RAMP_UP = 2_000_000_000  # longest time to Operation enabled, and back [ns]
-RATED, MILLIAMPERE = 0.0, 1e-3  # unit of an object: as 6077h counts, or [A]
-# objects that bound the force while a drive searches. 2350h and 2351h of a FAULHABER V3.0: against an end stop
-FORCE_LIMITS: dict[str, tuple[tuple[int, int, float], ...]] = {
-    "faulhaber_v3": ((0x60E0, 0, RATED), (0x60E1, 0, RATED), (0x2350, 0, RATED), (0x2351, 0, RATED)),
-    "epos4": ((0x30B2, 0, MILLIAMPERE),),
-}
-
-
-class ForceLimit(NamedTuple):
-    """An object that was lowered, and what it held."""
-
-    place: tuple[int, int]  # index, subindex
-    before: int
 
 
 def search_direction(keys: NodeKeys) -> int:
@@ -132,27 +119,23 @@ class Homing:
         until(self._done, keys.timeout, lambda: f"{self.what} did not end", self.watch)
         node.homing, node.goal = False, State.DISABLED
         until(lambda: node.state in AT_REST, RAMP_UP, lambda: node.name)
-        for place, before in lowered:
-            setup.write(node, *place, before)
+        for one in lowered:
+            setup.write(node, one.index, one.sub, one.before)
         node.origin = -keys.at
         node.entered_from = keys.at
 
-    def _lower_force(self) -> list[ForceLimit]:
-        """Bound the drive's own force by the limit, where it may be larger; what it was."""
-        node = self.node
-        most = SHARE * node.keys.limits.force / node.force_constant  # [A]
-        found = []
-        for index, sub, unit in FORCE_LIMITS.get(node.profile.name, ()):
-            if sub not in node.mirror.objects.get(index, {}):
-                continue
-            try:
-                before = setup.read(node, index, sub)
-            except SdoError:  # this drive has it not: its force is watched all the same
-                continue
-            if (value := int(most / (unit or node.units.torque))) < before:
-                setup.write(node, index, sub, value)
-                found.append(ForceLimit((index, sub), before))
-        return found
+    def _lower_force(self) -> list[LoweredLimit]:
+        """Bound the drive's own force by the limit, where it may be larger."""
+        lowered = list(lowered_for_homing(self.node, self._read))
+        for one in lowered:
+            setup.write(self.node, one.index, one.sub, one.value, HOMING_FORCE_REASON)
+        return lowered
+
+    def _read(self, index: int, sub: int) -> int | None:
+        try:
+            return setup.read(self.node, index, sub)
+        except SdoError:
+            return None
 
     def _done(self) -> bool:
         node, attained = self.node, cia402.BIT_12 | cia402.TARGET_REACHED

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
     from hw_bridge.hardware import LimitKeys
     from hw_bridge.master.node import Node
 
@@ -31,6 +33,25 @@ LIMITS: dict[Address, str] = {
     (0x3001, 1): "",
     (0x3001, 2): "",
 }
+
+SHARE = 0.8  # of limits.force that the drive's own limit is lowered to while it homes: it overshoots
+RATED, MILLIAMPERE = 0.0, 1e-3  # unit of an object: as 6077h counts, or [A]
+# objects that bound the force while a drive searches its reference. 2350h and 2351h of a FAULHABER V3.0: against an end stop
+HOMING_FORCE: dict[str, tuple[tuple[int, int, float], ...]] = {
+    "faulhaber_v3": ((0x60E0, 0, RATED), (0x60E1, 0, RATED), (0x2350, 0, RATED), (0x2351, 0, RATED)),
+    "epos4": ((0x30B2, 0, MILLIAMPERE),),
+}
+HOMING_FORCE_REASON = "limits.force while it homes; as before when it is homed"
+
+
+@dataclass(frozen=True, slots=True)
+class LoweredLimit:
+    """An object that bounds the force, what it is to hold while the drive homes, and what it held."""
+
+    index: int
+    sub: int
+    value: int
+    before: int
 
 
 @dataclass
@@ -92,3 +113,17 @@ def software_limits(node: Node) -> tuple[int, int]:
     limits = node.keys.limits.model_copy(update={"position": narrowed})
     node.keys = node.keys.model_copy(update={"limits": limits})
     return ends[0], ends[1]
+
+
+def lowered_for_homing(node: Node, read: Callable[[int, int], int | None]) -> Iterator[LoweredLimit]:
+    """The drive's own bounds of the force that would let it search with more than the hardware file allows.
+
+    `read`: what an object holds, None where the drive has it not; its force is watched all the same.
+    """
+    most = SHARE * node.keys.limits.force / node.force_constant  # [A]
+    for index, sub, unit in HOMING_FORCE.get(node.profile.name, ()):
+        if sub not in node.mirror.objects.get(index, {}):
+            continue
+        before, value = read(index, sub), int(most / (unit or node.units.torque))
+        if before is not None and value < before:
+            yield LoweredLimit(index, sub, value, before)

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.bus import MILLISECOND
 from hw_bridge.dictionary import cia301, cia402
-from hw_bridge.master.limits import FOLLOWING_ERROR, LIMITS, POSITION_LIMITS, SPEED_LIMITS, narrow
+from hw_bridge.master.limits import (
+    FOLLOWING_ERROR,
+    HOMING_FORCE_REASON,
+    LIMITS,
+    POSITION_LIMITS,
+    SPEED_LIMITS,
+    lowered_for_homing,
+    narrow,
+)
 from hw_bridge.master.scaling import learn_scaling, unknown_scale, wrong_motor
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.vendor import SPEED, TRANSMIT, receive
@@ -70,6 +78,10 @@ class WritePlan:
         except SdoError:
             return None
         return self.holds(index, sub)
+
+    def present(self, index: int, sub: int = 0) -> int | None:
+        """What an object holds after the writes that are planned so far; None where the node has it not."""
+        return self._present.get((index, sub), self.peek(index, sub))
 
     def add(self, index: int, sub: int, value: int, reason: str, later: bool = False) -> None:
         """Plan a write, unless the object holds this value already."""
@@ -212,6 +224,8 @@ def _positions(plan: WritePlan, node: Node) -> None:
         for sub, value in ((1, speed), (2, max(speed // 2, 1))):
             if sub in node.mirror.objects.get(0x6099, {}):
                 plan.add(0x6099, sub, value, "homing.speed", later=True)
+        for one in lowered_for_homing(node, plan.present):
+            plan.add(one.index, one.sub, one.value, HOMING_FORCE_REASON, later=True)
     if 0x607D in node.mirror.objects:
         here = plan.peek(0x6064) or 0
         low, high = sorted(one / (node.sign * node.units.position) for one in keys.limits.position)

@@ -55,7 +55,7 @@ def test_everything_but_power(bus):
             one, lambda index, sub, data, n=number: written.setdefault((n, index, sub), int.from_bytes(data, "little"))
         )
     before = [held(one) for one in drives]
-    told = rehearse(keys, network, ROTARY, lines := [])
+    told = rehearse(keys, network, ROTARY, writes=(lines := []))
     assert "    6007h.0 Abort connection option code: 1 -> 3" in "\n".join(f"  {line}" for line in lines)
     assert "servomotor_1: 3" in lines[-4]
     assert lines[-4].endswith("objects were changed for the run and are as before")

@@ -36,7 +36,9 @@ def test_values_of_the_last_sync_are_a_cycle_old_at_most(rig):
     rig.go(100)
     assert 0.004 < rig.get("actual_value_age") <= 0.005
     report = rig.master.report()["nodes"]["servomotor"]
-    assert 0.004 < report["oldest_actual_value"] <= 0.005
+    assert (
+        0.004 < report["oldest_actual_value"] <= 0.006
+    )  # the first cycle begins with one of the drive's, up to 1 ms later
 
 
 @pytest.mark.parametrize("delay", [20, 22])

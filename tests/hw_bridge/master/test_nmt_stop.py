@@ -98,7 +98,7 @@ def test_a_node_that_was_never_started_is_not_started_by_the_stop(build, monkeyp
     def failing(_node):
         raise SimulationError("mapping failed")
 
-    monkeypatch.setattr(setup, "mapping", failing)
+    monkeypatch.setattr(setup, "carry_out", failing)
     rig = Rig(build, {"servomotor": node()})
     sent = []
     network = type(rig.session).network
