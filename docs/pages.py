@@ -108,7 +108,7 @@ def documents(*, execute: bool) -> None:
                     place.parent.mkdir(parents=True, exist_ok=True)
                     text = notebooks.page(notebooks.executed(text), place)
                 write(f"{folder}/{path.name}", moved(text))
-            elif path.suffix == ".svg":
+            elif path.suffix in (".svg", ".csv"):
                 write(f"{folder}/{path.name}", path.read_text())
             elif path.suffix == ".png":
                 (SOURCE / folder).mkdir(parents=True, exist_ok=True)
@@ -120,7 +120,7 @@ def documents(*, execute: bool) -> None:
     shutil.copytree(ROOT / "benchmarks" / "results", SOURCE / "results")
     write("index.md", moved((ROOT / "README.md").read_text()))
     write("contributing.md", moved((ROOT / "CONTRIBUTING.md").read_text()))
-    write("changelog.md", (ROOT / "CHANGELOG.md").read_text())
+    write("changelog.md", moved((ROOT / "CHANGELOG.md").read_text()))
     write("notebooks.css", (ROOT / "docs" / "notebooks.css").read_text())
     for name, path in (("license", "LICENSE"), ("citation", "CITATION.cff")):
         write(f"{name}.md", f"# {path}\n\n```text\n{(ROOT / path).read_text()}```\n")

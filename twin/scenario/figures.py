@@ -154,7 +154,7 @@ class Builder:
             keys.name, keys.metric, keys.signal, self.known((*path, "variants"), keys.variants, what), at_least, at_most,
             self.known((*path, "ordered"), keys.ordered or (), what), keys.descending,
             self.window(path, keys, what), unit, keys.mean, str(self.tree.find(path).place), keys.ends or "",
-            is_difference, *self.margin(path, keys, unit, what),
+            is_difference, *self.margin(path, keys, unit, what), keys.nominal,
         )  # fmt: skip
 
     def margin(self, path: tuple[str | int, ...], keys: ExpectKeys, unit: str, what: str) -> tuple[float, float]:

@@ -237,6 +237,7 @@ class ExpectKeys(WindowKeys):
     descending: bool = True
     margin: Value | None = None
     mean: bool = False
+    nominal: bool = False  # holds for the file's own parameters alone
     ends: Literal["stopped", "completed"] | None = None
     unit: Text = ""
 

@@ -333,6 +333,10 @@ class Loader:
                 self.tell(
                     f"there is no expectation `{one.expectation}`.{nearest(one.expectation, expectations)}", *path
                 )
+            elif any(one.expectation == e.name and e.nominal for e in self.scenario.expectations):
+                self.tell(
+                    f"`{one.expectation}` holds for the file's own parameters alone (`nominal`). Name another.", *path
+                )
             elif one.metric and one.metric not in self.scenario.metrics:
                 self.tell(f"there is no metric `{one.metric}`.{nearest(one.metric, self.scenario.metrics)}", *path)
             elif one.at_most is None and one.at_least is None:

@@ -106,11 +106,11 @@ class Engine:
         metrics, expectations = self.scenario.metrics, self.scenario.expectations
         if recorded is None:
             own = [request.variant in (one.variants or (request.variant,)) for one in expectations]
-            alone = [not (one.ordered or one.mean or one.ends) for one in expectations]
+            alone = [not (one.ordered or one.mean or one.ends or one.nominal) for one in expectations]
             lost = tuple(False if a and b else None for a, b in zip(own, alone, strict=True))
             return Row(request.number, status, why, (None,) * len(metrics), lost)
         recorded = analyzed(self.scenario, request.variant, recorded)
-        found = evaluate(metrics, expectations, {(request.variant, request.seed): recorded})
+        found = evaluate(metrics, expectations, {(request.variant, request.seed): recorded}, paper_applies=False)
         values = {one.metric.name: one.values[request.seed] for one in found.figures}
         verdicts: list[bool | None] = []
         for one, outcome in zip(expectations, found.outcomes, strict=True):
