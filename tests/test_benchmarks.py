@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks import force, injection, isolate, iterate, peers, rig, ring, startup
 from benchmarks.parts import Drift, Relay
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the C loop loads Linux libraries")
 

@@ -9,7 +9,7 @@ import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
-from twin import installed, late
+from twin import installed
 
 ROOT = Path(__file__).parent.parent
 ROOMS = [place.parent.name for place in ROOT.glob("twin/*/__init__.py")]
@@ -51,9 +51,7 @@ def test_a_face_has_what_it_promises(room):
 
 
 def test_a_function_named_as_its_module_is_the_function():
-    found = late.names("twin.fmi", {"plan": "simulate", "simulate": "simulate", "tables": ""})
-    assert callable(found("plan"))
-    assert callable(importlib.import_module("twin.fmi").simulate)
-    assert found("tables").__name__ == "twin.fmi.tables"
-    with pytest.raises(AttributeError, match=r"'twin\.fmi' has no attribute 'x'"):
-        found("x")
+    fmi = importlib.import_module("twin.fmi")
+    assert callable(fmi.plan)
+    assert callable(fmi.simulate)
+    assert fmi.csv_tables.__name__ == "twin.fmi.csv_tables"

@@ -14,8 +14,8 @@ from twin.cli import group
 from twin.study import Answers, load_study, percent
 from twin.study.answers import plots, sensitivity, tables
 from twin.study.answers.statistics import quantile, wilson
-from twin.study.many.engine import Row
-from twin.study.many.table import Cases
+from twin.study.execution.case_engine import Row
+from twin.study.execution.case_table import Cases
 
 
 @pytest.mark.parametrize(

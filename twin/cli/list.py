@@ -74,9 +74,9 @@ def components() -> Lines:
 
 def scenarios(kind: str) -> Lines:
     """Scenarios or studies here and those that came with the project, by their titles."""
-    from twin.scenario import shipped
+    from twin.scenario import scenario_paths
 
-    return {name: shipped.title(path) for name, path in shipped.scenarios(kind).items()}
+    return {name: scenario_paths.title(path) for name, path in scenario_paths.scenarios(kind).items()}
 
 
 def finished(folder: Path) -> Lines:

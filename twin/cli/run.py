@@ -175,9 +175,9 @@ def command(
 
 def read(file: Path, overrides: tuple[str, ...], build: Path) -> Scenario:
     """Read and check a scenario; FMUs of a package are unpacked below `build`."""
-    from twin.scenario import load_scenario, package
+    from twin.scenario import load_scenario, ssp_reader
 
-    package.BUILD.set(build)
+    ssp_reader.BUILD.set(build)
     with working(f"checking {file}"):
         return load_scenario(file, overrides)
 

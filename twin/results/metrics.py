@@ -5,14 +5,13 @@ Everything here is in coherent SI units; the unit a metric is shown in is applie
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin import clock
-from twin.dataclass import dataclass
 from twin.results import dimension
 from twin.results.ordering import ordered
 from twin.results.reduction import reduced
