@@ -37,7 +37,7 @@ def command(kinds: tuple[str, ...], matching: str, runs: Path) -> None:
         "components": components,
         "scenarios": partial(scenarios, "scenario"),
         "studies": partial(scenarios, "study"),
-        **{kind: installed.load(place) for kind, place in installed.entry_points("twin.listed").items()},
+        **{kind: point.load() for kind, point in installed.entry_points("twin.listed").items()},
         "runs": lambda: finished(runs),
     }
     for kind in kinds:

@@ -227,7 +227,7 @@ def load_hardware(
     points = list(installed.entry_points("twin.hardware").values())
     if not points:
         raise DeclarationError("--hardware: no installed package knows about drives. Run `pip install -e .` again.")
-    hardware: Hardware = installed.load(points[0])(file, arm, build, trace, replay, dry)
+    hardware: Hardware = points[0].load()(file, arm, build, trace, replay, dry)
     return hardware
 
 

@@ -198,4 +198,4 @@ def _stopped(live: Live) -> None:
 
 def panels() -> list[Panel]:
     """Panels of packages above the engine."""
-    return [installed.load(place) for place in installed.entry_points(GROUP).values()]
+    return [point.load() for point in installed.entry_points(GROUP).values()]

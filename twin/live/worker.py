@@ -115,7 +115,7 @@ def load_drives(file: Path, arm: bool, build: Path) -> Hardware:
     points = list(installed.entry_points("twin.hardware").values())
     if not points:
         raise DeclarationError("hardware: no installed package knows about drives. Run `pip install -e .` again.")
-    hardware: Hardware = installed.load(points[0])(file, arm, build)
+    hardware: Hardware = points[0].load()(file, arm, build)
     return hardware
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import uuid
+from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -79,9 +80,10 @@ def export(cls: type[Component], version: str, path: Path) -> Path:
     name = compiler.model_name(cls)
     component = findable(cls, name)
     package, base, describe = VERSIONS[version]
-    if package not in installed.folders():
-        raise BuildError(f"{name}: {package} is not installed. Run `pip install {package}`.")
-    folder = Path(installed.folders()[package][1]).parent / package
+    try:
+        folder = Path(str(metadata.distribution(package).locate_file(package)))
+    except metadata.PackageNotFoundError:
+        raise BuildError(f"{name}: {package} is not installed. Run `pip install {package}`.") from None
     exposed = EXPOSE[version](cls)
     blank = describe(cls, name, "", exposed)
     token = f"{{{uuid.UUID(hashlib.sha256(blank + component.encode()).hexdigest()[:32])}}}"
