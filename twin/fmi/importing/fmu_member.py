@@ -200,8 +200,27 @@ class FMUMember(Calls, Member):
             for name, value in self._structural.items():
                 self._write(self.variables[name], value)
             self._call("fmi3ExitConfigurationMode")
+
+    def _write_start_values(self) -> None:
         for name, value in self._start.items():
             self._write(self.variables[name], value)
+
+    def _report_changed_parameters(self) -> None:
+        """Log each parameter whose start value is not what the FMU holds after initialization."""
+        for name, value in self._start.items():
+            variable, state = self.variables[name], self._state
+            if variable.causality != "parameter" or not variable.connectable:
+                continue
+            try:
+                held = np.ravel(self.get(name))
+            except SimulationError:  # an FMU that does not tell its parameters
+                self._state = state
+                continue
+            if not np.allclose(held, np.ravel(value), rtol=1e-6, atol=0.0, equal_nan=True):
+                self.log.append(
+                    f"{name} is {shown(held)} after initialization, not its start value {shown(np.ravel(value))}: "
+                    f"the FMU changed it"
+                )
 
     def _instance_options(self) -> dict[str, Any]:
         """What else the instance is told when it is made."""
@@ -216,15 +235,18 @@ class FMUMember(Calls, Member):
     def enter_initialization(self, t: float, stop: float | None) -> None:
         experiment = (self.tolerance is not None, self.tolerance or 0.0, t, stop is not None, stop or 0.0)
         if self._unpacked.fmi == "2.0":
-            self._call("fmi2SetupExperiment", *experiment)
+            self._call("fmi2SetupExperiment", *experiment)  # first: FMUs of 20-sim reset their parameters in it
+            self._write_start_values()
             self._call("fmi2EnterInitializationMode")
         else:
+            self._write_start_values()
             self._call("fmi3EnterInitializationMode", *experiment)
         self._state = "initializing"
 
     def exit_initialization(self) -> None:
         self._call(f"{self._prefix}ExitInitializationMode")
         self._state = "stepping"
+        self._report_changed_parameters()
 
     def finish_reason(self) -> str:
         """Why the FMU discarded its step, if that was its wish to end the simulation; "" if it failed."""
@@ -355,3 +377,8 @@ class FMUMember(Calls, Member):
         size = sum(variable.size for variable in variables)
         address, name, takes_size = self._address(function), f"{self._prefix}{function}", self._unpacked.fmi != "2.0"
         return Access(address, references, len(references), size, name, takes_size)
+
+
+def shown(values: np.ndarray[Any, Any]) -> str:
+    """A value, or the values of an array, as text."""
+    return str(values.item()) if values.size == 1 else str(values.tolist())
