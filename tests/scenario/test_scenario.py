@@ -157,7 +157,8 @@ def test_durations_are_exact(text: Any, expected: int) -> None:
 
 
 @pytest.mark.parametrize(("text", "expected"), [("1e-3", 1e-3), ("on", "on"), ("12:30", "12:30"), ("010", 10), ("true", True),
-                                                ("~", None), (".inf", float("inf")), ("1_000", "1_000")])  # fmt: skip
+                                                ("~", None), (".inf", float("inf")), ("1_000", "1_000"),
+                                                ("18446744073709551615", 2**64 - 1), ("-9223372036854775808", -(2**63))])  # fmt: skip
 def test_scalars_of_yaml_1_2(text: str, expected: Any) -> None:
     assert yaml_reader.scalar(text) == expected
 

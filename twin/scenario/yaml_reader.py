@@ -23,7 +23,7 @@ MAX_NODES = 1_000_000
 MAX_DEPTH = 24
 
 FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
-INTEGER = re.compile(r"[-+]?[0-9]{1,18}")
+INTEGER = re.compile(r"[-+]?[0-9]{1,20}")  # as many digits as 64 bits have
 SPECIAL: dict[str, Any] = {"": None, "~": None, "null": None, "true": True, "false": False}
 SPECIAL |= {".inf": float("inf"), "-.inf": float("-inf"), ".nan": float("nan")}
 
