@@ -6,6 +6,7 @@ import struct
 from typing import TYPE_CHECKING
 
 from hw_bridge.bus import Frame
+from hw_bridge.dictionary.cia301 import UNCONFIGURED
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,7 +24,6 @@ INQUIRE = {0x5A: 1, 0x5B: 2, 0x5C: 3, 0x5D: 4}  # subindices of 1018h
 INQUIRE_NODE = 0x5E
 RATES = (0, 1, 2, 3, 4, 6, 7, 8)  # rows of the standard table of bit timings; row 5 is reserved
 OK, OUT_OF_RANGE = 0, 1
-UNCONFIGURED = 255  # node-ID of a device that has none
 RESTART = 0x80  # of fastscan, instead of a bit number
 
 

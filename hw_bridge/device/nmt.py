@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hw_bridge.bus import MILLISECOND, Frame, Timer
-from hw_bridge.device.lss import UNCONFIGURED
 from hw_bridge.device.port import Port
 from hw_bridge.dictionary import Abort, Code, NmtState, cia301
 
@@ -52,7 +51,7 @@ class Nmt:
         for timer in (self.heartbeat, self.life, *self.consumers.values()):
             timer.stop()
         self.guard_toggle = 0
-        if self.port.node != UNCONFIGURED:
+        if self.port.node != cia301.UNCONFIGURED:
             self.boot.start(self.boot_time)
 
     def command(self, data: bytes) -> None:

@@ -12,7 +12,11 @@ from hw_bridge.dictionary import Code, Mode, NmtState
 from tests.hw_bridge.bench import NODE, AbortedError
 
 SAVE, LOAD = 0x65766173, 0x64616F6C
-ERROR = {"faulhaber_v3": 0x7300, "mclm": 0x4310, "epos4": 0x7320}  # of the sensor, of temperature: does not end by itself
+ERROR = {
+    "faulhaber_v3": 0x7300,
+    "mclm": 0x4310,
+    "epos4": 0x7320,
+}  # of the sensor, of temperature: does not end by itself
 INVALID = 1 << 31
 
 

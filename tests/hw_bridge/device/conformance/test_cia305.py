@@ -8,7 +8,7 @@ from canopen.lss import LssMaster
 from hw_bridge.bus import Bus
 from hw_bridge.bus.frame import Frame
 from hw_bridge.device import Drive, Motor
-from hw_bridge.device.lss import UNCONFIGURED
+from hw_bridge.dictionary.cia301 import UNCONFIGURED
 from hw_bridge.profiles import identity, profile
 from tests.hw_bridge.bench import NODE, Master
 
@@ -130,7 +130,9 @@ def test_a_node_id_of_255_waits_for_lss_after_the_reset(lss, bench):
     assert lss.ask(0x4C) == [bytes([0x50]).ljust(8, b"\0")]
 
 
-@pytest.mark.parametrize(("table", "index", "error"), [(0, 0, 0), (0, 4, 0), (0, 8, 0), (0, 5, 1), (0, 10, 1), (1, 0, 1)])
+@pytest.mark.parametrize(
+    ("table", "index", "error"), [(0, 0, 0), (0, 4, 0), (0, 8, 0), (0, 5, 1), (0, 10, 1), (1, 0, 1)]
+)
 def test_configure_bit_timing(lss, table, index, error):
     """Configure bit timing parameters, 13h: the standard table 0 has a reserved row 5."""
     lss.ask(0x04, 1)

@@ -19,7 +19,7 @@ ROOM = {"epos4": 10.0}  # for stopping behind it [rad]; 3 mm otherwise
 
 def shown(bench):
     word = bench.read(0x6041)
-    return word & (MASK if word & 0x20 or not word & 0x40 and not word & 0x08 else 0x4F)
+    return word & (MASK if word & 0x20 or (not word & 0x40 and not word & 0x08) else 0x4F)
 
 
 def has(bench, mode):
@@ -409,7 +409,9 @@ def test_methods_with_switches(bench, method):
     span = place(bench) * 5
     switches = bench.drive.axis.switches
     switches.negative, switches.positive, switches.home = -span, span, (0.4 * span, 0.6 * span)
-    if 3 <= method <= 14 and bench.profile.name != "epos4":  # an index pulse lies between the home switch and either limit switch
+    if (
+        3 <= method <= 14 and bench.profile.name != "epos4"
+    ):  # an index pulse lies between the home switch and either limit switch
         switches.negative, switches.positive = -3.5 * span, 3.5 * span
     if method in (5, 6, 21, 22):  # they begin beyond the switch, on their way in negative direction
         switches.home = (-0.6 * span, -0.4 * span)
