@@ -74,6 +74,7 @@ class Master:
         self.notes: list[str] = []
         self.restorations: list[str] = []  # what became of the objects that were written
         self.recovered: list[str] = []  # what an earlier run had left and was restored before this one
+        self.references: list[str] = []  # drives that were not homed, since they count from their reference still
         self.said: list[str] = []  # by drives that were in Fault after the stop
         self.announce: Callable[[Master], None] | None = None  # before anything is written
         self.running = False
@@ -232,10 +233,14 @@ class Master:
             raise SimulationError(" ".join(problems))
         self.prepare()
         for node in self.nodes.values():
-            if node.keys.homing is not None:
-                homing.Homing(self, node).carry_out()
-            else:
+            if node.keys.homing is None:
                 node.zero(starts[node.name])
+            else:
+                if homing.keep_reference(self, node):
+                    self.references.append(f"{node.name}: counts from the reference found before: not homed again.")
+                else:
+                    homing.Homing(self, node).carry_out()
+                node.has_reference = True
             setup.limit_positions(node)
         for node in self.nodes.values():
             node.goal, node.target_velocity = State.ENABLED, 0.0
@@ -374,6 +379,19 @@ class Master:
         second = " ".join(one.doubled for one in self.stations.values() if one.doubled and one.doubled not in text)
         return words.in_full(f"{text} {second}".rstrip(), self.rival.text, self.said, self.stations.values())
 
+    def next_step(self) -> str:
+        """After a stop on a failure: what a person does to go on."""
+        steps = ["switch the other program off"] if self.rival.act else []
+        steps.append("remove the cause")
+        if any(node.state in (State.FAULT, State.REACTION) for node in self.nodes.values()):
+            steps.append("reset with `twin hil reset FILE`")
+        again = [name for name, node in self.nodes.items() if node.keys.homing is not None and not node.has_reference]
+        kept = [name for name, node in self.nodes.items() if node.has_reference]
+        told = [f"homed again: {', '.join(again)}"] if again else []
+        told += [f"not homed again: {', '.join(kept)}"] if kept else []
+        references = f" ({'; '.join(told)})" if told else ""
+        return f"next: {', '.join(steps)}, run again{references}."
+
     def lost(self, node: Node | ModuleNode) -> bool:
         """Whether its heartbeat is missing."""
         return self.network.now - node.heard_at > node.keys.heartbeat.lost_after
@@ -390,4 +408,5 @@ class Master:
             }
             for name, node in self.stations.items()
         }
-        return {**self.timing.summary(), "nodes": nodes, "restorations": [*self.recovered, *self.restorations]}
+        told = {"restorations": [*self.recovered, *self.restorations], "references": self.references}
+        return {**self.timing.summary(), "nodes": nodes, **told}
