@@ -8,7 +8,7 @@ import struct
 
 import pytest
 
-from hw_bridge.dictionary import Code, Mode, NmtState
+from hw_bridge.dictionary import U8, Code, Mode, NmtState, var
 from tests.hw_bridge.bench import NODE, AbortedError
 
 SAVE, LOAD = 0x65766173, 0x64616F6C
@@ -862,3 +862,33 @@ def test_the_mode_may_be_written_in_every_state_of_nmt_that_has_sdo(bench):
         bench.write(0x6060, Mode.PV)
         bench.go(2)
         assert bench.read(0x6061) == Mode.PV
+
+
+@pytest.fixture
+def counting(bench):
+    """A drive whose EDS file has 1019h."""
+    dictionary = bench.drive.dictionary
+    (entry,) = var(0x1019, "Synchronous counter overflow value", U8, "rw")
+    dictionary.objects[0x1019] = {0: entry}
+    dictionary.values[0x1019, 0] = 0
+    return bench
+
+
+def test_a_counter_is_expected_where_1019h_says_so(counting):
+    """7.5.2.22, 1019h: from 2 to 240 a SYNC has one byte; one without it is not processed."""
+    identifier = mapped(counting, "tpdo", 1, [0x60610008], 1)
+    counting.write(0x1019, 10)
+    counting.nmt(1)
+    counting.frames(identifier)
+    counting.send(0x080)
+    counting.go(2)
+    assert counting.frames(identifier) == []
+    counting.send(0x080, [1])
+    counting.go(2)
+    assert len(counting.frames(identifier)) == 1
+
+
+@pytest.mark.parametrize("value", [1, 241, 255])
+def test_reserved_overflow_values(counting, value):
+    """7.5.2.22, 1019h."""
+    assert abort(counting.write, 0x1019, value) is Code.VALUE_RANGE
