@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hw_bridge.bus import NEVER
-from hw_bridge.dictionary import cia401
-from hw_bridge.dictionary.cia301 import UNCONFIGURED
+from hw_bridge.dictionary import cia301, cia401
 from hw_bridge.fault import LARGEST, MEANINGS, Cause, Fault
 from hw_bridge.profiles import DEVICES, MODULES, MOTORS, device, profile
 from twin.cli import say
@@ -23,15 +22,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from types import FrameType
 
-    from hw_bridge.device import Module, Slave
-    from hw_bridge.device.axis import Switches
+    from hw_bridge.device import Module, Slave, Switches
     from hw_bridge.profiles import Device, Profile
 
 
 @click.group("drive", invoke_without_command=True, short_help="a simulated CANopen drive on any CAN interface")
 @click.option("--profile", "-p", "name", type=click.Choice([*MODULES, *DEVICES]),
               help="The vendor's drive, or cia401: an I/O module.")  # fmt: skip
-@click.option("--node", "-n", type=click.IntRange(1, UNCONFIGURED), default=1, show_default=True,
+@click.option("--node", "-n", type=click.IntRange(1, cia301.UNCONFIGURED), default=1, show_default=True,
               help="Its node-ID, 1 to 127; 255: none, it waits for one by LSS.")  # fmt: skip
 @click.option("--interface", "-i", help="python-can's interface: socketcan, slcan, udp_multicast, ...")
 @click.option("--channel", "-c", help="The interface's channel: can0, /dev/ttyACM0, 239.74.163.2, ...")
@@ -97,8 +95,10 @@ def command(
     if name is None:
         raise click.UsageError(f"Name --profile: {', '.join([*MODULES, *DEVICES])}.")
     chosen = profile(name) if name in MODULES else device(name)
-    if 127 < node < UNCONFIGURED:
-        raise click.UsageError(f"--node {node}: expected 1 to 127, or {UNCONFIGURED} for a device without a node-ID.")
+    if 127 < node < cia301.UNCONFIGURED:
+        raise click.UsageError(
+            f"--node {node}: expected 1 to 127, or {cia301.UNCONFIGURED} for a device without a node-ID."
+        )
     if switches and not isinstance(chosen, Profile):
         raise click.UsageError(f"--switch: {chosen.title} has no motor. Leave it out.")
     if write_eds is not None:
@@ -259,7 +259,7 @@ def serve(
     bus = opened(interface, channel, bitrate, options or {})
     try:
         ends = link(bus, interface)
-        if node != UNCONFIGURED:
+        if node != cia301.UNCONFIGURED:
             refuse_if_taken(ends, node)
         wire = Wire(slave, ends)
         if port is not None:
@@ -270,7 +270,7 @@ def serve(
         _stop_on_signals(wire.stop)
         settle()
         takes = f" Faults: --control {control.port}." if control is not None else ""
-        label = f"node {node}" if node != UNCONFIGURED else "no node-ID"
+        label = f"node {node}" if node != cia301.UNCONFIGURED else "no node-ID"
         say(f"{chosen.title}: {label} on {interface} {channel}.{takes} Ctrl-C ends it.")
         wire.run()
         say(f"stopped after {slave.port.agenda.now / 1e9:.1f} s, {wire.overruns} overruns, {wire.lost} frames lost")

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hw_bridge.commission.axes import typed
-from hw_bridge.device.axis import Switches
+from hw_bridge.commission import typed
+from hw_bridge.device import Switches
 from twin.errors import SimulationError, nearest
 
 if TYPE_CHECKING:
@@ -23,26 +23,31 @@ def parse_switches(words: Sequence[str], unit: str) -> Switches:
 
     click.UsageError says which word is wrong, and what is expected.
     """
-    places: dict[str, tuple[float, ...]] = {}
+    positions: dict[str, tuple[float, ...]] = {}
     for word in words:
         name, _, text = word.partition("=")
         expected = f"--switch {word}: expected NAME=PLACE, such as {EXAMPLE[unit]}"
         if name not in LIMITS + RANGES:
             raise click.UsageError(f"{expected}. {nearest(name, [*LIMITS, *RANGES])}")
-        if name in places:
+        if name in positions:
             raise click.UsageError(f"--switch {word}: {name} is named twice. Name it once.")
         ends = text.split(":")
         if not text or len(ends) != (1 if name in LIMITS else 2):
             raise click.UsageError(f"{expected}.")
         try:
-            found = tuple(typed(end, unit, f"--switch {name}") for end in ends)
+            converted = tuple(typed(end, unit, f"--switch {name}") for end in ends)
         except SimulationError as error:
             raise click.UsageError(str(error)) from None
-        if found[0] > found[-1]:
+        if converted[0] > converted[-1]:
             raise click.UsageError(f"--switch {word}: the lower end comes first.")
-        places[name] = found
-    if "negative" in places and "positive" in places and places["negative"] >= places["positive"]:
+        positions[name] = converted
+    if "negative" in positions and "positive" in positions and positions["negative"] >= positions["positive"]:
         raise click.UsageError("--switch: the negative limit switch lies above the positive one. Exchange them.")
-    home, first, second = ((place[0], place[1]) if (place := places.get(name)) is not None else None for name in RANGES)
-    negative, positive = (places[name][0] if name in places else None for name in LIMITS)
+    home, first, second = (ends_of(positions.get(name)) for name in RANGES)
+    negative, positive = (positions[name][0] if name in positions else None for name in LIMITS)
     return Switches(negative, positive, home, (first, second))
+
+
+def ends_of(position: tuple[float, ...] | None) -> tuple[float, float] | None:
+    """Lower and upper end of a range."""
+    return None if position is None else (position[0], position[1])

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
         words,
     )
     from hw_bridge.commission.attendance import Attendance
-    from hw_bridge.commission.axes import EXAMPLES, Axis, axis
+    from hw_bridge.commission.axes import EXAMPLES, Axis, axis, typed
     from hw_bridge.commission.deadman import HOLD, DeadMan, HeldKey, Keyboard
     from hw_bridge.commission.hand import SHARE, SLOWEST_STOP, Hand, alone, bounded
     from hw_bridge.commission.inspection import Inspection, inspect
@@ -69,6 +69,7 @@ __getattr__ = late.names(
         "scan": "survey",
         "status": "telling",
         "step": "",
+        "typed": "axes",
         "unfinished": "line",
         "words": "",
     },
@@ -113,6 +114,7 @@ __all__ = [
     "scan",
     "status",
     "step",
+    "typed",
     "unfinished",
     "words",
 ]

@@ -6,7 +6,7 @@ import struct
 from typing import TYPE_CHECKING
 
 from hw_bridge.bus import Frame
-from hw_bridge.dictionary.cia301 import UNCONFIGURED
+from hw_bridge.dictionary import cia301
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -44,7 +44,7 @@ class LssSlave:
     @property
     def is_unconfigured(self) -> bool:
         """Whether it has no node-ID."""
-        return self.port.node == UNCONFIGURED
+        return self.port.node == cia301.UNCONFIGURED
 
     def heard(self, data: bytes) -> None:
         """A request."""
@@ -53,7 +53,7 @@ class LssSlave:
         command, value = data[0], struct.unpack_from("<I", data, 1)[0]
         if command == SWITCH_GLOBAL:
             self.configures = data[1] == 1
-            if not self.configures and self.is_unconfigured and self.pending != UNCONFIGURED:
+            if not self.configures and self.is_unconfigured and self.pending != cia301.UNCONFIGURED:
                 self.start()
         elif command in SELECT:
             self._select(SELECT.index(command), value)
@@ -100,7 +100,7 @@ class LssSlave:
 
     def _configure(self, command: int, data: bytes) -> None:
         if command == NODE_ID:
-            allowed = 1 <= data[1] <= 127 or data[1] == UNCONFIGURED
+            allowed = 1 <= data[1] <= 127 or data[1] == cia301.UNCONFIGURED
             self.pending = data[1] if allowed else self.pending
             self._answer(command, OK if allowed else OUT_OF_RANGE)
         elif command == BIT_TIMING:

@@ -19,7 +19,7 @@ ENABLED, STORED = 0x01, (0x02, 0x04)  # bits of 60B9h
 
 
 class TouchProbes:
-    """Both probes of an axis. The place of an edge is exact if the position crosses one edge in a control cycle."""
+    """Both probes of an axis. The position of an edge is exact if the position crosses one edge in a control cycle."""
 
     def __init__(self, axis: Axis) -> None:
         self.axis = axis
@@ -42,12 +42,12 @@ class TouchProbes:
             if not function & ENABLE:
                 self.stored[probe] = 0
                 continue
-            for is_negative, place in self._edges(probe, function & SOURCE, before, self.last):
+            for is_negative, position in self._edges(probe, function & SOURCE, before, self.last):
                 is_taken = function & CONTINUOUS or not self.stored[probe] & STORED[is_negative]
                 if function & EDGES[is_negative] and is_taken:
                     self.stored[probe] |= STORED[is_negative]
                     index = positions[is_negative]
-                    value = (place - axis.origin) / axis.units.position
+                    value = (position - axis.origin) / axis.units.position
                     dictionary.put(index, dictionary.entry(index).type.saturated(value))
             status |= (ENABLED | self.stored[probe]) << 8 * probe
         dictionary.put(STATUS, status)
