@@ -75,6 +75,7 @@ class Master:
         self.restorations: list[str] = []  # what became of the objects that were written
         self.recovered: list[str] = []  # what an earlier run had left and was restored before this one
         self.references: list[str] = []  # drives that were not homed, since they count from their reference still
+        self.closed_switches: list[str] = []  # limit switches that drives told after the stop
         self.said: list[str] = []  # by drives that were in Fault after the stop
         self.announce: Callable[[Master], None] | None = None  # before anything is written
         self.running = False
@@ -377,7 +378,8 @@ class Master:
     def in_full(self, text: str) -> str:
         """After the stop: a failure with the drives' own words."""
         second = " ".join(one.doubled for one in self.stations.values() if one.doubled and one.doubled not in text)
-        return words.in_full(f"{text} {second}".rstrip(), self.rival.text, self.said, self.stations.values())
+        told = words.in_full(f"{text} {second}".rstrip(), self.rival.text, self.said, self.stations.values())
+        return " ".join([told, *self.closed_switches])
 
     def next_step(self) -> str:
         """After a stop on a failure: what a person does to go on."""

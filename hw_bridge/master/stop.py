@@ -12,7 +12,7 @@ from hw_bridge.dictionary import Command, NmtState, State, cia301, cia402
 from hw_bridge.master import setup
 from hw_bridge.master.node import AT_REST
 from hw_bridge.master.reference import Reference
-from hw_bridge.master.sdo import ATTEMPTS, TIMEOUT
+from hw_bridge.master.sdo import ATTEMPTS, TIMEOUT, SdoError
 from twin.errors import SimulationError, TwinError
 
 if TYPE_CHECKING:
@@ -188,6 +188,13 @@ class Stop:
             f"{names}: did not confirm the quick stop: this program sends no heartbeat any more, so that it stops by itself."
         )
 
+    def _tell_limit_switches(self, node: Node) -> None:
+        """A drive that brakes at a limit switch tells no error: what ends the run then is that it does not follow."""
+        if cia402.INPUTS in node.mirror:
+            with suppress(SdoError):
+                if closed := cia402.closed_limit_switches(node.sdo.number(cia402.INPUTS)):
+                    self.master.closed_switches.append(f"{node.name}: its {closed} is closed (60FDh).")
+
     def _save_reference(self, node: Node) -> None:
         """Let the next run count from the same reference; not where the count may be lost, or the drive did not confirm."""
         is_lost = node.boots or any(code in SENSOR_ERRORS for _, code in node.emergencies)
@@ -213,6 +220,7 @@ class Stop:
             state = setup.release(node)
             if state in (State.FAULT, State.REACTION):
                 self.master.said.append(setup.faults(node))
+            self._tell_limit_switches(node)
         except SimulationError as error:
             why = f" {error}"
         if why or state not in AT_REST:
