@@ -83,7 +83,7 @@ def inspect(node: Node) -> Inspection:
             if address[1] in node.mirror.objects.get(address[0], {}):
                 node.mirror.values[address] = value
             rows.append((f"{address[0]:04X}h.{address[1]}", UNIT.sub("", entry.name), meant(node, entry, value)))
-    return Inspection(groups, list(_notes(node, values)))
+    return Inspection({group: rows for group, rows in groups.items() if rows}, list(_notes(node, values)))
 
 
 def _entry(node: Node, address: Address) -> Entry | None:

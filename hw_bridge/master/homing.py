@@ -70,6 +70,15 @@ def problem(node: Node, start: float) -> str:
     return refusal(node.name, node.keys, node.way)
 
 
+def find_reference(master: Master, node: Node) -> None:
+    """Let a drive count from its reference: the one that it has, where that is proven, else one that it searches."""
+    if keep_reference(master, node):
+        master.references.append(f"{node.name}: counts from the reference found before: not homed again.")
+    else:
+        Homing(master, node).carry_out()
+    node.has_reference = True
+
+
 def keep_reference(master: Master, node: Node) -> bool:
     """Count from the reference that an earlier run or `twin hil home` found, where it is proven; False: it has to be homed.
 

@@ -237,11 +237,7 @@ class Master:
             if node.keys.homing is None:
                 node.zero(starts[node.name])
             else:
-                if homing.keep_reference(self, node):
-                    self.references.append(f"{node.name}: counts from the reference found before: not homed again.")
-                else:
-                    homing.Homing(self, node).carry_out()
-                node.has_reference = True
+                homing.find_reference(self, node)
             setup.limit_positions(node)
         for node in self.nodes.values():
             node.goal, node.target_velocity = State.ENABLED, 0.0
@@ -383,16 +379,7 @@ class Master:
 
     def next_step(self) -> str:
         """After a stop on a failure: what a person does to go on."""
-        steps = ["switch the other program off"] if self.rival.act else []
-        steps.append("remove the cause")
-        if any(node.state in (State.FAULT, State.REACTION) for node in self.nodes.values()):
-            steps.append("reset with `twin hil reset FILE`")
-        again = [name for name, node in self.nodes.items() if node.keys.homing is not None and not node.has_reference]
-        kept = [name for name, node in self.nodes.items() if node.has_reference]
-        told = [f"homed again: {', '.join(again)}"] if again else []
-        told += [f"not homed again: {', '.join(kept)}"] if kept else []
-        references = f" ({'; '.join(told)})" if told else ""
-        return f"next: {', '.join(steps)}, run again{references}."
+        return words.next_step(self.nodes.values(), bool(self.rival.act))
 
     def lost(self, node: Node | ModuleNode) -> bool:
         """Whether its heartbeat is missing."""
