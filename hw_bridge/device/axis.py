@@ -162,6 +162,8 @@ class Axis:
 
     def limit_switch(self, heading: float) -> Until | None:
         """The closed limit switch that is ahead in this direction."""
+        if heading == 0.0 or (self.switches.negative is None and self.switches.positive is None):
+            return None
         negative, positive, _ = self.switches.closed(self.motor.measured_position)
         if heading > 0.0 and positive:
             return Until.POSITIVE

@@ -33,7 +33,8 @@ class TouchProbes:
     def cycle(self) -> None:
         """Store the positions of edges since the last control cycle, and compose 60B9h."""
         axis, dictionary = self.axis, self.axis.dictionary
-        if FUNCTION not in dictionary:
+        if not dictionary.get(FUNCTION) and not dictionary.get(STATUS):
+            self.last = axis.motor.measured_position
             return
         before, self.last = self.last, axis.motor.measured_position
         status = 0
