@@ -19,7 +19,7 @@ if TYPE_CHECKING:
         words,
     )
     from hw_bridge.commission.attendance import Attendance
-    from hw_bridge.commission.axes import EXAMPLES, Axis, axis
+    from hw_bridge.commission.axes import EXAMPLES, Axis, axis, typed
     from hw_bridge.commission.deadman import HOLD, DeadMan, HeldKey, Keyboard
     from hw_bridge.commission.hand import SHARE, SLOWEST_STOP, Hand, alone, bounded
     from hw_bridge.commission.inspection import Inspection, inspect
@@ -45,7 +45,7 @@ __getattr__, _, _ = lazy_loader.attach(
     ],
     submod_attrs={
         "attendance": ["Attendance"],
-        "axes": ["Axis", "EXAMPLES", "axis"],
+        "axes": ["Axis", "EXAMPLES", "axis", "typed"],
         "deadman": ["DeadMan", "HOLD", "HeldKey", "Keyboard"],
         "hand": ["Hand", "SHARE", "SLOWEST_STOP", "alone", "bounded"],
         "inspection": ["Inspection", "inspect"],
@@ -95,6 +95,7 @@ __all__ = [
     "scan",
     "status",
     "step",
+    "typed",
     "unfinished",
     "words",
 ]

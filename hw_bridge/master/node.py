@@ -68,6 +68,7 @@ class Node(Station):
         self.acceleration = AccelerationLimit(keys.limits.acceleration, keys.limits.velocity)
         self.identity: list[int] = []  # vendor, product and serial number that it told
         self.rotary = False  # whether positions are angles
+        self.has_reference = False  # whether this run has homed it, or proven that it counts from its reference
         self._origin = 0.0
         self.entered_from: float | None = None  # where homing ended, on the way to where the scenario begins [m]
         self.goal = State.DISABLED
