@@ -149,6 +149,8 @@ def unready(master: Master, station: Node | ModuleNode) -> list[str]:
     rows = planned_rows(plan)
     say(f"{station.name}: a run writes {len(rows)} objects, and restores them at its end:")
     table([("object", "name", "before", "after", "why"), *rows], 2, head=True)
+    for text in plan.notes:
+        say(f"note: {text}")
     problems = [*plan.refused, *plan.problems]
     if not isinstance(station, Node):
         return problems

@@ -5,6 +5,7 @@ Nothing of it is written unless the hardware file asks for it under `objects`.
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.commission.objects import UNIT, meant, shown
@@ -96,7 +97,7 @@ def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
     """What of it does not fit the hardware file, or is to be known."""
     name, homing = node.name, node.keys.homing
     limit, constant = node.own.file.force, constant_of(node.keys)
-    rated = values.get((0x6075, 0), 0) / 1e3
+    rated = (values.get((0x6075, 0)) or values.get((0x2329, 1), 0)) / 1e3
     currents = [values[0x30B2, 0] / 1e3] if (0x30B2, 0) in values else []
     currents += [values[address] * rated / 1e3 for address in ((0x2350, 0), (0x2351, 0)) if address in values and rated]
     newton = "N*m" if node.rotary else "N"
@@ -109,7 +110,9 @@ def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
                 f"limits.force {shown(limit, newton)}. Lower it under `objects` (30B2h, or 2350h and 2351h)."
             )
     peak = node.profile.currents(node.mirror).peak * constant
-    if peak > limit:
+    if not isfinite(peak):
+        yield f"{name}: no object tells the drive's own limit of the current. limits.force is watched by this program alone."
+    elif peak > limit:
         yield (
             f"{name}: the drive's own currents allow {shown(peak, newton)}, limits.force is {shown(limit, newton)}: only this program "
             f"watches it. Lower them under `objects` or in the drive, so that the drive holds it too."

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import Mode
 from hw_bridge.master import OLDEST
-from hw_bridge.profiles import profile
 
 if TYPE_CHECKING:
     from hw_bridge.hardware import HardwareKeys, NodeKeys
@@ -16,7 +15,7 @@ WATCHED = "each cycle, else it stops"
 
 def rows(keys: HardwareKeys, node: NodeKeys) -> list[tuple[str, str]]:
     """Name of a limit and where it acts, for one drive."""
-    chosen = profile(node.profile)
+    chosen = node.drive
     has = {one.index for one in chosen.objects}
     position, velocity = ("csp", "csv") if Mode.CSP in chosen.modes else ("pp", "pv, instead of csp and csv")
 

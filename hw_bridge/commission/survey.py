@@ -11,7 +11,7 @@ from hw_bridge.bus import MILLISECOND, Frame
 from hw_bridge.commission.line import BOOT
 from hw_bridge.commission.words import told_fault
 from hw_bridge.dictionary import State, cia301, state_of
-from hw_bridge.profiles import DEVICES, MODULES, UNFIT, identity, profile
+from hw_bridge.profiles import DEVICES, MODULES, identity, profile, unfit
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def looked_at(line: Line, number: int) -> Found:
         line.wait(PATIENCE)
         if len(line.answers) > 1:
             return Found(number, problem=f"{len(line.answers)} {TWICE}")
-        title = known(vendor, product) or KINDS.get(device & 0xFFFF, f"device type {device:08X}h")
+        title = known(vendor, product, device) or KINDS.get(device & 0xFFFF, f"device type {device:08X}h")
         state = str(line.states[number].name.capitalize().replace("_", "-")) if number in line.states else ""
         fault = ""
         if device & 0xFFFF == DRIVE:
@@ -102,7 +102,7 @@ def looked_at(line: Line, number: int) -> Found:
 
 def recognized(vendor: int, product: int, device_type: int) -> str:
     """The name of the profile for what a node says of itself, or nothing. An unknown product gets its vendor's."""
-    if (vendor, product) in UNFIT:
+    if unfit(vendor, product, device_type) is not None:
         return ""
     own = {name: identity(name) for name in MODULES}
     exact = [name for name, one in own.items() if (one[1], one[2]) == (vendor, product)]
@@ -111,10 +111,10 @@ def recognized(vendor: int, product: int, device_type: int) -> str:
     return next(iter([*exact, *alike, *modules]), "")
 
 
-def known(vendor: int, product: int) -> str:
+def known(vendor: int, product: int, device_type: int = 0) -> str:
     """The title of the profile with this identity; the vendor alone if the product is another one."""
-    if (vendor, product) in UNFIT:
-        return f"{UNFIT[vendor, product]}, which no profile fits"
+    if (other := unfit(vendor, product, device_type)) is not None:
+        return f"{other.title}, which no profile fits. {other.advice}"
     titles = []
     for name in MODULES:
         chosen = profile(name)

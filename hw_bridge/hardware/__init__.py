@@ -13,6 +13,7 @@ from hw_bridge.hardware.keys import (
     ModuleKeys,
     NodeKeys,
     ShadowKeys,
+    UnitKeys,
     without_unit,
 )
 
@@ -26,6 +27,7 @@ __all__ = [
     "ModuleKeys",
     "NodeKeys",
     "ShadowKeys",
+    "UnitKeys",
     "late",
     "load",
     "overloaded",

@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from hw_bridge.bus import NEVER
+from hw_bridge.eds import described
 from hw_bridge.fault import Cause, Fault, inject
-from hw_bridge.profiles import DEVICES, MODULES, MOTORS
+from hw_bridge.profiles import DEVICES, GENERIC, MODULES, MOTORS, GivenUnits
 from twin.errors import CouplingError
 from twin.scenario import Keys, Period, Reference, Text, Time, nanoseconds, number, reference, short
 
 if TYPE_CHECKING:
     from hw_bridge.bus import Device, Medium
+    from hw_bridge.profiles import Profile
 
 SOFTWARE = ("virtual", "udp_multicast")  # interfaces of python-can without any hardware
 MILLISECOND = 1_000_000
@@ -275,9 +277,44 @@ class FaultKeys(Keys):
         )
 
 
+def sized(*symbols: str) -> Any:
+    """A type of key for the size of a unit, with its symbol: `1 um` of a line, `0.001 deg` of a turn."""
+
+    def convert(value: Any) -> tuple[float, str]:
+        if isinstance(value, tuple):
+            return value
+        if without_unit(value):
+            raise ValueError(f"{short(value)} has no unit. Write it with one, such as {EXAMPLES[symbols[0]]}")
+        problems = []
+        for symbol in symbols:
+            try:
+                found = number(value, symbol, "")
+            except CouplingError as error:
+                problems.append(str(error).removeprefix(": "))
+                continue
+            if not 0.0 < found <= LARGEST:
+                raise ValueError(f"expected a size above 0 and at most {LARGEST:g}, not {short(value)}")
+            return found, symbol
+        raise ValueError(problems[0])
+
+    return BeforeValidator(convert)
+
+
+class UnitKeys(Keys):
+    """What one unit of a generic drive is, at the motor, where the drive does not tell it. `current`: of 6077h or 6078h."""
+
+    position: Annotated[tuple[float, str] | None, sized("m", "rad")] = None
+    velocity: Annotated[tuple[float, str] | None, sized("m/s", "rad/s")] = None
+    acceleration: Annotated[tuple[float, str] | None, sized("m/s^2", "rad/s^2")] = None
+    current: Annotated[tuple[float, str] | None, sized("A")] = None
+
+
 class NodeKeys(Keys):
     """The drive that stands for a member. `motor`: the parameter set of the motor that is wired to it; without one a
     simulated drive moves that of its profile, or with `member` the member's own.
+
+    `eds`: the drive's own EDS file, beside the hardware file; a generic profile needs one. `units`: of a generic drive, where
+    it does not tell them. `watch_force`: false for a drive that tells no current, so that `limits.force` cannot be watched.
 
     `keep`: objects that stay as a run wrote them, `all` or a list. `scaling`: values of objects that lengths follow from,
     where the drive does not tell them.
@@ -287,7 +324,9 @@ class NodeKeys(Keys):
     """
 
     node: Annotated[int, Field(strict=True, ge=1, le=126)]
-    profile: Literal[tuple(MODULES)]  # type: ignore[valid-type]
+    profile: Literal[(*MODULES, *GENERIC)]  # type: ignore[valid-type]
+    eds: Text = ""
+    units: UnitKeys = UnitKeys()
     motor: Literal[("profile", "member", *MOTORS)] = "profile"  # type: ignore[valid-type]
     product: Unsigned32 | None = None
     serial: Unsigned32 | None = None
@@ -300,6 +339,7 @@ class NodeKeys(Keys):
     follow: FollowKeys = FollowKeys()
     contact: ContactKeys | None = None
     watch_contact: bool = True
+    watch_force: bool = True
     shadow: ShadowKeys | None = None
     outputs: Annotated[dict[int, str], BeforeValidator(output_bits)] = Field(default={})
     safe_outputs: Unsigned32 | None = None
@@ -307,6 +347,14 @@ class NodeKeys(Keys):
     keep: Annotated[Literal["all"] | frozenset[tuple[int, int | None]], BeforeValidator(object_names)] = frozenset()
     scaling: Annotated[dict[tuple[int, int], int], BeforeValidator(object_name)] = Field(default={})
     description: Text = ""
+
+    @property
+    def drive(self) -> Profile:
+        """The profile, with the dictionary of its EDS file where the hardware file names one. DeclarationError if it is none."""
+        units = self.units
+        return described(
+            self.profile, self.eds, GivenUnits(units.position, units.velocity, units.acceleration, units.current)
+        )
 
     @property
     def offset(self) -> bool:

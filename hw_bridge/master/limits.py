@@ -40,6 +40,7 @@ RATED, MILLIAMPERE = 0.0, 1e-3  # unit of an object: as 6077h counts, or [A]
 HOMING_FORCE: dict[str, tuple[tuple[int, int, float], ...]] = {
     "faulhaber_v3": ((0x60E0, 0, RATED), (0x60E1, 0, RATED), (0x2350, 0, RATED), (0x2351, 0, RATED)),
     "epos4": ((0x30B2, 0, MILLIAMPERE),),
+    "epos2": ((0x2080, 0, MILLIAMPERE),),
 }
 HOMING_FORCE_REASON = "limits.force while it homes; as before when it is homed"
 

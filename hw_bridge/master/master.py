@@ -21,7 +21,7 @@ from hw_bridge.master.sdo import SilentError
 from hw_bridge.master.stop import ALONE, SILENT_CYCLES, Stop
 from hw_bridge.master.timing import Timing
 from hw_bridge.master.undisturbed import undisturbed
-from hw_bridge.profiles import device, profile
+from hw_bridge.profiles import device
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -55,13 +55,12 @@ class Master:
     def __init__(self, keys: HardwareKeys, network: Network, forced: AbstractSet[str] = frozenset()) -> None:
         self.keys, self.network = keys, network
         self.cycle = keys.cycle
-        self.nodes = {
-            name: Node(name, one, profile(one.profile), network, self.wait) for name, one in keys.nodes.items()
-        }
+        self.nodes = {name: Node(name, one, one.drive, network, self.wait) for name, one in keys.nodes.items()}
         for node in self.nodes.values():
             node.measure_age(self.cycle)
         for name in forced:
             self.nodes[name].told_force = True
+            self.nodes[name].use_process_data()
         self.modules = {
             name: ModuleNode(name, one, device(one.profile), network, self.wait) for name, one in keys.modules.items()
         }
@@ -100,6 +99,9 @@ class Master:
         node = self._by_number.get(frame.id & 0x7F)
         if node is not None and frame.id > 0x7F and not frame.remote:
             node.heard(frame, self.network.now)
+            if isinstance(node, Node):
+                for answer in node.acknowledge():
+                    self.network.send(answer)
 
     def wait(self, duration: int, done: Condition = never) -> None:
         """Let time pass, hear frames and tell that this program lives."""
@@ -327,6 +329,8 @@ class Master:
                 f"{node.name}: its actual values are {age / 1e6:.4g} ms old, more than {oldest / 1e6:.4g} ms: SYNC or "
                 f"process data come late. Check the bus and the adapter, or set limits.actual_value_age."
             )
+        if text := node.unable or node.disobeys(self.patience):
+            return text
         if node.state is not State.ENABLED:
             return f"{node.name}: left Operation enabled: {node.state}."
         low, high = node.position_limits

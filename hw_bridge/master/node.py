@@ -14,8 +14,8 @@ from hw_bridge.master.acceleration import AccelerationLimit
 from hw_bridge.master.age import ValueAge
 from hw_bridge.master.limits import OwnLimits
 from hw_bridge.master.station import Station
-from hw_bridge.master.vendor import SUBSTITUTES, VENDORS, current_unit
-from hw_bridge.profiles import MOTORS, motor_parameters, profile
+from hw_bridge.master.vendor import ACKNOWLEDGE, SUBSTITUTES, VENDORS, ProcessData, current_unit, process_data
+from hw_bridge.profiles import MOTORS, motor_parameters
 
 if TYPE_CHECKING:
     from hw_bridge.bus import Network
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from hw_bridge.master.station import Waiting
     from hw_bridge.profiles import Profile
 
-TARGET_PDO, CONTROL_PDO, FORCE_PDO, LEVELS_PDO = 0x200, 0x300, 0x400, 0x500
-STATE_PDO, SPEED_PDO = 0x180, 0x280
+RECEIVE_PDOS = (0x200, 0x300, 0x400, 0x500)
+STATE_PDO, SPEED_PDO, ACKNOWLEDGE_PDO = 0x180, 0x280, 0x380
 ASKED = itemgetter(0)  # of a way
 WINDOW = 1.0  # time over which the way that was driven is compared with the way that was asked for [s]: what stands
 # against an end stop is noticed at a speed of the limit over this time
@@ -47,11 +47,24 @@ DOWN = {  # on the way to a standstill
     State.QUICK_STOP: 0x02,
 }  # fmt: skip
 AT_REST = cia402.AT_REST
+CONTROLWORD = 0x60400010
+SIGNED = {8: "b", 16: "h", 32: "i"}  # of a mapping word's bits
+UNSIGNED = {0x6040: "H", 0x6041: "H", 0x60FE: "I"}
+
+
+def _layout(words: tuple[int, ...]) -> struct.Struct:
+    """How the objects of mapping words lie in a frame."""
+    return struct.Struct("<" + "".join(UNSIGNED.get(word >> 16, SIGNED[word & 0xFF]) for word in words))
+
+
+def _packed(layout: struct.Struct, words: tuple[int, ...], values: dict[int, int]) -> bytes:
+    """The data of a frame, by the objects' indices."""
+    return layout.pack(*(values[word >> 16] for word in words))
 
 
 def constant_of(keys: NodeKeys) -> float:
     """Force [N] or torque [N*m] on the member of one ampere: as the hardware file has it, or the profile's motor."""
-    return keys.force_constant or motor_parameters(profile(keys.profile), keys.motor).model.force_constant / keys.scale
+    return keys.force_constant or motor_parameters(keys.drive, keys.motor).model.force_constant / keys.scale
 
 
 class Node(Station):
@@ -68,6 +81,8 @@ class Node(Station):
         self.acceleration = AccelerationLimit(keys.limits.acceleration, keys.limits.velocity)
         self.identity: list[int] = []  # vendor, product and serial number that it told
         self.rotary = False  # whether positions are angles
+        self.absent: frozenset[int] = frozenset()  # objects of a run that the drive was found not to have
+        self._process_data: ProcessData | None = None
         self._origin = 0.0
         self.entered_from: float | None = None  # where homing ended, on the way to where the scenario begins [m]
         self.goal = State.DISABLED
@@ -82,6 +97,10 @@ class Node(Station):
         self.word, self.word_at = 0, 0  # the last statusword, and when it came [ns], also by SDO
         self.velocity_at = 0  # when the last velocity came [ns]
         self.raw_position = self.raw_velocity = self.raw_current = 0
+        self.shown_mode: int | None = None  # 6061h of the last process data
+        self.strange_mode = 0  # cycles in a row in which it was in another mode than it was told
+        self.raised = False  # whether a set-point was given with bit 4 of the controlword that still stands
+        self.unacknowledged = 0  # cycles for which a set-point has waited for bit 12 of the statusword
         # parts of the last target and offset that rounding left over [device units]
         self.carried = self.offset_carried = 0.0
         self.ways: deque[tuple[float, float]] = deque()  # asked for and driven, one for each cycle [m]
@@ -93,9 +112,26 @@ class Node(Station):
         """Take over units after the drive's scaling is known."""
         units = self.profile.units(self.mirror, MOTORS[self.keys.motor].pitch if self.keys.motor in MOTORS else None)
         self.units = units
-        self.ampere = current_unit(self.vendor, units)
+        self.ampere = current_unit(self.process_data, units)
         self.force_constant = constant_of(self.keys)
-        self.form = "<i" if self.vendor.current & 0xFF == 32 else "<h"
+
+    @property
+    def process_data(self) -> ProcessData:
+        """What is exchanged in each cycle, of what the drive has as far as it is known."""
+        if self._process_data is None:
+            self.use_process_data()
+        assert self._process_data is not None
+        return self._process_data
+
+    def use_process_data(self) -> None:
+        """Take over process data after it is known what the drive has, and whether it is told a force."""
+        data = self._process_data = process_data(self.mirror, self.vendor, self.keys, self.told_force)
+        self._received = [
+            (base + self.number, _layout(words), words)
+            for base, words in zip(RECEIVE_PDOS, data.receive, strict=True)
+            if words
+        ]
+        self._state, self._speed = _layout(data.transmit[0]), _layout(data.transmit[1])
 
     @property
     def origin(self) -> float:
@@ -212,8 +248,30 @@ class Node(Station):
         """The wanted mode, or what stands for it where the drive has it not."""
         if self.homing:
             return Mode.HM
-        offered = self.mirror.get(0x6502)
-        return self.mode if offered >> (self.mode - 1) & 1 else SUBSTITUTES[self.mode]
+        wanted = (self.mode, SUBSTITUTES.get(self.mode, self.mode), Mode.CSP, Mode.PP)
+        return next((mode for mode in wanted if self.offers(mode)), self.mode)
+
+    def offers(self, mode: Mode) -> bool:
+        """Whether it has a mode, by 6502h."""
+        return bool(self.mirror.get(0x6502) >> (mode - 1) & 1)
+
+    @property
+    def unable(self) -> str:
+        """That it has no mode for what it is told, or nothing."""
+        if self.homing or self.offers(self.mode) or self.offers(SUBSTITUTES.get(self.mode, self.mode)):
+            return ""
+        return f"{self.name}: has no mode for {self.mode.name.lower()}: 6502h is {self.mirror.get(0x6502):X}h."
+
+    def disobeys(self, patience: int) -> str:
+        """That for more than `patience` cycles it is in another mode than it was told, or takes no set-point; or nothing."""
+        if self.strange_mode > patience:
+            return (
+                f"{self.name}: is in mode {self.shown_mode} (6061h), not in {self.own_mode.name.lower()}: another program sets it, "
+                f"perhaps the vendor's over USB. End that program."
+            )
+        if self.unacknowledged > patience:
+            return f"{self.name}: does not acknowledge set-points (6041h, bit 12). Look at its statusword and limits."
+        return ""
 
     @property
     def follows(self) -> bool:
@@ -239,6 +297,8 @@ class Node(Station):
     def frames(self) -> list[Frame]:
         """Target and controlword of this cycle. Until the drive is enabled the targets are its actual values."""
         mode, state, follows = self.own_mode, self.state, self.follows
+        strange = follows and self.shown_mode not in (None, mode)
+        self.strange_mode = self.strange_mode + 1 if strange else 0
         places = mode in (Mode.CSP, Mode.PP)
         position = self.device_position(self.acceleration.position) if follows and places else self.raw_position
         velocity = torque = 0
@@ -247,23 +307,45 @@ class Node(Station):
         elif follows and not places:
             velocity = self.rounded(self.acceleration.velocity / (self.sign * self.units.velocity))
         word = self.controlword(state)
-        control = [word]
-        if mode is Mode.PP and follows:  # each target is a new set-point, on a rising edge of bit 4
-            control = [word | cia402.CHANGE_IMMEDIATELY, word | cia402.CHANGE_IMMEDIATELY | cia402.NEW_SET_POINT]
-        data, last = struct.pack("<i", position), []
-        if self.keys.offset:  # in other modes it would be added to the speed
-            offset = self.offset if follows and mode is Mode.CSP else 0.0
-            data += struct.pack("<i", self.rounded_offset(offset / (self.sign * self.units.velocity)))
-        if self.keys.outputs:  # they keep what they hold until the drive stands
-            levels = struct.pack("<I", self.safe_outputs if self.goal is State.DISABLED else self.outputs)
-            if self.keys.offset:
-                last = [Frame(LEVELS_PDO + self.number, levels)]
-            else:
-                data += levels
-        target = Frame(TARGET_PDO + self.number, data)
-        pdo = CONTROL_PDO + self.number
-        force = [Frame(FORCE_PDO + self.number, struct.pack("<h", torque))] if self.told_force else []
-        return [target, *(Frame(pdo, struct.pack("<Hbi", one, mode, velocity)) for one in control), *force, *last]
+        if mode is Mode.PP and follows:
+            word |= self._set_point()
+        else:
+            self.raised = False
+        offset = self.offset if follows and mode is Mode.CSP else 0.0  # in other modes it would be added to the speed
+        values = {
+            0x607A: position,
+            0x6040: word,
+            0x6060: mode,
+            0x60FF: velocity,
+            0x6071: torque,
+            0x60FE: self.safe_outputs if self.goal is State.DISABLED else self.outputs,  # until the drive stands
+        }
+        if self.keys.offset:
+            values[0x60B1] = self.rounded_offset(offset / (self.sign * self.units.velocity))
+        self._told = values
+        return [Frame(number, _packed(layout, words, values)) for number, layout, words in self._received]
+
+    def _set_point(self) -> int:
+        """Bits of the controlword in pp: a target is a new set-point on a rising edge of bit 4, once the last one is acknowledged."""
+        acknowledged = bool(self.word & cia402.BIT_12)
+        if self.raised and acknowledged:
+            self.raised = False
+        elif not self.raised and not acknowledged:
+            self.raised = True
+        self.unacknowledged = self.unacknowledged + 1 if self.raised is not acknowledged else 0
+        return cia402.CHANGE_IMMEDIATELY | (cia402.NEW_SET_POINT if self.raised else 0)
+
+    def acknowledge(self) -> list[Frame]:
+        """After a statusword: bit 4 falls as soon as a set-point is acknowledged, so that the next one can be given."""
+        if not (self.raised and self.word & cia402.BIT_12 and self.follows):
+            return []
+        self.raised, self.unacknowledged = False, 0
+        values = {**self._told, 0x6040: self._told[0x6040] & ~cia402.NEW_SET_POINT}
+        return [
+            Frame(number, _packed(layout, words, values))
+            for number, layout, words in self._received
+            if CONTROLWORD in words
+        ]
 
     def controlword(self, state: State) -> int:
         """The next step towards the goal."""
@@ -281,14 +363,17 @@ class Node(Station):
         base = frame.id - self.number
         if base in self.ages:
             self.ages[base].received(now)
-        if base == STATE_PDO and len(frame.data) == 7:
-            self.word, _, self.raw_position = struct.unpack("<Hbi", frame.data)
+        if base == STATE_PDO and len(frame.data) == self._state.size:
+            self.word, *shown, self.raw_position = self._state.unpack(frame.data)
             self.word_at = now
             self.answered, self.answered_at = self.answered + 1, now
-        elif base == SPEED_PDO and len(frame.data) >= 6:
-            self.raw_velocity = struct.unpack_from("<i", frame.data)[0]
+            self.shown_mode = shown[0] if shown else None
+        elif base == SPEED_PDO and len(frame.data) == self._speed.size:
+            self.raw_velocity, *current = self._speed.unpack(frame.data)
             self.velocity_at = now
-            self.raw_current = struct.unpack_from(self.form, frame.data, 4)[0]
+            self.raw_current = current[0] if current else 0
+        elif base == ACKNOWLEDGE_PDO and self.process_data.transmit[2] == ACKNOWLEDGE and len(frame.data) == 2:
+            self.word, self.word_at = struct.unpack("<H", frame.data)[0], now
         else:
             super().heard(frame, now)
 
@@ -308,6 +393,7 @@ class Node(Station):
     def forget(self) -> None:
         """A run begins: what happened before does not count."""
         super().forget()
+        self.strange_mode = self.unacknowledged = 0
         self.ways.clear()
         self.acceleration.forget()
 

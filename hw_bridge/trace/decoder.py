@@ -54,10 +54,7 @@ class Decoder:
         cls, keys: HardwareKeys, brief: bool = False, objects: Mapping[int, tuple[Entry, ...]] = MappingProxyType({})
     ) -> Decoder:
         """A decoder that knows the drives and modules of a hardware file. `objects`: of EDS files, by node-ID."""
-        made = [
-            Party(one.node, profile(one.profile), one, name, objects.get(one.node, ()))
-            for name, one in keys.nodes.items()
-        ]
+        made = [Party(one.node, one.drive, one, name, objects.get(one.node, ())) for name, one in keys.nodes.items()]
         modules = (Party(one.node, name=name, objects=objects.get(one.node, ())) for name, one in keys.modules.items())
         return cls([*made, *modules], brief)
 
