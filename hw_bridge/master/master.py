@@ -302,10 +302,11 @@ class Master:
 
     def _unwell(self, node: Node | ModuleNode) -> str:
         now = self.network.now
-        for _, code in node.emergencies:
-            fault = node.profile.faults.get(code)
-            if code and code >> 8 != 0:
-                return f"{node.name}: EMCY {code:04X}h{f', {fault.meaning}' if fault else ''}."
+        for said in node.emergencies:
+            if said.code >> 8 != 0:
+                fault = node.profile.faults.get(said.code)
+                meaning = f", {fault.meaning}" if fault else ""
+                return f"{node.name}: EMCY {said.code:04X}h{meaning}{words.details(node, said)}."
         if now - node.heard_at > node.keys.heartbeat.lost_after:
             return f"{node.name}: no heartbeat for {(now - node.heard_at) / 1e6:.0f} ms. Check its power and the bus."
         if node.silent >= self.patience:
@@ -390,7 +391,10 @@ class Master:
                 "oldest_actual_value": node.oldest / 1e9,
                 "late_pdos": node.late,
                 "lost_pdos": node.lost,
-                "emergencies": [f"{c:04X}" for _, c in node.emergencies],
+                "emergencies": [f"{one.code:04X}" for one in node.emergencies],
+                "emergency_messages": [
+                    f"{one.time / 1e9:.3f} s: {words.message(node, one)}" for one in node.emergencies
+                ],
             }
             for name, node in self.stations.items()
         }

@@ -98,7 +98,9 @@ class Node(Station):
         self.velocity_at = 0  # when the last velocity came [ns]
         self.raw_position = self.raw_velocity = self.raw_current = 0
         self.shown_mode: int | None = None  # 6061h of the last process data
+        self.was_remote = False  # whether its statusword told in this run that it obeys the bus
         self.strange_mode = 0  # cycles in a row in which it was in another mode than it was told
+        self._told: dict[int, int] = {}  # values of the last frames, by index
         self.raised = False  # whether a set-point was given with bit 4 of the controlword that still stands
         self.unacknowledged = 0  # cycles for which a set-point has waited for bit 12 of the statusword
         # parts of the last target and offset that rounding left over [device units]
@@ -263,11 +265,16 @@ class Node(Station):
         return f"{self.name}: has no mode for {self.mode.name.lower()}: 6502h is {self.mirror.get(0x6502):X}h."
 
     def disobeys(self, patience: int) -> str:
-        """That for more than `patience` cycles it is in another mode than it was told, or takes no set-point; or nothing."""
+        """That it obeys another program, or for more than `patience` cycles takes no mode or set-point; or nothing."""
         if self.strange_mode > patience:
             return (
                 f"{self.name}: is in mode {self.shown_mode} (6061h), not in {self.own_mode.name.lower()}: another program sets it, "
                 f"perhaps the vendor's over USB. End that program."
+            )
+        if self.was_remote and not self.word & cia402.REMOTE:
+            return (
+                f"{self.name}: does not obey the bus any more (6041h, bit 9 is 0): it is operated locally, perhaps by the vendor's "
+                f"program over USB. End that program."
             )
         if self.unacknowledged > patience:
             return f"{self.name}: does not acknowledge set-points (6041h, bit 12). Look at its statusword and limits."
@@ -327,6 +334,10 @@ class Node(Station):
 
     def _set_point(self) -> int:
         """Bits of the controlword in pp: a target is a new set-point on a rising edge of bit 4, once the last one is acknowledged."""
+        shown = self._told.get(0x6060) if self.shown_mode is None else self.shown_mode
+        if shown != Mode.PP:  # an edge in another mode would be lost, and bit 12 means something else there
+            self.raised = False
+            return cia402.CHANGE_IMMEDIATELY
         acknowledged = bool(self.word & cia402.BIT_12)
         if self.raised and acknowledged:
             self.raised = False
@@ -366,6 +377,7 @@ class Node(Station):
         if base == STATE_PDO and len(frame.data) == self._state.size:
             self.word, *shown, self.raw_position = self._state.unpack(frame.data)
             self.word_at = now
+            self.was_remote |= bool(self.word & cia402.REMOTE)
             self.answered, self.answered_at = self.answered + 1, now
             self.shown_mode = shown[0] if shown else None
         elif base == SPEED_PDO and len(frame.data) == self._speed.size:
@@ -394,6 +406,7 @@ class Node(Station):
         """A run begins: what happened before does not count."""
         super().forget()
         self.strange_mode = self.unacknowledged = 0
+        self.was_remote = False
         self.ways.clear()
         self.acceleration.forget()
 

@@ -136,7 +136,6 @@ FAULTS = {  # EMCY: bits of 1001h, recalled; bit 7 is a motion error
     0x6320: Fault(0x21, 0, Reaction.RAMP, "software parameter"),
     0x7320: Fault(0xA1, 0, Reaction.OFF, "position sensor"),
     0x8110: Fault(0x11, 0, Reaction.CONNECTION, "CAN overrun (objects lost)"),
-    0x8111: Fault(0x11, 0, Reaction.CONNECTION, "CAN overrun"),
     0x8120: Fault(0x11, 0, Reaction.CONNECTION, "CAN error passive"),
     0x8130: Fault(0x11, 0, Reaction.CONNECTION, "life guarding or heartbeat"),
     0x8150: Fault(0x11, 0, Reaction.CONNECTION, "transmit COB-ID collision"),

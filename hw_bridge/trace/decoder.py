@@ -115,7 +115,7 @@ class Decoder:
         code, register = struct.unpack_from("<HB", frame.data)
         fault = party.profile.faults.get(code) if party.profile is not None else None
         meaning = fault.meaning if fault is not None else f"{names.emergency(code)} (class of CiA 301)"
-        text = f"{party.name}: {code:04X}h {'no error' if not code else meaning}; register {names.register(register)}"
+        text = f"{party.name}: {code:04X}h {'no error' if not code else meaning}; register {cia301.error_register(register)}"
         if any(frame.data[3:]):
             text += f"; vendor {frame.data[3:].hex(' ').upper()}"
         return Line(time, frame, party.node, "EMCY", text, {"code": code, "register": register}, notable=True)

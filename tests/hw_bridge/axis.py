@@ -5,6 +5,7 @@ from pathlib import Path
 from fmus.servomotor.model import Servomotor
 
 from hw_bridge.bridge.hardware import Hardware
+from hw_bridge.device import Drive
 from hw_bridge.hardware import HardwareKeys
 
 MILLISECOND = 1_000_000
@@ -13,6 +14,11 @@ H = 1e-3
 
 def node(profile="faulhaber_v3", number=1, **more):
     return {"node": number, "profile": profile, **more}
+
+
+def wire_other_drive(monkeypatch, module, profile):
+    """Let a bench of `module` (hw_bridge.plant.plant or bench) have a simulated drive that is not what the file says."""
+    monkeypatch.setattr(module, "Drive", lambda _, number, motor: Drive(profile, number, motor))
 
 
 class Rig:
