@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.dictionary import Code, Mode, supported
 from hw_bridge.master.sdo import SdoError
-from hw_bridge.master.vendor import PDOS, SUBSTITUTES, takes_set_points
+from hw_bridge.master.vendor import CONTROL, FORCE, OFFSET, PDOS, SUBSTITUTES, takes_set_points
 from hw_bridge.master.writes import ask
 
 if TYPE_CHECKING:
@@ -76,8 +76,13 @@ def learn_objects(node: Node) -> Findings:
     for number in PDOS:
         for index, sub in ((0x1400 + number, 1), (0x1600 + number, 0), (0x1800 + number, 1), (0x1A00 + number, 0)):
             _has(node, index, sub)
+    words = (*CONTROL, *FORCE, *OFFSET, *(word for word, _ in node.vendor.currents))
+    for word in words:  # process data
+        _has(node, word >> 16, word >> 8 & 0xFF)
     _learn_modes(node)
     node.absent = frozenset(absent)
+    if node.unable:  # until it is told something, it holds its place
+        node.mode = Mode.CSP
     for index, need in OPTIONAL.items():
         needless = index == 0x60C2 and takes_set_points(node.mirror)
         if index in absent and not needless:

@@ -163,8 +163,11 @@ def generic(objects: tuple[Entry, ...], given: GivenUnits, title: str) -> Profil
 
     def units(dictionary: Dictionary, _pitch: float | None = None) -> Units:
         """By the hardware file, else by the drive; 1 where neither tells, and the drive is not moved then."""
-        sizes = [(getattr(given, kind) or told(dictionary, kind) or (1.0, ""))[0] for kind in KINDS]
-        return Units(*sizes, given.current[0] if given.current is not None else dictionary.get(RATED) * 1e-6)
+        position, velocity, acceleration = (
+            (getattr(given, kind) or told(dictionary, kind) or (1.0, ""))[0] for kind in KINDS
+        )
+        current = given.current[0] if given.current is not None else dictionary.get(RATED) * 1e-6
+        return Units(position, velocity, acceleration, current)
 
     def unsure(dictionary: Dictionary, _named: bool) -> list[str]:
         return unknown_units(dictionary, given)

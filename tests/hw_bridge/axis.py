@@ -25,9 +25,10 @@ class Rig:
     """Axes of one simulated bench, all stepped together by 1 ms."""
 
     def __init__(self, build, nodes, member=Servomotor, **more):
-        keys = HardwareKeys.model_validate({"simulated": True, "nodes": nodes, **more})
+        known = isinstance(nodes, HardwareKeys)
+        keys = nodes if known else HardwareKeys.model_validate({"simulated": True, "nodes": nodes, **more})
         self.hardware = Hardware(Path("bench.yaml"), keys, build=build)
-        self.axes = {name: self.hardware._component(name, member)() for name in nodes}
+        self.axes = {name: self.hardware._component(name, member)() for name in keys.nodes}
         self.session = self.hardware.present
         self.t = 0
         for axis in self.axes.values():
