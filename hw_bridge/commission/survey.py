@@ -11,7 +11,7 @@ from hw_bridge.bus import MILLISECOND, Frame
 from hw_bridge.commission.line import BOOT
 from hw_bridge.commission.words import told_fault
 from hw_bridge.dictionary import State, cia301, state_of
-from hw_bridge.profiles import DEVICES, MODULES, identity, profile, unfit
+from hw_bridge.profiles import DEVICES, MODULES, identity, profile, profile_for, unfit
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def recognized(vendor: int, product: int, device_type: int) -> str:
     if unfit(vendor, product, device_type) is not None:
         return ""
     own = {name: identity(name) for name in MODULES}
-    exact = [name for name, one in own.items() if (one[1], one[2]) == (vendor, product)]
+    exact = [name] if (name := profile_for(vendor, product)) else []
     alike = [name for name, one in own.items() if one[1] == vendor] if device_type & 0xFFFF == DRIVE else []
     modules = [name for name in DEVICES if name == f"cia{device_type & 0xFFFF}"]
     return next(iter([*exact, *alike, *modules]), "")
@@ -115,12 +115,7 @@ def known(vendor: int, product: int, device_type: int = 0) -> str:
     """The title of the profile with this identity; the vendor alone if the product is another one."""
     if (other := unfit(vendor, product, device_type)) is not None:
         return f"{other.title}, which no profile fits. {other.advice}"
-    titles = []
-    for name in MODULES:
-        chosen = profile(name)
-        own = identity(name)
-        if own[1] == vendor:
-            titles.append(chosen.title)
-            if own[2] == product:
-                return chosen.title
+    if exact := profile_for(vendor, product):
+        return profile(exact).title
+    titles = [profile(name).title for name in MODULES if identity(name)[1] == vendor]
     return f"perhaps {' or '.join(titles)}" if titles else ""

@@ -132,9 +132,16 @@ def plan_drive(node: Node, period: int, master: int) -> WritePlan:
     learn_scaling(node)
     _own_limits(plan, node)
     for index, sub, value in node.vendor.setup:
-        if sub in node.mirror.objects.get(index, {}):
-            plan.add(index, sub, value, node.vendor.reasons[index, sub])
-            _overlay(node, index, sub, value)
+        entry = node.mirror.objects.get(index, {}).get(sub)
+        if entry is None:
+            continue
+        if limited(entry, value) != value or not entry.writable:  # by its EDS file
+            plan.notes.append(
+                f"{node.name}: {index:04X}h.{sub} {entry.name} stays as it is, it cannot become {value:X}h."
+            )
+            continue
+        plan.add(index, sub, value, node.vendor.reasons[index, sub])
+        _overlay(node, index, sub, value)
     for (index, sub), value in node.keys.objects.items():
         own = plan.holds(index, sub) if (index, sub) in LIMITS else None
         narrowed = value if own is None else min(value, own)

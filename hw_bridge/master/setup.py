@@ -13,7 +13,7 @@ from hw_bridge.master.scaling import SCALING, learn_scaling
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.words import coded
 from hw_bridge.master.writes import ask, put, read, write
-from hw_bridge.profiles import MODULES, identity, unfit
+from hw_bridge.profiles import profile_for, unfit
 
 if TYPE_CHECKING:
     from hw_bridge.master.node import Node
@@ -41,7 +41,6 @@ __all__ = [
 
 DRIVE = 402  # device profile: the lower half of 1000h
 IDENTITY = {1: "vendor", 2: "product code", 3: "revision", 4: "serial number"}
-KNOWN = {(one[1], one[2]) for one in map(identity, MODULES)}  # vendor and product code of each profile
 
 
 def identify(node: Node) -> list[str]:
@@ -58,7 +57,7 @@ def identify(node: Node) -> list[str]:
     expected = {1: vendor} if vendor else {}  # an EDS file may leave it open
     if keys.product is not None:
         expected[2] = keys.product
-    elif (found[1], found[2]) in KNOWN - {(vendor, node.mirror.get(0x1018, 2))}:
+    elif profile_for(found[1], found[2]) not in ("", keys.profile):
         expected[2] = node.mirror.get(0x1018, 2)  # any product, but not that of another profile
     expected |= {4: keys.serial} if keys.serial is not None else {}
     return [

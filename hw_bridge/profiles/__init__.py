@@ -1,6 +1,17 @@
 """Vendors' drives and modules as data: object dictionary, errors, units, traps. From public facts, no vendor's file."""
 
-from hw_bridge.profiles.catalog import DEVICES, GENERIC, MODULES, REFERENCED, UNFIT, device, identity, profile, unfit
+from hw_bridge.profiles.catalog import (
+    DEVICES,
+    GENERIC,
+    MODULES,
+    REFERENCED,
+    UNFIT,
+    device,
+    identity,
+    profile,
+    profile_for,
+    unfit,
+)
 from hw_bridge.profiles.cia402 import GivenUnits, generic, unknown_units, unstated
 from hw_bridge.profiles.description import Currents, Device, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motor import EFFORT, MotorModel, member_load
@@ -31,6 +42,7 @@ __all__ = [
     "member_load",
     "motor_parameters",
     "profile",
+    "profile_for",
     "unfit",
     "unknown_units",
     "unstated",

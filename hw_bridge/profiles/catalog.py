@@ -19,6 +19,9 @@ GENERIC = {"cia402": "any drive of CiA 402, by its EDS file"}
 
 DEVICES = {"cia401": "a generic I/O module with digital inputs and outputs (CiA 401)"}
 
+# other products that these profiles fit, by vendor and product code, of public EDS files
+RELATED = {(0xFB, 0x65510000): "epos4"}  # EPOS4 50/15
+
 
 class Unfit(NamedTuple):
     """A device that no profile fits. `device_type`: 1000h, where others have the same product code; 0: any."""
@@ -56,6 +59,12 @@ def unfit(vendor: int, product: int, device_type: int) -> Unfit | None:
     """The known device without a profile that this identity is of, if it is one."""
     found = (one for one in UNFIT if (one.vendor, one.product) == (vendor, product))
     return next((one for one in found if one.device_type in (0, device_type)), None)
+
+
+def profile_for(vendor: int, product: int) -> str:
+    """The name of the profile of exactly this product, or nothing."""
+    exact = (name for name in MODULES if (own := identity(name))[1] == vendor and own[2] == product)
+    return next(exact, RELATED.get((vendor, product), ""))
 
 
 def device(name: str) -> Device:

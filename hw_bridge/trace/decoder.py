@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import cia301, state_of
-from hw_bridge.profiles import MODULES, identity, profile
+from hw_bridge.profiles import profile, profile_for
 from hw_bridge.trace import names
 from hw_bridge.trace.party import Party, Route
 from hw_bridge.trace.transfer import Transfer
@@ -141,11 +141,8 @@ class Decoder:
         if party.profile is not None or not party.learned.issuperset(IDENTITY):
             return
         seen = tuple(party.dictionary.get(*one) for one in IDENTITY)
-        for name in MODULES:
-            chosen = profile(name)
-            own = identity(name)
-            if (own[1], own[2]) == seen:
-                party.adopt(chosen)
+        if name := profile_for(*seen):
+            party.adopt(profile(name))
 
     def _process(self, time: int, frame: Frame, party: Party, route: Route) -> Line:
         title = f"{party.name} {route.title}: "
