@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from hw_bridge.master.node import Node
 
 MISSING = (Code.NO_OBJECT, Code.NO_SUBINDEX)
-MODES_OFFERED, CURRENT_NAMES = 0x6502, "6077h, 6078h"
+ABORT_OPTION, MODES_OFFERED, CURRENT_NAMES = 0x6007, 0x6502, "6077h, 6078h"
 ALONE = "is watched by this program in each cycle, and by nothing in the drive"
 
 
@@ -29,7 +29,7 @@ class Need(NamedTuple):
 
 
 OPTIONAL = {
-    0x6007: Need(0, "Abort connection option code", "what it does when this program's heartbeat stays away is its own choice: try it"),
+    ABORT_OPTION: Need(0, "Abort connection option code", "what it does when this program's heartbeat stays away is its own choice: try it"),
     0x603F: Need(0, "Error code", "errors are told by EMCY and 1003h"),
     0x6061: Need(0, "Modes of operation display", "that another program changed its mode is not noticed"),
     0x6065: Need(0, "Following error window", f"limits.following_error {ALONE}"),
@@ -92,6 +92,11 @@ def learn_objects(node: Node) -> Findings:
         for index, need in required.items()
         if index in absent
     ]
+    if ABORT_OPTION in absent and not node.vendor.trips and node.keys.follow.mode != "csp":
+        problems.append(
+            f"{node.name}: has no 6007h Abort connection option code: in csv and pv it may go on when this program dies. Add "
+            f"`follow: {{mode: csp}}`, with which it stands at its last target."
+        )
     node.use_process_data()
     more = _mode_findings(node)
     return Findings(notes + more.notes, problems + more.problems + _process_data_problems(node, absent))

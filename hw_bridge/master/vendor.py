@@ -20,11 +20,12 @@ DISABLED_AFTER_QUICK_STOP = (0x605A, 0, 2, "a quick stop ends disabled")
 class Vendor:
     """Objects to write (index, subindex, value, reason) where the drive has them, and where its current is.
 
-    `currents`: mapping words with the current [A] of one unit, the first that a drive has; 0: as 6077h counts.
+    `trips`: whether `rows` let it stop without this program's heartbeat where it has no 6007h. `currents`: mapping words with the current [A] of one unit, the first that a drive has; 0: as 6077h counts.
     """
 
     rows: tuple[tuple[int, int, int, str], ...]
     currents: tuple[tuple[int, float], ...]
+    trips: bool = False
 
     @property
     def setup(self) -> tuple[tuple[int, int, int], ...]:
@@ -51,6 +52,7 @@ VENDORS = {
             (0x2338, 2, 1, "software limits act in velocity mode too"),
         ),
         currents=((0x60780010, MILLIAMPERES),),
+        trips=True,
     ),
     "epos4": Vendor(
         # out of Quick stop active, where it would stay, a controlword that goes on coming enables again

@@ -1,7 +1,13 @@
 """FAULHABER Motion Control V3.0 (MC 3001, 3603, 5004, 5005, 5010, MCS) with a linear motor LM 2070-080-11.
 
-From the communications manual 7000.05050 and public code. Recalled, not found: the default PDO map, the product code
-of the MC 5005, and every default marked so in the table.
+From the communications manual 7000.05050 and public code. Recalled, not found: the product code of the MC 5005, and every
+default marked so in the table.
+
+Two public EDS files of this family (605.0131.01-M of MC 5004 and 5005, 605.0141.01-L of the MC3 stamp) were compared with the
+table. They have the same default RPDOs, 2329h, 2344h, 6007h = 1, 605Ah = 2, 605Bh = 0, 605Ch = 1, 605Dh = 1, 605Eh = 2, 60B0h
+to 60B2h and 60E0h, 60E1h = 6000. TPDO 1 is {6041h, 6064h} and TPDO 2 {6077h, 606Ch} by default. They have four objects a PDO, not eight; no 603Fh, 6075h (2329h.1 instead), 607Fh, 60C2h (a
+2332h of unknown unit instead), 60FEh (2311h.4 instead) and 6402h; 6072h cannot be written; 2321h.2, which errors trip, is 0;
+60C5h, 60C6h and 6096h are there. No file that has the objects of this table was found. The drive is asked what it has.
 """
 
 from __future__ import annotations

@@ -50,11 +50,12 @@ def run(*words, code=0):
     return " ".join(f"{done.output} {done.exception or ''}".split())
 
 
+ABORT = files.variable("6007", "Abort connection option", files.I16, "rw", 0)
 CASES = {
     "mc5004": ("faulhaber_v3", files.mc5004(), LINEAR + "    motor: lm2070\n"),
     "epos2": ("epos2", "", ROTARY),
     "pp alone": ("cia402", files.gripper(), PP_ONLY),
-    "pp and pv": ("cia402", files.gripper(modes=0x25, velocity=True, current=False),
+    "pp and pv": ("cia402", files.gripper(modes=0x25, velocity=True, current=False, telling=(ABORT,)),
                   ROTARY + UNITS + CONSTANT + "    watch_force: false\n"),
 }  # fmt: skip
 
@@ -282,11 +283,19 @@ def test_a_generic_drive_that_cannot_be_run_is_refused(bench, eds, text):
 
 def test_a_member_that_is_told_speeds_needs_a_mode(build, bench):
     """Neither csv nor pv: said by check, refused by a run."""
-    path = bench("cia402", files.gripper(), ROTARY + UNITS + CONSTANT)
+    path = bench("cia402", files.gripper(telling=(ABORT,)), ROTARY + UNITS + CONSTANT)
     assert "a member that is told speeds needs `follow: {mode: csp}`" in run("check", path)
     rig = Rig(build, load(path))
     with pytest.raises(SimulationError, match=r"has no mode for csv"):
         rig.go(10)
+
+
+def test_a_drive_that_may_go_on_alone_is_told_positions_only(bench):
+    """No 6007h: what it does without the heartbeat is not known, so that a speed must not be its last target."""
+    eds = files.gripper(modes=0x25, velocity=True)
+    told = run("check", bench("cia402", eds, ROTARY + UNITS + CONSTANT), code=1)
+    assert "in csv and pv it may go on when this program dies. Add `follow: {mode: csp}`" in told
+    assert "The bus is as the hardware file says." in run("check", bench("cia402", eds, PP_ONLY))
 
 
 def frames_of(rig):
