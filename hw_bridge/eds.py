@@ -88,7 +88,7 @@ def load(path: Path, own: Iterable[Entry] = ()) -> tuple[Entry, ...]:
         if not data.strip():
             raise ValueError("it is empty")  # noqa: TRY301 - as all else that is wrong with the file
         whole = eds.import_eds(source, None)
-        return _counted(
+        return _with_correct_counts(
             _entry(variable, title, known.get((variable.index, variable.subindex)))
             for title, variable in _variables(whole)
         )
@@ -99,7 +99,7 @@ def load(path: Path, own: Iterable[Entry] = ()) -> tuple[Entry, ...]:
         raise DeclarationError(f"{path}: is not an EDS file: {what[:LONGEST]}. {advice}") from error
 
 
-def _counted(entries: Iterable[Entry]) -> tuple[Entry, ...]:
+def _with_correct_counts(entries: Iterable[Entry]) -> tuple[Entry, ...]:
     """The entries, with mappings that count no more objects than they name: an EPOS2's file counts an empty one."""
     found = {(one.index, one.sub): one for one in entries}
     for (index, sub), one in found.items():
@@ -120,7 +120,7 @@ def _text(data: bytes) -> str:
         return data.decode("cp1252", errors="strict")
 
 
-def described(name: str, path: str = "", given: GivenUnits = NO_UNITS) -> Profile:
+def load_profile(name: str, path: str = "", given: GivenUnits = NO_UNITS) -> Profile:
     """The profile of this name, with the dictionary of an EDS file where there is one. `given`: units, for a generic one.
 
     DeclarationError if the file is none of such a drive.
@@ -129,11 +129,11 @@ def described(name: str, path: str = "", given: GivenUnits = NO_UNITS) -> Profil
         return profile_of(name)
     file = Path(path)
     changed = file.stat().st_mtime_ns if path and file.exists() else 0
-    return _described(name, path, given, changed)
+    return _load_profile(name, path, given, changed)
 
 
 @cache
-def _described(name: str, path: str, given: GivenUnits, _changed: int) -> Profile:
+def _load_profile(name: str, path: str, given: GivenUnits, _changed: int) -> Profile:
     if name not in GENERIC:
         return adopt(profile_of(name), Path(path))[0]
     if not path:

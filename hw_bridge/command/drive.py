@@ -122,7 +122,7 @@ def generic_drive(name: str, eds: Path | None, sizes: tuple[str, ...]) -> Profil
     from pydantic import ValidationError
 
     from hw_bridge.dictionary import Dictionary
-    from hw_bridge.eds import described
+    from hw_bridge.eds import load_profile
     from hw_bridge.hardware import UnitKeys
     from hw_bridge.profiles import GivenUnits, unknown_units
 
@@ -133,7 +133,7 @@ def generic_drive(name: str, eds: Path | None, sizes: tuple[str, ...]) -> Profil
     except ValidationError as error:
         raise click.UsageError(f"--unit: {error.errors()[0]['msg'].removeprefix('Value error, ')}.") from None
     given = GivenUnits(units.position, units.velocity, units.acceleration, units.current)
-    found = described(name, str(eds), given)
+    found = load_profile(name, str(eds), given)
     if missing := unknown_units(Dictionary(found.objects, 1), given):
         raise click.UsageError(f"{'; '.join(missing)}. Add --unit, such as --unit velocity='1 mm/s'.")
     return found

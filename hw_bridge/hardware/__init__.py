@@ -14,8 +14,8 @@ from hw_bridge.hardware.keys import (
     NodeKeys,
     ShadowKeys,
     UnitKeys,
-    without_unit,
 )
+from hw_bridge.hardware.quantities import without_unit
 
 __all__ = [
     "ContactKeys",

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from hw_bridge.bus import Frame, bit_count
-from hw_bridge.dictionary import cia402
+from hw_bridge.dictionary import Mode, cia402
 from hw_bridge.fault import Cause, problem
 from hw_bridge.hardware import plausible
 from hw_bridge.hardware.keys import (
@@ -26,12 +26,13 @@ from hw_bridge.hardware.keys import (
     ShadowKeys,
     UnitKeys,
 )
-from hw_bridge.profiles import GENERIC, MODULES, unstated
+from hw_bridge.profiles import GENERIC, MODULES, units_without_object
 from twin.errors import DeclarationError, ScenarioError, nearest
 from twin.scenario import Keys, Node, dotted, quoted, read
 
 BENCHES = Path(__file__).parents[1] / "benches"
 PROCESS_DATA = (4, 7, 7, 8, 1)  # bytes of a drive's frames in a cycle: two RPDOs, two TPDOs, a heartbeat
+SET_POINT = (7, 2, 2)  # of a drive without csp: the controlword once more, and its statusword as it rises and falls
 BESIDE = 4  # bytes of digital outputs or a velocity offset in the first RPDO, or in one more
 IN_AND_OUT = (4, 1, 1)  # of a module: outputs, inputs, a heartbeat
 FORCE_DATA = 2  # bytes of one more RPDO, for a drive that is told a force
@@ -52,7 +53,8 @@ def process_data(node: NodeKeys) -> tuple[int, ...]:
     """Bytes of a drive's frames in a cycle."""
     beside = bool(node.outputs) + node.offset
     first = PROCESS_DATA[0] + min(beside, 1) * BESIDE
-    return (first, *PROCESS_DATA[1:], *[BESIDE] * (beside - 1))
+    handshake = () if Mode.CSP in node.drive.modes else SET_POINT
+    return (first, *PROCESS_DATA[1:], *[BESIDE] * (beside - 1), *handshake)
 
 
 def overloaded(keys: HardwareKeys, forces: int = 0) -> str:
@@ -79,15 +81,15 @@ def load(path: Path) -> HardwareKeys:
         keys = HardwareKeys.model_validate(root.plain())
     except ValidationError as error:
         raise ScenarioError([line(root, one) for one in error.errors(include_url=False)]) from None
-    keys = beside(keys, path)
-    if problems := undescribed(keys, root):
+    keys = resolve_eds_paths(keys, path)
+    if problems := eds_problems(keys, root):
         raise ScenarioError(problems)
     if problems := check(keys, root) + check_outputs(keys, root) + plausible.check(keys, root):
         raise ScenarioError(problems)
     return keys
 
 
-def beside(keys: HardwareKeys, path: Path) -> HardwareKeys:
+def resolve_eds_paths(keys: HardwareKeys, path: Path) -> HardwareKeys:
     """EDS files by their whole paths: they lie beside the hardware file."""
     nodes = {
         name: one.model_copy(update={"eds": str(path.parent / one.eds)}) if one.eds else one
@@ -96,7 +98,7 @@ def beside(keys: HardwareKeys, path: Path) -> HardwareKeys:
     return keys.model_copy(update={"nodes": nodes})
 
 
-def undescribed(keys: HardwareKeys, root: Node) -> list[str]:
+def eds_problems(keys: HardwareKeys, root: Node) -> list[str]:
     """Drives whose dictionary, or units, are not known."""
     problems = []
     for name, node in keys.nodes.items():
@@ -113,7 +115,7 @@ def undescribed(keys: HardwareKeys, root: Node) -> list[str]:
         problems += [
             f"{place}: nodes.{name}.units.{kind}: neither the EDS file tells it ({objects}) nor this file. Add it, such as "
             f"units: {{{kind}: {UNIT_EXAMPLES[kind]}}}."
-            for kind, objects in unstated(chosen.objects).items()
+            for kind, objects in units_without_object(chosen.objects).items()
             if kind not in given
         ]
         if node.force_constant is None:

@@ -3,92 +3,38 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
 from hw_bridge.bus import NEVER
-from hw_bridge.eds import described
+from hw_bridge.eds import load_profile
 from hw_bridge.fault import Cause, Fault, inject
+from hw_bridge.hardware.quantities import (
+    LARGEST,
+    MILLISECOND,
+    Acceleration,
+    Distance,
+    Force,
+    ForceConstant,
+    Lapse,
+    Milliseconds,
+    Place,
+    Speed,
+    quantity,
+    sized,
+)
 from hw_bridge.profiles import DEVICES, GENERIC, MODULES, MOTORS, GivenUnits
-from twin.errors import CouplingError
-from twin.scenario import Keys, Period, Reference, Text, Time, nanoseconds, number, reference, short
+from twin.scenario import Keys, Period, Reference, Text, Time, reference, short
 
 if TYPE_CHECKING:
     from hw_bridge.bus import Device, Medium
     from hw_bridge.profiles import Profile
 
 SOFTWARE = ("virtual", "udp_multicast")  # interfaces of python-can without any hardware
-MILLISECOND = 1_000_000
 MASTER = "master"  # this program, where a fault names a node
 BITS = 32  # digital outputs
-LARGEST = 1e6  # of any quantity, in SI: more is a mistake, and no drive could count it
-
-
-EXAMPLES = {"m": "30 mm", "m/s": "300 mm/s", "m/s^2": "10 m/s^2", "N": "15 N", "N/A": "11.64 N/A", "A": "60 mA",
-            "1/s": "50 1/s", "N/m": "200 N/m"}  # fmt: skip
-
-
-def without_unit(value: Any) -> bool:
-    """Whether a value is a bare number, which could be meant in any unit; zero is zero in all of them."""
-    try:
-        return not isinstance(value, bool) and isfinite(float(value)) and float(value) != 0.0
-    except (TypeError, ValueError):
-        return False
-
-
-def quantity(*symbols: str) -> Any:
-    """A type of key that converts text such as `5 mm` to SI, of the first kind that fits; a bare number is refused."""
-
-    def convert(value: Any) -> float:
-        if without_unit(value):
-            raise ValueError(f"{short(value)} has no unit. Write it with one, such as {EXAMPLES[symbols[0]]}")
-        problems = []
-        for symbol in symbols:
-            try:
-                found = number(value, symbol, "")
-            except CouplingError as error:
-                problems.append(str(error).removeprefix(": "))
-                continue
-            if not abs(found) <= LARGEST:  # not a number, too
-                raise ValueError(f"expected a number of at most {LARGEST:g}, not {short(value)}")
-            return found
-        raise ValueError(problems[0])
-
-    return BeforeValidator(convert)
-
-
-def timed(value: Any) -> int:
-    """A time above zero [ns]; a bare number is refused, as it is of a quantity: 60 would be a minute."""
-    if without_unit(value):
-        raise ValueError(f"{short(value)} has no unit. Write it with one, such as 60 ms")
-    time = nanoseconds(value)
-    if time <= 0:
-        raise ValueError(f"expected a time above zero, such as 60 ms, not {short(value)}")
-    return time
-
-
-def whole_milliseconds(value: Any) -> int:
-    """A time in whole milliseconds, which is what drives count in [ns]."""
-    if without_unit(value):
-        raise ValueError(f"{short(value)} has no unit. Write it with one, such as 60 ms")
-    time = nanoseconds(value)
-    if time <= 0 or time % MILLISECOND:
-        raise ValueError(f"expected whole milliseconds above zero, such as 5 ms, not {short(value)}")
-    return time
-
-
-# of a linear axis, or of one that turns
-Place = Annotated[float, quantity("m", "rad")]
-Distance = Annotated[float, quantity("m", "rad"), Field(gt=0)]
-Speed = Annotated[float, quantity("m/s", "rad/s"), Field(gt=0)]
-Acceleration = Annotated[float, quantity("m/s^2", "rad/s^2"), Field(gt=0)]
-Force = Annotated[float, quantity("N", "N*m"), Field(gt=0)]
-ForceConstant = Annotated[float, quantity("N/A", "N*m/A"), Field(gt=0)]
-Milliseconds = Annotated[int, BeforeValidator(whole_milliseconds)]
-Lapse = Annotated[int, BeforeValidator(timed)]
 
 
 def catalogued(value: Any) -> int:
@@ -277,29 +223,6 @@ class FaultKeys(Keys):
         )
 
 
-def sized(*symbols: str) -> Any:
-    """A type of key for the size of a unit, with its symbol: `1 um` of a line, `0.001 deg` of a turn."""
-
-    def convert(value: Any) -> tuple[float, str]:
-        if isinstance(value, tuple):
-            return value
-        if without_unit(value):
-            raise ValueError(f"{short(value)} has no unit. Write it with one, such as {EXAMPLES[symbols[0]]}")
-        problems = []
-        for symbol in symbols:
-            try:
-                found = number(value, symbol, "")
-            except CouplingError as error:
-                problems.append(str(error).removeprefix(": "))
-                continue
-            if not 0.0 < found <= LARGEST:
-                raise ValueError(f"expected a size above 0 and at most {LARGEST:g}, not {short(value)}")
-            return found, symbol
-        raise ValueError(problems[0])
-
-    return BeforeValidator(convert)
-
-
 class UnitKeys(Keys):
     """What one unit of a generic drive is, at the motor, where the drive does not tell it. `current`: of 6077h or 6078h."""
 
@@ -352,7 +275,7 @@ class NodeKeys(Keys):
     def drive(self) -> Profile:
         """The profile, with the dictionary of its EDS file where the hardware file names one. DeclarationError if it is none."""
         units = self.units
-        return described(
+        return load_profile(
             self.profile, self.eds, GivenUnits(units.position, units.velocity, units.acceleration, units.current)
         )
 

@@ -32,6 +32,8 @@ LIMITS: dict[Address, str] = {
     (0x2333, 2): "",
     (0x3001, 1): "",
     (0x3001, 2): "",
+    (0x6410, 1): "",
+    (0x6410, 2): "",
 }
 
 SHARE = 0.8  # of limits.force that the drive's own limit is lowered to while it homes: it overshoots

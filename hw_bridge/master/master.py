@@ -304,9 +304,7 @@ class Master:
         now = self.network.now
         for said in node.emergencies:
             if said.code >> 8 != 0:
-                fault = node.profile.faults.get(said.code)
-                meaning = f", {fault.meaning}" if fault else ""
-                return f"{node.name}: EMCY {said.code:04X}h{meaning}{words.details(node, said)}."
+                return f"{node.name}: EMCY {words.message(node, said, ', ')}."
         if now - node.heard_at > node.keys.heartbeat.lost_after:
             return f"{node.name}: no heartbeat for {(now - node.heard_at) / 1e6:.0f} ms. Check its power and the bus."
         if node.silent >= self.patience:

@@ -13,8 +13,9 @@ from hw_bridge.dictionary import Mode, State, cia402, state_of
 from hw_bridge.master.acceleration import AccelerationLimit
 from hw_bridge.master.age import ValueAge
 from hw_bridge.master.limits import OwnLimits
+from hw_bridge.master.set_points import SetPoints
 from hw_bridge.master.station import Station
-from hw_bridge.master.vendor import ACKNOWLEDGE, SUBSTITUTES, VENDORS, ProcessData, current_unit, process_data
+from hw_bridge.master.vendor import ACKNOWLEDGE, SUBSTITUTES, VENDORS, ProcessData, current_unit, layout, process_data
 from hw_bridge.profiles import MOTORS, motor_parameters
 
 if TYPE_CHECKING:
@@ -48,18 +49,6 @@ DOWN = {  # on the way to a standstill
 }  # fmt: skip
 AT_REST = cia402.AT_REST
 CONTROLWORD = 0x60400010
-SIGNED = {8: "b", 16: "h", 32: "i"}  # of a mapping word's bits
-UNSIGNED = {0x6040: "H", 0x6041: "H", 0x60FE: "I"}
-
-
-def _layout(words: tuple[int, ...]) -> struct.Struct:
-    """How the objects of mapping words lie in a frame."""
-    return struct.Struct("<" + "".join(UNSIGNED.get(word >> 16, SIGNED[word & 0xFF]) for word in words))
-
-
-def _packed(layout: struct.Struct, words: tuple[int, ...], values: dict[int, int]) -> bytes:
-    """The data of a frame, by the objects' indices."""
-    return layout.pack(*(values[word >> 16] for word in words))
 
 
 def constant_of(keys: NodeKeys) -> float:
@@ -100,9 +89,8 @@ class Node(Station):
         self.shown_mode: int | None = None  # 6061h of the last process data
         self.was_remote = False  # whether its statusword told in this run that it obeys the bus
         self.strange_mode = 0  # cycles in a row in which it was in another mode than it was told
-        self._told: dict[int, int] = {}  # values of the last frames, by index
-        self.raised = False  # whether a set-point was given with bit 4 of the controlword that still stands
-        self.unacknowledged = 0  # cycles for which a set-point has waited for bit 12 of the statusword
+        self._last_values: dict[int, int] = {}  # values of the last frames, by index
+        self.set_points = SetPoints()
         # parts of the last target and offset that rounding left over [device units]
         self.carried = self.offset_carried = 0.0
         self.ways: deque[tuple[float, float]] = deque()  # asked for and driven, one for each cycle [m]
@@ -129,11 +117,11 @@ class Node(Station):
         """Take over process data after it is known what the drive has, and whether it is told a force."""
         data = self._process_data = process_data(self.mirror, self.vendor, self.keys, self.told_force)
         self._received = [
-            (base + self.number, _layout(words), words)
+            (base + self.number, layout(words), words)
             for base, words in zip(RECEIVE_PDOS, data.receive, strict=True)
             if words
         ]
-        self._state, self._speed = _layout(data.transmit[0]), _layout(data.transmit[1])
+        self._state, self._speed = layout(data.transmit[0]), layout(data.transmit[1])
 
     @property
     def origin(self) -> float:
@@ -276,7 +264,7 @@ class Node(Station):
                 f"{self.name}: does not obey the bus any more (6041h, bit 9 is 0): it is operated locally, perhaps by the vendor's "
                 f"program over USB. End that program."
             )
-        if self.unacknowledged > patience:
+        if self.set_points.unacknowledged > patience:
             return f"{self.name}: does not acknowledge set-points (6041h, bit 12). Look at its statusword and limits."
         return ""
 
@@ -317,7 +305,7 @@ class Node(Station):
         if mode is Mode.PP and follows:
             word |= self._set_point()
         else:
-            self.raised = False
+            self.set_points.reset()
         offset = self.offset if follows and mode is Mode.CSP else 0.0  # in other modes it would be added to the speed
         values = {
             0x607A: position,
@@ -329,34 +317,23 @@ class Node(Station):
         }
         if self.keys.offset:
             values[0x60B1] = self.rounded_offset(offset / (self.sign * self.units.velocity))
-        self._told = values
-        return [Frame(number, _packed(layout, words, values)) for number, layout, words in self._received]
+        self._last_values = values
+        return encode_frames(self._received, values)
 
     def _set_point(self) -> int:
-        """Bits of the controlword in pp: a target is a new set-point on a rising edge of bit 4, once the last one is acknowledged."""
-        shown = self._told.get(0x6060) if self.shown_mode is None else self.shown_mode
-        if shown != Mode.PP:  # an edge in another mode would be lost, and bit 12 means something else there
-            self.raised = False
-            return cia402.CHANGE_IMMEDIATELY
-        acknowledged = bool(self.word & cia402.BIT_12)
-        if self.raised and acknowledged:
-            self.raised = False
-        elif not self.raised and not acknowledged:
-            self.raised = True
-        self.unacknowledged = self.unacknowledged + 1 if self.raised is not acknowledged else 0
-        return cia402.CHANGE_IMMEDIATELY | (cia402.NEW_SET_POINT if self.raised else 0)
+        """Bits of the controlword in pp. An edge in another mode would be lost, and bit 12 means something else there."""
+        shown = self._last_values.get(0x6060) if self.shown_mode is None else self.shown_mode
+        if shown == Mode.PP:
+            return self.set_points.control_bits(self.word)
+        self.set_points.reset()
+        return cia402.CHANGE_IMMEDIATELY
 
     def acknowledge(self) -> list[Frame]:
         """After a statusword: bit 4 falls as soon as a set-point is acknowledged, so that the next one can be given."""
-        if not (self.raised and self.word & cia402.BIT_12 and self.follows):
+        if not self.follows or not self.set_points.acknowledge(self.word):
             return []
-        self.raised, self.unacknowledged = False, 0
-        values = {**self._told, 0x6040: self._told[0x6040] & ~cia402.NEW_SET_POINT}
-        return [
-            Frame(number, _packed(layout, words, values))
-            for number, layout, words in self._received
-            if CONTROLWORD in words
-        ]
+        values = {**self._last_values, 0x6040: self._last_values[0x6040] & ~cia402.NEW_SET_POINT}
+        return encode_frames([one for one in self._received if CONTROLWORD in one[2]], values)
 
     def controlword(self, state: State) -> int:
         """The next step towards the goal."""
@@ -405,7 +382,7 @@ class Node(Station):
     def forget(self) -> None:
         """A run begins: what happened before does not count."""
         super().forget()
-        self.strange_mode = self.unacknowledged = 0
+        self.strange_mode = 0
         self.was_remote = False
         self.ways.clear()
         self.acceleration.forget()

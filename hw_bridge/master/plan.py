@@ -31,7 +31,12 @@ if TYPE_CHECKING:
 Address = tuple[int, int]
 ACCELERATIONS, PROFILE_VELOCITY = (0x6083, 0x6084, 0x6085), 0x6081
 MODE = 0x6060
-HOMING_OFFSETS = (0x607C, 0x30B0, 0x30B1)  # home offset, of an EPOS4 home position and the way after it
+HOMING_OFFSETS = (
+    0x607C,
+    0x30B0,
+    0x30B1,
+    0x2081,
+)  # home offset; home position of an EPOS4, and the way after it; of an EPOS2
 NARROWED = ("velocity", "acceleration", "following_error")  # of the limits, beside positions
 OWN = "; the drive's own is narrower and counts"
 

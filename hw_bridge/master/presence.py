@@ -21,11 +21,11 @@ ALONE = "is watched by this program in each cycle, and by nothing in the drive"
 
 
 class Need(NamedTuple):
-    """An object of a run: the subindex that is asked for, its name, and what is without it."""
+    """An object of a run: the subindex that is asked for, its name, and what follows where it is missing."""
 
     sub: int
     name: str
-    without: str
+    consequence: str
 
 
 OPTIONAL = {
@@ -86,9 +86,9 @@ def learn_objects(node: Node) -> Findings:
     for index, need in OPTIONAL.items():
         needless = index == 0x60C2 and takes_set_points(node.mirror)
         if index in absent and not needless:
-            notes.append(f"{node.name}: has no {index:04X}h {need.name}: {need.without}.")
+            notes.append(f"{node.name}: has no {index:04X}h {need.name}: {need.consequence}.")
     problems = [
-        f"{node.name}: has no {index:04X}h {need.name}: {need.without}."
+        f"{node.name}: has no {index:04X}h {need.name}: {need.consequence}."
         for index, need in required.items()
         if index in absent
     ]

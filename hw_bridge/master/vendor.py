@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+from hw_bridge.bus import Frame
 from hw_bridge.dictionary import Mode, cia402
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
     from hw_bridge.dictionary import Dictionary
     from hw_bridge.hardware import NodeKeys
     from hw_bridge.profiles import Units
@@ -78,6 +82,7 @@ OFFSET = (0x60B10020,)  # of one whose targets' speed is fed forward: beside the
 SPEED = 0x606C0020
 ACKNOWLEDGE = (0x60410010,)  # of one that takes set-points (pp): told as soon as it changes
 PDOS = range(4)
+SIGNED, UNSIGNED = {8: "b", 16: "h", 32: "i"}, {0x6040: "H", 0x6041: "H", 0x60FE: "I"}  # by bits, by object
 
 # what stands for a mode that a drive has not
 SUBSTITUTES = {Mode.CSP: Mode.PP, Mode.CSV: Mode.PV}
@@ -111,6 +116,16 @@ def process_data(mirror: Dictionary, vendor: Vendor, keys: NodeKeys, forces: boo
     shown = ACKNOWLEDGE if takes_set_points(mirror) else ()
     sent = (present(*TRANSMIT), present(SPEED, *([current] if current else [])), shown, ())
     return ProcessData(received, sent, current, per_unit)
+
+
+def layout(words: tuple[int, ...]) -> struct.Struct:
+    """How the objects of mapping words lie in a frame."""
+    return struct.Struct("<" + "".join(UNSIGNED.get(word >> 16, SIGNED[word & 0xFF]) for word in words))
+
+
+def encode_frames(pdos: Iterable[tuple[int, struct.Struct, tuple[int, ...]]], values: Mapping[int, int]) -> list[Frame]:
+    """Frames of RPDOs, each with its identifier, layout and mapping words. `values`: by object."""
+    return [Frame(number, form.pack(*(values[word >> 16] for word in words))) for number, form, words in pdos]
 
 
 def takes_set_points(mirror: Dictionary) -> bool:

@@ -14,15 +14,15 @@ if TYPE_CHECKING:
 LAST = 4  # so many EMCY messages are told
 
 
-def coded(station: Station, code: int) -> str:
+def coded(station: Station, code: int, separator: str = " ") -> str:
     """An error code with its meaning, where the profile knows it."""
     fault = station.profile.faults.get(code)
-    return f"{code:04X}h" + (f" {fault.meaning}" if fault else "")
+    return f"{code:04X}h" + (f"{separator}{fault.meaning}" if fault else "")
 
 
-def message(station: Station, emergency: EmergencyMessage) -> str:
+def message(station: Station, emergency: EmergencyMessage, separator: str = " ") -> str:
     """An EMCY message in full: code with its meaning, and what else it tells."""
-    return f"{coded(station, emergency.code)}{details(station, emergency)}"
+    return f"{coded(station, emergency.code, separator)}{details(station, emergency)}"
 
 
 def details(station: Station, emergency: EmergencyMessage) -> str:

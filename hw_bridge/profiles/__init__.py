@@ -12,7 +12,7 @@ from hw_bridge.profiles.catalog import (
     profile_for,
     unfit,
 )
-from hw_bridge.profiles.cia402 import GivenUnits, generic, unknown_units, unstated
+from hw_bridge.profiles.cia402 import GivenUnits, generic, units_without_object, unknown_units
 from hw_bridge.profiles.description import Currents, Device, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motor import EFFORT, MotorModel, member_load
 from hw_bridge.profiles.motors import MOTORS, MotorParameters, disagreement, motor_parameters
@@ -44,6 +44,6 @@ __all__ = [
     "profile",
     "profile_for",
     "unfit",
+    "units_without_object",
     "unknown_units",
-    "unstated",
 ]

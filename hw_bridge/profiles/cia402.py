@@ -70,7 +70,7 @@ class GivenUnits(NamedTuple):
     current: tuple[float, str] | None = None  # A
 
 
-def told(dictionary: Dictionary, kind: str) -> tuple[float, str] | None:
+def stated_unit(dictionary: Dictionary, kind: str) -> tuple[float, str] | None:
     """What a drive tells of its unit of `position`, `velocity` or `acceleration`: SI value and symbol; None: nothing."""
     index = {"position": POSITION_UNIT, "velocity": VELOCITY_UNIT, "acceleration": ACCELERATION_UNIT}[kind]
     if (code := dictionary.get(index)) and (found := _coded(dictionary, code)) is not None:
@@ -112,7 +112,7 @@ def _geared(dictionary: Dictionary) -> tuple[float, str] | None:
 
 def unknown_units(dictionary: Dictionary, given: GivenUnits) -> list[str]:
     """A line for each unit that neither the drive nor the hardware file tells, or that are of two kinds of axis."""
-    found = {kind: getattr(given, kind) or told(dictionary, kind) for kind in KINDS}
+    found = {kind: getattr(given, kind) or stated_unit(dictionary, kind) for kind in KINDS}
     missing = [
         f"units.{kind}: the drive does not tell it ({OBJECTS[kind]}), nor does the hardware file"
         for kind, one in found.items()
@@ -127,7 +127,7 @@ def unknown_units(dictionary: Dictionary, given: GivenUnits) -> list[str]:
     return missing
 
 
-def unstated(objects: Iterable[Entry]) -> dict[str, str]:
+def units_without_object(objects: Iterable[Entry]) -> dict[str, str]:
     """Units for which a drive has no object at all, each with the objects that could tell it."""
     has = {one.index for one in objects}
     found = {
@@ -142,7 +142,7 @@ def unstated(objects: Iterable[Entry]) -> dict[str, str]:
     return found | ({"current": "6075h"} if has & {0x6077, 0x6078} and RATED not in has else {})
 
 
-def _completed(objects: tuple[Entry, ...]) -> tuple[Entry, ...]:
+def _with_required_objects(objects: tuple[Entry, ...]) -> tuple[Entry, ...]:
     """The objects with a device type where the file leaves it open, and with what every drive has, for a simulated one."""
     found = {(one.index, one.sub): one for one in objects}
     if (kind := found.get((0x1000, 0))) is not None and not kind.default:
@@ -158,13 +158,13 @@ def _completed(objects: tuple[Entry, ...]) -> tuple[Entry, ...]:
 
 def generic(objects: tuple[Entry, ...], given: GivenUnits, title: str) -> Profile:
     """The profile of a drive with these objects, those of an EDS file."""
-    objects = _completed(objects)
+    objects = _with_required_objects(objects)
     dictionary = Dictionary(objects, 1)
 
     def units(dictionary: Dictionary, _pitch: float | None = None) -> Units:
         """By the hardware file, else by the drive; 1 where neither tells, and the drive is not moved then."""
         position, velocity, acceleration = (
-            (getattr(given, kind) or told(dictionary, kind) or (1.0, ""))[0] for kind in KINDS
+            (getattr(given, kind) or stated_unit(dictionary, kind) or (1.0, ""))[0] for kind in KINDS
         )
         current = given.current[0] if given.current is not None else dictionary.get(RATED) * 1e-6
         return Units(position, velocity, acceleration, current)
@@ -172,7 +172,7 @@ def generic(objects: tuple[Entry, ...], given: GivenUnits, title: str) -> Profil
     def unsure(dictionary: Dictionary, _named: bool) -> list[str]:
         return unknown_units(dictionary, given)
 
-    position = given.position or told(dictionary, "position")
+    position = given.position or stated_unit(dictionary, "position")
     moves = position is not None and position[1] == "m"
     offered = dictionary.get(0x6502)
     modes = tuple(mode for mode in Mode if mode and (not offered or offered >> (mode - 1) & 1))

@@ -8,7 +8,7 @@ from hw_bridge.command import hil
 from hw_bridge.commission import BOOT, Hand, Line, scan
 from hw_bridge.device import Drive, Motor, modes
 from hw_bridge.dictionary import Mode
-from hw_bridge.eds import described
+from hw_bridge.eds import load_profile
 from hw_bridge.hardware import HardwareKeys, load
 from hw_bridge.master import Master
 from hw_bridge.plant import set_up_for
@@ -387,7 +387,7 @@ def test_an_emergency_keeps_register_and_vendors_bytes(build):
 def test_the_dictionary_of_a_file_is_that_of_the_node(tmp_path):
     path = tmp_path / "mc5004.eds"
     path.write_text(files.mc5004())
-    found = described("faulhaber_v3", str(path))
+    found = load_profile("faulhaber_v3", str(path))
     indices = {one.index for one in found.objects}
     assert not indices & {0x603F, 0x6075, 0x607F, 0x60C2, 0x60FE}
     assert found.units(Drive(found, 1, Motor(found.motor)).dictionary).torque == pytest.approx(0.79e-3)
