@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.bus import Frame
 from hw_bridge.dictionary import Mode, State, cia402, state_of
+from hw_bridge.master import vendor
 from hw_bridge.master.acceleration import AccelerationLimit
 from hw_bridge.master.age import ValueAge
 from hw_bridge.master.limits import OwnLimits
 from hw_bridge.master.set_points import SetPoints
 from hw_bridge.master.station import Station
-from hw_bridge.master.vendor import ACKNOWLEDGE, SUBSTITUTES, VENDORS, ProcessData, current_unit, layout, process_data
+from hw_bridge.master.vendor import ProcessData
 from hw_bridge.profiles import MOTORS, motor_parameters
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ class Node(Station):
 
     def __init__(self, name: str, keys: NodeKeys, profile: Profile, network: Network, wait: Waiting) -> None:
         super().__init__(name, keys, profile, network, wait)
-        self.vendor = VENDORS[profile.name]
+        self.vendor = vendor.VENDORS[profile.name]
         self.own = OwnLimits(keys.limits)
         self.sign = -keys.scale if keys.inverted else keys.scale
         self.acceleration = AccelerationLimit(keys.limits.acceleration, keys.limits.velocity)
@@ -102,7 +103,7 @@ class Node(Station):
         """Take over units after the drive's scaling is known."""
         units = self.profile.units(self.mirror, MOTORS[self.keys.motor].pitch if self.keys.motor in MOTORS else None)
         self.units = units
-        self.ampere = current_unit(self.process_data, units)
+        self.ampere = vendor.current_unit(self.process_data, units)
         self.force_constant = constant_of(self.keys)
 
     @property
@@ -115,13 +116,13 @@ class Node(Station):
 
     def use_process_data(self) -> None:
         """Take over process data after it is known what the drive has, and whether it is told a force."""
-        data = self._process_data = process_data(self.mirror, self.vendor, self.keys, self.told_force)
+        data = self._process_data = vendor.process_data(self.mirror, self.vendor, self.keys, self.told_force)
         self._received = [
-            (base + self.number, layout(words), words)
+            (base + self.number, vendor.layout(words), words)
             for base, words in zip(RECEIVE_PDOS, data.receive, strict=True)
             if words
         ]
-        self._state, self._speed = layout(data.transmit[0]), layout(data.transmit[1])
+        self._state, self._speed = vendor.layout(data.transmit[0]), vendor.layout(data.transmit[1])
 
     @property
     def origin(self) -> float:
@@ -238,7 +239,7 @@ class Node(Station):
         """The wanted mode, or what stands for it where the drive has it not."""
         if self.homing:
             return Mode.HM
-        wanted = (self.mode, SUBSTITUTES.get(self.mode, self.mode), Mode.CSP, Mode.PP)
+        wanted = (self.mode, vendor.SUBSTITUTES.get(self.mode, self.mode), Mode.CSP, Mode.PP)
         return next((mode for mode in wanted if self.offers(mode)), self.mode)
 
     def offers(self, mode: Mode) -> bool:
@@ -248,7 +249,7 @@ class Node(Station):
     @property
     def unable(self) -> str:
         """That it has no mode for what it is told, or nothing."""
-        if self.homing or self.offers(self.mode) or self.offers(SUBSTITUTES.get(self.mode, self.mode)):
+        if self.homing or self.offers(self.mode) or self.offers(vendor.SUBSTITUTES.get(self.mode, self.mode)):
             return ""
         return f"{self.name}: has no mode for {self.mode.name.lower()}: 6502h is {self.mirror.get(0x6502):X}h."
 
@@ -318,7 +319,7 @@ class Node(Station):
         if self.keys.offset:
             values[0x60B1] = self.rounded_offset(offset / (self.sign * self.units.velocity))
         self._last_values = values
-        return encode_frames(self._received, values)
+        return vendor.encode_frames(self._received, values)
 
     def _set_point(self) -> int:
         """Bits of the controlword in pp. An edge in another mode would be lost, and bit 12 means something else there."""
@@ -333,7 +334,7 @@ class Node(Station):
         if not self.follows or not self.set_points.acknowledge(self.word):
             return []
         values = {**self._last_values, 0x6040: self._last_values[0x6040] & ~cia402.NEW_SET_POINT}
-        return encode_frames([one for one in self._received if CONTROLWORD in one[2]], values)
+        return vendor.encode_frames([one for one in self._received if CONTROLWORD in one[2]], values)
 
     def controlword(self, state: State) -> int:
         """The next step towards the goal."""
@@ -361,7 +362,7 @@ class Node(Station):
             self.raw_velocity, *current = self._speed.unpack(frame.data)
             self.velocity_at = now
             self.raw_current = current[0] if current else 0
-        elif base == ACKNOWLEDGE_PDO and self.process_data.transmit[2] == ACKNOWLEDGE and len(frame.data) == 2:
+        elif base == ACKNOWLEDGE_PDO and self.process_data.transmit[2] == vendor.ACKNOWLEDGE and len(frame.data) == 2:
             self.word, self.word_at = struct.unpack("<H", frame.data)[0], now
         else:
             super().heard(frame, now)
