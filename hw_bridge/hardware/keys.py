@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from hw_bridge.bus import NEVER
-from hw_bridge.eds import load_profile
 from hw_bridge.fault import Cause, Fault, inject
 from hw_bridge.hardware.quantities import (
     LARGEST,
@@ -25,7 +24,7 @@ from hw_bridge.hardware.quantities import (
     quantity,
     sized,
 )
-from hw_bridge.profiles import DEVICES, GENERIC, MODULES, MOTORS, GivenUnits
+from hw_bridge.profiles import DEVICES, GENERIC, MODULES, MOTORS, GivenUnits, profile
 from twin.scenario import Keys, Period, Reference, Text, Time, reference, short
 
 if TYPE_CHECKING:
@@ -274,6 +273,10 @@ class NodeKeys(Keys):
     @property
     def drive(self) -> Profile:
         """The profile, with the dictionary of its EDS file where the hardware file names one. DeclarationError if it is none."""
+        if not self.eds and self.profile in MODULES:
+            return profile(self.profile)
+        from hw_bridge.eds import load_profile  # canopen, which a hardware file without an EDS file does not need
+
         units = self.units
         return load_profile(
             self.profile, self.eds, GivenUnits(units.position, units.velocity, units.acceleration, units.current)

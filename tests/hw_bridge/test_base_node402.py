@@ -118,4 +118,4 @@ def test_identity_and_abort(node, name):
     with pytest.raises(canopen.SdoAbortedError) as found:
         node.sdo.download(0x6041, 0, b"\0\0")
     assert found.value.code == 0x06010002
-    assert node.sdo.upload(0x1008, 0).decode() in ("EPOS4", "MC5005", "MCLM300x")  # segmented where it is long
+    assert node.sdo.upload(0x1008, 0).decode() in ("EPOS2", "EPOS4", "MC5005", "MCLM300x")  # segmented where it is long
