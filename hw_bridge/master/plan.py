@@ -135,6 +135,11 @@ def plan_drive(node: Node, period: int, master: int) -> WritePlan:
     plan.notes += found.notes
     plan.problems += found.problems
     learn_scaling(node)
+    plan.notes += [
+        f"{node.name}: has no {index:04X}h, by which its profile scales: another object of it tells that."
+        for index in dict.fromkeys(index for index, _ in node.profile.scaling)
+        if index not in node.mirror
+    ]
     _own_limits(plan, node)
     for index, sub, value in node.vendor.setup:
         entry = node.mirror.objects.get(index, {}).get(sub)

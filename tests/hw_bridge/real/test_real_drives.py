@@ -101,6 +101,7 @@ def test_all_that_an_mc5004_has_not_is_named_before_anything_is_written(bench):
     told = run("check", bench(*CASES["mc5004"]))
     for missing in ("603Fh", "607Fh", "60C2h", "60FEh"):
         assert f"note: servomotor: has no {missing} " in told
+    assert "has no 6075h, by which its profile scales" in told
     assert "the drive's 6080h" in told  # where limits.velocity acts
     assert "607Fh, 6080h" not in told
 
