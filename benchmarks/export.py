@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 from twin.component import catalog
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
 from twin.run import prepare
 from twin.scenario import group, load_scenario
 

@@ -22,7 +22,7 @@ from pathlib import Path
 
 from twin import compiler
 from twin.component import catalog
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
 
 REPEATS = 3
 CHANGED = "sheath"

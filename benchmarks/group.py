@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.coupling import CoSimulation
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
 from twin.run import prepare, simulation
 from twin.scenario import Form, group, load_scenario, make
 

@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import chi2
 
+from twin.identify import Result, identify, load
 from twin.run import prepare, signals, simulation
 from twin.scenario import Form, load_scenario
-from twin.study import Result, identify, load
 
 BUILD = Path("build")
 SCENARIO = Path("scenarios/hysteresis_identification.yaml")

@@ -19,7 +19,8 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from benchmarks import ring
 from benchmarks.parts import Relay
 from twin.coupling import Connection, CoSimulation, IsolatedMember, System
-from twin.fmi import FMUMember, exporter
+from twin.fmi import FMUMember
+from twin.fmi.exporting import exporter
 
 REPEATS = 60
 STEPS = 1000

@@ -18,7 +18,8 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 from benchmarks.parts import Drift, Relay
 from benchmarks.ring import BUILD, c_loop, time_c
 from twin.coupling import Algorithm, Connection, CoSimulation, System
-from twin.fmi import FMUMember, exporter
+from twin.fmi import FMUMember
+from twin.fmi.exporting import exporter
 from twin.run import prepare, run_case, silent, simulation
 from twin.scenario import Form, load_scenario
 

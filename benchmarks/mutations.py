@@ -20,7 +20,7 @@ import random
 import re
 import tempfile
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,7 +28,6 @@ import yaml
 
 from benchmarks.mutation_lines import Patch, labeled, late, patch_of_line
 from hw_bridge.bridge.entry import load as load_hardware
-from twin.dataclass import dataclass
 from twin.errors import ScenarioError, TwinError
 from twin.results import Signals, evaluate
 from twin.run import analyzed, prepare, run_case, run_scenario, signals, silent, simulation

@@ -30,7 +30,7 @@ from pathlib import Path
 
 from benchmarks import ring
 from benchmarks.parts import Relay
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
 
 REPEATS = 7
 CHECK = 20  # steps after which the values are compared

@@ -18,7 +18,8 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from benchmarks.parts import Relay
 from twin.coupling import Connection, CoSimulation, System
-from twin.fmi import FMUMember, exporter, unpack
+from twin.fmi import FMUMember, unpack
+from twin.fmi.exporting import exporter
 
 BUILD = Path("build")
 REPEATS = 15

@@ -59,16 +59,16 @@ def run_until_first_step(begin: float, arguments: list[str]) -> None:
 
     def noted_read(*given):
         mark()
-        import twin.run.work
+        import twin.run.executor
         from twin.coupling import CoSimulation
 
-        simulation = twin.run.work.simulation
+        simulation = twin.run.executor.simulation
 
         def noted(*given, **named):
             mark()
             return simulation(*given, **named)
 
-        twin.run.work.simulation = noted
+        twin.run.executor.simulation = noted
         CoSimulation.advance = first_step  # type: ignore[method-assign]
         return read(*given)
 
@@ -155,7 +155,7 @@ def compare(repeats: int) -> None:
     """Print the chain's figures."""
     from benchmarks import ring
     from benchmarks.parts import Relay
-    from twin.fmi import exporter
+    from twin.fmi.exporting import exporter
 
     with tempfile.TemporaryDirectory() as name:
         folder, fmu = Path(name), exporter.build(Relay, "2.0", ring.BUILD).absolute()

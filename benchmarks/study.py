@@ -28,13 +28,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from twin.coupling import Memory
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
 from twin.run import prepare, simulation
 from twin.scenario import Form, group, load_scenario
 from twin.study import load_study
 from twin.study.design import Request
-from twin.study.many import Engine, Job, run_study
-from twin.study.many.pool import AHEAD, Pool, cores
+from twin.study.execution import Engine, Job, run_study
+from twin.study.execution.process_pool import AHEAD, Pool, cores
 
 if TYPE_CHECKING:
     from collections.abc import Callable

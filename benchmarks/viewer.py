@@ -22,11 +22,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.face import open_run
-from twin.results.recording import Column, SignalFile
+from twin.results.run_folder import Column, SignalFile
 from twin.results.signals import Signals
 from twin.viewer import Curve, Runs
-from twin.viewer.asked import lines
-from twin.viewer.drawn import KINDS
+from twin.viewer.curve_data import KINDS
+from twin.viewer.requests import lines
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,7 +10,6 @@ python docs/operating_range.py tune NAME ...    40 trials over the controller's 
 from __future__ import annotations
 
 import csv
-import re
 import sys
 import tempfile
 from dataclasses import dataclass, field
@@ -24,6 +23,7 @@ from figures import ROOT, save
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from tables import write_table
 
 from twin.results import plotting
 from twin.run import run_scenario
@@ -391,11 +391,8 @@ def main(action: str = "", *names: str) -> None:
     tables = {name: table(found, members) for name, members in CLASSES.items()}
     if action in ("", "true"):
         tables["true wall"] = true_wall_table(run_true_wall(SEEDS))
-    page = PAGE.read_text()
     for name, text in tables.items():
-        marks = re.compile(rf"(<!-- results {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-        page = marks.sub(lambda match, text=text: f"{match[1]}{text}\n{match[2]}", page)
-    PAGE.write_text(page)
+        write_table(PAGE, name.replace(" ", "_"), text)
 
 
 if __name__ == "__main__":

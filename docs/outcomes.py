@@ -20,7 +20,7 @@ from twin.component import PythonComponent
 from twin.results import plotting
 from twin.run import run_scenario
 from twin.scenario import load_scenario
-from twin.study.many import manifest
+from twin.study.execution import manifest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -22,8 +22,8 @@ from outcomes import PAGE, outcomes, table
 
 from twin.cli import describe
 from twin.component import catalog
-from twin.results import coherent, figures
-from twin.scenario import load_scenario, shipped
+from twin.results import coherent, figure_files
+from twin.scenario import load_scenario, scenario_paths
 
 if TYPE_CHECKING:
     from twin.component import Component
@@ -61,11 +61,11 @@ def main() -> None:
     for name in catalog.names():
         write(f"components/{name}.md", component_page(name))
     write("components/index.md", index("Components", {n: catalog.summary(n) for n in catalog.names()}))
-    own = {name: path for name, path in shipped.scenarios().items() if path.resolve().is_relative_to(ROOT)}
+    own = {name: path for name, path in scenario_paths.scenarios().items() if path.resolve().is_relative_to(ROOT)}
     came_out = outcomes({name: path for name, path in own.items() if asked.run is None or name in asked.run})
     for name, path in own.items():
         write(f"scenarios/{name}.md", scenario_page(path, came_out.get(name)))
-    write("scenarios/index.md", index("Scenarios", {n: shipped.title(path) for n, path in own.items()}))
+    write("scenarios/index.md", index("Scenarios", {n: scenario_paths.title(path) for n, path in own.items()}))
     write("reference/api.md", "# API\n\nFrom the docstrings.\n\n" + "\n".join(f"::: {name}\n" for name in API))
     build()
 
@@ -108,7 +108,7 @@ def documents(*, execute: bool) -> None:
                     place.parent.mkdir(parents=True, exist_ok=True)
                     text = notebooks.page(notebooks.executed(text), place)
                 write(f"{folder}/{path.name}", moved(text))
-            elif path.suffix == ".svg":
+            elif path.suffix in (".svg", ".csv"):
                 write(f"{folder}/{path.name}", path.read_text())
             elif path.suffix == ".png":
                 (SOURCE / folder).mkdir(parents=True, exist_ok=True)
@@ -120,7 +120,7 @@ def documents(*, execute: bool) -> None:
     shutil.copytree(ROOT / "benchmarks" / "results", SOURCE / "results")
     write("index.md", moved((ROOT / "README.md").read_text()))
     write("contributing.md", moved((ROOT / "CONTRIBUTING.md").read_text()))
-    write("changelog.md", (ROOT / "CHANGELOG.md").read_text())
+    write("changelog.md", moved((ROOT / "CHANGELOG.md").read_text()))
     write("notebooks.css", (ROOT / "docs" / "notebooks.css").read_text())
     for name, path in (("license", "LICENSE"), ("citation", "CITATION.cff")):
         write(f"{name}.md", f"# {path}\n\n```text\n{(ROOT / path).read_text()}```\n")
@@ -189,7 +189,7 @@ def trajectory(path: Path, cls: type[Component]) -> str:
         ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False, fontsize=8)
         ax.set_ylabel(f"{role} [{unit or '-'}]", fontsize=8)
     axes[-1].set_xlabel("time [s]")
-    return figures.as_svg(figure)
+    return figure_files.as_svg(figure)
 
 
 def scenario_page(path: Path, came_out: Path | None) -> str:

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from twin.results import Window, plotting
 from twin.run import run_scenario
 from twin.scenario import load_scenario
-from twin.scene import film, instants, picture, read, still
+from twin.scene import animation, instants, picture, read, still
 
 ROOT = Path(__file__).parents[1]
 FIGURES = ROOT / "docs" / "figures"
@@ -55,7 +55,7 @@ def scene() -> str:
         )
     shown = instants(replace(scenario.scenes[0], window=SHOWN), outcome.tables[VARIANT, SEED])
     assert shown is not None
-    return film.moving_svg(shown, RATE, 1.0)
+    return animation.moving_svg(shown, RATE, 1.0)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from pathlib import Path
 SERVER = """
 import atexit, gc, json, os, runpy, sys, threading, traceback
 import matplotlib.pyplot, fmpy, pandas, pint, pyarrow.parquet, scipy.optimize, scipy.stats, xarray
-import twin.face, twin.fmi.importer, twin.results.plotting, twin.run
+import twin.face, twin.fmi.importing.fmu_member, twin.results.plotting, twin.run
 from twin.cli import main
 
 

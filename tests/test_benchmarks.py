@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks import force, injection, isolate, iterate, peers, rig, ring, startup
 from benchmarks.parts import Drift, Relay
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the C loop loads Linux libraries")
 
@@ -28,6 +28,7 @@ def test_both_loops_of_the_ring_give_the_same(build, version):
     assert theirs > 0
 
 
+@pytest.mark.slow
 def test_what_iterating_costs(build):
     took, sweeps = iterate.time_ours(exporter.build(Drift, "3.0", build), 3, 50)
     assert took > 0

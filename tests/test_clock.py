@@ -14,8 +14,8 @@ from tests.coupling.parts import Clock
 from twin import clock
 from twin.component import catalog
 from twin.errors import CouplingError
-from twin.fmi import built
-from twin.results.recording import read_signals
+from twin.fmi.exporting import fmu_cache
+from twin.results.run_folder import read_signals
 from twin.run import run_scenario
 from twin.scenario import Form, duration, parse_scenario
 
@@ -119,6 +119,6 @@ def test_a_component_samples_at_whole_nanoseconds(tmp_path: Path) -> None:
 
 
 def test_a_row_belongs_to_the_step_that_its_time_names(build: Path) -> None:
-    fmu = built.build(catalog.component("chirp"), "3.0", build)
+    fmu = fmu_cache.build(catalog.component("chirp"), "3.0", build)
     found = twin.simulate(fmu, step_size=1 / 30, stop_time=0.2, output_interval="1/15 s")
     assert found["time"].tolist() == [float(Fraction(n, 15)) for n in range(4)]

@@ -58,6 +58,7 @@ def test_the_paper_s_force_rows_are_the_scenario_s(docs):
         assert list(values) == pytest.approx(told), variant
 
 
+@pytest.mark.slow
 def test_the_nominal_plant_gives_the_first_step_s_row(docs):
     uncertainty = docs.uncertainty
     named = {one.split(" |")[0][2:] for one in printed("sensitivity").splitlines()[2:-1]}

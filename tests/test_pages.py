@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from twin.component import catalog
-from twin.scenario import load_scenario, shipped
+from twin.scenario import load_scenario, scenario_paths
 
 pytestmark = pytest.mark.slow
 
@@ -30,7 +30,7 @@ def site():
 
 def test_everything_has_a_page(site):
     wanted = [f"components/{name}.html" for name in catalog.names()]
-    wanted += [f"scenarios/{name}.html" for name in shipped.scenarios()]
+    wanted += [f"scenarios/{name}.html" for name in scenario_paths.scenarios()]
     assert [page for page in wanted if not (site / page).exists()] == []
 
 

@@ -9,7 +9,7 @@ What the command line does, as objects; `twin.face` has them. Nothing is importe
 
 from typing import TYPE_CHECKING
 
-from twin import late
+import lazy_loader
 
 if TYPE_CHECKING:
     from twin.errors import TwinError
@@ -20,7 +20,9 @@ __version__ = "0.1.0"
 __all__ = ["Run", "Scenario", "Simulation", "System", "TwinError", "export", "load", "open_run", "simulate"]
 
 if not TYPE_CHECKING:  # else any name would be one
-    __getattr__ = late.names(__name__, {name: "errors" if name == "TwinError" else "face" for name in __all__})
+    __getattr__, _, _ = lazy_loader.attach(
+        __name__, submod_attrs={"errors": ["TwinError"], "face": [name for name in __all__ if name != "TwinError"]}
+    )
 
 
 def __dir__() -> list[str]:

@@ -33,7 +33,7 @@ def report(path: Path, keys: HardwareKeys, sessions: Sequence[Session], jitter: 
         if session.trace is not None:
             told.append(f"{session.trace}: {one['frames']} frames")
         if not keys.simulated:
-            told += one["restorations"]
+            told += one["references"] + one["restorations"]
     return {
         "file": str(path),
         "simulated": keys.simulated,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hw_bridge.bus import NEVER
-from hw_bridge.dictionary import cia401
+from hw_bridge.dictionary import cia301, cia401
 from hw_bridge.fault import LARGEST, MEANINGS, Cause, Fault
 from hw_bridge.profiles import DEVICES, GENERIC, MODULES, MOTORS, device, profile
 from twin.cli import say
@@ -22,14 +22,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from types import FrameType
 
-    from hw_bridge.device import Module, Slave
+    from hw_bridge.device import Module, Slave, Switches
     from hw_bridge.profiles import Device, Profile
 
 
 @click.group("drive", invoke_without_command=True, short_help="a simulated CANopen drive on any CAN interface")
 @click.option("--profile", "-p", "name", type=click.Choice([*MODULES, *GENERIC, *DEVICES]),
               help="The vendor's drive, cia402: any drive by its --eds, or cia401: an I/O module.")  # fmt: skip
-@click.option("--node", "-n", type=click.IntRange(1, 127), default=1, show_default=True, help="Its node-ID.")
+@click.option("--node", "-n", type=click.IntRange(1, cia301.UNCONFIGURED), default=1, show_default=True,
+              help="Its node-ID, 1 to 127; 255: none, it waits for one by LSS.")  # fmt: skip
 @click.option("--interface", "-i", help="python-can's interface: socketcan, slcan, udp_multicast, ...")
 @click.option("--channel", "-c", help="The interface's channel: can0, /dev/ttyACM0, 239.74.163.2, ...")
 @click.option("--bitrate", type=int, default=1_000_000, show_default=True, help="For interfaces that have one.")
@@ -48,6 +49,9 @@ if TYPE_CHECKING:
               "limits of +-9 996 um.")  # fmt: skip
 @click.option("--store", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Keep there what 1010h "
               "stores, also after the process.")  # fmt: skip
+@click.option("--switch", "switches", multiple=True, metavar="NAME=PLACE", help="A switch, in the motor's coordinate, which is 0 "
+              "where it stands at the start: negative=-35mm, positive=35mm (limit switches), home=4mm:6mm, probe1=..., probe2=... "
+              "(where it is closed); repeat.")  # fmt: skip
 @click.option("--extrapolate", type=click.IntRange(0, 100), default=0, metavar="N", help="In csp, go on at the last speed "
               "for N periods of 60C2h when a target is late; then hold.")  # fmt: skip
 @click.option("--control", type=click.IntRange(0, 65535), metavar="PORT", help="Take faults of twin drive inject there; "
@@ -69,6 +73,7 @@ def command(
     motor: str | None,
     factory: bool,
     store: Path | None,
+    switches: tuple[str, ...],
     extrapolate: int,
     control: int | None,
     build: Path,
@@ -81,11 +86,13 @@ def command(
     twin drive --profile epos4 --node 3 --interface socketcan --channel vcan0
     twin drive -p faulhaber_v3 -n 1 -i udp_multicast -c 239.74.163.2
     twin drive -p cia401 -n 9 -i udp_multicast -c 239.74.163.2
+    twin drive -p mclm -n 1 -i socketcan -c vcan0 --switch negative=-35mm --switch home=4mm:6mm
     twin drive -p mclm --write-eds mclm.eds
     """
     if context.invoked_subcommand is not None:
         return
     from hw_bridge import eds as files
+    from hw_bridge.command.switches import parse_switches
     from hw_bridge.profiles import Profile
 
     if name is None:
@@ -94,6 +101,12 @@ def command(
         chosen: Profile | Device = generic_drive(name, eds, sizes)
     else:
         chosen = profile(name) if name in MODULES else device(name)
+    if 127 < node < cia301.UNCONFIGURED:
+        raise click.UsageError(
+            f"--node {node}: expected 1 to 127, or {cia301.UNCONFIGURED} for a device without a node-ID."
+        )
+    if switches and not isinstance(chosen, Profile):
+        raise click.UsageError(f"--switch: {chosen.title} has no motor. Leave it out.")
     if write_eds is not None:
         write_atomically(write_eds, files.export(chosen))
         return
@@ -111,10 +124,11 @@ def command(
         if name in MODULES and chosen.name not in MOTORS[motor].scaling:
             raise click.UsageError(f"--motor {motor}: no values of it are known for {chosen.title}.")
         chosen = replace(chosen, motor_name=motor)
+    closing = parse_switches(switches, chosen.motor.unit) if isinstance(chosen, Profile) else None
     if extrapolate and isinstance(chosen, Profile):
         chosen = replace(chosen, extrapolation=extrapolate)
     is_set_up = not factory and (eds is None or motor is not None)
-    serve(chosen, node, interface, channel, bitrate, build, control, store, named(options), is_set_up)
+    serve(chosen, node, interface, channel, bitrate, build, control, store, named(options), is_set_up, closing)
 
 
 def generic_drive(name: str, eds: Path | None, sizes: tuple[str, ...]) -> Profile:
@@ -254,6 +268,7 @@ def serve(
     store: Path | None = None,
     options: dict[str, Any] | None = None,
     is_set_up: bool = True,
+    switches: Switches | None = None,
 ) -> None:
     """Run the drive on an interface until a signal ends it. `is_set_up`: it holds the values of its motor."""
     from hw_bridge.command.control import Control
@@ -269,10 +284,13 @@ def serve(
         brake_as_it_accelerates(slave)
         if is_set_up:
             set_up_for(slave, MOTORS[slave.profile.motor_name])
+    if switches is not None and isinstance(slave, Drive):
+        slave.axis.switches = switches
     bus = opened(interface, channel, bitrate, options or {})
     try:
         ends = link(bus, interface)
-        refuse_if_taken(ends, node)
+        if node != cia301.UNCONFIGURED:
+            refuse_if_taken(ends, node)
         wire = Wire(slave, ends)
         if port is not None:
             control = Control(port, slave, wire)
@@ -282,7 +300,8 @@ def serve(
         _stop_on_signals(wire.stop)
         settle()
         takes = f" Faults: --control {control.port}." if control is not None else ""
-        say(f"{chosen.title}: node {node} on {interface} {channel}.{takes} Ctrl-C ends it.")
+        label = f"node {node}" if node != cia301.UNCONFIGURED else "no node-ID"
+        say(f"{chosen.title}: {label} on {interface} {channel}.{takes} Ctrl-C ends it.")
         wire.run()
         say(f"stopped after {slave.port.agenda.now / 1e9:.1f} s, {wire.overruns} overruns, {wire.lost} frames lost")
     finally:

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from twin import late
+import lazy_loader
 
 if TYPE_CHECKING:
     from hw_bridge.commission import (
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
         words,
     )
     from hw_bridge.commission.attendance import Attendance
-    from hw_bridge.commission.axes import EXAMPLES, Axis, axis
+    from hw_bridge.commission.axes import EXAMPLES, Axis, axis, typed
     from hw_bridge.commission.deadman import HOLD, DeadMan, HeldKey, Keyboard
     from hw_bridge.commission.hand import SHARE, SLOWEST_STOP, Hand, alone, bounded
     from hw_bridge.commission.inspection import Inspection, inspect
@@ -28,49 +28,31 @@ if TYPE_CHECKING:
     from hw_bridge.commission.survey import TWICE, Found, known, recognized, scan
     from hw_bridge.commission.telling import Status, glance, status
 
-__getattr__ = late.names(
+__getattr__, _, _ = lazy_loader.attach(
     __name__,
-    {
-        "BOOT": "line",
-        "EXAMPLES": "axes",
-        "HOLD": "deadman",
-        "SHARE": "hand",
-        "SLOWEST_STOP": "hand",
-        "TWICE": "survey",
-        "Attendance": "attendance",
-        "Axis": "axes",
-        "DeadMan": "deadman",
-        "Found": "survey",
-        "Hand": "hand",
-        "HeldKey": "deadman",
-        "Inspection": "inspection",
-        "Keyboard": "deadman",
-        "PlannedRow": "planned",
-        "Line": "line",
-        "Status": "telling",
-        "alone": "hand",
-        "axis": "axes",
-        "bounded": "hand",
-        "dcf": "",
-        "direction": "",
-        "glance": "telling",
-        "homing": "",
-        "inspect": "inspection",
-        "known": "survey",
-        "limit_effects": "",
-        "limits": "",
-        "lss": "",
-        "memory": "",
-        "objects": "",
-        "planned_rows": "planned",
-        "power": "",
-        "recognized": "survey",
-        "refuse_moving": "line",
-        "scan": "survey",
-        "status": "telling",
-        "step": "",
-        "unfinished": "line",
-        "words": "",
+    submodules=[
+        "dcf",
+        "direction",
+        "homing",
+        "limit_effects",
+        "limits",
+        "lss",
+        "memory",
+        "objects",
+        "power",
+        "step",
+        "words",
+    ],
+    submod_attrs={
+        "attendance": ["Attendance"],
+        "axes": ["Axis", "EXAMPLES", "axis", "typed"],
+        "deadman": ["DeadMan", "HOLD", "HeldKey", "Keyboard"],
+        "hand": ["Hand", "SHARE", "SLOWEST_STOP", "alone", "bounded"],
+        "inspection": ["Inspection", "inspect"],
+        "line": ["BOOT", "Line", "refuse_moving", "unfinished"],
+        "planned": ["PlannedRow", "planned_rows"],
+        "survey": ["Found", "TWICE", "known", "recognized", "scan"],
+        "telling": ["Status", "glance", "status"],
     },
 )
 
@@ -113,6 +95,7 @@ __all__ = [
     "scan",
     "status",
     "step",
+    "typed",
     "unfinished",
     "words",
 ]

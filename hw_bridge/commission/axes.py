@@ -44,13 +44,17 @@ class Axis:
 
     def si(self, text: str, what: str, suffix: str = "") -> float:
         """What a person types, in SI; SimulationError where it has no unit or that of the other kind of axis."""
-        unit = f"{self.unit}{suffix}"
-        if without_unit(text):
-            raise SimulationError(f"{what}: {text} has no unit. Write it with one, such as {EXAMPLES[unit]!r}.")
-        try:
-            return number(text, unit, what)
-        except CouplingError as error:
-            raise SimulationError(str(error)) from None
+        return typed(text, f"{self.unit}{suffix}", what)
+
+
+def typed(text: str, unit: str, what: str) -> float:
+    """A typed quantity in SI of this unit; SimulationError where it has no unit or another one."""
+    if without_unit(text):
+        raise SimulationError(f"{what}: {text} has no unit. Write it with one, such as {EXAMPLES[unit]!r}.")
+    try:
+        return number(text, unit, what)
+    except CouplingError as error:
+        raise SimulationError(str(error)) from None
 
 
 def axis(path: Path, keys: HardwareKeys, word: str) -> Axis:

@@ -9,7 +9,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.commission.objects import UNIT, meant, shown
-from hw_bridge.dictionary import U8, U16, U32, Entry
+from hw_bridge.dictionary import U8, U16, U32, Entry, cia402
 from hw_bridge.master import SdoError, constant_of, setup
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ GROUPS: dict[str, tuple[Address, ...]] = {
         (0x605A, 0), (0x605B, 0), (0x605C, 0), (0x605D, 0), (0x605E, 0), (0x6007, 0), (0x1029, 1), (0x6065, 0), (0x6066, 0),
         (0x60C2, 1),
     ),
+    "SYNC": ((0x1019, 0),),
     "inputs, outputs, brake": (
         (0x60FD, 0), (0x60FE, 1), (0x60FE, 2), (0x3202, 1), (0x2310, 1), (0x2310, 2), (0x2310, 3),
         *((0x3142, sub) for sub in range(1, 9)), *((0x3151, sub) for sub in range(1, 4)),
@@ -50,6 +51,7 @@ MORE: dict[Address, Entry] = {
         Entry(0x2310, 2, "Positive limit switches", U8, "ro"),
         Entry(0x2310, 3, "Homing switches", U8, "ro"),
         Entry(0x605D, 0, "Halt option code", U16, "ro"),
+        Entry(0x1019, 0, "Synchronous counter overflow value", U8, "ro"),
         Entry(0x1029, 1, "Communication error", U8, "ro"),
     )
 }
@@ -82,7 +84,7 @@ def inspect(node: Node) -> Inspection:
             if address[1] in node.mirror.objects.get(address[0], {}):
                 node.mirror.values[address] = value
             rows.append((f"{address[0]:04X}h.{address[1]}", UNIT.sub("", entry.name), meant(node, entry, value)))
-    return Inspection(groups, list(_notes(node, values)))
+    return Inspection({group: rows for group, rows in groups.items() if rows}, list(_notes(node, values)))
 
 
 def _entry(node: Node, address: Address) -> Entry | None:
@@ -117,6 +119,13 @@ def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
             f"{name}: the drive's own currents allow {shown(peak, newton)}, limits.force is {shown(limit, newton)}: only this program "
             f"watches it. Lower them under `objects` or in the drive, so that the drive holds it too."
         )
+    if counter := values.get((0x1019, 0)):
+        yield (
+            f"{name}: 1019h is {counter}: it takes SYNC with a counter only, and this program sends none. Set it to 0: "
+            f"twin hil set {node.number} 1019h 0."
+        )
+    if closed := cia402.closed_limit_switches(values.get((cia402.INPUTS, 0), 0)):
+        yield f"{name}: {closed} closed (60FDh): it may not move, or away from there only. Check place and polarity."
     options = {(index, sub): value for index, sub, value in node.vendor.setup} | node.keys.objects
     if options.get((0x605A, 0), values.get((0x605A, 0))) == COASTS:
         yield f"{name}: 605Ah is 0: at a quick stop it coasts. Set a ramp: twin hil set {node.number} 605Ah 2."

@@ -119,7 +119,8 @@ def picture(path: Path, curves: dict[str, Response], unit: str, factor: float) -
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
-    from twin.results import figures, plotting
+    from twin.results import figure_files as figures
+    from twin.results import plotting
 
     with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": "step"}):
         figure = Figure(figsize=(plotting.WIDTH, 4.6), layout="constrained")

@@ -1,5 +1,6 @@
 """Simulated devices, built from a profile: a CANopen slave, a drive with its motor, an I/O module."""
 
+from hw_bridge.device.axis import Switches
 from hw_bridge.device.drive import Drive
 from hw_bridge.device.module import Module
 from hw_bridge.device.motor import Motor, uneven
@@ -12,5 +13,6 @@ __all__ = [
     "Motor",
     "Slave",
     "Store",
+    "Switches",
     "uneven",
 ]

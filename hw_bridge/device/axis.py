@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.bus import MILLISECOND
 from hw_bridge.device.motor import CYCLE, Motor
+from hw_bridge.dictionary import Until
 from twin import clock
 
 if TYPE_CHECKING:
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
 OFF = 0xFFFFFFFF  # a window of this size is none
 
 
+STILL_AHEAD = 4  # increments of the sensor within which a position demand asks for no motion
+STILL = 1e-6  # slower than this [m/s or rad/s] is what filters leave over
+
+
 @dataclass
 class Switches:
     """Where switches close, in the motor's own coordinate [m or rad]; None: not wired."""
@@ -27,6 +32,7 @@ class Switches:
     negative: float | None = None
     positive: float | None = None
     home: tuple[float, float] | None = None
+    probes: tuple[tuple[float, float] | None, tuple[float, float] | None] = (None, None)  # inputs of touch probes 1, 2
 
     def closed(self, position: float) -> tuple[bool, bool, bool]:
         """Negative limit, positive limit and home switch at a position."""
@@ -58,6 +64,7 @@ class Axis:
         self.derated = self.limited = self.clipped = False
         self.demand = 0.0  # position demand
         self.speed = 0.0  # speed demand
+        self.heading = 0.0  # sign of the motion that is demanded; 0: none
         self.holds_position = False  # whether the demand is a position
         self.told = 0  # when the last target came [ns]
         self.windows: dict[int, int] = {}
@@ -121,7 +128,7 @@ class Axis:
         """Take the current away."""
         self.motor.off()
         self.holds_position = False
-        self.speed = 0.0
+        self.speed = self.heading = 0.0
 
     def follow_position(self, position: float, speed: float = 0.0, offset: float = 0.0, current: float = 0.0) -> None:
         """Demand a position, within the software limits. `offset` and `current` [A]: 60B1h and 60B2h, fed forward."""
@@ -129,6 +136,8 @@ class Axis:
         self.demand = min(max(position, low), high)
         self.clipped = self.demand != position
         self.speed, self.holds_position = speed, True
+        ahead = self.demand - self.position
+        self.heading = ahead if abs(ahead) > STILL_AHEAD * self.motor.model.resolution else 0.0
         if offset:  # the largest speed bounds it too
             largest = self.fastest()
             self.clipped |= abs(offset) > largest
@@ -140,14 +149,25 @@ class Axis:
         largest = self.fastest()
         self.speed = min(max(velocity, -largest), largest)
         self.clipped = self.speed != velocity
+        self.heading = self.speed if abs(self.speed) > STILL else 0.0
         self.holds_position = False
         self.motor.follow_velocity(self.speed, self.limit if limit is None else min(limit, self.limit), current)
 
     def follow_current(self, current: float) -> None:
         """Demand a current [A]."""
         self.speed, self.holds_position = self.velocity, False
+        self.heading = current or (self.velocity if abs(self.velocity) > STILL else 0.0)
         self.clipped = abs(current) > self.limit
         self.motor.follow_current(current, self.limit)
+
+    def limit_switch(self, heading: float) -> Until | None:
+        """The closed limit switch that is ahead in this direction."""
+        if heading == 0.0 or (self.switches.negative is None and self.switches.positive is None):
+            return None
+        negative, positive, _ = self.switches.closed(self.motor.measured_position)
+        if heading > 0.0 and positive:
+            return Until.POSITIVE
+        return Until.NEGATIVE if heading < 0.0 and negative else None
 
     def range(self) -> tuple[float, float]:
         """Software position limits 607Dh."""

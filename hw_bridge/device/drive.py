@@ -7,12 +7,13 @@ from functools import reduce
 from operator import or_
 from typing import TYPE_CHECKING
 
-from hw_bridge.device import modes
+from hw_bridge.device import emergency, modes
 from hw_bridge.device.axis import Axis
 from hw_bridge.device.homing import Homing
 from hw_bridge.device.motor import CYCLE, Motor
 from hw_bridge.device.slave import Slave
-from hw_bridge.dictionary import Abort, Code, Command, Mode, NmtState, State, cia402
+from hw_bridge.device.touch_probe import TouchProbes
+from hw_bridge.dictionary import Abort, Code, Command, Mode, NmtState, State, Until, cia402
 from hw_bridge.profiles import REFERENCED, Profile, Reaction
 from twin.errors import DeclarationError, SimulationError
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 FOLLOWING_ERROR, SPEED_DEVIATION, HEARTBEAT, RPDO_TIMEOUT = 0x8611, (0x8400, 0x84F0), 0x8130, 0x8250
 ERROR_PASSIVE = 0x8120
 OVERVOLTAGE, UNDERVOLTAGE, OVERCURRENT = 0x3210, 0x3220, 0x2310
+LIMIT_SWITCH = {Until.NEGATIVE: 0x8A80, Until.POSITIVE: 0x8A81}  # of a vendor that takes it for an error
 SILENCE = 3  # so many interpolation periods without a target are an RPDO timeout; estimate
 
 MODES: dict[int, type[modes.ModeOfOperation]] = {
@@ -54,6 +56,7 @@ class Drive(Slave):
         self.lasting: set[int] = set()  # errors whose cause stays until it is removed
         super().__init__(profile.objects, node, profile.rules, profile.boot_time, profile.sdo_time)
         self.axis = Axis(profile, self.dictionary, self.port.agenda, motor)
+        self.touch_probes = TouchProbes(self.axis)
         dictionary = self.dictionary
         dictionary.checks[0x6060] = self._check_mode
         dictionary.checks[0x6098] = self._check_homing
@@ -66,11 +69,13 @@ class Drive(Slave):
     def power_on(self) -> None:
         """Begin anew: no current, no errors, position 0 where the motor stands."""
         self.axis.start()
+        self.touch_probes.start()
         self.state = State.NOT_READY
         self.word = 0
         self.active: dict[int, Fault] = {}
         self.stop: modes.Stop | None = None
         self.after: State | None = None  # the state after the stop; None: stay
+        self.brake: modes.Stop | None = None  # at a closed limit switch
         self.heard = 0  # when the last target came [ns]; 0: never
         self.mode = MODES[Mode.NONE](self.axis, self.error)
         self._choose_mode()
@@ -121,7 +126,7 @@ class Drive(Slave):
                 self._enter(step.target)
 
     def _enter(self, state: State) -> None:
-        self.state, self.stop = state, None
+        self.state, self.stop, self.brake = state, None, None
         if state is State.ENABLED:
             self.heard = 0  # silence counts from the first target on
             self.mode.word = self.word
@@ -169,6 +174,7 @@ class Drive(Slave):
         now = self.port.agenda.now
         self.axis.motor.advance(now - CYCLE)
         self.axis.measure()
+        self.touch_probes.cycle()
         self._monitor(now)
         if self.state is State.NOT_READY:
             self._enter(State.DISABLED)
@@ -182,9 +188,23 @@ class Drive(Slave):
         self._choose_mode()
         if self.state is State.ENABLED and self.stop is None:
             self.mode.cycle()
+            self._keep_off_limit_switches()
         self._show()
         self.refresh()
         self.port.agenda.at(now + CYCLE, self._cycle)
+
+    def _keep_off_limit_switches(self) -> None:
+        """Do not go on into a closed limit switch: the vendor's error, or braking with 6085h and bit 11. Homing does it itself."""
+        axis = self.axis
+        switch = None if isinstance(self.mode, Homing) else axis.limit_switch(axis.heading)
+        if switch is None:
+            self.brake = None
+        elif LIMIT_SWITCH[switch] in self.profile.faults:
+            self.error(LIMIT_SWITCH[switch])
+        else:
+            self.brake = self.brake or modes.Stop(axis, axis.rate(0x6085))
+            self.brake.cycle()
+            axis.clipped = True
 
     def _monitor(self, now: int) -> None:
         """Errors that the drive finds itself."""
@@ -247,6 +267,7 @@ class Drive(Slave):
         dictionary = self.dictionary
         masks = self.profile.masks
         dictionary.put(0x603F, code)
+        dictionary.put(0x1001, self._register())
         dictionary.put(0x2320, self._vendor_register())
         if self._told(fault):
             self.emergency.report(code, self._register(), self._vendor_bytes())
@@ -271,7 +292,7 @@ class Drive(Slave):
         self.lasting.discard(code)
 
     def _register(self) -> int:
-        return reduce(or_, (fault.register for fault in self.active.values()), 0)
+        return reduce(or_, (fault.register for fault in self.active.values()), emergency.GENERIC if self.active else 0)
 
     def _told(self, fault: Fault) -> bool:
         return not self.profile.masks or bool(fault.vendor & self.dictionary.get(0x2321, 1))
@@ -291,6 +312,7 @@ class Drive(Slave):
         """These errors are over; the last one is told."""
         told = any(self._told(self.active[code]) for code in codes & self.active.keys())
         self.active = {code: fault for code, fault in self.active.items() if code not in codes}
+        self.dictionary.put(0x1001, self._register())
         self.dictionary.put(0x2320, self._vendor_register())
         if not self.active:
             self.dictionary.put(0x603F, 0)

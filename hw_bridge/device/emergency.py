@@ -8,6 +8,7 @@ from hw_bridge.device.port import Port, check_identifier
 from hw_bridge.dictionary import Abort, Code, Entry, NmtState, Value
 
 DISABLED = 0x80000000  # bit 31 of 1014h
+GENERIC = 0x01  # bit of 1001h that is set in any error
 
 
 class Emergency:
@@ -17,6 +18,7 @@ class Emergency:
         self.port = port
         port.dictionary.checks[0x1003] = self._check
         port.dictionary.checks[0x1014] = self._check_identifier
+        port.dictionary.reads[0x1003] = self._check_read
 
     def _check_identifier(self, _: Entry, value: Value) -> None:
         """It cannot become another one while it is in use."""
@@ -29,6 +31,7 @@ class Emergency:
 
     def report(self, code: int, register: int, vendor: bytes = b"") -> None:
         """Send an error with the register after it occurred and the vendor's bytes, and remember it."""
+        register |= GENERIC
         self.port.dictionary.put(0x1001, register)
         self._remember(code)
         self._send(code, register, vendor)
@@ -51,6 +54,10 @@ class Emergency:
             dictionary.put(0x1003, dictionary.get(0x1003, sub - 1), sub)
         dictionary.put(0x1003, code, 1)
         dictionary.put(0x1003, min(dictionary.get(0x1003) + 1, size))
+
+    def _check_read(self, entry: Entry) -> None:
+        if entry.sub > self.port.dictionary.get(0x1003):
+            raise Abort(Code.NO_DATA)
 
     def _check(self, entry: Entry, value: Value) -> None:
         if entry.sub != 0:

@@ -94,16 +94,15 @@ class Homing(ModeOfOperation):
             self.moves[0] = move._replace(direction=-move.direction)
             self._next()
             return
-        if still:
+        if still or axis.limit_switch(move.direction) not in (None, move.until):
             self.running, self.failed = False, True
             self._ramp(0.0)
         self.last = place
 
     def _turns(self, move: Move) -> bool:
         """Whether a search for the home switch has met the limit switch ahead."""
-        negative, positive, _ = self.axis.switches.closed(self.axis.motor.measured_position)
-        ahead = positive if move.direction > 0 else negative
-        return self.method in REVERSING and move.until is Until.HOME and not move.slow and ahead
+        searches = self.method in REVERSING and move.until is Until.HOME and not move.slow
+        return searches and self.axis.limit_switch(move.direction) is not None
 
     def bits(self) -> int:
         """In progress 0; attained 10 and 12; failed 13; interrupted or not begun 10."""

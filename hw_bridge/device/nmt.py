@@ -46,12 +46,13 @@ class Nmt:
         port.dictionary.effects[0x1017] = lambda _: self._beat()
 
     def start(self) -> None:
-        """Begin to boot; the boot-up message follows after the boot time."""
+        """Begin to boot; the boot-up message follows after the boot time. Without a node-ID wait for LSS instead."""
         self.port.state = NmtState.INITIALIZING
         for timer in (self.heartbeat, self.life, *self.consumers.values()):
             timer.stop()
         self.guard_toggle = 0
-        self.boot.start(self.boot_time)
+        if self.port.node != cia301.UNCONFIGURED:
+            self.boot.start(self.boot_time)
 
     def command(self, data: bytes) -> None:
         """Obey an NMT command if it is for this node."""

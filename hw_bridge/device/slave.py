@@ -6,9 +6,9 @@ from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING
 
 from hw_bridge.device.emergency import Emergency
-from hw_bridge.device.lss import REQUEST, UNCONFIGURED, LssSlave
+from hw_bridge.device.lss import REQUEST, LssSlave
 from hw_bridge.device.nmt import Nmt
-from hw_bridge.device.pdo import ReceivePdo, TransmitPdo
+from hw_bridge.device.pdo import SYNCHRONOUS, ReceivePdo, TransmitPdo
 from hw_bridge.device.port import Port, check_identifier
 from hw_bridge.device.sdo import SdoServer
 from hw_bridge.device.storage import Storage
@@ -46,9 +46,9 @@ class Slave(ABC):
         self.rpdos = [ReceivePdo(self.port, rules, n, self.communication_error, self.data_received) for n in numbers]
         self.tpdos = [TransmitPdo(self.port, rules, n) for n in numbers]
         self.dictionary.checks[0x1005] = self._check_sync
+        self.dictionary.checks[0x1019] = self._check_counter
         self._configure()
-        if node != UNCONFIGURED:
-            self.nmt.start()
+        self.nmt.start()
 
     # -------------------------------------------------------------------------------------------- what a device adds
 
@@ -127,7 +127,7 @@ class Slave(ABC):
         elif frame.id == 0:
             self.nmt.command(frame.data)
         elif self.port.state is NmtState.INITIALIZING:
-            if frame.id == REQUEST and node == UNCONFIGURED:
+            if frame.id == REQUEST and self.lss.is_unconfigured:
                 self.lss.heard(frame.data)
         elif cia301.ERROR_CONTROL < frame.id < cia301.ERROR_CONTROL + 0x80:
             self.nmt.heard(frame.id - cia301.ERROR_CONTROL)
@@ -137,7 +137,7 @@ class Slave(ABC):
                 self.port.agenda.at(self.port.agenda.now + self.sdo_time, respond)
             self.refresh()
         elif frame.id == dictionary.get(0x1005) & 0x7FF:
-            self._sync()
+            self._sync(frame.data)
         elif frame.id == REQUEST:
             self.lss.heard(frame.data)
         else:
@@ -162,8 +162,10 @@ class Slave(ABC):
             if pdo.hears(identifier):
                 pdo.requested()
 
-    def _sync(self) -> None:
-        """Actual values are those of the SYNC, then targets act."""
+    def _sync(self, data: bytes) -> None:
+        """Actual values are those of the SYNC, then targets act. One with another length than 1019h says is not processed."""
+        if len(data) != (self.dictionary.get(0x1019) != 0):
+            return
         for sending in self.tpdos:
             sending.sync()
         for receiving in self.rpdos:
@@ -176,6 +178,11 @@ class Slave(ABC):
         if value & PRODUCER:  # none of them can
             raise Abort(Code.VALUE_RANGE)
         check_identifier(value)
+
+    @staticmethod
+    def _check_counter(_: Entry, value: Value) -> None:
+        if value != 0 and value not in range(2, SYNCHRONOUS + 1):
+            raise Abort(Code.VALUE_RANGE)
 
     def _configure(self) -> None:
         for pdo in (*self.rpdos, *self.tpdos):

@@ -14,6 +14,8 @@ ERROR_CONTROL = 0x700  # heartbeat, guarding, boot-up
 # NMT commands
 START, STOP, PRE_OPERATIONAL, RESET_NODE, RESET_COMMUNICATION = 1, 2, 128, 129, 130
 
+UNCONFIGURED = 255  # node-ID of a device that has none (CiA 305)
+
 # bits of a COB-ID entry
 INVALID, NO_REMOTE, EXTENDED = 1 << 31, 1 << 30, 1 << 29
 

@@ -100,6 +100,9 @@ class Mode(IntEnum):
     CST = 10
 
 
+INPUTS = 0x60FD
+SWITCHES = {0x1: "negative limit switch", 0x2: "positive limit switch"}  # bits of 60FDh, in the drive's own direction
+
 # added to targets of position, velocity and torque; in csp and csv those of velocity and torque are fed forward
 POSITION_OFFSET, VELOCITY_OFFSET, TORQUE_OFFSET = OFFSETS = (0x60B0, 0x60B1, 0x60B2)
 
@@ -165,6 +168,11 @@ def command_of(controlword: int, previous: int) -> Command:
 def transition(state: State, controlword: int, previous: int) -> Transition | None:
     """The transition that a controlword triggers in a state, if any."""
     return _BY_COMMAND.get((state, command_of(controlword, previous)))
+
+
+def closed_limit_switches(inputs: int) -> str:
+    """Limit switches that 60FDh shows as closed, or nothing."""
+    return " and ".join(name for bit, name in SWITCHES.items() if inputs & bit)
 
 
 def supported(*modes: Mode) -> int:

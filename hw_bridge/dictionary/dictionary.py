@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 class Dictionary:
     """Entries with their present values.
 
-    `checks[index](entry, value)` may abort a client's write, `effects[index](entry)` follows one.
-
+    `checks[index](entry, value)` may abort a client's write, `effects[index](entry)` follows one; `reads[index](entry)` may
+    abort a client's read.
     """
 
     def __init__(self, entries: Iterable[Entry], node: int) -> None:
@@ -26,6 +26,7 @@ class Dictionary:
         self.values: dict[tuple[int, int], Value] = {}
         self.checks: dict[int, Callable[[Entry, Value], None]] = {}
         self.effects: dict[int, Callable[[Entry], None]] = {}
+        self.reads: dict[int, Callable[[Entry], None]] = {}
         self.version = 0  # counts what came from outside: clients, PDOs, resets
         self.restore(self.defaults())
 
@@ -78,6 +79,8 @@ class Dictionary:
         entry = self.entry(index, subindex)
         if not entry.readable:
             raise Abort(Code.WRITE_ONLY)
+        if check := self.reads.get(index):
+            check(entry)
         return entry.encode(self.values[index, subindex])
 
     def download(self, index: int, subindex: int, data: bytes) -> None:

@@ -69,6 +69,33 @@ def problem(node: Node, start: float) -> str:
     return refusal(node.name, node.keys, node.way)
 
 
+def find_reference(master: Master, node: Node) -> None:
+    """Let a drive count from its reference: the one that it has, where that is proven, else one that it searches."""
+    if keep_reference(master, node):
+        master.references.append(f"{node.name}: counts from the reference found before: not homed again.")
+    else:
+        Homing(master, node).carry_out()
+    node.has_reference = True
+
+
+def keep_reference(master: Master, node: Node) -> bool:
+    """Count from the reference that an earlier run or `twin hil home` found, where it is proven; False: it has to be homed.
+
+    A drive that stands outside its limits of position is homed too: its own software limits would pull it in with a jump.
+    """
+    homing = node.keys.homing
+    assert homing is not None
+    reference = Reference(master.keys, node.name, node.rotary)
+    position = node.position + node.origin + homing.at
+    low, high = node.keys.limits.position
+    if reference.problem(node) or not low <= position <= high:
+        return False
+    reference.forget()
+    node.origin = -homing.at
+    node.entered_from = node.position
+    return True
+
+
 def approach(master: Master, node: Node, position: float) -> None:
     """Go from the reference to where it begins [m or rad], at the speed of homing."""
     assert node.keys.homing is not None

@@ -73,6 +73,8 @@ class Master:
         self.notes: list[str] = []
         self.restorations: list[str] = []  # what became of the objects that were written
         self.recovered: list[str] = []  # what an earlier run had left and was restored before this one
+        self.references: list[str] = []  # drives that were not homed, since they count from their reference still
+        self.closed_switches: list[str] = []  # limit switches that drives told after the stop
         self.said: list[str] = []  # by drives that were in Fault after the stop
         self.announce: Callable[[Master], None] | None = None  # before anything is written
         self.running = False
@@ -234,10 +236,10 @@ class Master:
             raise SimulationError(" ".join(problems))
         self.prepare()
         for node in self.nodes.values():
-            if node.keys.homing is not None:
-                homing.Homing(self, node).carry_out()
-            else:
+            if node.keys.homing is None:
                 node.zero(starts[node.name])
+            else:
+                homing.find_reference(self, node)
             setup.limit_positions(node)
         for node in self.nodes.values():
             node.goal, node.target_velocity = State.ENABLED, 0.0
@@ -375,7 +377,12 @@ class Master:
     def in_full(self, text: str) -> str:
         """After the stop: a failure with the drives' own words."""
         second = " ".join(one.doubled for one in self.stations.values() if one.doubled and one.doubled not in text)
-        return words.in_full(f"{text} {second}".rstrip(), self.rival.text, self.said, self.stations.values())
+        told = words.in_full(f"{text} {second}".rstrip(), self.rival.text, self.said, self.stations.values())
+        return " ".join([told, *self.closed_switches])
+
+    def next_step(self) -> str:
+        """After a stop on a failure: what a person does to go on."""
+        return words.next_step(self.nodes.values(), bool(self.rival.act))
 
     def lost(self, node: Node | ModuleNode) -> bool:
         """Whether its heartbeat is missing."""
@@ -396,4 +403,5 @@ class Master:
             }
             for name, node in self.stations.items()
         }
-        return {**self.timing.summary(), "nodes": nodes, "restorations": [*self.recovered, *self.restorations]}
+        told = {"restorations": [*self.recovered, *self.restorations], "references": self.references}
+        return {**self.timing.summary(), "nodes": nodes, **told}

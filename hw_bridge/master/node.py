@@ -73,6 +73,7 @@ class Node(Station):
         self.rotary = False  # whether positions are angles
         self.absent: frozenset[int] = frozenset()  # objects of a run that the drive was found not to have
         self._process_data: ProcessData | None = None
+        self.has_reference = False  # whether this run has homed it, or proven that it counts from its reference
         self._origin = 0.0
         self.entered_from: float | None = None  # where homing ended, on the way to where the scenario begins [m]
         self.goal = State.DISABLED

@@ -11,8 +11,9 @@ from hw_bridge.bus import MILLISECOND, Frame
 from hw_bridge.dictionary import Command, NmtState, State, cia301, cia402
 from hw_bridge.master import setup
 from hw_bridge.master.node import AT_REST
-from hw_bridge.master.sdo import ATTEMPTS, TIMEOUT
-from twin.errors import SimulationError
+from hw_bridge.master.reference import Reference
+from hw_bridge.master.sdo import ATTEMPTS, TIMEOUT, SdoError
+from twin.errors import SimulationError, TwinError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,6 +27,7 @@ BOOT = 500 * MILLISECOND  # longest time that a drive takes to answer after a re
 BRAKING = 100 * MILLISECOND  # after its heartbeat time, for a drive that confirms nothing: reaction and ramp of its own
 SDO_TIMEOUT = 30 * MILLISECOND  # of one request to a drive whose process data stays away
 SILENT_CYCLES = 5  # so many cycles without process data are the end of a drive
+SENSOR_ERRORS = range(0x7300, 0x7400)  # EMCY codes of CiA 402: the sensors
 TRIES = 3  # of a frame that the interface does not take: its queue may be full for a moment
 GONE = 5  # so many cycles in a row that could not be sent are the end of the interface
 ALONE = "The drives stop by themselves when this program's heartbeat is missing."
@@ -71,6 +73,8 @@ class Stop:
         for station in master.stations.values():
             self.attempt(partial(master.nmt, cia301.PRE_OPERATIONAL, station.number))
         self.attempt(partial(master.wait, master.cycle))
+        for node in master.nodes.values():
+            self._save_reference(node)
         if master.rival.act:
             master.notes.append(f"{master.rival.text} It can enable the drives again.")
 
@@ -184,6 +188,25 @@ class Stop:
             f"{names}: did not confirm the quick stop: this program sends no heartbeat any more, so that it stops by itself."
         )
 
+    def _tell_limit_switches(self, node: Node) -> None:
+        """A drive that brakes at a limit switch tells no error: what ends the run then is that it does not follow."""
+        if cia402.INPUTS in node.mirror:
+            with suppress(SdoError):
+                if closed := cia402.closed_limit_switches(node.sdo.number(cia402.INPUTS)):
+                    self.master.closed_switches.append(f"{node.name}: its {closed} is closed (60FDh).")
+
+    def _save_reference(self, node: Node) -> None:
+        """Let the next run count from the same reference; not where the count may be lost, or the drive did not confirm."""
+        is_lost = node.boots or any(one.code in SENSOR_ERRORS for one in node.emergencies)
+        if not node.has_reference or is_lost or not self._at_rest(node) or self.master.rival.has_reset(node.number):
+            node.has_reference = False
+            return
+        try:
+            Reference(self.master.keys, node.name, node.rotary).save(node)
+        except (OSError, TwinError) as error:
+            node.has_reference = False
+            self.master.notes.append(f"{node.name}: its reference is not recorded ({error}): it is homed again.")
+
     def _release(self, node: Node) -> None:
         """Disabled, with safe outputs and no heartbeat expected; told where it does not confirm that."""
         state, why = node.state, ""
@@ -197,6 +220,7 @@ class Stop:
             state = setup.release(node)
             if state in (State.FAULT, State.REACTION):
                 self.master.said.append(setup.faults(node))
+            self._tell_limit_switches(node)
         except SimulationError as error:
             why = f" {error}"
         if why or state not in AT_REST:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import cia301
+from hw_bridge.dictionary import State, cia301
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from hw_bridge.master.node import Node
     from hw_bridge.master.station import EmergencyMessage, Station
 
 LAST = 4  # so many EMCY messages are told
@@ -47,3 +48,18 @@ def in_full(text: str, rival: str, said: Sequence[str], stations: Iterable[Stati
     """A failure with what it does not tell yet. `said`: by drives in Fault; EMCY counts where none of them could be asked."""
     told = "" if said or "EMCY" in text else emergencies(stations)
     return " ".join([text, *(one for one in (rival, *said, told) if one and one not in text)])
+
+
+def next_step(nodes: Iterable[Node], is_rivaled: bool) -> str:
+    """What a person does after a stop on a failure. `is_rivaled`: another master sent something."""
+    steps = ["switch the other program off"] if is_rivaled else []
+    steps.append("remove the cause")
+    if any(node.state in (State.FAULT, State.REACTION) for node in nodes):
+        steps.append("reset with `twin hil reset FILE`")
+    homing = [node for node in nodes if node.keys.homing is not None and node.started]
+    again = ", ".join(node.name for node in homing if not node.has_reference)
+    kept = ", ".join(node.name for node in homing if node.has_reference)
+    told = [f"homed again: {again}"] if again else []
+    told += [f"not homed again: {kept}"] if kept else []
+    references = f" ({'; '.join(told)})" if told else ""
+    return f"next: {', '.join(steps)}, run again{references}."

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from hw_bridge.dictionary import TEXT, U8, U16, U32, Code, NodeId, cia301, cia401, record, sub, var
 from hw_bridge.profiles.description import Device, Fault, Reaction, Rules
-from hw_bridge.profiles.rows import joined, pdo
+from hw_bridge.profiles.rows import SDO_SERVER, joined, pdo
 
 WRITTEN = tuple(cia401.OUTPUTS << 16 | block << 8 | 8 for block in cia401.BLOCKS)
 READ = tuple(cia401.INPUTS << 16 | block << 8 | 8 for block in cia401.BLOCKS)
@@ -28,6 +28,7 @@ OBJECTS = joined(
     record(0x1018, "Identity object", sub(1, "Vendor ID", U32, "const", 0), sub(2, "Product code", U32, "const", 401),
            sub(3, "Revision number", U32, "const", 1), sub(4, "Serial number", U32, "const", 1)),
     record(0x1029, "Error behavior", sub(1, "Communication error", U8, "rw", 0, 0, 2)),
+    SDO_SERVER,
     pdo(1, 0x200, WRITTEN, receive=True, objects=8),
     *(pdo(n, 0x100 + 0x100 * n, (), receive=True, objects=8, flags=cia301.INVALID) for n in range(2, 5)),
     pdo(1, 0x180, READ, receive=False, objects=8, inhibit=0, event=0),

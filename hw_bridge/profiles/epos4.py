@@ -31,7 +31,7 @@ from hw_bridge.dictionary import (
 )
 from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motors import PULSES, RPM
-from hw_bridge.profiles.rows import joined, pdo
+from hw_bridge.profiles.rows import SDO_SERVER, TOUCH_PROBES, joined, pdo
 
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Dictionary
@@ -59,6 +59,7 @@ COMMUNICATION = joined(
            sub(2, "Product code", U32, "const", 0x61500000), sub(3, "Revision number", U32, "const", 0x01700000),
            sub(4, "Serial number", U32, "const", 1)),
     record(0x1029, "Error behavior", sub(1, "Communication error", U8, "rw", 0, 0, 2)),
+    SDO_SERVER,
 )  # fmt: skip
 
 NO_RTR, OFF = 0x40000000, 0xC0000000
@@ -202,6 +203,7 @@ APPLICATION = joined(
     var(0x60B0, "Position offset", I32, "rw", pdo=True),
     var(0x60B1, "Velocity offset", I32, "rw", pdo=True),
     var(0x60B2, "Torque offset", I16, "rw", pdo=True),
+    TOUCH_PROBES,
     record(0x60C2, "Interpolation time period", sub(1, "Period value", U8, "rw", 0, 0, 100),
            sub(2, "Time index", I8, "rw", -3, -3, -3)),
     var(0x60C5, "Max acceleration", U32, "rw", 0xFFFFFFFF),  # not used in cyclic modes

@@ -34,7 +34,7 @@ from hw_bridge.dictionary import (
 )
 from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motors import MOTORS, PER_PITCH
-from hw_bridge.profiles.rows import joined, pdo
+from hw_bridge.profiles.rows import SDO_SERVER, TOUCH_PROBES, joined, pdo
 
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Dictionary
@@ -64,6 +64,7 @@ COMMUNICATION = joined(
            sub(2, "Product code", U32, "const", 11601), sub(3, "Revision number", U32, "const", 1),
            sub(4, "Serial number", U32, "const", 1)),
     record(0x1029, "Error behavior", sub(1, "Communication error", U8, "rw", 0, 0, 2)),
+    SDO_SERVER,
 )  # fmt: skip
 
 # RPDO and TPDO as recalled: the controlword in every RPDO
@@ -144,6 +145,7 @@ APPLICATION = joined(
     var(0x60B0, "Position offset", I32, "rw", pdo=True),
     var(0x60B1, "Velocity offset", I32, "rw", pdo=True),
     var(0x60B2, "Torque offset", I16, "rw", pdo=True),
+    TOUCH_PROBES,
     record(0x60C2, "Interpolation time period", sub(1, "Period value", U8, "rw", 0, 0, 255),
            sub(2, "Time index", I8, "rw", -3, -6, 0)),
     var(0x60E0, "Positive torque limit", U16, "rw", 6000, 0, 6000, pdo=True),

@@ -27,7 +27,7 @@ from hw_bridge.dictionary import (
 )
 from hw_bridge.profiles.description import Currents, Fault, Profile, Reaction, Rules, Units
 from hw_bridge.profiles.motors import PER_PITCH
-from hw_bridge.profiles.rows import joined, pdo
+from hw_bridge.profiles.rows import SDO_SERVER, joined, pdo
 
 if TYPE_CHECKING:
     from hw_bridge.dictionary import Dictionary
@@ -53,6 +53,7 @@ COMMUNICATION = joined(
            sub(2, "Product code", U32, "const", 3150), sub(3, "Revision number", U32, "const", 3),
            sub(4, "Serial number", U32, "const", 1)),
     record(0x1029, "Error behavior", sub(1, "Communication error", U8, "rw", 0, 0, 2)),
+    SDO_SERVER,
 )  # fmt: skip
 
 PROCESS_DATA = joined(

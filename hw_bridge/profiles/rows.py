@@ -4,12 +4,24 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import U8, U16, U32, NodeId, record, sub
+from hw_bridge.dictionary import I32, U8, U16, U32, NodeId, record, sub, var
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from hw_bridge.dictionary import Entry
+
+
+SDO_SERVER = record(0x1200, "SDO server parameter", sub(1, "COB-ID client to server", U32, "ro", NodeId(0x600)),
+                    sub(2, "COB-ID server to client", U32, "ro", NodeId(0x580)))  # fmt: skip
+TOUCH_PROBES = (
+    *var(0x60B8, "Touch probe function", U16, "rw", pdo=True),
+    *var(0x60B9, "Touch probe status", U16, "ro", pdo=True),
+    *var(0x60BA, "Touch probe 1 positive edge", I32, "ro", pdo=True),
+    *var(0x60BB, "Touch probe 1 negative edge", I32, "ro", pdo=True),
+    *var(0x60BC, "Touch probe 2 positive edge", I32, "ro", pdo=True),
+    *var(0x60BD, "Touch probe 2 negative edge", I32, "ro", pdo=True),
+)
 
 
 def pdo(

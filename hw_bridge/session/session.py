@@ -109,6 +109,8 @@ class Session:
                     self.account.stopped = round(t * 1e9), str(error)
                 self.close()
                 if self.master is not None and isinstance(error, SimulationError):
+                    if self.wall_clock:
+                        self.account.notes.append(self.master.next_step())
                     raise SimulationError(self.master.in_full(str(error))) from error
                 raise
 

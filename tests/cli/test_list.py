@@ -11,7 +11,7 @@ from tests.fmi.third_party import NATIVE_XML, archive
 from twin.cli import group
 from twin.component import catalog
 from twin.errors import ScenarioError
-from twin.scenario import shipped
+from twin.scenario import scenario_paths
 from twin.study import load_study
 
 
@@ -34,7 +34,7 @@ def test_every_component_says_what_it_is():
 
 
 def test_every_scenario_says_what_it_is():
-    assert [name for name, path in shipped.scenarios().items() if not shipped.title(path)] == []
+    assert [name for name, path in scenario_paths.scenarios().items() if not scenario_paths.title(path)] == []
 
 
 def test_all_that_there_is(run):
@@ -128,7 +128,7 @@ def test_a_scenario_by_its_name_anywhere(run, tmp_path):
     assert run("check", "heart_wall_force")[0] == 0
     assert twin.load("heart_wall_force").title == "Contact force against a beating wall"
     with pytest.raises(ScenarioError, match="There is no scenario 'heart_wal_force', and no file of this name"):
-        shipped.located("heart_wal_force")
+        scenario_paths.located("heart_wal_force")
     assert run("check", "scenarios/racs.yaml")[1][0] == (
         "scenarios/racs.yaml: is not there. There is a scenario of this name elsewhere: give the name alone, racs."
     )
@@ -158,13 +158,13 @@ def test_own_files_count_first(run, tmp_path):
     (tmp_path / "scenarios").mkdir()
     own = tmp_path / "scenarios" / "racs.yaml"
     own.write_text("title: mine\nmembers: {}\n")
-    assert shipped.located("racs").resolve() == own
+    assert scenario_paths.located("racs").resolve() == own
     (tmp_path / "racs").write_text("")
-    assert str(shipped.located("racs")) == "racs"
-    assert str(shipped.located("scenarios/racs.yaml")) == "scenarios/racs.yaml"
-    assert str(shipped.located("mine.yaml")) == "mine.yaml"
+    assert str(scenario_paths.located("racs")) == "racs"
+    assert str(scenario_paths.located("scenarios/racs.yaml")) == "scenarios/racs.yaml"
+    assert str(scenario_paths.located("mine.yaml")) == "mine.yaml"
     with pytest.raises(ScenarioError, match=r"racs\.yaml: is not there\. There is a scenario of this name elsewhere"):
-        shipped.located("racs.yaml")
+        scenario_paths.located("racs.yaml")
 
 
 @pytest.mark.parametrize(

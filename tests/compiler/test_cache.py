@@ -10,7 +10,7 @@ import pytest
 from twin import compiler
 from twin.component import Component, output
 from twin.coupling import RecordMember
-from twin.fmi import built
+from twin.fmi.exporting import fmu_cache
 
 FILES = ("c/*/*.c", "c/*/*.h", "c/*/hash", "objects/*.o", "libraries/*", "loaded/*", "3.0/*.fmu", "3.0/*.hash")
 
@@ -41,7 +41,7 @@ def use(build: Path) -> bytes:
     member.exit_initialization()
     assert member.try_step(0.0, 1e-3, np.zeros(4, np.int64)) == 0
     assert np.float64(member.get("y")) == 7.0
-    return built.build(Seven, "3.0", build).read_bytes()
+    return fmu_cache.build(Seven, "3.0", build).read_bytes()
 
 
 @pytest.fixture(scope="module")

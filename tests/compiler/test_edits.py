@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from pyarrow import parquet
 
 from twin import compiler
-from twin.results.recording import read_signals
+from twin.results.run_folder import read_signals
 
 COMPONENT = """
 {imports}

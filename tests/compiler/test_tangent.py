@@ -35,8 +35,8 @@ import numpy as np
 import pytest
 
 from twin import compiler
-from twin.compiler import tangent
-from twin.compiler.tangent import slopes
+from twin.compiler import autodiff
+from twin.compiler.autodiff import derivative_rules
 from twin.component import Component, Int64, Role, catalog, input, local, output, parameter, state
 
 TABLE = (0.3, -0.7, 1.1)
@@ -247,7 +247,7 @@ def compiled_tangent(cls, build):
     def native(part, dot, dot_t, t):
         plain, along = cls(), cls()
         plain.record[...], along.record[...] = part.record, dot.record
-        tangent.tangents(cls).at(plain, along, t, dot_t)
+        autodiff.tangents(cls).at(plain, along, t, dot_t)
         assert call(part.record.ctypes.data, dot.record.ctypes.data, t, dot_t) == 0
         np.testing.assert_allclose(unknowns(along), unknowns(dot), rtol=1e-14, atol=0)
         return unknowns(dot)
@@ -257,7 +257,7 @@ def compiled_tangent(cls, build):
 
 def test_initialization_has_tangents_too():
     part, (dot, _) = Flow(u=0.6), direction(Flow, "u", ())
-    tangent.tangents(Flow).first(part, dot, 0.0, 0.0)
+    autodiff.tangents(Flow).first(part, dot, 0.0, 0.0)
     assert dot.x.tolist() == [0.0, 1.2, 2.4]
 
 
@@ -265,7 +265,7 @@ def test_every_rule_is_tried():
     import inspect
 
     source = inspect.getsource(Unary) + inspect.getsource(Binary)
-    names = {name for name in {*slopes.UNARY, *slopes.BINARY} if name.isidentifier()}
+    names = {name for name in {*derivative_rules.UNARY, *derivative_rules.BINARY} if name.isidentifier()}
     assert {name for name in names if f"{name}(" not in source} == {"log2"}
 
 
@@ -282,7 +282,7 @@ def test_kinks_and_starts_of_roots_have_the_slope_of_a_branch():
             self.y[2] = max(self.u, 0.0)
 
     part, (dot, _) = Kinks(), direction(Kinks, "u", ())
-    tangent.tangents(Kinks).at(part, dot, 0.0, 0.0)
+    autodiff.tangents(Kinks).at(part, dot, 0.0, 0.0)
     assert dot.y.tolist() == [0.0, 0.0, 1.0]
 
 
@@ -319,7 +319,7 @@ def test_helpers_may_be_decorated_or_stand_in_a_class():
             self.y[1] = Shape.cubed(self.u)
 
     part, (dot, _) = Helped(), direction(Helped, "u", ())
-    tangent.tangents(Helped).at(part, dot, 0.0, 0.0)
+    autodiff.tangents(Helped).at(part, dot, 0.0, 0.0)
     assert part.y.tolist() == [18.0, 27.0]
     assert dot.y.tolist() == [12.0, 27.0]
 
@@ -333,7 +333,7 @@ def refused(function):
         whole = output("", "whole number", start=0, type=Int64)
         derivatives = function
 
-    reason = tangent.tangents(Refused)
+    reason = autodiff.tangents(Refused)
     assert isinstance(reason, str)
     return reason
 

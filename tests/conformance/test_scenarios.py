@@ -25,29 +25,13 @@ LONG = {
     "coordinate_feedforward", "coordinate_friction", "dynamic_regripping", "dynamic_regripping_sensitivity",
     "heart_motion", "hysteresis_models", "injection_sequence", "needle", "omnidirectional", "rig_on_wall",
     "rotation", "rotation_compensated", "stepper_calibration", "travel_distance", "heart_wall_ahead", "heart_wall_ten_minutes",
+    "in_vivo_navigation", "best_gains", "contact_force", "fiber_shape", "heart_wall_replay", "failures", "tip_tracking",
+    "linear_grip_diameter", "linear_grip_pressure", "smooth_regripping", "two_instruments",
 }  # fmt: skip
 FAST = {  # seeds and variants that run at once, all of them as a slow test; each verdict on what ran counts
     "heart_wall_force": (("seeds=[1]",), ()),  # all of them in the README's command
-    "heart_wall_replay": (("seeds=[1]",), ()),
     "hysteresis_identification": (("seeds=[1]",), ("uncompensated", "compensated")),  # fits for seconds: see below
-    "best_gains": (("seeds=[1]",), ("PI", "PI+FF+BW", "worst corner")),
-    "in_vivo_navigation": ((), ("live",)),  # both rigs for 30 s; the others take 72 s
-    "contact_force": ((), ("PI", "PI+FF+BW", "no friction", "BW, no friction")),
-    "failures": (
-        (),
-        (
-            *("nothing fails", "compressor lost", "air lost, smooth seals, 10 N pull", "straight, worn, 10 N pull"),
-            *("straight, 10 N push", "10 N pull", "drive 1 lost"),
-        ),
-    ),
-    "fiber_shape": (("seeds=[1, 2]",), ()),
-    "tip_tracking": (
-        ("seeds=[1]",),
-        ("heart", "2.5 mm", "5 mm", "7.5 mm", "not learned", "two cores break", "interrogator stops", "straight"),
-    ),
     "linear_grip": (("seeds=[1]",), ()),
-    "linear_grip_diameter": ((), ("catheter, gripper 1",)),
-    "linear_grip_pressure": ((), ("catheter, gripper 1",)),
     "rotational_grip": (("seeds=[1]",), ()),
 }
 WHOLE: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
@@ -152,7 +136,7 @@ def assert_constants_fit(outcome):
 @pytest.mark.parametrize(
     "overrides",
     [
-        ["heart.rate=1.6 Hz"],
+        pytest.param(["heart.rate=1.6 Hz"], marks=pytest.mark.slow),
         pytest.param(["heart.rate=0.8 Hz"], marks=pytest.mark.slow),
         pytest.param(["heart.scale=0.7"], marks=pytest.mark.slow),
         pytest.param(["heart.scale=1.2"], marks=pytest.mark.slow),

@@ -9,7 +9,7 @@ from twin import compiler
 from twin.component import Component, PythonComponent, catalog, input, local, output
 from twin.conformance import agreement as conformance
 from twin.conformance import reference
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
 
 LINUX = pytest.mark.skipif(compiler.host() != "x86_64-linux", reason="reads the symbols of a Linux library")
 LONG, SHORT = 300, 40

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from twin.component import catalog
-from twin.console.drawing import BENCH, DRAWN, RIG, bound
-from twin.console.operate import condensed, read, slid
+from twin.console.animation import BENCH, DRAWN, RIG, bound
+from twin.console.operator_panel import condensed, read, slid
 from twin.live import Catalog, Control, Done, Signal
 
 

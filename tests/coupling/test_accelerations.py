@@ -8,8 +8,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from twin.coupling.walk import solve
-from twin.coupling.walk.fields import AITKEN, ANDERSON, ASKING, DEPTH, END, FIXED, NEWTON, PREDICTED, RELAXED, UNSOLVED
+from twin.coupling.variable_step import implicit_step
+from twin.coupling.variable_step.record_layout import (
+    AITKEN,
+    ANDERSON,
+    ASKING,
+    DEPTH,
+    END,
+    FIXED,
+    NEWTON,
+    PREDICTED,
+    RELAXED,
+    UNSOLVED,
+)
 
 ELEMENTS = 7
 TORN = {1: [4], 2: [5, 1], 3: [6, 0, 3], 4: [2, 6, 1, 4]}
@@ -39,9 +50,9 @@ class Linear:
             linear_at=0.0, status=0, leading_back=0, **changes,
         )  # fmt: skip
         for name in ("predict", "move"):
-            monkeypatch.setattr(solve, name, lambda *_: None)
-        monkeypatch.setattr(solve, "sweep", self.sweep)
-        monkeypatch.setattr(solve, "bring_back", self.bring_back)
+            monkeypatch.setattr(implicit_step, name, lambda *_: None)
+        monkeypatch.setattr(implicit_step, "sweep", self.sweep)
+        monkeypatch.setattr(implicit_step, "bring_back", self.bring_back)
 
     def sweep(self, _record, _t, h):
         assert h == H
@@ -56,7 +67,7 @@ class Linear:
         return 0
 
     def run(self):
-        status = solve.solve(self.record, 0.5, H, 1)
+        status = implicit_step.solve(self.record, 0.5, H, 1)
         assert self.vectors[:, self.others].tobytes() == self.untouched.tobytes()
         return status
 
@@ -85,25 +96,25 @@ def test_newton_needs_one_linearization(m, seed, monkeypatch):
 def test_differences_are_the_jacobian(m, monkeypatch):
     system = Linear(monkeypatch, m, NEWTON, reach=3.0)
     system.vectors[END, system.torn] = np.arange(1.0, m + 1.0)
-    solve.sweep(system.record, 0.5, H)
+    implicit_step.sweep(system.record, 0.5, H)
     guesses = system.vectors[END].copy()
-    assert solve.linearize(system.record, 0.5, H, 1) == 0
+    assert implicit_step.linearize(system.record, 0.5, H, 1) == 0
     assert (system.record.jacobian, system.record.linear_at) == (1, H)
     assert system.vectors[END].tobytes() == guesses.tobytes()
     right = system.constant - system.vectors[END, system.torn] + system.gain @ system.vectors[END, system.torn]
     system.memory[:m] = right
-    solve.newton(system.record)
+    implicit_step.newton(system.record)
     np.testing.assert_allclose(system.vectors[END, system.torn], system.exact, rtol=1e-6)
 
 
 def test_a_singular_jacobian_becomes_a_plain_iteration(monkeypatch):
     system = Linear(monkeypatch, 2, NEWTON)
     system.gain, system.constant = np.eye(2), np.zeros(2)  # every guess is right: differences are exactly 1
-    solve.sweep(system.record, 0.5, H)
-    assert solve.linearize(system.record, 0.5, H, 1) == 0
+    implicit_step.sweep(system.record, 0.5, H)
+    assert implicit_step.linearize(system.record, 0.5, H, 1) == 0
     system.memory[:2] = 0.25, -0.5
     before = system.vectors[END, system.torn].copy()
-    solve.newton(system.record)
+    implicit_step.newton(system.record)
     assert (system.vectors[END, system.torn] - before).tolist() == [0.25, -0.5]
 
 

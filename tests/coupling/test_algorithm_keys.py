@@ -8,7 +8,7 @@ from tests.coupling.test_algorithms import MS
 from twin.cli.check import examine
 from twin.coupling import Algorithm
 from twin.errors import CouplingError, ScenarioError
-from twin.fmi import exporter, pythonic
+from twin.fmi.exporting import exporter, pythonfmu_export
 from twin.run import prepare, simulation
 from twin.scenario import Form, parse_scenario
 
@@ -139,7 +139,7 @@ def test_from_python():
 
 
 def test_check_names_members_that_cannot_go_back(tmp_path, build):
-    outside = pythonic.export(Bomb, "2.0", tmp_path / "bomb.fmu")
+    outside = pythonfmu_export.export(Bomb, "2.0", tmp_path / "bomb.fmu")
     own = exporter.build(Lag, "3.0", build)
     (tmp_path / "s.yaml").write_text(
         f"stop_time: 20 ms\nalgorithm: iterative\nmembers:\n  lag: {{component: {own.resolve()}}}\n"

@@ -9,7 +9,8 @@ from tests.coupling.mock import Taker
 from tests.coupling.parts import Clock, Gain, Hold, Lag, SlowClock, SlowHold, couple
 from twin.coupling import Algorithm, Connection, CoSimulation, System
 from twin.errors import CouplingError, SimulationError
-from twin.fmi import FMUMember, exporter
+from twin.fmi import FMUMember
+from twin.fmi.exporting import exporter
 
 MS = 1_000_000
 STOP = 256 * MS

@@ -132,7 +132,7 @@ def test_override_and_release(build):
 
 
 def test_recording_at_its_own_rate_and_across_full_buffers(build, monkeypatch):
-    monkeypatch.setattr("twin.coupling.recorder.BUFFER_BYTES", 64)
+    monkeypatch.setattr("twin.coupling.execution.recorder.BUFFER_BYTES", 64)
     chain = couple(build, {"clock": Clock()}, [], every=5 * MS)
     chain.initialize(0)
     chain.advance(1000 * MS)

@@ -10,7 +10,8 @@ from twin import compiler
 from twin.component import Component, Int32, input, output
 from twin.coupling import Connection, CoSimulation, RecordMember, System
 from twin.errors import SimulationError
-from twin.fmi import FMUMember, exporter
+from twin.fmi import FMUMember
+from twin.fmi.exporting import exporter
 
 MS = 1_000_000
 

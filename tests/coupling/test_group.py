@@ -10,7 +10,7 @@ from fmpy.validation import validate_fmu
 
 from twin.compiler import dependencies
 from twin.errors import CouplingError, ScenarioError
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
 from twin.run import prepare, run_scenario
 from twin.scenario import Form, group, load_scenario, parse_scenario
 

@@ -6,7 +6,8 @@ import time
 import pytest
 
 from twin.component import PythonComponent, output
-from twin.coupling import CoSimulation, IsolatedMember, RecordMember, isolated
+from twin.coupling import CoSimulation, IsolatedMember, RecordMember
+from twin.coupling.isolation import isolated_member
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="a member is isolated by POSIX")
 
@@ -24,7 +25,7 @@ class Endless(PythonComponent):
 
 
 def test_what_it_computed_counts_though_it_never_ends(build, monkeypatch):
-    monkeypatch.setattr(isolated, "CLOSING", 0.2)
+    monkeypatch.setattr(isolated_member, "CLOSING", 0.2)
     member = IsolatedMember(RecordMember("a", Endless()), build)
     run = CoSimulation({"a": member}, [], 1_000_000, build=build)
     run.initialize(0, 10_000_000)

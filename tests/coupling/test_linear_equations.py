@@ -7,9 +7,9 @@ from scipy.linalg import expm
 from tests.coupling.parts import couple
 from twin.component import Component, input, output, parameter
 from twin.coupling import Algorithm
-from twin.coupling.linear_member import LinearMember
-from twin.coupling.walk.derive import Coupling
-from twin.coupling.walk.linear import factorize, substitute
+from twin.coupling.stability.linear_member import LinearMember
+from twin.coupling.variable_step.coupling_jacobian import Coupling
+from twin.coupling.variable_step.linear_equations import factorize, substitute
 
 MS = 1_000_000
 GAIN_A = np.array([[0.1, -0.2, 0.3], [0.05, 0.4, -0.1]])

@@ -7,7 +7,8 @@ from tests.coupling.parts import Diverging, couple
 from tests.coupling.watch_parts import Aside, Blink, Ramp, Spoiled, Sum
 from twin.coupling import Algorithm, Connection, CoSimulation, System
 from twin.errors import SimulationError
-from twin.fmi import FMUMember, exporter
+from twin.fmi import FMUMember
+from twin.fmi.exporting import exporter
 
 MS = 1_000_000
 MODES = ["compiled", "interpreted", "fmu"]

@@ -6,7 +6,7 @@ import pytest
 from fmpy import extract
 from fmpy.fmi1 import _FMU
 
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
 
 
 class Built(dict):

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from tests.fmi.third_party import NATIVE_XML, archive
 from twin.coupling import MemberVariable
 from twin.errors import FMUError
-from twin.fmi import FMUMember, markup, unpack, values
+from twin.fmi import FMUMember, unpack, values, xml_checks
 from twin.fmi import archive as archives
-from twin.fmi.elf import problem
+from twin.fmi.importing.elf import problem
 
 BINARY = "binaries/x86_64-linux/Native.so"
 GOOD = {"modelDescription.xml": NATIVE_XML.encode(), BINARY: b"\x7fELF" + bytes(100), "resources/a.txt": b"a" * 5000}
@@ -127,7 +127,7 @@ def test_only_what_a_run_needs_is_unpacked(tmp_path: Path) -> None:
 
 
 def test_many_variables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(markup, "VARIABLES", 2)
+    monkeypatch.setattr(xml_checks, "VARIABLES", 2)
     refused(archive(tmp_path / "fmu.fmu", GOOD), "variables, more than 2")
 
 

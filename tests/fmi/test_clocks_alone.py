@@ -7,7 +7,7 @@ from fmpy.fmi3 import FMU3ScheduledExecution
 
 from tests.fmi.clock_parts import KINDS, TICKS, VARIABLES, clocks_fmu, described
 from tests.fmi.third_party import archive
-from twin.fmi import member, plan, simulate, tables, unpack
+from twin.fmi import csv_tables, member, plan, simulate, unpack
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +21,7 @@ def alone(folder, model, stop, step, starts=None, rows=None, record=(), **option
     table = None
     if rows:
         (folder / "rows.csv").write_text("\n".join(rows))
-        table = tables.read_inputs(folder / "rows.csv", one)
+        table = csv_tables.read_inputs(folder / "rows.csv", one)
     outcome = simulate(one, plan(one, stop=stop, step=step, record=record), table)
     assert not outcome.failure, outcome.failure
     return {name: column.tolist() for name, _, column in outcome.results.columns()}

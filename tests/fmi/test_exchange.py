@@ -15,7 +15,7 @@ from tests.fmi.parts import Failing, Masses, Sampler, Stiff
 from twin import compiler
 from twin.component import Component, PythonComponent, catalog, input, local, output, state
 from twin.errors import DeclarationError
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
 
 CONTINUOUS = [
     name

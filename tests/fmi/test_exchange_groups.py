@@ -10,7 +10,8 @@ from tests.fmi.parts import Sampler
 from tests.fmi.test_exchange import Turning
 from tests.fmi.test_exchange_members import alone, distances
 from twin.coupling import Connection, Part, System, compose, declared_variables
-from twin.fmi import exporter, member
+from twin.fmi import member
+from twin.fmi.exporting import exporter
 
 MS = 1_000_000
 VERSIONS = ("2.0", "3.0")

@@ -12,7 +12,9 @@ from tests.fmi.exchange_parts import Body, Gain, Spring, VanDerPol, exchange_fmu
 from tests.fmi.parts import Masses, Sampler
 from twin.coupling import Connection, CoSimulation, System
 from twin.errors import CouplingError, FMUError, SimulationError
-from twin.fmi import exchange_solvers, exporter, member, plan, simulate, tables
+from twin.fmi import csv_tables, member, plan, simulate
+from twin.fmi.exporting import exporter
+from twin.fmi.model_exchange import solvers
 
 VERSIONS = ("2.0", "3.0")
 MS = 1_000_000
@@ -25,7 +27,7 @@ SOLVERS = [
 
 def needs(solver):
     """Skip a test where the wheel of a solver is not installed."""
-    for package, names in {"sksundae": exchange_solvers.CVODE, "SundialsPy": exchange_solvers.ARKODE}.items():
+    for package, names in {"sksundae": solvers.CVODE, "SundialsPy": solvers.ARKODE}.items():
         if solver in names:
             pytest.importorskip(package)
 
@@ -43,7 +45,7 @@ def built(build):
 def alone(path, stop, step=0.01, inputs=None, record=(), starts=None, **options):
     """Times, results by name, and the outcome of an FMU alone."""
     one = member("one", path, starts or {}, **options)
-    table = tables.read_inputs(inputs, one) if inputs else None
+    table = csv_tables.read_inputs(inputs, one) if inputs else None
     outcome = simulate(one, plan(one, stop=stop, step=step, record=record), table)
     assert not outcome.failure
     times = np.array([float(time) for time in outcome.results.times]) / 1e9

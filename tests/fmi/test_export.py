@@ -19,7 +19,7 @@ from tests.fmi.parts import PARTS, Failing, Masses, Sampler, Stiff
 from twin.compiler import dependencies
 from twin.component import PythonComponent
 from twin.errors import BuildError
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
 from twin.revision import UNKNOWN, revision
 
 # ------------------------------------------------------------------------------------------------------------ archive

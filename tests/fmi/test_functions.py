@@ -11,10 +11,10 @@ from fmpy import fmi2, fmi3, read_model_description
 
 from tests.fmi.third_party import FMI2, native_fmu, python_fmu
 from twin.component import catalog
-from twin.fmi import built
 from twin.fmi.archive import unpack
-from twin.fmi.functions import FUNCTIONS, MAKERS
-from twin.fmi.model import FMI2_NAMES
+from twin.fmi.exporting import fmu_cache
+from twin.fmi.importing.c_functions import FUNCTIONS, MAKERS
+from twin.fmi.model_description import FMI2_NAMES
 
 SLAVES = {"fmi2": (fmi2.FMU2Slave, fmi2.FMU2Model), "fmi3": (fmi3.FMU3Slave,)}
 INSTANCE = 1
@@ -83,7 +83,7 @@ def same(path: Path) -> None:
 @pytest.mark.parametrize("name", ["servomotor", "instrument", "pi_control", "injection_sequence"])
 @pytest.mark.parametrize("version", ["2.0", "3.0"])
 def test_description_of_components(name, version, build):
-    same(built.build(catalog.component(name), version, build))
+    same(fmu_cache.build(catalog.component(name), version, build))
 
 
 def test_description_of_others(tmp_path):

@@ -22,7 +22,7 @@ import pytest
 from tests.fmi.loaded import VERSIONS, symbols
 from twin import compiler
 from twin.component import Float64, catalog
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
 from twin.run import prepare
 from twin.scenario import group, load_scenario
 

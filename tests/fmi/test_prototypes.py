@@ -12,9 +12,9 @@ import fmpy
 import numpy as np
 import pytest
 
-from twin.compiler import machine, words
+from twin.compiler import builtins, machine
 from twin.coupling import Access
-from twin.fmi.functions import FUNCTIONS, MAKERS, Callbacks, EventInfo, Intermediate, Logger2, Logger3
+from twin.fmi.importing.c_functions import FUNCTIONS, MAKERS, Callbacks, EventInfo, Intermediate, Logger2, Logger3
 
 HEADERS = Path(fmpy.__file__).parent / "c-code"
 BASIC = {
@@ -110,7 +110,7 @@ def test_arguments_of_what_the_loop_calls(prototype, name):
     ],
 )
 def test_arguments_in_compiled_loops(word, types):
-    text = words.MACHINE[getattr(machine, word)].text
+    text = builtins.MACHINE[getattr(machine, word)].text
     C = {"double": "double", "bool": "bool", "size_t": "size_t", "int32_t": "int"}
     for name, function in types.items():
         (arguments,) = re.findall(rf"\(\*{name}\)\(([^)]*)\);", text)

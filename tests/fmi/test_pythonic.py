@@ -7,7 +7,8 @@ from fmpy.validation import validate_fmu
 
 from twin.component import Component, catalog, output
 from twin.errors import BuildError
-from twin.fmi import FMUMember, exporter, pythonic
+from twin.fmi import FMUMember
+from twin.fmi.exporting import exporter, pythonfmu_export
 from twin.run import run_scenario
 from twin.scenario import Form, parse_scenario
 
@@ -18,7 +19,7 @@ VERSIONS = ["2.0", "3.0"]
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("name", ["chain", PUCK])
 def test_valid_and_honest(name, version, tmp_path):
-    path = pythonic.export(catalog.component(name), version, tmp_path / "a.fmu")
+    path = pythonfmu_export.export(catalog.component(name), version, tmp_path / "a.fmu")
     assert validate_fmu(str(path)) == []
     description = read_model_description(str(path))
     assert description.coSimulation.needsExecutionTool
@@ -42,7 +43,7 @@ def test_valid_and_honest(name, version, tmp_path):
     ],
 )
 def test_the_same_bits(name, quiet, command, version, tmp_path, build):
-    path = pythonic.export(catalog.component(name), version, tmp_path / "a.fmu")
+    path = pythonfmu_export.export(catalog.component(name), version, tmp_path / "a.fmu")
     tables = []
     for what in (name, path):
         text = f"stop_time: 40 ms\nstep: 1 ms\n{command.replace('WHAT', repr(str(what)))}\nconnections: [{quiet}]\nrecord: {{variables: ['a.*']}}\n"
@@ -62,7 +63,7 @@ def test_the_same_bits(name, quiet, command, version, tmp_path, build):
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_fmpy_runs_it(version, tmp_path):
-    path = pythonic.export(catalog.component("chain"), version, tmp_path / "a.fmu")
+    path = pythonfmu_export.export(catalog.component("chain"), version, tmp_path / "a.fmu")
     found = simulate_fmu(
         str(path), stop_time=0.02, step_size=1e-3, start_values={"gripper_position": 1e-3}, output=["tip_position"]
     )
@@ -72,7 +73,7 @@ def test_fmpy_runs_it(version, tmp_path):
 
 def test_what_needs_no_python_is_refused():
     with pytest.raises(BuildError, match="needs no Python in its FMU"):
-        pythonic.export(catalog.component("wall"), "3.0", None)
+        pythonfmu_export.export(catalog.component("wall"), "3.0", None)
     with pytest.raises(BuildError, match="--needs-python"):
         exporter.plan(catalog.component("chain"), "3.0")
 
@@ -90,4 +91,4 @@ def test_a_component_that_nobody_finds(tmp_path):
 
     assert issubclass(Here, Component)
     with pytest.raises(BuildError, match="module of its own"):
-        pythonic.export(Here, "3.0", tmp_path / "a.fmu")
+        pythonfmu_export.export(Here, "3.0", tmp_path / "a.fmu")

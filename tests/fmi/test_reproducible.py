@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests.fmi.loaded import VERSIONS
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
 
 pytestmark = pytest.mark.slow
 

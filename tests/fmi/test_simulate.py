@@ -16,8 +16,8 @@ from twin.cli.simulate import Bar, command, summarize
 from twin.coupling import MemberVariable
 from twin.errors import FMUError, SimulationError, TwinError
 from twin.fmi import FMUMember, plan, simulate
+from twin.fmi.csv_tables import Column, Inputs, read_inputs
 from twin.fmi.simulate import decimal_step
-from twin.fmi.tables import Column, Inputs, read_inputs
 
 
 @pytest.fixture(scope="session")

@@ -17,8 +17,8 @@ from tests.fmi.parts import PARTS
 from twin import compiler
 from twin.component import Component, Int32, input, output, parameter
 from twin.errors import BuildError
-from twin.fmi import exporter, table
-from twin.fmi.sources import FOLDER
+from twin.fmi.exporting import exporter, model_c_writer
+from twin.fmi.exporting.sources import FOLDER
 
 CLEAN = ("-Wall", "-Wextra", "-Wconversion", "-pedantic", "-std=c11", "-Werror", "-O2")
 COMPILERS = {"gcc": ["gcc"], "clang": CLANG}
@@ -91,10 +91,10 @@ def test_no_compiler_complains(version, tool, build, tmp_path):
 
 
 def test_texts_stay_in_their_strings_and_comments():
-    assert table.string('a"b\\??/\n') == r'"a\"b\\\?\?/\012"'
-    assert table.string("\u00b5") == r'"\302\265"'
-    assert table.comment("a */ b /* c\n  d") == "/* a * / b / * c d */"
-    assert table.comment("*/*") == "/* * / * */"
+    assert model_c_writer.string('a"b\\??/\n') == r'"a\"b\\\?\?/\012"'
+    assert model_c_writer.string("\u00b5") == r'"\302\265"'
+    assert model_c_writer.comment("a */ b /* c\n  d") == "/* a * / b / * c d */"
+    assert model_c_writer.comment("*/*") == "/* * / * */"
 
 
 def test_the_state_machine_is_compiled_once_for_all_components(build, tmp_path):

@@ -11,7 +11,7 @@ from tests.fmi.loaded import Fmu, reference_outputs
 from tests.fmi.parts import Failing, Masses, Sampler, Stiff
 from twin.component import OK, Component, Int32, catalog, input, output
 from twin.component.solver import DISCARD
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
 
 PERIOD = Sampler.period
 

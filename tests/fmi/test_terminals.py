@@ -14,7 +14,8 @@ from lxml import etree
 from twin.component import Component, PythonComponent, catalog, input, local, output, terminal
 from twin.coupling import TerminalMember, declared_variables
 from twin.errors import DeclarationError, FMUError
-from twin.fmi import FMUMember, exporter
+from twin.fmi import FMUMember
+from twin.fmi.exporting import exporter
 from twin.fmi.terminals import PLACE
 from twin.scenario import load_scenario, look_up, parse_scenario
 

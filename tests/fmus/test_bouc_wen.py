@@ -120,7 +120,8 @@ def test_the_slope_of_the_shape_is_that_of_differences():
         np.testing.assert_allclose((named[0] - named[1]) / 2e-6, shape_slope(ROUND)[:, i], rtol=1e-6, atol=1e-8)
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [1, 2])
 def test_noise_hides_beta_and_gamma_but_not_amplitude_and_share(seed):
     """The shipped constants and the tracker's noise: beta and gamma are said to be inseparable; the shape is found."""
     truth = Constants(1.076, 1.087, 0.0368, 0.0261, 3.6)

@@ -346,6 +346,7 @@ def test_grips_that_hold_leave_nothing_to_sweep(kind, motion, depth, monkeypatch
     forth_and_back(Instrument(**{**HELD, **kind, "initial_insertion": depth}), 160, motion)
 
 
+@pytest.mark.slow
 @KINDS
 def test_nodes_that_slide_both_ways_are_balanced_by_few_sweeps(kind, monkeypatch):
     values = {**HELD, **kind, "tip_force": 0.2}

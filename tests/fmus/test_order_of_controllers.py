@@ -14,7 +14,9 @@ SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NAMES = ["PI", "PI+FF", "PI+FF+BW"]
 
 
-@pytest.mark.parametrize(("factor", "holds"), [(0.5, True), (1.5, True), (3.0, False)])
+@pytest.mark.parametrize(
+    ("factor", "holds"), [(0.5, True), pytest.param(1.5, True, marks=pytest.mark.slow), (3.0, False)]
+)
 def test_the_order_depends_on_friction(factor, holds, tmp_path, build):
     friction = ", ".join(f"{factor * one} N" for one in Sheath.friction.start)
     text = f"extends: heart_wall_replay.yaml\nmembers: {{sheath: {{parameters: {{friction: [{friction}]}}}}}}\nexpect: null\n"

@@ -433,6 +433,7 @@ def test_expectations_fail_without_slip_and_without_fiber(tmp_path, build, inste
     assert found["slip is told"] == told
 
 
+@pytest.mark.slow
 def test_expectations_fail_if_the_fusion_has_no_fiber(tmp_path, build):
     whole = verdicts("abdomen", tmp_path, build)
     assert whole["better than both at all times"] == whole["both there is told"] == "pass"

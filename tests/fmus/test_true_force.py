@@ -45,6 +45,7 @@ def test_clinical_range_fails_if_the_zero_is_off(zero, holds, build, tmp_path):
     assert (verdict.verdict == "pass") == holds, verdict
 
 
+@pytest.mark.slow
 def test_what_comes_later_is_as_good_as_ten_seconds(build, tmp_path):
     """The paper's replay is lost at 40 s and is judged in its ten seconds alone; what measures the wall all the time is not."""
     scenario = load_scenario(SCENARIOS / "heart_wall_force.yaml", ("stop_time=45 s", "seeds=[1]"))
@@ -57,6 +58,7 @@ def test_what_comes_later_is_as_good_as_ten_seconds(build, tmp_path):
     assert metrics["worst_window_std"]["variants"][variants[0]]["mean"] < 0.006
 
 
+@pytest.mark.slow
 def test_a_heart_that_is_alive_is_followed(build, tmp_path):
     """5 % wander, respiration and early beats: one in ten here."""
     alive = ("heart.wander=5 %", "heart.sinus_arrhythmia=5 %", "heart.respiration=3 mm", "heart.ectopic_share=10 %")

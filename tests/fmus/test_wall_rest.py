@@ -215,7 +215,7 @@ def test_the_wall_of_the_heart_rests_where_its_speed_says(native):
         assert max(speeds) <= 0.3 * np.abs(velocity).max()
 
 
-@pytest.mark.parametrize("rate", [48, 110])
+@pytest.mark.parametrize("rate", [48, pytest.param(110, marks=pytest.mark.slow)])
 def test_each_needle_enters_while_the_wall_rests_at_other_rates(rate, tmp_path, build):
     # the window of phases that was there before: 0 of 3 at 110 /min, at 0.5 to 0.9 of the wall's largest speed
     options = [f"heart.rate={rate} /min", "heart.systole_by_rate=true", "sequence.target_count=3", "stop_time=80 s"]

@@ -80,7 +80,7 @@ def test_simulated_drives_are_operated_like_any_member(build, tmp_path):
 
 
 def same_bits_on(bench, folder, build, root):
-    from twin.live.process import load_drives
+    from twin.live.worker import load_drives
 
     same_bits(folder, build, root / "again", load_drives(bench, False, build))
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from twin.live.hold import HOLD, DeadMan
+from twin.live.dead_man_switch import HOLD, DeadMan
 
 AXIS = "command.speed"
 

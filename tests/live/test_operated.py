@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from twin.live import operated
-from twin.live.operated import Operated, moment
+from twin.live import operation_log
+from twin.live.operation_log import Operated, moment
 from twin.scenario import EventSpec, duration, parse_scenario
 
 HEAD = "members:\n  wall: {component: wall}\n"
@@ -42,7 +42,7 @@ def test_at_any_length(tmp_path):
 
 
 def test_is_full_before_a_scenario_is_too_large(tmp_path, monkeypatch):
-    monkeypatch.setattr(operated, "MOST", 20)
+    monkeypatch.setattr(operation_log, "MOST", 20)
     file = Operated(tmp_path / "operated.yaml", HEAD, 10**6)
     assert not file.is_full
     for count in range(1, 6):

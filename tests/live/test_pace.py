@@ -4,7 +4,7 @@ from math import inf
 
 import pytest
 
-from twin.live.pace import BLOCK, PATIENCE, Pace
+from twin.live.pacing import BLOCK, PATIENCE, Pace
 
 
 def driven(pace, cost, seconds):

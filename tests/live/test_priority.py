@@ -4,8 +4,8 @@ import os
 
 import pytest
 
-from twin.live import priority
-from twin.live.priority import MOST, Priority
+from twin.live import scheduling_priority
+from twin.live.scheduling_priority import MOST, Priority
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def test_a_loop_that_waits_goes_first_until_it_only_works(given):
     assert given == []  # not before it is known for some blocks
     for _ in range(30):
         one.judge(0.01, 1 / 30)
-    assert given == [(os.SCHED_FIFO, priority.PRIORITY)]
+    assert given == [(os.SCHED_FIFO, scheduling_priority.PRIORITY)]
     assert one.first
     blocks = 0
     while one.first:
@@ -48,7 +48,7 @@ def test_what_comes_after_does_not_inherit_it(given):
     for _ in range(30):
         one.judge(0.0, 1.0)
     one.end()
-    assert given == [(os.SCHED_FIFO, priority.PRIORITY), (os.SCHED_OTHER, 0)]
+    assert given == [(os.SCHED_FIFO, scheduling_priority.PRIORITY), (os.SCHED_OTHER, 0)]
     one.judge(0.0, 1.0)
     assert not one.first
 

@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from twin.results.arrow import column, word
+from twin.results.arrow_arrays import column, word
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int32, np.int64, np.bool_])
@@ -35,10 +35,10 @@ def test_pandas_is_not_imported_where_it_is_installed(tmp_path):
     code = """
 import numpy as np
 from pathlib import Path
-from twin.results import Signals, arrow, recording
+from twin.results import Signals, run_folder
 table = Signals(np.arange(3.0), {"a.x": np.arange(3.0), "a.on": np.array([True, False, True])}, {})
-columns = [recording.Column("a.x"), recording.Column("a.on", np.dtype(bool)), recording.Column("a.missing")]
-with recording.SignalFile(Path("signals.parquet"), columns, {"scenario": "x"}) as file:
+columns = [run_folder.Column("a.x"), run_folder.Column("a.on", np.dtype(bool)), run_folder.Column("a.missing")]
+with run_folder.SignalFile(Path("signals.parquet"), columns, {"scenario": "x"}) as file:
     file.write("PI", 1, table)
 """
     subprocess.run(

@@ -12,9 +12,9 @@ from scipy.io import loadmat
 
 from twin.cli.compare import command as compare
 from twin.cli.view import command as view
-from twin.results import Evaluation, Signals, recording
-from twin.results.exported import identifiers
-from twin.results.recording import Column
+from twin.results import Evaluation, Signals, run_folder
+from twin.results.exporters import identifiers
+from twin.results.run_folder import Column
 
 TIME = np.arange(101) * 0.01
 COLUMNS = [
@@ -36,11 +36,11 @@ def written(folder: Path, *, force: float = 0.0, every: int = 1, stop: int = 101
         cases[variant, 7] = Signals(
             TIME[part], {name: one[part] for name, one in values.items()}, {"a.force": "mN", "a.x": "m"}
         )
-    with recording.SignalFile(folder / "signals.parquet", COLUMNS, {}) as file:
+    with run_folder.SignalFile(folder / "signals.parquet", COLUMNS, {}) as file:
         for (variant, seed), signals in cases.items():
             file.write(variant, seed, signals)
-    summary = recording.summary(recording.Run("x"), Evaluation(), cases)
-    (folder / "summary.json").write_text(json.dumps(recording.plain(summary)))
+    summary = run_folder.summary(run_folder.Run("x"), Evaluation(), cases)
+    (folder / "summary.json").write_text(json.dumps(run_folder.plain(summary)))
     return folder
 
 

@@ -336,3 +336,10 @@ def test_a_unit_that_nobody_knows_stays_as_it_is() -> None:
     found = odd.evaluate(expression.parse("a.force"))
     assert found is not None
     assert found[1].tolist() == FORCE.tolist()
+
+
+def test_what_holds_for_the_file_s_own_parameters_is_skipped_with_others() -> None:
+    expectation = Expectation("", signal=expression.parse("a.x"), at_most=-1.0, nominal=True)
+    tables = {("A", 0): Signals(np.arange(3.0), {"a.x": np.ones(3)})}
+    verdicts = [evaluate({}, [expectation], tables, applies).outcomes[0].verdict for applies in (True, False)]
+    assert verdicts == ["fail", "skipped"]

@@ -13,8 +13,8 @@ from pyarrow import parquet
 
 from twin.errors import CouplingError, TwinError
 from twin.results import Expectation, Metric, Signals, evaluate, expression
-from twin.results import recording as results
-from twin.results.recording import Column, Run, SignalFile
+from twin.results import run_folder as results
+from twin.results.run_folder import Column, Run, SignalFile
 
 if TYPE_CHECKING:
     from pathlib import Path

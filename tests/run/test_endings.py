@@ -17,9 +17,9 @@ import pytest
 from tests.run.endings import MODES, ending_fmu
 from twin.errors import TwinError
 from twin.results import Signals, stream
-from twin.results.recording import read_signals
 from twin.results.reduction import REDUCE
 from twin.results.rows import Column, Rows
+from twin.results.run_folder import read_signals
 from twin.run import recover, run_scenario
 from twin.scenario import Form, parse_scenario
 

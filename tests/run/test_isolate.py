@@ -22,7 +22,8 @@ from twin import compiler
 from twin.component import PythonComponent, output, resampled
 from twin.coupling import Connection, CoSimulation, IsolatedMember, RecordMember, System
 from twin.errors import CouplingError
-from twin.fmi import FMUMember, exporter
+from twin.fmi import FMUMember
+from twin.fmi.exporting import exporter
 from twin.run import run_scenario
 from twin.scenario import Form, parse_scenario, part
 

@@ -23,11 +23,11 @@ from twin.results import (
     evaluate,
     expression,
     failures,
-    figures,
-    marks,
+    figure_files,
+    plot_annotations,
     plotting,
 )
-from twin.run.drawn import drawn
+from twin.run.report_plots import drawn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -94,8 +94,8 @@ def test_where_an_expectation_failed_is_marked() -> None:
     shown = drawn(PLOTS[:1], cases, [], list(found.values()))
     assert [one["title"] for one in shown] == ["Force <per> controller", "Failed: far", "Failed: end"]
     assert "red: not a.force from 0.1 N to 0.22 N" in shown[0]["note"]
-    assert all(marks.BAD in one["svg"] for one in shown)
-    assert marks.BAD not in plotting.draw(PLOTS[0], cases)
+    assert all(plot_annotations.BAD in one["svg"] for one in shown)
+    assert plot_annotations.BAD not in plotting.draw(PLOTS[0], cases)
 
 
 def test_events_have_their_names_where_they_happen() -> None:
@@ -109,7 +109,7 @@ def test_events_have_their_names_where_they_happen() -> None:
     ("unit", "name"), [("mN", "force"), ("mm/s", "velocity"), ("", "value"), ("%", "part"), ("qq", "")]
 )
 def test_several_signals_have_their_quantity_at_the_axis(unit: str, name: str) -> None:
-    assert marks.quantity(unit) == name
+    assert plot_annotations.quantity(unit) == name
     svg = plotting.draw(Plot("P", (Curve(FORCE, "a"), Curve(FORCE, "b")), unit="mN"), tables())
     assert "force [mN]" in labels(svg)
 
@@ -158,7 +158,7 @@ def test_places_in_plots_are_short_and_rounded() -> None:
     """The path of a drawn line is at most half a hundredth of a point off."""
     exact = '<path d="M 1.23456 -7.996 L 0.004 12 C 1.5e-05 2"/><text x="3.14159">3.14159 &lt;</text>'
     short = '<path d="M 1.23 -8 L 0 12 C 1.5e-05 2"/><text x="3.14">3.14159 &lt;</text>'
-    assert figures.shortened(exact) == short
+    assert figure_files.shortened(exact) == short
     svg = plotting.draw(PLOTS[1], tables())
     paths = [element.get("d", "") for element in ET.fromstring(svg).iter(f"{SVG}path")]
     assert not re.search(r"\.\d{3}", " ".join(paths))

@@ -25,9 +25,9 @@ from twin.results import (
     expression,
     failures,
 )
-from twin.results import recording as results
+from twin.results import run_folder as results
 from twin.run import report
-from twin.run.matrix import matrix
+from twin.run.variant_matrix import matrix
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

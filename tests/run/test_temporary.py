@@ -12,7 +12,7 @@ import pytest
 
 from twin.process import place_for
 
-owners = importlib.import_module("twin.process.owner")  # the package has a function of that name
+owners = importlib.import_module("twin.process.process_identity")  # the package has a function of that name
 ROOT = Path(__file__).parents[2]
 FREE = {"f_flag": 0, "f_bavail": 1 << 20, "f_frsize": 4096}
 
@@ -76,8 +76,8 @@ def test_what_killed_processes_left_is_swept(tmp_path):
     named = [
         f"{dead.pid}-1",
         f"{dead.pid}-1-fmu-abc",
-        owners.owner(),
-        f"{owners.owner()}-fmu-abc",
+        owners.process_identity(),
+        f"{owners.process_identity()}-fmu-abc",
         "else",
         f"{dead.pid}",
     ]

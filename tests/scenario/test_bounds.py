@@ -6,7 +6,8 @@ import pytest
 from tests.coupling.watch_parts import Sum
 from twin.coupling import MemberVariable
 from twin.errors import FMUError, ScenarioError
-from twin.fmi import FMUMember, exporter
+from twin.fmi import FMUMember
+from twin.fmi.exporting import exporter
 from twin.run import prepare, run_scenario
 from twin.scenario import Form, load_scenario, parse_scenario
 

@@ -3,9 +3,9 @@
 import pytest
 
 from twin.errors import ScenarioError
-from twin.live.process import endless
+from twin.live.worker import endless
 from twin.run import prepare
-from twin.scenario import alone, controls_of, parse_scenario
+from twin.scenario import controls_of, parse_scenario, single_case_yaml
 
 HEAD = """
 stop_time: 1 s
@@ -93,7 +93,7 @@ def test_one_variant_alone_is_a_scenario_without_what_judges_it():
         "plots: [{title: A, signals: [servomotor.position], from: 0.5 s, variants: [one]}]\n"
         "events: [{at: 0.1 s, set: {command.pressed: true}}]\n"
     )
-    texts = {case.variant: alone(scenario, case, ["command.held"]) for case in scenario.variants}
+    texts = {case.variant: single_case_yaml(scenario, case, ["command.held"]) for case in scenario.variants}
     one = endless(texts["one"], scenario.variants[0], scenario.path)
     assert (one.metrics, one.expectations, one.seeds, len(one.plots)) == ({}, (), (0,), 1)
     assert one.plots[0].window.start_ns is None

@@ -8,7 +8,7 @@ from tests.fmi.parts import Sampler
 from twin.component import resampled
 from twin.coupling import CoSimulation
 from twin.errors import ScenarioError
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
 from twin.run import prepare
 from twin.run.cases import run_case, simulation
 from twin.scenario import Form, group, parse_scenario

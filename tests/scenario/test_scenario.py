@@ -8,7 +8,7 @@ import pytest
 
 from tests.scenario.texts import BASE, catalog, changed, problems
 from twin.errors import ScenarioError
-from twin.scenario import load_scenario, parse_scenario, tree, value
+from twin.scenario import load_scenario, parse_scenario, quantities, yaml_reader
 from twin.scenario.spec import EventSpec, member_seed
 
 if TYPE_CHECKING:
@@ -125,8 +125,8 @@ def test_values_in_the_variables_units() -> None:
 
 def test_lists_of_quantities() -> None:
     r = catalog()["servo"]["r"]
-    assert value.resolve(["1 mm", 2, "3e-1 cm"], r, "r").tolist() == [0.001, 2.0, 0.003]
-    assert value.resolve("1 mm", r, "r").tolist() == [0.001] * 3
+    assert quantities.resolve(["1 mm", 2, "3e-1 cm"], r, "r").tolist() == [0.001, 2.0, 0.003]
+    assert quantities.resolve("1 mm", r, "r").tolist() == [0.001] * 3
 
 
 def test_seed_of_members() -> None:
@@ -153,13 +153,14 @@ def test_record_selection() -> None:
 @pytest.mark.parametrize(("text", "expected"), [("1 ms", 10**6), ("0.1", 10**8), ("1e-3 s", 10**6), ("2 min", 120 * 10**9),
                                                 (0.1, 10**8), (14, 14 * 10**9), ("5us", 5000), ("1 ns", 1)])  # fmt: skip
 def test_durations_are_exact(text: Any, expected: int) -> None:
-    assert value.duration(text) == expected
+    assert quantities.duration(text) == expected
 
 
 @pytest.mark.parametrize(("text", "expected"), [("1e-3", 1e-3), ("on", "on"), ("12:30", "12:30"), ("010", 10), ("true", True),
-                                                ("~", None), (".inf", float("inf")), ("1_000", "1_000")])  # fmt: skip
+                                                ("~", None), (".inf", float("inf")), ("1_000", "1_000"),
+                                                ("18446744073709551615", 2**64 - 1), ("-9223372036854775808", -(2**63))])  # fmt: skip
 def test_scalars_of_yaml_1_2(text: str, expected: Any) -> None:
-    assert tree.scalar(text) == expected
+    assert yaml_reader.scalar(text) == expected
 
 
 @pytest.mark.parametrize(("text", "size", "part"), [("2 mN", 2e-3, 0.0), ("0.002", 2e-3, 0.0), ("10 %", 0.0, 0.1)])

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.scenario.texts import BASE, catalog
 from twin.errors import ScenarioError, TwinError
-from twin.scenario import examine, parse_scenario, value
+from twin.scenario import examine, parse_scenario, quantities
 from twin.scenario.check import check_against
 
 
@@ -106,4 +106,4 @@ def test_every_problem_is_found_whatever_else_is_wrong(start: int, length: int, 
 @given(st.text(max_size=30))
 def test_any_value_resolves_or_says_why(text: str) -> None:
     with contextlib.suppress(TwinError):
-        value.number(text, "N", "x")
+        quantities.number(text, "N", "x")

@@ -5,7 +5,7 @@ import pytest
 
 from twin.component import catalog
 from twin.errors import ScenarioError
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
 from twin.run.cases import run_case, silent, simulation
 from twin.scenario import Form, group, look_up, parse_scenario
 

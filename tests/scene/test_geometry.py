@@ -145,7 +145,7 @@ def test_any_collection_is_read_or_refused(tmp_path_factory, properties, shape, 
 
 @pytest.mark.parametrize("text", ["1e3 mm", "-.5 deg", "0.2", "3 N/mm"])
 def test_quantities(text):
-    from twin.scene.drawn import quantity
+    from twin.scene.environment_builder import quantity
 
     number, _, unit = text.partition(" ")
     units = {"mm": ("m", Fraction(1, 1000)), "deg": ("rad", math.pi / 180), "": ("", 1), "N/mm": ("N/m", 1000)}

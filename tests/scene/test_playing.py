@@ -19,7 +19,7 @@ from tests.scene.drawings import svg
 from twin.errors import SceneError
 from twin.run import run_scenario, scenes
 from twin.scenario import Form, examine, load_scenario
-from twin.scene import along, film, page, picture, read, still
+from twin.scene import along, animation, page, picture, read, still
 
 SCENARIO = """
 title: Swing
@@ -158,7 +158,7 @@ def test_titles_are_no_formulas(shown):
 
 def test_a_gif_shows_what_moves(tmp_path, shown):
     told = []
-    film.movie(shown, tmp_path / "swing.gif", 10.0, 1.0, told.append)
+    animation.movie(shown, tmp_path / "swing.gif", 10.0, 1.0, told.append)
     assert told == pytest.approx(np.arange(1, 11) / 10)
     with Image.open(tmp_path / "swing.gif") as gif:
         assert gif.n_frames == 10
@@ -173,7 +173,7 @@ def test_a_gif_shows_what_moves(tmp_path, shown):
 
 def test_an_mp4_is_one(tmp_path, shown):
     imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
-    film.movie(shown, tmp_path / "swing.mp4", 10.0, 1.0, lambda _: None)
+    animation.movie(shown, tmp_path / "swing.mp4", 10.0, 1.0, lambda _: None)
     frames = imageio_ffmpeg.read_frames(str(tmp_path / "swing.mp4"))
     about = next(frames)
     assert (about["fps"], len(list(frames))) == (10.0, 10)
@@ -181,7 +181,7 @@ def test_an_mp4_is_one(tmp_path, shown):
 
 
 def test_a_moving_svg_follows_the_signals(shown):
-    root = etree.fromstring(film.moving_svg(shown, 10.0, 1.0).encode())
+    root = etree.fromstring(animation.moving_svg(shown, 10.0, 1.0).encode())
     space = "{http://www.w3.org/2000/svg}"
     (line,) = [one for one in root.iter(f"{space}polyline") if one.get("stroke-width") == "2.00"]
     values = line.find(f"{space}animate").get("values").split(";")
@@ -194,12 +194,12 @@ def test_a_moving_svg_follows_the_signals(shown):
 
 def test_what_cannot_be_filmed(tmp_path, shown, monkeypatch):
     with pytest.raises(SceneError, match=r"5400 frames are more than the 750 of a \.gif. Use --speed 0.07 or"):
-        film.movie(shown, tmp_path / "a.gif", 60.0, 0.01, print)
+        animation.movie(shown, tmp_path / "a.gif", 60.0, 0.01, print)
     with pytest.raises(SceneError, match="is a still picture"):
-        film.moving_svg(still(read("two_bends")), 25.0, 1.0)
+        animation.moving_svg(still(read("two_bends")), 25.0, 1.0)
     monkeypatch.setitem(__import__("sys").modules, "imageio_ffmpeg", None)
     with pytest.raises(SceneError, match="pip install imageio-ffmpeg"):
-        film.movie(shown, tmp_path / "a.mp4", 10.0, 1.0, lambda _: None)
+        animation.movie(shown, tmp_path / "a.mp4", 10.0, 1.0, lambda _: None)
     assert not (tmp_path / "a.mp4").exists()
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from tests.ssp import parts
 from twin.run import prepare, run_case, silent, simulation
-from twin.scenario import Form, load_scenario, package
+from twin.scenario import Form, load_scenario, ssp_reader
 
 
 class Bench:
@@ -42,6 +42,6 @@ def part_fmus(build):
 @pytest.fixture
 def bench(tmp_path, build, part_fmus):
     """A bench in a folder that only this test has; FMUs are unpacked there, too."""
-    token = package.BUILD.set(tmp_path / "build")
+    token = ssp_reader.BUILD.set(tmp_path / "build")
     yield Bench(tmp_path, build, part_fmus)
-    package.BUILD.reset(token)
+    ssp_reader.BUILD.reset(token)

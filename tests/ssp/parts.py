@@ -4,7 +4,7 @@ import zipfile
 from pathlib import Path
 
 from twin.component import Component, input, local, output, parameter
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
 
 HEAD = (
     'xmlns:ssd="http://ssp-standard.org/SSP1/SystemStructureDescription" '

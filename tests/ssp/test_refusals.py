@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from tests.ssp.parts import bindings, component, connection, connector, description, packed, system
 from twin.errors import ScenarioError
-from twin.scenario import examine, load_scenario, package
+from twin.scenario import examine, load_scenario, ssp_reader
 
 RAMP, SPRING, BARE = (f"resources/{name}.fmu" for name in ("ramp", "spring", "bare"))
 DRIVE = component("drive", RAMP, connector("y", "output"))
@@ -99,7 +99,7 @@ def test_all_mistakes_at_once(bench):
 def test_values_for_nobody_are_left_out_with_a_note(bench):
     path = bench.ssp(description(system(DRIVE, before=bindings("drive.sped=1", *(f"n.k{i}=2" for i in range(9))))))
     assert examine(path)[1] == []
-    first, *_, more, step = package.notes(path, "s.ssp")
+    first, *_, more, step = ssp_reader.notes(path, "s.ssp")
     assert first == (
         "s.ssp/SystemStructure.ssd:3: nothing is called `drive.sped` in the system: its value is left out. "
         "Did you mean `drive.speed`?"

@@ -14,8 +14,8 @@ from twin.cli import group
 from twin.study import Answers, load_study, percent
 from twin.study.answers import plots, sensitivity, tables
 from twin.study.answers.statistics import quantile, wilson
-from twin.study.many.engine import Row
-from twin.study.many.table import Cases
+from twin.study.execution.case_engine import Row
+from twin.study.execution.case_table import Cases
 
 
 @pytest.mark.parametrize(
@@ -124,6 +124,7 @@ def test_a_large_study_lists_the_cases_it_names_and_some_that_fail(tmp_path):
     assert [row["run"] for row in told["rows"] if row["run"]] == ["cases/x"]
 
 
+@pytest.mark.slow
 def test_the_command_runs_a_study_and_one_of_its_cases_again(tmp_path, build):
     path = study_file(tmp_path, STUDY.replace("keep: {", "keep: {failed: 1, "))
     runner, folders = CliRunner(), ["--runs", str(tmp_path / "runs"), "--build", str(build)]

@@ -9,10 +9,10 @@ from pyarrow import parquet
 
 from tests.study.recordings import MODEL
 from twin.errors import TwinError
+from twin.identify.recorded_files import File
+from twin.identify.schema import FileKeys
 from twin.run import run_scenario
 from twin.scenario import Form, parse_scenario
-from twin.study.data import File
-from twin.study.keys import FileKeys
 
 TRACE = """time [s],id,data,node,service,text,values
 0.100000,701,00,1,HEARTBEAT,servomotor: boot-up,state=0

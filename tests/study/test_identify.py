@@ -10,11 +10,11 @@ from benchmarks import identify as benchmark
 from tests.study.recordings import FILE, MODEL, identify_file, recorded, simulated, write
 from twin.cli.identify import command
 from twin.component import catalog
-from twin.fmi import exporter
+from twin.fmi.exporting import exporter
+from twin.identify import identify, load, read_estimate
+from twin.identify.model import Model
+from twin.identify.verdict import pairs
 from twin.scenario import parse_scenario
-from twin.study import identify, load, read_estimate
-from twin.study.engine import Model
-from twin.study.verdict import pairs
 
 TRUTH = {"sheath.play[2]": 0.7e-3}
 
@@ -55,13 +55,13 @@ def test_a_value_is_found_in_its_interval(folder, build):
 
 @pytest.mark.parametrize("method", ["profile", pytest.param("bootstrap", marks=pytest.mark.slow)])
 def test_the_ways_to_an_interval_agree(folder, build, method, monkeypatch):
-    monkeypatch.setattr("twin.study.intervals.RESAMPLED", 40)
+    monkeypatch.setattr("twin.identify.intervals.RESAMPLED", 40)
     plain, other = found(folder, build), found(folder, build, intervals=method)
     assert other.knowledge.method == method
     width = plain.intervals[0][1] - plain.intervals[0][0]
     assert np.abs(np.subtract(other.intervals, plain.intervals)).max() < 0.3 * width
     if method == "bootstrap":
-        monkeypatch.setattr("twin.study.intervals.RESAMPLED", 5)
+        monkeypatch.setattr("twin.identify.intervals.RESAMPLED", 5)
         few, again = (found(folder, build, intervals=method) for _ in range(2))
         assert again.knowledge.samples.tobytes() == few.knowledge.samples.tobytes()
 

@@ -7,7 +7,7 @@ import pytest
 
 from tests.study.recordings import FILE, MODEL, identify_file, recorded
 from twin.errors import ScenarioError
-from twin.study import identify, load, read_estimate
+from twin.identify import identify, load, read_estimate
 
 
 @pytest.fixture(scope="module")

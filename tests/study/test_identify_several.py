@@ -7,8 +7,8 @@ import pytest
 
 from tests.study.recordings import identify_file, recorded
 from twin.errors import ScenarioError
-from twin.study import html, identify, load
-from twin.study.engine import Model
+from twin.identify import html, identify, load
+from twin.identify.model import Model
 
 SHARED = """
 component: sheath

@@ -12,8 +12,9 @@ from pyarrow import parquet
 from tests.study.patients import SCENARIO, STUDY, study_file
 from tests.study.recordings import FILE, identify_file, recorded
 from twin.errors import SimulationError
-from twin.study import identify, load, load_study, run_study
-from twin.study.many import work
+from twin.identify import identify, load
+from twin.study import load_study, run_study
+from twin.study.execution import study_runner
 
 
 @pytest.fixture(scope="module")
@@ -35,9 +36,9 @@ def impatient():
 
 
 def test_before_the_first_case(study, build, tmp_path, monkeypatch):
-    prepared = work.prepared
+    prepared = study_runner.prepared
     with monkeypatch.context() as patch:
-        patch.setattr(work, "prepared", lambda *given: (impatient(), prepared(*given)))
+        patch.setattr(study_runner, "prepared", lambda *given: (impatient(), prepared(*given)))
         outcome = run_study(study, root=tmp_path, build=build, workers=1)
     assert (outcome.status, outcome.cases.rows) == ("interrupted", [])
     assert outcome.cases.values.shape == (0, 3)
@@ -66,7 +67,7 @@ def test_while_runs_are_kept(build, tmp_path, monkeypatch):
     """All cases are done: the study goes on with the runs that it has not kept yet."""
     text = STUDY.replace("keep: {", "keep: {failed: 2, ")
     study = load_study(study_file(tmp_path, text, SCENARIO.replace("at_most: 90 mN", "at_most: 1 mN")))
-    module = importlib.import_module("twin.study.many.repeat")  # the package has a function of that name
+    module = importlib.import_module("twin.study.execution.repeat")  # the package has a function of that name
     repeat, numbers = module.repeat, []
 
     def interrupted(folder, number, **more):

@@ -13,8 +13,8 @@ from twin.run import run_scenario
 from twin.scenario import Form, load_scenario
 from twin.study import load_study, place_of, run_study, single
 from twin.study.design import Request
-from twin.study.many import Engine, Job
-from twin.study.many.pool import Process
+from twin.study.execution import Engine, Job
+from twin.study.execution.process_pool import Process
 
 CHANGING = ("seconds", "tries")
 

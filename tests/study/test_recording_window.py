@@ -5,7 +5,7 @@ import pytest
 
 from tests.study.recordings import FILE, identify_file, recorded
 from twin import clock
-from twin.study import load
+from twin.identify import load
 
 
 @pytest.fixture(scope="module")

@@ -5,11 +5,11 @@ import pytest
 
 from tests.study.recordings import write
 from twin.component import Component, input, output, parameter, rk4, state
+from twin.identify import identify, load
+from twin.identify.model import Model
+from twin.identify.search import Residuals
 from twin.run import prepare, signals, simulation
 from twin.scenario import Form, parse_scenario
-from twin.study import identify, load
-from twin.study.engine import Model
-from twin.study.search import Residuals
 
 
 class Oscillator(Component):
@@ -141,7 +141,7 @@ def test_they_are_what_fine_differences_say(tmp_path, build):
 def test_a_fit_needs_fewer_simulations(tmp_path, build, monkeypatch):
     path = recorded(tmp_path, build)
     by_derivatives = identify(load(path), build=build, starts=1, seed=1)
-    monkeypatch.setattr("twin.study.engine.watched", lambda *_: None)
+    monkeypatch.setattr("twin.identify.model.watched", lambda *_: None)
     by_differences = identify(load(path), build=build, starts=1, seed=1)
     assert by_derivatives.found.derivatives == "directional derivatives"
     assert by_differences.found.derivatives == "differences"

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from twin.face import open_run
-from twin.results.recording import Column, SignalFile
+from twin.results.run_folder import Column, SignalFile
 from twin.results.signals import Signals
 from twin.run import run_scenario
 from twin.scenario import Form, load_scenario

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.viewer.recorded import FORCE, folder_of, runs, wave
-from twin.viewer.asked import AskedError, content, lines, values
+from twin.viewer.requests import AskedError, content, lines, values
 
 CURVE = {"signal": "sensor.force", "case": 0, "window": [0, 1]}
 

@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 
 from tests.viewer.recorded import BEATS, FORCE, beats, folder_of, runs, wave
-from twin.process import owner
+from twin.process import process_identity
 from twin.results import Journal, plain_column
 from twin.viewer import of_samples
-from twin.viewer.drawn import KINDS
+from twin.viewer.curve_data import KINDS
 from twin.viewer.runs import Curve, at
 
 pytest.importorskip("nicegui")
@@ -328,7 +328,7 @@ def test_a_run_that_goes_on_is_followed_to_its_end(browser, tmp_path):
     journal = Journal(folder)
     about = {"name": "run", "title": "It goes on", "description": "", "source": "", "path": "", "overrides": []}
     about |= {"started": "2026-11-22T21:00:00+00:00", "cases": [["PI", 1]], "columns": [plain_column(FORCE)]}
-    journal.begin(about, owner())
+    journal.begin(about, process_identity())
     journal.start(0)
     journal.add(rows=0, begin=0, step=1, per_second=1000, words=2, columns=[["sensor.force", 1, [], "f", "N", ""]])
     words = np.stack([np.arange(3000), force.view(np.int64)], 1)

@@ -13,8 +13,8 @@ from twin.results import stream
 from twin.run import run_scenario
 from twin.scenario import Form, load_scenario
 from twin.viewer import Curve, Runs, chosen_cases, of_samples, opened
-from twin.viewer.about import about
 from twin.viewer.page import described
+from twin.viewer.page_data import about
 
 ORDER = [("slow", 1), ("slow", 2), ("fast", 1), ("fast", 2)]
 SIGNALS = ("heart.position", "abs(heart.velocity)", "heart.beats")

@@ -9,8 +9,8 @@ from tests.viewer.recorded import beats, runs
 from twin.errors import TwinError
 from twin.results import Event
 from twin.viewer import chosen_cases, chosen_signals
-from twin.viewer.about import about
-from twin.viewer.judged import Verdicts, spans, together
+from twin.viewer.page_data import about
+from twin.viewer.verdicts import Verdicts, spans, together
 
 
 @pytest.fixture(scope="module")

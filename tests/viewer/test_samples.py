@@ -6,8 +6,8 @@ from pyarrow import parquet
 
 from tests.viewer.recorded import COUNT, FORCE, PLACE, SHAPE, TOUCH, folder_of, runs, wave
 from twin.errors import TwinError
-from twin.viewer.asked import lines
-from twin.viewer.drawn import KINDS, valued
+from twin.viewer.curve_data import KINDS, valued
+from twin.viewer.requests import lines
 from twin.viewer.runs import Curve
 
 ALL = (-np.inf, np.inf)

@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from twin.web.gate import Gate
+from twin.web.token_auth import Gate
 
 TOKEN, PORT = "abcDEF123", 8300
 HOST = (b"host", b"127.0.0.1:8300")

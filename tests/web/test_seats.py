@@ -1,6 +1,6 @@
 """One operates, the others watch."""
 
-from twin.web.seats import Seats
+from twin.web.operator_lock import Seats
 
 
 def test_the_first_operates_until_it_hands_over_or_leaves():

@@ -15,7 +15,7 @@ from contextlib import suppress
 
 import click
 
-from twin import __version__, installed
+from twin import __version__
 from twin.cli.added import added, summary
 from twin.cli.terminal import nobody_reads, open_streams, say
 from twin.errors import TwinError, nearest, printable
@@ -62,7 +62,7 @@ class Commands(click.Group):
             return command
         if cmd_name not in added():
             return None
-        other: click.Command = installed.load(added()[cmd_name])
+        other: click.Command = added()[cmd_name].load()
         return other
 
     def resolve_command(

@@ -6,17 +6,21 @@ import ast
 import importlib.util
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from twin import installed
 
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
+
 WIDTH = 90  # of a command's line in `twin --help`
 
 
 @cache
-def added() -> dict[str, str]:
-    """Where the commands are, by name; asked only where ours are not enough."""
+def added() -> dict[str, EntryPoint]:
+    """Commands of other packages, by name."""
     return installed.entry_points("twin.commands")
 
 
@@ -26,13 +30,13 @@ def summary(name: str) -> str:
         said = _said(name)
     except (OSError, SyntaxError, ValueError, ImportError):
         said = None
-    command: click.Command = said or installed.load(added()[name])
+    command: click.Command = said or added()[name].load()
     return command.get_short_help_str(limit=WIDTH)
 
 
 def _said(name: str) -> click.Command | None:
     """A command that has only its help, as its decorator and its docstring give it; None if they do not show."""
-    module, _, function = added()[name].partition(":")
+    module, _, function = added()[name].value.partition(":")
     top, *rest = module.split(".")
     spec = importlib.util.find_spec(top)
     for folder in (spec.submodule_search_locations or ()) if spec else ():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -11,7 +12,6 @@ import click
 
 from twin.cli.terminal import say
 from twin.component import catalog
-from twin.dataclass import dataclass
 from twin.errors import TwinError
 
 VERSIONS = {"2.0": ("2.0",), "3.0": ("3.0",), "all": ("2.0", "3.0")}

@@ -91,10 +91,12 @@ def examine(
 
 def unable(scenario: Scenario) -> list[str]:
     """Members that cannot go back to the begin of a step where the algorithm needs that."""
-    from twin.run import prepare, way_back
+    from twin.run import prepare, rollback_check
 
     catalogs = prepare(scenario)
-    return list(dict.fromkeys(one for case in scenario.variants for one in way_back(case, catalogs[case.variant])))
+    return list(
+        dict.fromkeys(one for case in scenario.variants for one in rollback_check(case, catalogs[case.variant]))
+    )
 
 
 def unstable(file: str, overrides: tuple[str, ...]) -> list[str]:
@@ -133,10 +135,10 @@ def notes(file: str) -> list[str]:
     """What an SSP leaves open, and what is left out of it; nothing of other files, or where it cannot be read."""
     if not file.endswith(".ssp"):
         return []
-    from twin.scenario import package
+    from twin.scenario import ssp_reader
 
     with suppress(ScenarioError):
-        return package.notes(Path(file), file)
+        return ssp_reader.notes(Path(file), file)
     return []
 
 

@@ -13,24 +13,24 @@ if TYPE_CHECKING:
 
 def scenarios(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
     """Scenarios by name, and files."""
-    from twin.scenario import shipped
+    from twin.scenario import scenario_paths
 
-    return beginning(shipped.scenarios(), begun)
+    return beginning(scenario_paths.scenarios(), begun)
 
 
 def studies(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
     """Studies by name, and files."""
-    from twin.scenario import shipped
+    from twin.scenario import scenario_paths
 
-    return beginning(shipped.scenarios("study"), begun)
+    return beginning(scenario_paths.scenarios("study"), begun)
 
 
 def anything(_: click.Context, __: click.Parameter, begun: str) -> list[CompletionItem]:
     """Components and scenarios by name, and files."""
     from twin.component import catalog
-    from twin.scenario import shipped
+    from twin.scenario import scenario_paths
 
-    return beginning([*catalog.names(), *shipped.scenarios()], begun)
+    return beginning([*catalog.names(), *scenario_paths.scenarios()], begun)
 
 
 def beginning(names: Iterable[str], begun: str) -> list[CompletionItem]:

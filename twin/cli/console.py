@@ -63,12 +63,12 @@ def command(
     twin console racs --hardware can0.yaml --arm    real ones may move
     """
     from twin import web
-    from twin.scenario import shipped
+    from twin.scenario import scenario_paths
 
     web.needed("twin console")
     if arm and hardware_file is None:
         raise click.UsageError("--arm: there is no hardware to arm. Add --hardware FILE.")
-    path = shipped.located(file) if file is not None else None
+    path = scenario_paths.located(file) if file is not None else None
     if path is not None and not path.is_file():
         raise TwinError(f"{path}: is not there. Check the path, or see `twin list scenarios`.")
     if path is None and (variant or seed is not None or overrides):

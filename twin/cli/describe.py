@@ -40,7 +40,7 @@ def command(what: str, everything: bool, matching: str) -> None:
     twin describe any.fmu --all
     """
     from twin.component import catalog
-    from twin.scenario import shipped
+    from twin.scenario import scenario_paths
 
     path = Path(what)
     if path.suffix == ".fmu":
@@ -49,7 +49,7 @@ def command(what: str, everything: bool, matching: str) -> None:
         cls = catalog.component(what)
         say(f"{what}: {kind(cls)}")
         show_component(cls, everything, matching)
-    elif path.suffix or what in (known := shipped.scenarios()):
+    elif path.suffix or what in (known := scenario_paths.scenarios()):
         show_scenario(path)
     else:
         raise TwinError(
@@ -86,9 +86,9 @@ def show_component(cls: type[Component], everything: bool, matching: str) -> Non
 
 def show_fmu(path: Path, everything: bool, matching: str) -> None:
     """What an FMU says of itself, of any platform; its variables."""
-    from twin.fmi import outline
+    from twin.fmi import fmu_info
 
-    found = outline.outline(path)
+    found = fmu_info.outline(path)
     say(f"{path.name}: FMU, FMI {found.fmi}, {' and '.join(found.interfaces)}")
     say_lines(found.about)
     say(f"made by {found.generator or 'a tool it does not name'}, for {', '.join(found.platforms) or 'no platform'}")

@@ -97,10 +97,10 @@ def command(
     if path.exists() and not force:
         raise TwinError(f"{path} is there already. Give --force to replace it, or another name with -o.")
     begin = time.perf_counter()
-    from twin.fmi import exporter, pythonic
+    from twin.fmi import exporter, pythonfmu_export
 
     if needs_python:
-        pythonic.export(cls, fmi, path)
+        pythonfmu_export.export(cls, fmi, path)
         say(f"{path}: FMI {fmi}, {path.stat().st_size / 1000:.0f} kB. It needs Python with twin wherever it runs.")
         return
     exporter.export(cls, fmi, path, build, tuple(PLATFORMS) if "all" in platforms else platforms, sources=sources)
@@ -145,15 +145,15 @@ def write_ssp(
     build: Path,
 ) -> None:
     """Write a scenario as an SSP, and say what others will not do with it."""
-    from twin.scenario import load_scenario, pack, package, shipped
+    from twin.scenario import load_scenario, pack, scenario_paths, ssp_reader
 
-    if not what.endswith((".yaml", ".yml", ".ssp")) and what not in shipped.scenarios():
+    if not what.endswith((".yaml", ".yml", ".ssp")) and what not in scenario_paths.scenarios():
         raise TwinError(f"{what}: --ssp writes a scenario. Give SCENARIO.yaml.")
     path = output or Path(Path(what).with_suffix(".ssp").name)
     if path.exists() and not force:
         raise TwinError(f"{path} is there already. Give --force to replace it, or another name with -o.")
     begin = time.perf_counter()
-    package.BUILD.set(build)
+    ssp_reader.BUILD.set(build)
     notes = pack(
         load_scenario(what), path, build, variant=variant, version=fmi, platforms=platforms, needs_python=needs_python
     )
@@ -165,10 +165,10 @@ def write_ssp(
 def component(what: str, members: str | None, named: str | None, variant: str | None) -> type[Component]:
     """The component to export."""
     from twin.component import catalog
-    from twin.scenario import load_scenario, part, shipped
+    from twin.scenario import load_scenario, part, scenario_paths
 
     of_scenario = bool(members or named or variant)
-    if not what.endswith((".yaml", ".yml", ".ssp")) and not (of_scenario and what in shipped.scenarios()):
+    if not what.endswith((".yaml", ".yml", ".ssp")) and not (of_scenario and what in scenario_paths.scenarios()):
         if of_scenario:
             raise TwinError(f"{what}: --members, --group and --variant belong to a scenario. Give SCENARIO.yaml.")
         return catalog.component(what)

@@ -12,7 +12,7 @@ from twin.cli.terminal import bar, paper, say
 from twin.errors import TwinError
 
 if TYPE_CHECKING:
-    from twin.study import Result
+    from twin.identify import Result
 
 
 @click.command(name="identify")
@@ -43,8 +43,8 @@ def command(
     twin identify sheath.yaml
     twin identify sheath.yaml --starts 32 --intervals profile -o my_sheath.yaml
     """
+    from twin.identify import command_line, html, identify, load
     from twin.results import write_text
-    from twin.study import command_line, html, identify, load
 
     target = output or Path(f"{file.stem}_parameters.yaml")
     page = target.with_suffix(".html")

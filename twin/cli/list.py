@@ -37,7 +37,7 @@ def command(kinds: tuple[str, ...], matching: str, runs: Path) -> None:
         "components": components,
         "scenarios": partial(scenarios, "scenario"),
         "studies": partial(scenarios, "study"),
-        **{kind: installed.load(place) for kind, place in installed.entry_points("twin.listed").items()},
+        **{kind: point.load() for kind, point in installed.entry_points("twin.listed").items()},
         "runs": lambda: finished(runs),
     }
     for kind in kinds:
@@ -74,9 +74,9 @@ def components() -> Lines:
 
 def scenarios(kind: str) -> Lines:
     """Scenarios or studies here and those that came with the project, by their titles."""
-    from twin.scenario import shipped
+    from twin.scenario import scenario_paths
 
-    return {name: shipped.title(path) for name, path in shipped.scenarios(kind).items()}
+    return {name: scenario_paths.title(path) for name, path in scenario_paths.scenarios(kind).items()}
 
 
 def finished(folder: Path) -> Lines:

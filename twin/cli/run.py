@@ -175,9 +175,9 @@ def command(
 
 def read(file: Path, overrides: tuple[str, ...], build: Path) -> Scenario:
     """Read and check a scenario; FMUs of a package are unpacked below `build`."""
-    from twin.scenario import load_scenario, package
+    from twin.scenario import load_scenario, ssp_reader
 
-    package.BUILD.set(build)
+    ssp_reader.BUILD.set(build)
     with working(f"checking {file}"):
         return load_scenario(file, overrides)
 
@@ -227,7 +227,7 @@ def load_hardware(
     points = list(installed.entry_points("twin.hardware").values())
     if not points:
         raise DeclarationError("--hardware: no installed package knows about drives. Run `pip install -e .` again.")
-    hardware: Hardware = installed.load(points[0])(file, arm, build, trace, replay, dry)
+    hardware: Hardware = points[0].load()(file, arm, build, trace, replay, dry)
     return hardware
 
 

@@ -117,11 +117,11 @@ def command(
     The folder it is unpacked to is removed at the end.
     """
     link = supervise(timeout)
-    from twin.fmi import left, plan, simulate, tables
+    from twin.fmi import csv_tables, left, plan, simulate
     from twin.fmi import member as made
 
     target = output or Path(f"{fmu.stem}_out.csv")
-    tables.check_output(target)
+    csv_tables.check_output(target)
     with working(f"reading {fmu.name}"):
         member = made(
             fmu.stem, fmu, parsed(start_values), interface=interface or "", solver=solver, tolerance=tolerance,
@@ -133,7 +133,7 @@ def command(
             member, start=start_time, stop=stop_time, step=step_size, interval=output_interval, record=record
         )
         with working(f"reading {input_}"):
-            inputs = tables.read_inputs(input_, member) if input_ else None
+            inputs = csv_tables.read_inputs(input_, member) if input_ else None
         outcome = (
             left(member, planned, link)
             if link.attempt
@@ -147,7 +147,7 @@ def command(
             for line in member.log:
                 say(f"log: {line}", err=True)
     replaced = output is None and target.exists()
-    tables.write(outcome.results, target)
+    csv_tables.write(outcome.results, target)
     told(fmu.stem, outcome.notes, outcome.results, target, replaced, in_full=shown is not None)
     if outcome.interrupted:
         raise KeyboardInterrupt

@@ -273,17 +273,17 @@ def filmed(frames: Frames, target: Path, rate: float, speed: float) -> None:
     import numpy as np
 
     from twin.results import write_text
-    from twin.scene import film, picture
+    from twin.scene import animation, picture
 
     if target.suffix == ".svg":
-        write_text(target, film.moving_svg(frames, rate, speed))
+        write_text(target, animation.moving_svg(frames, rate, speed))
     elif target.suffix == ".png":
         last = frames.at(np.array([len(frames.time) - 1]))
         picture.save(picture.figure(last, f"{frames.title}, {frames.time[-1]:g} s"), target)
     else:
         shown = Bar("drawing") if sys.stdout.isatty() else None
         try:
-            film.movie(frames, target, rate, speed, shown or (lambda _: None))
+            animation.movie(frames, target, rate, speed, shown or (lambda _: None))
         finally:
             if shown:
                 shown.close()

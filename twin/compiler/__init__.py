@@ -7,8 +7,10 @@ component's header and source. `toolchain` calls clang and LLD; `native` keeps w
 
 from typing import TYPE_CHECKING
 
-from twin import late
+import lazy_loader
+
 from twin.compiler import machine
+from twin.compiler.component_source import Sources
 from twin.compiler.dependencies import dependencies, flow
 from twin.compiler.fingerprint import engine, fingerprint
 from twin.compiler.machine import (
@@ -42,7 +44,6 @@ from twin.compiler.native import (
     reset_fingerprints,
     sources,
 )
-from twin.compiler.text import Sources
 from twin.compiler.toolchain import (
     BARE,
     LIBM,
@@ -60,19 +61,14 @@ from twin.compiler.zig import put, read_own
 
 if TYPE_CHECKING:
     from twin.compiler import library
+    from twin.compiler.autodiff import Tangents, tangents
     from twin.compiler.component import entries, translate
-    from twin.compiler.tangent import Tangents, tangents
 
 # the translator, which nobody needs who runs what is built
-__getattr__ = late.names(
+__getattr__, _, _ = lazy_loader.attach(
     __name__,
-    {
-        "Tangents": "tangent",
-        "entries": "component",
-        "library": "",
-        "tangents": "tangent",
-        "translate": "component",
-    },
+    submodules=["library"],
+    submod_attrs={"autodiff": ["Tangents", "tangents"], "component": ["entries", "translate"]},
 )
 
 __all__ = [

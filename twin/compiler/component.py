@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import twin
+from twin.compiler.autodiff import Tangents, tangents
+from twin.compiler.codegen import number, wrapped
+from twin.compiler.component_source import Sources, place_of
 from twin.compiler.resolve import TranslationError
 from twin.compiler.structs import WIDTH, block_comment, clean, flat_struct, struct_of, struct_of_dtype, struct_text
-from twin.compiler.tangent import Tangents, tangents
-from twin.compiler.text import Sources, place_of
+from twin.compiler.translation_unit import RECORD, Entry, Unit
 from twin.compiler.types import REAL, Struct
-from twin.compiler.unit import RECORD, Entry, Unit
-from twin.compiler.write import number, wrapped
 from twin.component import Component, PythonComponent, evaluation, functions
 from twin.errors import BuildError
 

@@ -8,10 +8,9 @@ the function, as zero, what one cannot tell so.
 from __future__ import annotations
 
 import ast
-from dataclasses import field
+from dataclasses import dataclass, field
 
-from twin.compiler.tree import walk
-from twin.dataclass import dataclass
+from twin.compiler.syntax_tree import walk
 
 
 @dataclass(slots=True)

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import twin
 from twin.compiler import toolchain
+from twin.compiler.component_source import Sources, place_of
 from twin.compiler.fingerprint import fingerprint
-from twin.compiler.text import Sources, place_of
 from twin.compiler.zig import digest, kept, put, read_own
 from twin.component import Component, PythonComponent, functions, source
 from twin.errors import BuildError

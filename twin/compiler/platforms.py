@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import os
 import sysconfig
-
-from twin.dataclass import dataclass
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,12 +12,12 @@ import io
 import linecache
 import sys
 import tokenize
+from dataclasses import dataclass
 from functools import lru_cache
 from types import CodeType, FunctionType
 from typing import Any
 
-from twin.compiler.tree import walk
-from twin.dataclass import dataclass
+from twin.compiler.syntax_tree import walk
 from twin.errors import BuildError
 
 SILENT = ("noqa", "type:", "fmt:", "pragma:", "!")  # comments for tools

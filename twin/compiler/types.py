@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
 import numpy as np
 
 from twin.component import Role
-from twin.dataclass import dataclass
 
 
 class Kind(IntEnum):

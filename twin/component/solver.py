@@ -7,6 +7,7 @@ an FMU, to the same bit. `self` has the flat overlays `_x`, `_dx` and the scratc
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from math import ceil, floor, isfinite, sqrt
 from typing import Any
 
@@ -14,7 +15,6 @@ import numpy as np
 
 from twin.component.generated import define
 from twin.component.variable import Boolean, Float64, Int64, Type
-from twin.dataclass import dataclass
 
 # status of a call, FMI 3.0 words; a component's function returns one or nothing
 OK, WARNING, DISCARD, ERROR, FATAL = 0, 1, 2, 3, 4

@@ -9,11 +9,11 @@ from __future__ import annotations
 import math
 import re
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
 from twin.component import symbols
-from twin.dataclass import dataclass
 from twin.errors import CouplingError
 
 BASE = ("kg", "m", "s", "A", "K", "mol", "cd", "rad")  # the order in which FMI lists exponents

@@ -6,14 +6,13 @@ from the declarations; a unit, a sign or a meaning stands there and nowhere else
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from math import prod
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from twin.dataclass import dataclass
 from twin.errors import DeclarationError
 
 if TYPE_CHECKING:

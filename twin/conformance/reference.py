@@ -12,6 +12,7 @@ from __future__ import annotations
 import csv
 import inspect
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from math import pi, sin
 from pathlib import Path
 from typing import Any, Protocol
@@ -20,7 +21,6 @@ import numpy as np
 
 from twin import clock
 from twin.component import Boolean, Component, Float64, Role, Type, Variable, solver
-from twin.dataclass import dataclass
 from twin.errors import DeclarationError, SimulationError
 
 STEPS = 100

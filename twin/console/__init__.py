@@ -5,15 +5,15 @@ The engine is `twin.live`; what a page asks for is checked there again. Packages
 
 from typing import TYPE_CHECKING
 
-from twin import late
+import lazy_loader
 
 if TYPE_CHECKING:
-    from twin.console.desk import Desk, control
+    from twin.console.joysticks import Desk, control
     from twin.console.page import register
     from twin.console.session import Host, Panel
 
 __all__ = ["Desk", "Host", "Panel", "control", "register"]
 
-__getattr__ = late.names(
-    __name__, {"Desk": "desk", "Host": "session", "Panel": "session", "control": "desk", "register": "page"}
+__getattr__, _, _ = lazy_loader.attach(
+    __name__, submod_attrs={"joysticks": ["Desk", "control"], "page": ["register"], "session": ["Host", "Panel"]}
 )

@@ -9,7 +9,7 @@ from nicegui import ui
 
 from twin import web
 from twin.console.curves import Curves
-from twin.console.operate import condensed
+from twin.console.operator_panel import condensed
 
 if TYPE_CHECKING:
     from twin.console.session import Host

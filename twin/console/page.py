@@ -11,9 +11,9 @@ from nicegui import Client, run, ui
 from nicegui import app as pages
 
 from twin import web
-from twin.console import charts, home, operate, safety, wire
-from twin.console.desk import Desk, Presence, controls
-from twin.console.drawing import Picture, bound
+from twin.console import charts, operator_panel, safety, start_page, websocket
+from twin.console.animation import Picture, bound
+from twin.console.joysticks import Desk, Presence, controls
 from twin.console.session import OVER, panels
 from twin.errors import TwinError
 
@@ -79,7 +79,7 @@ def register(app: FastAPI, console: Host) -> None:
     """Make the pages and the routes of a console."""
     pages.add_static_files("/console", STATIC, max_cache_age=0)
     web.frames.route(app, "/data", lambda _asked: console.source)
-    wire.register(app, console, lambda client: client in Client.instances)
+    websocket.register(app, console, lambda client: client in Client.instances)
 
     own = [one for one in panels() if one.path and (console.hardware is not None or not one.hardware)]
     links = {"Session": "/", **{one.title: one.path for one in own}} if own else {}
@@ -104,11 +104,11 @@ def register(app: FastAPI, console: Host) -> None:
             stage = seen[0][0]
             with ui.column().classes("full-width gap-0"):
                 if stage == "pick":
-                    home.pick(shell)
+                    start_page.pick(shell)
                 elif stage == "session":
                     _session(shell)
                 else:
-                    home.starting(shell)
+                    start_page.starting(shell)
 
         with web.framed(TITLE, links, "Session") as row, row:
             _top(shell)
@@ -192,7 +192,7 @@ def _session(shell: Shell) -> None:
             Desk(controls(catalog))
             if catalog.hardware:
                 safety.panel(shell)
-            operate.panel(shell)
+            operator_panel.panel(shell)
         with ui.element("div").classes("twin-card twin-curves"):
             charts.panel(console)
         if added:

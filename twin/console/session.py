@@ -5,13 +5,12 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from twin import installed
 from twin.console.curves import Curves
-from twin.dataclass import dataclass
 from twin.errors import TwinError
 from twin.live import Live
 from twin.web import Seats
@@ -199,4 +198,4 @@ def _stopped(live: Live) -> None:
 
 def panels() -> list[Panel]:
     """Panels of packages above the engine."""
-    return [installed.load(place) for place in installed.entry_points(GROUP).values()]
+    return [point.load() for point in installed.entry_points(GROUP).values()]

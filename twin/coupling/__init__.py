@@ -2,14 +2,15 @@
 
 from typing import TYPE_CHECKING
 
-from twin import late
+import lazy_loader
+
 from twin.coupling.algorithms import Algorithm
+from twin.coupling.component_member import RecordMember, declared_variables, driven
 from twin.coupling.cosimulation import CoSimulation
 from twin.coupling.events import Events
-from twin.coupling.isolated import IsolatedMember
+from twin.coupling.execution.recorder import Layout, Memory, Recorder, Ring
+from twin.coupling.isolation.isolated_member import IsolatedMember
 from twin.coupling.member import DTYPES, Access, Member, MemberVariable, TerminalMember, Way
-from twin.coupling.record import RecordMember, declared_variables, driven
-from twin.coupling.recorder import Layout, Memory, Recorder, Ring
 from twin.coupling.system import (
     READABLE,
     Catalog,
@@ -21,23 +22,22 @@ from twin.coupling.system import (
     find,
     stepping_order,
 )
-from twin.coupling.walk.back import cannot_go_back, trial, unfaithful
+from twin.coupling.variable_step.rollback import cannot_go_back, trial, unfaithful
 
 if TYPE_CHECKING:
-    from twin.coupling.group import compose
-    from twin.coupling.group_writer import Part
-    from twin.coupling.stability import Growth, growth
-    from twin.coupling.stopwatch import Stopwatch
+    from twin.coupling.execution.profiler import Stopwatch
+    from twin.coupling.groups.group import compose
+    from twin.coupling.groups.group_writer import Part
+    from twin.coupling.stability.growth import Growth, growth
 
 # what no run of FMUs needs
-__getattr__ = late.names(
+__getattr__, _, _ = lazy_loader.attach(
     __name__,
-    {
-        "Growth": "stability",
-        "Part": "group_writer",
-        "Stopwatch": "stopwatch",
-        "compose": "group",
-        "growth": "stability",
+    submod_attrs={
+        "execution.profiler": ["Stopwatch"],
+        "groups.group": ["compose"],
+        "groups.group_writer": ["Part"],
+        "stability.growth": ["Growth", "growth"],
     },
 )
 

@@ -5,30 +5,31 @@ from __future__ import annotations
 import ctypes
 import time as wall
 from contextlib import nullcontext
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin import clock, compiler
-from twin.coupling import continuous, events, initialization, loop
+from twin.coupling import events, initialization, model_exchange_groups
 from twin.coupling.algorithms import Algorithm
-from twin.coupling.ending import Endings, log_text
 from twin.coupling.event_steps import EventSteps
-from twin.coupling.isolated import IsolatedMember
-from twin.coupling.objects import Objects
+from twin.coupling.execution import loop
+from twin.coupling.execution.finite_value_monitor import Watch
+from twin.coupling.execution.loop_tables import Tables
+from twin.coupling.execution.plan import Key, Plan, view
+from twin.coupling.execution.recorder import Layout, Memory, Recorder
+from twin.coupling.execution.step_failures import Endings, log_text
+from twin.coupling.execution.string_binary_links import Objects
+from twin.coupling.isolation.isolated_member import IsolatedMember
 from twin.coupling.overrides import Overrides
-from twin.coupling.plan import Key, Plan, view
-from twin.coupling.recorder import Layout, Memory, Recorder
 from twin.coupling.system import Link
-from twin.coupling.tables import Tables
-from twin.coupling.walk import run as walk
-from twin.coupling.walk.back import Logs, refuse, trial, unfaithful
-from twin.coupling.walk.between import WalkedEvents
-from twin.coupling.walk.stages import Stages
-from twin.coupling.walk.tell import Walk
-from twin.coupling.watch import Watch
-from twin.dataclass import dataclass
+from twin.coupling.variable_step import stepping as walk
+from twin.coupling.variable_step.events import WalkedEvents
+from twin.coupling.variable_step.rollback import Logs, refuse, trial, unfaithful
+from twin.coupling.variable_step.stage_tables import Stages
+from twin.coupling.variable_step.state import Walk
 from twin.errors import CouplingError, SimulationError
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ class CoSimulation(Endings):
         events.refuse(members, self._wires, self.algorithm, self.periods, step)
         refuse(self.algorithm, members, self._slow)
         self._corrected = self.algorithm.corrected(links)
-        continuous.join(members, links, self.periods)
+        model_exchange_groups.join(members, links, self.periods)
         outputs = [
             (name, v.name)
             for name, m in members.items()
@@ -137,7 +138,7 @@ class CoSimulation(Endings):
     def delays(self) -> list[tuple[Link, clock.Time]]:
         """How late each connection's value is when it is used, beyond what the source's own step says [ns]."""
         place = {name: i for i, stage in enumerate(self.order()) for name in stage}
-        inside = continuous.between(self.members, self.links)
+        inside = model_exchange_groups.between(self.members, self.links)
         found = []
         for link in self.links:
             ends = link.source.member, link.target.member

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.coupling import loop
-from twin.coupling.plan import bits
+from twin.coupling.execution import loop
+from twin.coupling.execution.plan import bits
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from twin import clock
 from twin.compiler import machine
-from twin.coupling import loop
+from twin.coupling.execution import loop
 from twin.coupling.system import stepping_order
 from twin.errors import CouplingError, SimulationError
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from twin.coupling.algorithms import Algorithm
+    from twin.coupling.execution.plan import Plan
     from twin.coupling.member import Member, MemberVariable
-    from twin.coupling.plan import Plan
     from twin.coupling.system import Link
 
 OK, ERROR = 0, 3

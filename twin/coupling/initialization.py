@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling import objects
+from twin.coupling.execution import string_binary_links
 from twin.coupling.system import Link, direct_followers, is_real
 from twin.errors import SimulationError
 from twin.graph import ordered_groups
@@ -38,7 +38,7 @@ def solve(members: Mapping[str, Member], links: list[Link]) -> None:
 
 def push(members: Mapping[str, Member], links: list[Link], value: Any) -> None:
     """Set the targets of one source from its value."""
-    flat = np.ravel(value) if links[0].source.variable.connectable else objects.flat(value)
+    flat = np.ravel(value) if links[0].source.variable.connectable else string_binary_links.flat(value)
     for link in links:
         part = flat[link.source.first : link.source.first + link.source.size]
         if is_real(link.target.variable):
@@ -61,12 +61,12 @@ def _solve_loop(members: Mapping[str, Member], group: list[Key], by_source: dict
         _solve_numbers(members, numbers, by_source)
         return
     for _ in range(ITERATIONS):
-        before = [objects.flat(members[member].get(name)).tolist() for member, name in words]
+        before = [string_binary_links.flat(members[member].get(name)).tolist() for member, name in words]
         for member, name in words:
             push(members, by_source[member, name], members[member].get(name))
         if numbers:
             _solve_numbers(members, numbers, by_source)
-        if [objects.flat(members[member].get(name)).tolist() for member, name in words] == before:
+        if [string_binary_links.flat(members[member].get(name)).tolist() for member, name in words] == before:
             return
     names = ", ".join(f"{m}.{n}" for m, n in words)
     raise SimulationError(f"initialization: the values of {names} change each other without end. Break the loop.")

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 from abc import ABC, abstractmethod
 from contextlib import suppress
+from dataclasses import dataclass
 from math import prod
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,6 @@ import numpy as np
 from twin import clock
 from twin.compiler import machine
 from twin.component import solver, unit
-from twin.dataclass import dataclass
 from twin.errors import CouplingError, TwinError, described
 
 if TYPE_CHECKING:

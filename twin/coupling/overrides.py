@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling.plan import Key, Place, bits, kind, view
+from twin.coupling.execution.plan import Key, Place, bits, kind, view
 from twin.errors import CouplingError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from twin.coupling.execution.loop_tables import Tables
     from twin.coupling.member import Member
-    from twin.coupling.tables import Tables
 
 
 class Overrides:

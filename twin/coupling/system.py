@@ -7,14 +7,13 @@ at once; `links` is what the algorithm couples.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from twin.component import unit
 from twin.coupling import terminals
 from twin.coupling.member import MemberVariable
-from twin.dataclass import dataclass
 from twin.errors import CouplingError, nearest
 from twin.graph import ordered_groups
 

@@ -7,10 +7,10 @@ missing; those of a sequence are named by their places, 1, 2, ... Which side is 
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from twin.coupling.member import TerminalMember
-from twin.dataclass import dataclass
 from twin.errors import CouplingError
 
 if TYPE_CHECKING:

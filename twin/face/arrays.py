@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.face.words import needed
+from twin.face.conversions import needed
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

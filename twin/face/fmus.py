@@ -14,10 +14,10 @@ from twin.compiler import model_name
 from twin.component import Component, catalog
 from twin.errors import DeclarationError, FMUError, SimulationError, TwinError
 from twin.face.arrays import frame
+from twin.face.conversions import as_arguments, choice, listed, plain, seconds
 from twin.face.progress import shown
 from twin.face.scenario import Scenario, reference
-from twin.face.words import as_arguments, choice, listed, plain, seconds
-from twin.fmi import exporter, plan, tables
+from twin.fmi import csv_tables, exporter, plan
 from twin.fmi import member as made
 from twin.fmi import simulate as run_alone
 from twin.scenario import has_source, load_scenario, part
@@ -107,14 +107,14 @@ def table_of(results: Results) -> pd.DataFrame:
 def table(given: Any, member: FMUMember) -> Any:
     """Inputs over time, from a file or from columns in memory."""
     if isinstance(given, str | Path):
-        return tables.read_inputs(Path(given), member)
+        return csv_tables.read_inputs(Path(given), member)
     columns, units = columns_of(given)
     lengths = {name: len(values) for name, values in columns.items()}
     if len(set(lengths.values())) > 1:
         raise FMUError(f"{INPUT}: columns have different lengths, {lengths}. Give each a value for every time.")
     header = [titled(name, units.get(name, ""), member) for name in columns]
     rows = zip(*columns.values(), strict=True)
-    return tables.table_inputs([(0, header), *((i + 1, list(row)) for i, row in enumerate(rows))], INPUT, member)
+    return csv_tables.table_inputs([(0, header), *((i + 1, list(row)) for i, row in enumerate(rows))], INPUT, member)
 
 
 def titled(name: str, unit: str, member: FMUMember) -> str:
@@ -133,7 +133,7 @@ def columns_of(given: Any) -> tuple[dict[str, list[Any]], Mapping[str, str]]:
         kinds = "a DataFrame, a structured array, a dict of columns or the path of a CSV file"
         raise FMUError(f"{INPUT}: expected {kinds}, not {type(given).__name__}.")
     columns = {str(name): given[name].tolist() for name in given.columns}
-    if not any(tables.split_unit(name)[0].lower() == "time" for name in columns):
+    if not any(csv_tables.split_unit(name)[0].lower() == "time" for name in columns):
         columns = {"time": given.index.tolist(), **columns}
     return columns, given.attrs.get("units", {})
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.face import arrays, notebook
-from twin.face.words import listed
+from twin.face.conversions import listed
 from twin.results import Curve, Plot, Recorded, dimension, expression, plotting, read_variables, recorded
 from twin.run import events
 from twin.scenario import examine

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 from twin.component import Component
 from twin.errors import ScenarioError
 from twin.face import notebook
+from twin.face.conversions import as_arguments, choice, listed, written
 from twin.face.progress import shown
 from twin.face.run import Run
-from twin.face.words import as_arguments, choice, listed, written
 from twin.run import prepare, run_scenario
 from twin.scenario import Form, changed, examine, has_source
 

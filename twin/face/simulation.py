@@ -11,8 +11,8 @@ from twin import clock
 from twin.coupling import Memory, find
 from twin.errors import CouplingError, SimulationError, TwinError, UnknownNameError
 from twin.face.arrays import frame
+from twin.face.conversions import finite, nanoseconds
 from twin.face.scenario import sourceless
-from twin.face.words import finite, nanoseconds
 from twin.run import happen, signals, simulation
 from twin.scenario import EventSpec, Form, event_problems
 

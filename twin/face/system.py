@@ -9,9 +9,9 @@ from twin import clock
 from twin.component import Component
 from twin.errors import ScenarioError, nearest
 from twin.face import notebook
+from twin.face.conversions import as_arguments, choice, listed, nanoseconds, plain
 from twin.face.scenario import Scenario, reference
 from twin.face.simulation import Simulation
-from twin.face.words import as_arguments, choice, listed, nanoseconds, plain
 from twin.run import prepare
 from twin.scenario import Form, made_scenario
 

@@ -1,58 +1,53 @@
-"""FMUs: description, export of components, import of anyone's."""
+"""FMUs: description, export of components, import of third-party FMUs."""
 
 from typing import TYPE_CHECKING
 
-from twin import late
+import lazy_loader
 
 if TYPE_CHECKING:
-    from twin.fmi import archive, built, driven, exporter, markup, outline, pythonic, tables
+    from twin.fmi import archive, csv_tables, fmu_info, xml_checks
     from twin.fmi.archive import unpack
-    from twin.fmi.exchange_sensitivity import watched
-    from twin.fmi.importer import FMUMember
-    from twin.fmi.interface import member
+    from twin.fmi.csv_tables import Results
+    from twin.fmi.exporting import exporter, fmu_cache, pythonfmu_export
+    from twin.fmi.importing import csv_source
+    from twin.fmi.importing.fmu_member import FMUMember
+    from twin.fmi.importing.member_factory import member
+    from twin.fmi.importing.unpacked import digest
+    from twin.fmi.model_exchange.sensitivity import watched
     from twin.fmi.simulate import left, plan, simulate
-    from twin.fmi.tables import Results
-    from twin.fmi.unpacked import digest
+
+__getattr__, _, _ = lazy_loader.attach(
+    __name__,
+    submodules={"archive", "csv_tables", "fmu_info", "xml_checks"},
+    submod_attrs={
+        "archive": ["unpack"],
+        "csv_tables": ["Results"],
+        "exporting": ["exporter", "fmu_cache", "pythonfmu_export"],
+        "importing": ["csv_source"],
+        "importing.fmu_member": ["FMUMember"],
+        "importing.member_factory": ["member"],
+        "importing.unpacked": ["digest"],
+        "model_exchange.sensitivity": ["watched"],
+        "simulate": ["left", "plan", "simulate"],
+    },
+)
 
 __all__ = [
     "FMUMember",
     "Results",
     "archive",
-    "built",
+    "csv_source",
+    "csv_tables",
     "digest",
-    "driven",
     "exporter",
+    "fmu_cache",
+    "fmu_info",
     "left",
-    "markup",
     "member",
-    "outline",
     "plan",
-    "pythonic",
+    "pythonfmu_export",
     "simulate",
-    "tables",
     "unpack",
     "watched",
+    "xml_checks",
 ]
-
-__getattr__ = late.names(
-    __name__,
-    {
-        "FMUMember": "importer",
-        "Results": "tables",
-        "archive": "",
-        "built": "",
-        "digest": "unpacked",
-        "driven": "",
-        "exporter": "",
-        "left": "simulate",
-        "member": "interface",
-        "markup": "",
-        "outline": "",
-        "plan": "simulate",
-        "pythonic": "",
-        "simulate": "simulate",
-        "tables": "",
-        "unpack": "archive",
-        "watched": "exchange_sensitivity",
-    },
-)

@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING
 
 from twin import compiler
 from twin.errors import FMUError
-from twin.fmi import markup, model, terminals
-from twin.fmi.unpacked import Unpacked, digest, suffix
-from twin.process import PREFIX, owner, place_for
+from twin.fmi import model_description, terminals, xml_checks
+from twin.fmi.importing.unpacked import Unpacked, digest, suffix
+from twin.process import PREFIX, place_for, process_identity
 
 if TYPE_CHECKING:
     from typing import IO
@@ -56,7 +56,7 @@ def unpack(path: str | Path, interface: str = "") -> Unpacked:
             files = needed(entries, binary)
             place = place_for(sum(info.file_size for info in files.values()))
             temporary = tempfile.TemporaryDirectory(
-                prefix=f"{PREFIX}{owner()}-fmu-", dir=place, ignore_cleanup_errors=True
+                prefix=f"{PREFIX}{process_identity()}-fmu-", dir=place, ignore_cleanup_errors=True
             )
             root = Path(temporary.name).resolve()
             extract(path, archive, files, root / "fmu")
@@ -82,7 +82,9 @@ def unpack(path: str | Path, interface: str = "") -> Unpacked:
         if isinstance(error, FMUError) or not isinstance(error, Exception):
             raise
         # damaged archives make zipfile raise nearly anything: zlib.error, struct.error, EOFError, OverflowError, ...
-        raise FMUError(f"{path}: cannot be unpacked ({markup.one_line(error)}). Get or build it once more.") from None
+        raise FMUError(
+            f"{path}: cannot be unpacked ({xml_checks.one_line(error)}). Get or build it once more."
+        ) from None
 
 
 def open_archive(path: Path, file: IO[bytes]) -> zipfile.ZipFile:
@@ -161,22 +163,22 @@ def checked_name(path: Path, info: zipfile.ZipInfo) -> str:
 
 def read_description(
     path: Path, archive: zipfile.ZipFile, entries: dict[str, zipfile.ZipInfo], interface: str
-) -> markup.Description:
+) -> xml_checks.Description:
     """modelDescription.xml, parsed safely and checked for what a run needs."""
     info = entries.get("modelDescription.xml")
     if info is None:
         inner = next((name for name in entries if name.endswith("/modelDescription.xml")), None)
         hint = f"It is in {inner!r}: zip the content of that folder" if inner else "This is not an FMU"
         raise FMUError(f"{path}: has no modelDescription.xml at its top. {hint}.")
-    return markup.check(path, document(path, archive, info), interface)
+    return xml_checks.check(path, document(path, archive, info), interface)
 
 
-def described(path: Path, description: markup.Description) -> model.Model:
+def described(path: Path, description: xml_checks.Description) -> model_description.Model:
     """What it says; FMUError if that makes no sense."""
     try:
-        return model.read(description.fmi, description.tree, description.interface)
+        return model_description.read(description.fmi, description.tree, description.interface)
     except ValueError as error:
-        reason = markup.one_line(error)
+        reason = xml_checks.one_line(error)
         raise FMUError(f"{path}: modelDescription.xml cannot be read ({reason}). Export the FMU once more.") from None
 
 
@@ -189,7 +191,7 @@ def document(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> byt
     return content
 
 
-def find_binary(path: Path, description: markup.Description, entries: dict[str, zipfile.ZipInfo]) -> str:
+def find_binary(path: Path, description: xml_checks.Description, entries: dict[str, zipfile.ZipInfo]) -> str:
     """The library for this platform, or an error with the platforms that there are."""
     platform = compiler.host()
     folder = FOLDERS.get(platform, platform) if description.fmi == "2.0" else platform

@@ -9,12 +9,12 @@ import numpy as np
 
 from twin import clock
 from twin.errors import FMUError
-from twin.fmi.tables import Column, Results
+from twin.fmi.csv_tables import Column, Results
 
 if TYPE_CHECKING:
     from twin.coupling import Access, MemberVariable
-    from twin.fmi.importer import FMUMember
-    from twin.fmi.tables import Inputs
+    from twin.fmi.csv_tables import Inputs
+    from twin.fmi.importing.fmu_member import FMUMember
 
 SCALARS = 200_000_000  # largest number of recorded scalars
 

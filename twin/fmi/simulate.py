@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import fnmatch
 import math
-from dataclasses import field
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -17,9 +17,8 @@ import numpy as np
 
 from twin import clock
 from twin.compiler import machine
-from twin.dataclass import dataclass
 from twin.errors import CouplingError, FMUError, SimulationError, nearest
-from twin.fmi import binary
+from twin.fmi.importing import binary
 from twin.fmi.sampling import Feeder, Sampler
 from twin.process import Lines
 
@@ -27,8 +26,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from twin.coupling import MemberVariable
-    from twin.fmi.importer import FMUMember
-    from twin.fmi.tables import Inputs, Results
+    from twin.fmi.csv_tables import Inputs, Results
+    from twin.fmi.importing.fmu_member import FMUMember
     from twin.process import Link
 
 POINTS = 500  # steps where the FMU suggests no step size
@@ -241,10 +240,10 @@ def late_clocks(member: FMUMember) -> Any:
     """What runs a member with clocks, None if it has none."""
     if not member.clocked:
         return None
-    from twin.fmi import clock_simulate
+    from twin.fmi.clocks import simulate_clocks
 
-    clock_simulate.may_end_steps(member)
-    return clock_simulate
+    simulate_clocks.may_end_steps(member)
+    return simulate_clocks
 
 
 def silent(*_: object) -> None:

@@ -9,7 +9,7 @@ from lxml import etree
 
 from twin.coupling import TerminalMember
 from twin.errors import FMUError
-from twin.fmi.markup import VARIABLES, root_of
+from twin.fmi.xml_checks import VARIABLES, root_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -40,7 +40,7 @@ def files(cls: type[Component]) -> dict[str, bytes]:
     """
     if not cls.terminals:
         return {}
-    from twin.fmi.description import add, serialized
+    from twin.fmi.exporting.model_description_writer import add, serialized
 
     root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     group = add(root, "Terminals")

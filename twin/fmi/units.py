@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from twin.coupling import MemberVariable
-    from twin.fmi.model import DeclaredUnit
+    from twin.fmi.model_description import DeclaredUnit
 
 Names = dict[tuple[str, str], tuple[str, str]]  # unit and display unit as the FMU writes them -> as they are known here
 

@@ -2,9 +2,9 @@
 
 from twin.live.catalog import Catalog, Control, Event, Signal
 from twin.live.channel import Channel, ClosedError
-from twin.live.hold import HOLD, DeadMan
-from twin.live.live import Done, Live, State
-from twin.live.reading import RefusedError, Samples
+from twin.live.dead_man_switch import HOLD, DeadMan
+from twin.live.live_session import Done, Live, State
+from twin.live.recording_reader import RefusedError, Samples
 
 __all__ = [
     "HOLD",

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, field, fields
+from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any
-
-from twin.dataclass import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

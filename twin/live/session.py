@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from twin import clock
 from twin.errors import SimulationError
-from twin.live import asked
-from twin.live.cataloging import catalog_of, prepared
+from twin.live import commands
+from twin.live.catalog_builder import catalog_of, prepared
 from twin.live.channel import Channel, ClosedError
-from twin.live.hold import DeadMan
-from twin.live.operated import NAME, Operated, moment
-from twin.live.orders import WHERE, Orders
-from twin.live.pace import BLOCK, Pace
-from twin.live.priority import Priority
+from twin.live.command_checks import WHERE, Orders
+from twin.live.dead_man_switch import DeadMan
+from twin.live.operation_log import NAME, Operated, moment
+from twin.live.pacing import BLOCK, Pace
+from twin.live.scheduling_priority import Priority
 from twin.scenario import EventSpec, FaultSpec, Node, connected
 
 if TYPE_CHECKING:
@@ -238,7 +238,7 @@ class Session:
     def answer(self, message: dict[str, Any]) -> None:
         """Do what a message asks, and say how it went if it wants to know."""
         number = message.get("number")
-        refused, later = asked.do(self, message)
+        refused, later = commands.do(self, message)
         if number is None and refused:
             self.say(refused)
         elif number is not None and not later:

@@ -1,10 +1,10 @@
 """The processes of a run: one works, another watches it and keeps what it recorded. Imports nothing heavy."""
 
-from twin.process.death import Death
-from twin.process.link import Lines, Link
-from twin.process.owner import PREFIX, alive, memory_is_limited, owner, place_for, sweep
+from twin.process.crash_report import Death
+from twin.process.process_identity import PREFIX, alive, memory_is_limited, place_for, process_identity, sweep
 from twin.process.stop import SIGNALS, Stop, handle_signals, is_interrupted
 from twin.process.supervisor import command_line, end, supervise
+from twin.process.supervisor_channel import Lines, Link
 
 __all__ = [
     "PREFIX",
@@ -19,8 +19,8 @@ __all__ = [
     "handle_signals",
     "is_interrupted",
     "memory_is_limited",
-    "owner",
     "place_for",
+    "process_identity",
     "supervise",
     "sweep",
 ]

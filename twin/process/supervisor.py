@@ -20,11 +20,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
-from twin.process.death import LINES, Death, innermost
-from twin.process.link import INTERVAL, Link, Watched
-from twin.process.owner import Quick, folder_of, memory, owner, remove, sweep, temporary
+from twin.process.crash_report import LINES, Death, innermost
+from twin.process.process_identity import Quick, folder_of, memory, process_identity, remove, sweep, temporary
 from twin.process.shared import NOTES, Drainer, Shared
 from twin.process.stop import SIGNALS, once
+from twin.process.supervisor_channel import INTERVAL, Link, Watched
 
 STOP_TIME = 10.0  # a case has this time to end after a signal [s]
 FINISH_TIME = 120.0  # and all that is to be written [s]
@@ -47,7 +47,7 @@ def supervise(timeout: float = 0.0) -> Link:
     if not Supervisor.allowed:
         return Link()
     places = [one for one in (temporary(), memory()) if one is not None]
-    folders = [made(folder_of(one, owner())) for one in places]
+    folders = [made(folder_of(one, process_identity())) for one in places]
     with suppress(OSError):  # no process can be had
         remove_at_end([one for one in folders if one])
     supervisor = Supervisor(Shared(), timeout, *folders)

@@ -2,34 +2,29 @@
 
 from typing import TYPE_CHECKING
 
-from twin import late
-from twin.results import arrow, dimension, expression, marks, recording, rows, signals
+import lazy_loader
+
+from twin.results import arrow_arrays, dimension, expression, plot_annotations, rows, run_folder, signals
 from twin.results.analysis import Analysis
 from twin.results.expression import Expression
-from twin.results.failing import Failure, failures
-from twin.results.marks import Event
 from twin.results.metrics import Curve, Ending, Evaluation, Expectation, Figure, Metric, Outcome, Plot, evaluate, figure
-from twin.results.reading import Recorded, read_variables, recorded
-from twin.results.recording import write_text
+from twin.results.plot_annotations import Event
+from twin.results.run_folder import write_text
+from twin.results.signal_reader import Recorded, read_variables, recorded
 from twin.results.signals import Signals, Window, coherent, shown, within
 from twin.results.stream import Journal, Stream, column_of, plain_column, unfinished
+from twin.results.violations import Failure, failures
 
 if TYPE_CHECKING:
-    from twin.results import calibration, figures, plotting
+    from twin.results import calibration, figure_files, plotting
     from twin.results.comparison import compared
-    from twin.results.exported import export
+    from twin.results.exporters import export
     from twin.results.plotting import histogram
 
-__getattr__ = late.names(
+__getattr__, _, _ = lazy_loader.attach(
     __name__,
-    {
-        "calibration": "",
-        "compared": "comparison",
-        "export": "exported",
-        "figures": "",
-        "histogram": "plotting",
-        "plotting": "",
-    },
+    submodules=["calibration", "figure_files", "plotting"],
+    submod_attrs={"comparison": ["compared"], "exporters": ["export"], "plotting": ["histogram"]},
 )
 
 __all__ = [
@@ -50,7 +45,7 @@ __all__ = [
     "Signals",
     "Stream",
     "Window",
-    "arrow",
+    "arrow_arrays",
     "calibration",
     "coherent",
     "column_of",
@@ -61,15 +56,15 @@ __all__ = [
     "expression",
     "failures",
     "figure",
-    "figures",
+    "figure_files",
     "histogram",
-    "marks",
     "plain_column",
+    "plot_annotations",
     "plotting",
     "read_variables",
     "recorded",
-    "recording",
     "rows",
+    "run_folder",
     "shown",
     "signals",
     "stream",

@@ -10,14 +10,13 @@ inputs, for each name of its attribute `outputs` (name -> unit). Metrics, plots 
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin.component import catalog
 from twin.coupling import MemberVariable
-from twin.dataclass import dataclass
 from twin.errors import ScenarioError, TwinError, nearest
 from twin.results.signals import WHOLE, Window, within
 

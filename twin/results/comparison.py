@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.dataclass import dataclass
 from twin.errors import CouplingError
-from twin.results.reading import Recorded, read_variables, recorded
+from twin.results.signal_reader import Recorded, read_variables, recorded
 from twin.results.signals import coherent, shown
 
 if TYPE_CHECKING:

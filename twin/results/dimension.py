@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import math
 import re
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -16,7 +17,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from twin.component import unit
-from twin.dataclass import dataclass
 from twin.errors import CouplingError, ScenarioError
 from twin.results.expression import evaluate, name_of
 

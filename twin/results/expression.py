@@ -7,12 +7,11 @@ nodes named here are evaluated. Every signal is in coherent SI units, whatever u
 from __future__ import annotations
 
 import ast
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.dataclass import dataclass
 from twin.errors import ScenarioError
 
 if TYPE_CHECKING:

@@ -5,14 +5,13 @@ Everything here is in coherent SI units; the unit a metric is shown in is applie
 
 from __future__ import annotations
 
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin import clock
-from twin.dataclass import dataclass
 from twin.results import dimension
 from twin.results.ordering import ordered
 from twin.results.reduction import reduced
@@ -71,6 +70,7 @@ class Expectation:
     is_difference: bool = False  # what is judged: the unit's offset does not matter
     margin: float = 0.0  # of an order: by how much at least each must differ from the one before; SI
     margin_part: float = 0.0  # the same as part of the one before
+    nominal: bool = False  # judged with the scenario's own parameters alone
 
     def gap(self, before: float, after: float) -> float:
         """By how much more than the margin the second is on its side of the first."""
@@ -212,7 +212,17 @@ def evaluate(
         if not metric.variants or variant in metric.variants
     ]
     present = [one for one in figures if one.values]
-    outcomes = [ended(one, complete, endings) if one.ends else outcome(one, present, complete) for one in expectations]
+    outcomes = []
+    for one in expectations:
+        if one.nominal and not paper_applies:
+            what, expected, name = subject(one)
+            outcomes.append(
+                Outcome(name, "skipped", f"{what} is expected {expected} with the file's own parameters alone.")
+            )
+        elif one.ends:
+            outcomes.append(ended(one, complete, endings))
+        else:
+            outcomes.append(outcome(one, present, complete))
     return Evaluation(tuple(present), tuple(outcomes), paper_applies)
 
 

@@ -9,16 +9,16 @@ import numpy as np
 
 from twin.component import unit as units
 from twin.errors import ScenarioError
-from twin.results import dimension, expression, marks
-from twin.results.figures import as_svg
+from twin.results import dimension, expression, plot_annotations
+from twin.results.figure_files import as_svg
 from twin.results.metrics import Curve, Plot
 from twin.results.signals import coherent
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from twin.results.failing import Failure
     from twin.results.signals import Signals
+    from twin.results.violations import Failure
 
     Tables = Mapping[tuple[str, int], Signals]
 
@@ -131,7 +131,11 @@ def default_plots(tables: Tables, limit: int = 8) -> list[Plot]:
 
 
 def draw(
-    plot: Plot, tables: Tables, events: Sequence[marks.Event] = (), salt: str = "", failures: Sequence[Failure] = ()
+    plot: Plot,
+    tables: Tables,
+    events: Sequence[plot_annotations.Event] = (),
+    salt: str = "",
+    failures: Sequence[Failure] = (),
 ) -> str:
     """One plot as an SVG element; nothing if none of its signals was recorded. `failures`: what to mark of them."""
     import matplotlib as mpl
@@ -144,7 +148,7 @@ def draw(
 def figure(
     plots: Sequence[Plot],
     tables: Tables,
-    events: Sequence[marks.Event] = (),
+    events: Sequence[plot_annotations.Event] = (),
     titled: bool = False,
     failures: Sequence[Failure] = (),
 ) -> Any:
@@ -207,7 +211,7 @@ def paint(
     plot: Plot,
     panels: list[list[str]],
     tables: Tables,
-    events: Sequence[marks.Event],
+    events: Sequence[plot_annotations.Event],
     failures: Sequence[Failure],
 ) -> None:
     """Draw a plot into a figure or a part of one."""
@@ -231,7 +235,7 @@ def paint(
         scale = in_unit(1.0, plot.x_unit, is_difference=True)
         for axis, names in zip(axes, panels, strict=False):
             limit(axis, plot, names, failures, scale)
-            marks.events(axis, events, names, scale, letters)
+            plot_annotations.events(axis, events, names, scale, letters)
 
 
 def histogram(values: Any, label: str, salt: str = "") -> str:
@@ -327,8 +331,10 @@ def panel(axis: Any, plot: Plot, tables: Tables, names: Sequence[str], failures:
                 markerfacecolor="none",
                 zorder=3 if is_first else 2,
             )
-            for values in marks.bad(failures, curve.signal, (variant, seed), points) if curve.x is None else ():
-                marks.failed(axis, *placed((points[0], values), curve, plot, POINTS))
+            for values in (
+                plot_annotations.bad(failures, curve.signal, (variant, seed), points) if curve.x is None else ()
+            ):
+                plot_annotations.failed(axis, *placed((points[0], values), curve, plot, POINTS))
 
 
 def mark(axis: Any, plot: Plot) -> None:
@@ -346,7 +352,7 @@ def limit(axis: Any, plot: Plot, names: Sequence[str], failures: Iterable[Failur
     for one in failures:
         if set(one.variants) & set(names) and any(one.judges(curve.signal) for curve in plot.curves):
             heights = [in_unit(value, plot.unit, plot.is_difference) for value in one.limits]
-            marks.limits(axis, one, scale, heights)
+            plot_annotations.limits(axis, one, scale, heights)
 
 
 def finish(figure: Any, grid: Any, plot: Plot, is_loop: bool, kinds: set[str]) -> None:
@@ -356,7 +362,7 @@ def finish(figure: Any, grid: Any, plot: Plot, is_loop: bool, kinds: set[str]) -
         x_label = plot.x_label or x_label.removesuffix(" [s]")
     for axis in grid[-1]:
         axis.set_xlabel(x_label)
-    several = "0: false, 1: true" if kinds == {"b"} else marks.quantity(plot.unit)
+    several = "0: false, 1: true" if kinds == {"b"} else plot_annotations.quantity(plot.unit)
     label = axis_label(plot.label or (plot.curves[0].label if len(plot.curves) == 1 else several), plot.unit)
     if len(grid) > 2:
         figure.supylabel(label, fontsize=9.5, color="#3e4c59")

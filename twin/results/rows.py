@@ -8,12 +8,10 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
-from twin.dataclass import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +11,6 @@ import numpy as np
 
 from twin import clock
 from twin.component import unit
-from twin.dataclass import dataclass
 from twin.errors import CouplingError, ScenarioError
 from twin.results import rows
 

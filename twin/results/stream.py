@@ -16,18 +16,17 @@ import json
 import os
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin import clock
-from twin.dataclass import dataclass
 from twin.errors import TwinError
 from twin.process import Death, alive
 from twin.results import rows
-from twin.results.recording import Column
+from twin.results.run_folder import Column
 from twin.results.signals import Signals
 
 if TYPE_CHECKING:

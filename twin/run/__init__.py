@@ -2,29 +2,25 @@
 
 from typing import TYPE_CHECKING
 
-from twin import late
+import lazy_loader
+
 from twin.run.cases import Hardware, Outcome, analyzed, happen, prepare, run_case, signals, silent, simulation
-from twin.run.work import run_scenario
+from twin.run.executor import run_scenario
 
 if TYPE_CHECKING:
-    from twin.run.coupled import profile, stability, structure_of
+    from twin.run.coupling_report import profile, stability, structure_of
     from twin.run.recovery import recover, resume
     from twin.run.report import UNLIMITED, events, table
-    from twin.run.way_back import way_back
+    from twin.run.rollback_check import rollback_check
 
-__getattr__ = late.names(
+__getattr__, _, _ = lazy_loader.attach(
     __name__,
-    {
-        "UNLIMITED": "report",
-        "events": "report",
-        "profile": "coupled",
-        "stability": "coupled",
-        "recover": "recovery",
-        "resume": "recovery",
-        "scenes": "",
-        "structure_of": "coupled",
-        "table": "report",
-        "way_back": "way_back",
+    submodules=["scenes"],
+    submod_attrs={
+        "coupling_report": ["profile", "stability", "structure_of"],
+        "recovery": ["recover", "resume"],
+        "report": ["UNLIMITED", "events", "table"],
+        "rollback_check": ["rollback_check"],
     },
 )
 
@@ -39,6 +35,7 @@ __all__ = [
     "profile",
     "recover",
     "resume",
+    "rollback_check",
     "run_case",
     "run_scenario",
     "scenes",
@@ -48,5 +45,4 @@ __all__ = [
     "stability",
     "structure_of",
     "table",
-    "way_back",
 ]

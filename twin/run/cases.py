@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -11,15 +11,14 @@ import numpy as np
 
 from twin import clock
 from twin.coupling import CoSimulation, IsolatedMember, find
-from twin.dataclass import dataclass
 from twin.errors import ScenarioError
 from twin.results import Ending, Evaluation, Signals
-from twin.results import recording as results
+from twin.results import run_folder as results
 from twin.scenario import Form, members
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog, Member, Recorder
-    from twin.run.halved import Halved
+    from twin.run.step_refinement import Halved
     from twin.scenario import Case, EventSpec, Scenario
 
 Progress = Callable[[str, float], object]  # name of the case, part of it that is done (0 to 1)

@@ -12,10 +12,10 @@ from twin import clock
 from twin.errors import TwinError
 from twin.process import Link, Stop
 from twin.results import Ending, Journal, Stream, column_of
-from twin.results import recording as results
+from twin.results import run_folder as results
 from twin.results import stream as streams
 from twin.run.cases import Outcome, Progress, analyzed, note, prepare, silent
-from twin.run.work import ABOUT, Work, unheard
+from twin.run.executor import ABOUT, Work, unheard
 from twin.scenario import Form
 
 if TYPE_CHECKING:

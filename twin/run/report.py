@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import textwrap
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin import clock
-from twin.dataclass import dataclass
 from twin.results import Ending, Evaluation, Event, Expectation, Figure, Outcome, Plot, coherent, failures
-from twin.run.drawn import drawn
-from twin.run.matrix import matrix
+from twin.run.report_plots import drawn
+from twin.run.variant_matrix import matrix
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

@@ -2,23 +2,20 @@
 
 from typing import TYPE_CHECKING
 
-from twin import late
+import lazy_loader
 
 if TYPE_CHECKING:
-    from twin.scenario import members, package, shipped
-    from twin.scenario.alone import alone
+    from twin.scenario import members, scenario_paths, ssp_reader
     from twin.scenario.check import check_against, event_problems
-    from twin.scenario.console import Control, connected, controls_of
+    from twin.scenario.console_keys import Control, connected, controls_of
     from twin.scenario.dimensions import displayed
     from twin.scenario.grouping import group, part
     from twin.scenario.load import changed, examine, load_scenario, made_scenario, parse_scenario
-    from twin.scenario.lookup import look_up
     from twin.scenario.members import Form, has_source, make
-    from twin.scenario.message import dotted, quoted, validate
-    from twin.scenario.model import Keys, Period, Reference, Seed, Text, Time, Value, reference
-    from twin.scenario.names import nearest
-    from twin.scenario.node import Node
-    from twin.scenario.packing import pack
+    from twin.scenario.quantities import duration, nanoseconds, number, resolve, short
+    from twin.scenario.resolve_variables import look_up
+    from twin.scenario.schema import Keys, Period, Reference, Seed, Text, Time, Value, reference
+    from twin.scenario.single_case_yaml import single_case_yaml
     from twin.scenario.spec import (
         Case,
         ConnectionSpec,
@@ -30,9 +27,12 @@ if TYPE_CHECKING:
         Scenario,
         member_seed,
     )
-    from twin.scenario.tree import read
-    from twin.scenario.value import duration, nanoseconds, number, resolve, short
-    from twin.scenario.written import Dumper
+    from twin.scenario.ssp_writer import pack
+    from twin.scenario.validation_messages import dotted, quoted, validate
+    from twin.scenario.variable_names import nearest
+    from twin.scenario.yaml_node import Node
+    from twin.scenario.yaml_reader import read
+    from twin.scenario.yaml_writer import Dumper
 
 __all__ = [
     "Case",
@@ -54,7 +54,6 @@ __all__ = [
     "Text",
     "Time",
     "Value",
-    "alone",
     "changed",
     "check_against",
     "connected",
@@ -76,71 +75,49 @@ __all__ = [
     "nearest",
     "number",
     "pack",
-    "package",
     "parse_scenario",
     "part",
     "quoted",
     "read",
     "reference",
     "resolve",
-    "shipped",
+    "scenario_paths",
     "short",
+    "single_case_yaml",
+    "ssp_reader",
     "validate",
 ]
 
-__getattr__ = late.names(
+__getattr__, _, _ = lazy_loader.attach(
     __name__,
-    {
-        "Case": "spec",
-        "ConnectionSpec": "spec",
-        "Control": "console",
-        "ControlSpec": "spec",
-        "Dumper": "written",
-        "EventSpec": "spec",
-        "FaultSpec": "spec",
-        "Form": "members",
-        "Keys": "model",
-        "MemberSpec": "spec",
-        "Node": "node",
-        "Period": "model",
-        "RecordSpec": "spec",
-        "Reference": "model",
-        "Scenario": "spec",
-        "Seed": "model",
-        "Text": "model",
-        "Time": "model",
-        "Value": "model",
-        "alone": "alone",
-        "changed": "load",
-        "check_against": "check",
-        "connected": "console",
-        "controls_of": "console",
-        "displayed": "dimensions",
-        "dotted": "message",
-        "duration": "value",
-        "nanoseconds": "value",
-        "event_problems": "check",
-        "examine": "load",
-        "group": "grouping",
-        "has_source": "members",
-        "load_scenario": "load",
-        "look_up": "lookup",
-        "made_scenario": "load",
-        "make": "members",
-        "member_seed": "spec",
-        "members": "",
-        "nearest": "names",
-        "number": "value",
-        "pack": "packing",
-        "package": "",
-        "parse_scenario": "load",
-        "part": "grouping",
-        "quoted": "message",
-        "read": "tree",
-        "reference": "model",
-        "resolve": "value",
-        "shipped": "",
-        "short": "value",
-        "validate": "message",
+    submodules=["members", "scenario_paths", "ssp_reader"],
+    submod_attrs={
+        "check": ["check_against", "event_problems"],
+        "console_keys": ["Control", "connected", "controls_of"],
+        "dimensions": ["displayed"],
+        "grouping": ["group", "part"],
+        "load": ["changed", "examine", "load_scenario", "made_scenario", "parse_scenario"],
+        "members": ["Form", "has_source", "make"],
+        "quantities": ["duration", "nanoseconds", "number", "resolve", "short"],
+        "resolve_variables": ["look_up"],
+        "schema": ["Keys", "Period", "Reference", "Seed", "Text", "Time", "Value", "reference"],
+        "single_case_yaml": ["single_case_yaml"],
+        "spec": [
+            "Case",
+            "ConnectionSpec",
+            "ControlSpec",
+            "EventSpec",
+            "FaultSpec",
+            "MemberSpec",
+            "RecordSpec",
+            "Scenario",
+            "member_seed",
+        ],
+        "ssp_writer": ["pack"],
+        "validation_messages": ["dotted", "quoted", "validate"],
+        "variable_names": ["nearest"],
+        "yaml_node": ["Node"],
+        "yaml_reader": ["read"],
+        "yaml_writer": ["Dumper"],
     },
 )

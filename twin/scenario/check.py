@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 from twin import clock
 from twin.errors import CouplingError, DeclarationError, ScenarioError
-from twin.scenario import value
-from twin.scenario.console import check_console, check_controls
+from twin.scenario import quantities
+from twin.scenario.console_keys import check_console, check_controls
 from twin.scenario.dimensions import check_units
-from twin.scenario.model import NAME
-from twin.scenario.names import find, inside, matching, nearest, no_element
-from twin.scenario.scenes import check_arrays
+from twin.scenario.scene_keys import check_arrays
+from twin.scenario.schema import NAME
 from twin.scenario.spec import SETTABLE
+from twin.scenario.variable_names import find, inside, matching, nearest, no_element
 
 MOST_STEPS = 1e12  # of a run; 1e7 a second are fast
 
@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
     from twin.coupling import Catalog
     from twin.results import Expression
-    from twin.scenario.model import ScenarioKeys
-    from twin.scenario.node import Node
+    from twin.scenario.schema import ScenarioKeys
     from twin.scenario.spec import Case, EventSpec, MemberSpec, Scenario
+    from twin.scenario.yaml_node import Node
 
 
 def check(scenario: Scenario, keys: ScenarioKeys, tree: Node, trees: dict[str, Node]) -> list[str]:
@@ -298,7 +298,7 @@ def event_problems(event: EventSpec, catalog: Catalog, targets: set[str]) -> lis
         if not variable.connectable and event.kind != "set":
             raise CouplingError(f"{event.variable} is {variable.type}: only numbers can be overridden.")  # noqa: TRY301
         if event.kind != "release":
-            value.resolve(event.value, variable, event.variable)
+            quantities.resolve(event.value, variable, event.variable)
     except CouplingError as error:
         return [f"{event.where}: {problem}" for problem in error.problems]
     if event.kind != "set":

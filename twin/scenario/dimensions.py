@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from twin.dataclass import dataclass
 from twin.errors import ScenarioError
 from twin.results import dimension
-from twin.scenario.value import short
+from twin.scenario.quantities import short
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

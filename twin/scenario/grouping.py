@@ -10,8 +10,8 @@ from twin.component import catalog
 from twin.coupling import Link, Part, compose, direct_followers, stepping_order
 from twin.errors import CouplingError, ScenarioError, nearest
 from twin.graph import ordered_groups, reached
-from twin.scenario.lookup import look_up
 from twin.scenario.members import communication, component_of, whole
+from twin.scenario.resolve_variables import look_up
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

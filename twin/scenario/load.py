@@ -8,12 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 from twin.coupling import Algorithm
 from twin.errors import ScenarioError
-from twin.scenario import check, console, figures, merge, nested
-from twin.scenario.lookup import look_up
-from twin.scenario.message import validate
-from twin.scenario.node import Node, Place
+from twin.scenario import check, component_references, console_keys, merge, metric_keys
 from twin.scenario.override import overridden
-from twin.scenario.shipped import located
+from twin.scenario.resolve_variables import look_up
+from twin.scenario.scenario_paths import located
 from twin.scenario.spec import (
     Case,
     ConnectionSpec,
@@ -25,13 +23,15 @@ from twin.scenario.spec import (
     RecordSpec,
     Scenario,
 )
-from twin.scenario.tree import parse
+from twin.scenario.validation_messages import validate
+from twin.scenario.yaml_node import Node, Place
+from twin.scenario.yaml_reader import parse
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
     from twin.component import Component
-    from twin.scenario.model import ScenarioKeys
+    from twin.scenario.schema import ScenarioKeys
 
 MILLISECOND = 1_000_000
 PHYSICS = (
@@ -99,16 +99,16 @@ def assembled(written: Node, path: Path, overrides: Sequence[str], imports: bool
     problems += found
     trees = merge.variant_trees(kept)
     variants = {}
-    made, found = nested.components(trees, load_scenario) if imports else ({}, [])
+    made, found = component_references.components(trees, load_scenario) if imports else ({}, [])
     problems += found
     for name, tree in trees.items():
         own, tree, _ = validate(tree)  # noqa: PLW2901 - its problems are already listed
         variants[name] = case_of(name, own, tree, keys, made)
-    analyses, metrics, expectations, plots, found = figures.figures(
+    analyses, metrics, expectations, plots, found = metric_keys.figures(
         keys, kept, list(variants), root.find(("metrics",)).entries
     )
     problems += found
-    pictures, found = figures.scenes(keys, kept, list(variants))
+    pictures, found = metric_keys.scenes(keys, kept, list(variants))
     problems += found
     record = record_of(keys, kept, analyses, metrics, expectations, plots, pictures)
     scenario = Scenario(
@@ -117,7 +117,7 @@ def assembled(written: Node, path: Path, overrides: Sequence[str], imports: bool
         tuple(keys.seeds), tuple(variants.values()), record, analyses, metrics, expectations, plots,
         {name: tuple(members) for name, members in keys.groups.items()}, tuple(overrides),
         not any(touches(option) for option in effective) and not changes_the_papers(root, str(path)), root, written,
-        pictures, console.controls(keys, kept),
+        pictures, console_keys.controls(keys, kept),
         MutationRecord(keys.mutations.tried, dict(keys.mutations.unnoticed)) if keys.mutations else None,
     )  # fmt: skip
     problems += check.check(scenario, keys, kept, trees)

@@ -134,9 +134,9 @@ def exported(
     name: str, cls: type[Component], values: Mapping[str, Any], build: Path, exchange: Exchange | None = None
 ) -> FMUMember:
     """A component's FMU as a member, built if it is not there as it would be built now."""
-    from twin.fmi import built
+    from twin.fmi import fmu_cache
 
-    member = imported(name, built.build(cls, "3.0", build), values, exchange)
+    member = imported(name, fmu_cache.build(cls, "3.0", build), values, exchange)
     member.period_ns, member.driven = cls.period_ns, frozenset(driven(cls))
     for variable in cls.variables:
         if variable.role is Role.derivative:
@@ -157,14 +157,14 @@ def prebuild(
     compiler.reset_fingerprints()
     if form is Form.interpreted:
         return
-    from twin.fmi import built
+    from twin.fmi import fmu_cache
 
     classes = {
         one: catalog.component(one) if isinstance(one, str) else one
         for one in dict.fromkeys(components)
         if not str(one).endswith(".fmu")
     }
-    is_there = built.is_built if form is Form.fmu else compiler.is_translated
+    is_there = fmu_cache.is_built if form is Form.fmu else compiler.is_translated
     lacking: list[type[Component]] = []
     for cls in dict.fromkeys(classes.values()):
         with suppress(TwinError):
@@ -176,7 +176,7 @@ def prebuild(
         progress(f"building {compiler.model_name(cls)}", next(done) / len(lacking))
         with suppress(TwinError):
             if form is Form.fmu:
-                built.build(cls, "3.0", build)
+                fmu_cache.build(cls, "3.0", build)
             else:
                 compiler.load_component(cls, build)
 

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError
-from twin.scenario import package, tree
-from twin.scenario.names import nearest
-from twin.scenario.node import Node
+from twin.scenario import ssp_reader, yaml_reader
+from twin.scenario.variable_names import nearest
+from twin.scenario.yaml_node import Node
 from twin.scene import READERS
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def load(path: Path, shown: str, problems: list[str], above: tuple[Path, ...] = 
 
     What is wrong and does not keep it from being read goes to `problems`.
     """
-    read = package.read if path.suffix == package.SUFFIX and path.is_file() else tree.read
+    read = ssp_reader.read if path.suffix == ssp_reader.SUFFIX and path.is_file() else yaml_reader.read
     return complete(read(path, shown, problems), path, shown, problems, above)
 
 
@@ -108,7 +108,7 @@ def parameter_set(item: Node, folder: Path, problems: list[str]) -> Node:
         problems.append(f"{item.place}: parameter_sets: there is no file {item.value}.{hint}")
         return Node({}, item.place)
     try:
-        content = tree.read(path, str(Path(item.place.file).parent / item.value), problems)
+        content = yaml_reader.read(path, str(Path(item.place.file).parent / item.value), problems)
     except ScenarioError as error:
         problems += error.problems
         return Node({}, item.place)

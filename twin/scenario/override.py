@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError
-from twin.scenario import tree
+from twin.scenario import yaml_reader
 from twin.scenario.merge import RHYTHM, members, merged
-from twin.scenario.names import nearest
-from twin.scenario.node import Node, Place
+from twin.scenario.variable_names import nearest
+from twin.scenario.yaml_node import Node, Place
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -85,7 +85,7 @@ def option_value(text: str, shown: str) -> Node:
         return Node(value, Place(shown))
 
     try:
-        parsed = tree.parse(text, shown)
+        parsed = yaml_reader.parse(text, shown)
     except ScenarioError:
         raise ScenarioError(f"{shown}: the value cannot be read. Write it like 1.4 Hz, true or [1, 2, 3].") from None
     return at_option(parsed)

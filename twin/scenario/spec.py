@@ -7,17 +7,16 @@ converts them.
 from __future__ import annotations
 
 import zlib
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin.coupling import Algorithm, Connection, System
-from twin.dataclass import dataclass
 from twin.errors import CouplingError, ScenarioError
-from twin.scenario import value
-from twin.scenario.names import find, matching, nearest
+from twin.scenario import quantities as value
+from twin.scenario.variable_names import find, matching, nearest
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,8 +25,8 @@ if TYPE_CHECKING:
     from twin.component import Component
     from twin.coupling import Catalog
     from twin.results import Analysis, Expectation, Metric, Plot
-    from twin.scenario.names import Variables
-    from twin.scenario.node import Node
+    from twin.scenario.variable_names import Variables
+    from twin.scenario.yaml_node import Node
     from twin.scene import Scene
 
 SETTABLE = ("parameter", "structuralParameter", "input")
@@ -331,7 +330,7 @@ class Scenario:
         """The scenario as one YAML text: everything merged, overrides applied, paths of FMUs absolute."""
         if self.text:
             return self.text
-        from twin.scenario import written
+        from twin.scenario import yaml_writer as written
 
         return written.text(self.tree)
 

@@ -1,12 +1,13 @@
 """Planar scenes: what instruments move in, read from drawings, and pictures of it."""
 
-from twin import late
+import lazy_loader
+
 from twin.scene.environment import Environment, Wall
+from twin.scene.environment_files import READERS, names, read
 from twin.scene.frames import Frames, along, instants, still
-from twin.scene.reading import READERS, names, read
 from twin.scene.spec import AXES, Arrow, Line, Mark, Scene
 
-__getattr__ = late.names(__name__, {"film": "", "page": "", "picture": ""})
+__getattr__, _, _ = lazy_loader.attach(__name__, submodules=["animation", "page", "picture"], submod_attrs={})
 
 __all__ = [
     "AXES",
@@ -19,7 +20,7 @@ __all__ = [
     "Scene",
     "Wall",
     "along",
-    "film",
+    "animation",
     "instants",
     "names",
     "page",

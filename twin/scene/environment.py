@@ -5,13 +5,12 @@ x points to the right and y up; meters and newtons. Nothing here knows what move
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.dataclass import dataclass
 from twin.scene import geometry
 
 if TYPE_CHECKING:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin.component import unit as units
-from twin.dataclass import dataclass
 from twin.results import coherent, within
 from twin.scene import geometry
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from twin.errors import nearest
-from twin.scene.drawn import KINDS, Drawn, Problems, short
+from twin.scene.environment_builder import KINDS, Drawn, Problems, short
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 KEYS = ("type", "units", "title", "source", "features")

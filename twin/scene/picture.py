@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import printable
-from twin.results import figures, plotting, write_text
+from twin.results import figure_files, plotting, write_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -152,7 +152,7 @@ def as_svg(drawn: Any, salt: str) -> str:
     import matplotlib as mpl
 
     with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": salt}):
-        return figures.as_svg(drawn)
+        return figure_files.as_svg(drawn)
 
 
 def save(drawn: Any, target: Path) -> None:
@@ -163,4 +163,4 @@ def save(drawn: Any, target: Path) -> None:
         write_text(target, as_svg(drawn, target.stem))
         return
     with mpl.rc_context(plotting.STYLE):
-        figures.save(drawn, target, metadata={"Software": None})
+        figure_files.save(drawn, target, metadata={"Software": None})

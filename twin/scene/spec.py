@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from twin.dataclass import dataclass
 from twin.results import Window
 
 if TYPE_CHECKING:

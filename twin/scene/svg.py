@@ -18,7 +18,7 @@ from lxml import etree
 
 from twin.errors import nearest
 from twin.scene import geometry
-from twin.scene.drawn import KINDS, MOST_POINTS, Drawn, Problems, quantity, short
+from twin.scene.environment_builder import KINDS, MOST_POINTS, Drawn, Problems, quantity, short
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -2,16 +2,16 @@
 
 from typing import TYPE_CHECKING
 
-from twin import late
+import lazy_loader
 
 if TYPE_CHECKING:
     from twin.ssp.flat import Flat, Member, Wire, flattened
     from twin.ssp.model import Linear
     from twin.ssp.names import element_name, member_name
     from twin.ssp.outputs import with_outputs
-    from twin.ssp.own import told
     from twin.ssp.package import EXTRA, Package, Variant, opened
-    from twin.ssp.written import Component, Outline, Port, Tie, Value, write
+    from twin.ssp.ssp_annotations import told
+    from twin.ssp.writer import Component, Outline, Port, Tie, Value, write
 
 __all__ = [
     "EXTRA",
@@ -35,27 +35,15 @@ __all__ = [
     "write",
 ]
 
-__getattr__ = late.names(
+__getattr__, _, _ = lazy_loader.attach(
     __name__,
-    {
-        "Component": "written",
-        "EXTRA": "package",
-        "Flat": "flat",
-        "Linear": "model",
-        "Member": "flat",
-        "Outline": "written",
-        "Package": "package",
-        "Port": "written",
-        "Tie": "written",
-        "Value": "written",
-        "Variant": "package",
-        "Wire": "flat",
-        "element_name": "names",
-        "flattened": "flat",
-        "member_name": "names",
-        "opened": "package",
-        "told": "own",
-        "with_outputs": "outputs",
-        "write": "written",
+    submod_attrs={
+        "flat": ["Flat", "Member", "Wire", "flattened"],
+        "model": ["Linear"],
+        "names": ["element_name", "member_name"],
+        "outputs": ["with_outputs"],
+        "package": ["EXTRA", "Package", "Variant", "opened"],
+        "ssp_annotations": ["told"],
+        "writer": ["Component", "Outline", "Port", "Tie", "Value", "write"],
     },
 )

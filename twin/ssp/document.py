@@ -13,7 +13,7 @@ from typing import Any
 from lxml import etree
 
 from twin.errors import FMUError, ScenarioError
-from twin.fmi import markup
+from twin.fmi import xml_checks
 
 SPACE = "http://ssp-standard.org/SSP1/SystemStructure"
 SSD, SSC, SSV, SSM, SSB = (
@@ -35,7 +35,7 @@ SCHEMA = "against the schema"
 def root_of(content: bytes, shown: str) -> Any:
     """The root element of a file; ScenarioError if it is no XML, or could do harm."""
     try:
-        return markup.root_of(shown, content)
+        return xml_checks.root_of(shown, content)
     except FMUError as error:
         text = str(error).replace("Export the FMU once more", "Write it once more").replace("FMI needs", "SSP needs")
         raise ScenarioError(text) from None

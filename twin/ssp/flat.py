@@ -6,11 +6,10 @@ and linear transformations put together. A value that is set on a system's conne
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from twin.component import unit
-from twin.dataclass import dataclass
 from twin.errors import CouplingError, TwinError, nearest
 from twin.fmi import FMUMember
 from twin.ssp.model import ROLES_1, SOURCES, TARGETS, Connection, Element, End, Linear, Table

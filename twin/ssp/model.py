@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 from twin.component import unit
-from twin.dataclass import dataclass
 from twin.errors import CouplingError
 
 SOURCES = {  # (owner, kind) that a value may come from, and go to: SSP 2.0, "Allowed Connections"

@@ -9,16 +9,15 @@ import os
 import re
 import shutil
 from contextlib import suppress
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from twin.dataclass import dataclass
 from twin.errors import FMUError, ScenarioError
 from twin.fmi import archive, digest
 from twin.ssp.document import SCHEMA, SSD, violations
 from twin.ssp.model import Element
-from twin.ssp.reading import Reader
+from twin.ssp.parser import Reader
 
 if TYPE_CHECKING:
     from typing import Any

@@ -7,11 +7,10 @@ mapping sends to nobody is a mistake.
 from __future__ import annotations
 
 import re
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from twin.component import unit
-from twin.dataclass import dataclass
 from twin.errors import CouplingError, nearest
 from twin.ssp.model import Binding, Element, Entry, Linear, Parameter, Table
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from twin import clock
 from twin.coupling import direct_followers
-from twin.dataclass import dataclass
 from twin.graph import ordered_groups
 from twin.structure import picture
 

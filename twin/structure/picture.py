@@ -6,13 +6,11 @@ Trans. Syst. Man Cybern. 11(2), 1981. Connections that close a loop are drawn fr
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import dataclass, field
 from html import escape
 from itertools import pairwise
 from types import MappingProxyType
 from typing import TYPE_CHECKING
-
-from twin.dataclass import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

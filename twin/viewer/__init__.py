@@ -2,25 +2,21 @@
 
 from typing import TYPE_CHECKING
 
-from twin import late
+import lazy_loader
 
 if TYPE_CHECKING:
-    from twin.viewer.chosen import chosen_cases, chosen_signals
     from twin.viewer.page import Written, of_samples
     from twin.viewer.runs import Curve, Runs, opened
+    from twin.viewer.selection import chosen_cases, chosen_signals
     from twin.viewer.server import serve
 
-__getattr__ = late.names(
+__getattr__, _, _ = lazy_loader.attach(
     __name__,
-    {
-        "Curve": "runs",
-        "Runs": "runs",
-        "Written": "page",
-        "chosen_cases": "chosen",
-        "chosen_signals": "chosen",
-        "of_samples": "page",
-        "opened": "runs",
-        "serve": "server",
+    submod_attrs={
+        "page": ["Written", "of_samples"],
+        "runs": ["Curve", "Runs", "opened"],
+        "selection": ["chosen_cases", "chosen_signals"],
+        "server": ["serve"],
     },
 )
 

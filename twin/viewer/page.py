@@ -6,18 +6,18 @@ import base64
 import json
 import re
 import zlib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
 import numpy as np
 
-from twin.dataclass import dataclass
 from twin.errors import TwinError
-from twin.viewer.about import about
-from twin.viewer.asked import head
-from twin.viewer.drawn import over_time
-from twin.viewer.growing import RUNNING
+from twin.viewer.curve_data import over_time
+from twin.viewer.live_run import RUNNING
+from twin.viewer.page_data import about
+from twin.viewer.requests import head
 from twin.viewer.runs import Curve
 from twin.web import STATIC
 

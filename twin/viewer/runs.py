@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 from string import ascii_uppercase
 from typing import TYPE_CHECKING, Any
@@ -9,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.component import unit as units
-from twin.dataclass import dataclass
 from twin.errors import ScenarioError, TwinError, UnknownNameError, nearest
 from twin.results import Signals, coherent, dimension, expression
-from twin.viewer.growing import Growing, Unfinished, goes_on
+from twin.viewer.live_run import Growing, Unfinished, goes_on
 from twin.viewer.recording import Recording, Room
 
 if TYPE_CHECKING:

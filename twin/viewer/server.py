@@ -7,7 +7,7 @@ import logging
 import threading
 from typing import TYPE_CHECKING, Any
 
-from twin.viewer import asked, page
+from twin.viewer import page, requests
 from twin.web import Site, needed
 
 if TYPE_CHECKING:
@@ -60,11 +60,11 @@ def register(app: FastAPI, runs: Runs, text: Callable[[], str]) -> None:
             body = b""
             async for part in request.stream():
                 body += part
-                if len(body) > asked.LONGEST:
+                if len(body) > requests.LONGEST:
                     break
             try:
-                return await run_in_threadpool(answer, asked.content(body))
-            except asked.AskedError as error:
+                return await run_in_threadpool(answer, requests.content(body))
+            except requests.AskedError as error:
                 return PlainTextResponse(str(error), 400)
             except OSError as error:  # a share that is gone
                 logging.getLogger("twin").debug("viewer", exc_info=error)
@@ -74,11 +74,11 @@ def register(app: FastAPI, runs: Runs, text: Callable[[], str]) -> None:
 
     def lines(told: dict[str, Any]) -> Response:
         with runs.room.lock:  # times and values are of one moment
-            return Response(asked.lines(told, runs), media_type="application/octet-stream")
+            return Response(requests.lines(told, runs), media_type="application/octet-stream")
 
     def values(told: dict[str, Any]) -> Response:
         with runs.room.lock:
-            return JSONResponse(asked.values(told, runs))
+            return JSONResponse(requests.values(told, runs))
 
     def until(_: dict[str, Any]) -> Response:
         return JSONResponse(runs.until())

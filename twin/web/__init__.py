@@ -5,32 +5,26 @@ Nothing here is imported until a page is served: the library of the pages takes 
 
 from typing import TYPE_CHECKING
 
-from twin import late
+import lazy_loader
 
 if TYPE_CHECKING:
     from twin.web import frames
     from twin.web.chart import Chart, Curve, Pane
-    from twin.web.look import framed, styled
-    from twin.web.seats import Seats
+    from twin.web.operator_lock import Seats
     from twin.web.server import STATIC, Site, needed
+    from twin.web.theme import framed, styled
     from twin.web.tree import Leaf, Tree
 
 __all__ = ["STATIC", "Chart", "Curve", "Leaf", "Pane", "Seats", "Site", "Tree", "framed", "frames", "needed", "styled"]
 
-__getattr__ = late.names(
+__getattr__, _, _ = lazy_loader.attach(
     __name__,
-    {
-        "Chart": "chart",
-        "Curve": "chart",
-        "Leaf": "tree",
-        "Pane": "chart",
-        "STATIC": "server",
-        "Seats": "seats",
-        "Site": "server",
-        "Tree": "tree",
-        "framed": "look",
-        "frames": "",
-        "needed": "server",
-        "styled": "look",
+    submodules=["frames"],
+    submod_attrs={
+        "chart": ["Chart", "Curve", "Pane"],
+        "operator_lock": ["Seats"],
+        "server": ["STATIC", "Site", "needed"],
+        "theme": ["framed", "styled"],
+        "tree": ["Leaf", "Tree"],
     },
 )

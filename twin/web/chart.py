@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, field
+from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from nicegui.element import Element
-
-from twin.dataclass import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,12 +10,11 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Collection
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-
-from twin.dataclass import dataclass
 
 if TYPE_CHECKING:
     from starlette.datastructures import QueryParams

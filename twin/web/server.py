@@ -13,14 +13,13 @@ import socket
 import traceback
 import webbrowser
 from contextlib import suppress
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from twin.dataclass import dataclass
 from twin.errors import TwinError
 from twin.process import SIGNALS
-from twin.web import gate
+from twin.web import token_auth
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -87,7 +86,7 @@ class Site:
         from nicegui import ui
 
         sock = listening(self.port)
-        port, token = sock.getsockname()[1], gate.token()
+        port, token = sock.getsockname()[1], token_auth.token()
         app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
         self.register(app)
         pages.add_static_files("/web", STATIC, max_cache_age=0)
@@ -103,7 +102,7 @@ class Site:
         for task in (ignore_malformed_messages, *self.tasks):
             pages.on_startup(task)
         config = uvicorn.Config(
-            gate.Gate(app, token, port),
+            token_auth.Gate(app, token, port),
             log_level="critical",
             access_log=False,
             lifespan="on",

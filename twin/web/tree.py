@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any
 
 from nicegui import ui
-
-from twin.dataclass import dataclass
 
 HEADER = """
 <div class="twin-leaf row items-baseline no-wrap full-width" :draggable="!props.node.children" :title="props.node.about"

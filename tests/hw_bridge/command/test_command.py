@@ -25,7 +25,7 @@ from hw_bridge.wire.link import AnyLink
 from hw_bridge.wire.taken import refuse_if_taken
 from tests.hw_bridge.multicast import PORT, needed, own
 from tests.hw_bridge.waiting import TIMEOUT, wait_for_frame, wait_for_node
-from twin import cli, installed
+from twin import cli
 from twin.errors import SimulationError
 
 NODE = 9
@@ -42,7 +42,7 @@ def test_what_canopen_does_not_use_is_ignored(more):
 
 
 def test_it_is_a_command_of_twin():
-    assert installed.load(cli.added()["drive"]) is command
+    assert cli.added()["drive"].load() is command
     assert "drive" in cli.group.list_commands(None)
 
 

@@ -216,4 +216,4 @@ def test_a_run_that_homes_otherwise_forgets_it(homes, bench, build, tmp_path, na
     master = Master(load(other), SimulatedNetwork(bench.bus))
     master.begin({"servomotor": 0.0})
     master.stop()
-    assert "--homed: this program has not homed it" in move(run, code=1)
+    assert "--homed: it was homed with another `homing`" in move(run, code=1)

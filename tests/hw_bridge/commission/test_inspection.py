@@ -6,7 +6,7 @@ from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.command import hil
 from hw_bridge.commission import BOOT, Line, inspect
 from hw_bridge.device import Drive, Motor
-from hw_bridge.dictionary import U16, var
+from hw_bridge.dictionary import U8, U16, var
 from hw_bridge.hardware import HardwareKeys
 from hw_bridge.profiles import MODULES, profile
 from tests.hw_bridge.values import each_write, held
@@ -112,3 +112,14 @@ def test_check_shows_the_list_and_writes_nothing(build, name, monkeypatch, capsy
     assert written == []
     if name != "mclm":
         assert held(drive) == before
+
+
+@pytest.mark.parametrize("name", sorted(MODULES.keys() - {"epos2"}))  # which has no 60FDh
+def test_a_counter_of_sync_and_closed_limit_switches_are_told(build, name):
+    bench = Bench(name, build, values={(0x1019, 0): 10}, more=var(0x1019, "x", U8, "rw"))
+    assert any("1019h is 10: it takes SYNC with a counter only" in note for note in bench.found.notes)
+    assert not any("limit switch" in note for note in bench.found.notes)
+    bench.drive.axis.switches.positive = bench.drive.axis.switches.negative = 0.0
+    bench.line.wait(10_000_000)
+    notes = inspect(bench.line.drive("axis")).notes
+    assert any("axis: negative limit switch and positive limit switch closed (60FDh)" in note for note in notes)

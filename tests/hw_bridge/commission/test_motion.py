@@ -107,7 +107,7 @@ def test_a_failure_on_the_way_ends_in_the_one_stop(hand):
 
     with pytest.raises(
         SimulationError,
-        match=r"EMCY 7300h, encoder \(1001h 20h device profile; .*\)\. It stops\. .* 603Fh: 7300h encoder",
+        match=r"EMCY 7300h, encoder \(1001h 21h generic, device profile; .*\)\. It stops\. .* 603Fh: 7300h encoder",
     ):
         move()
     assert held.drive.state is State.FAULT

@@ -8,7 +8,7 @@ from tests.hw_bridge.bench import NODE, AbortedError
 
 
 def test_following_error_as_in_the_manual(faulhaber):
-    """The frame of the communications manual: 11 86 20 02 00 00 00 00."""
+    """The frame of the communications manual, 11 86 20 02 00 00 00 00, with bit 0 of 1001h, which CiA 301 asks for."""
     bench = faulhaber
     bench.write(0x6065, 100)
     bench.write(0x6066, 20)
@@ -17,11 +17,11 @@ def test_following_error_as_in_the_manual(faulhaber):
     bench.write(0x607A, 5000)
     bench.control(0x1F)
     bench.go(300)
-    assert bench.frames(0x080 + NODE)[0].hex(" ") == "11 86 20 02 00 00 00 00"
+    assert bench.frames(0x080 + NODE)[0].hex(" ") == "11 86 21 02 00 00 00 00"
     assert bench.state is State.FAULT
     assert bench.read(0x603F) == 0x8611
     assert (bench.read(0x1003, 0), bench.read(0x1003, 1)) == (1, 0x8611)
-    assert bench.read(0x1001) == 0x20
+    assert bench.read(0x1001) == 0x21
     bench.drive.axis.motor.load(0.0)
     bench.control(0x00, 0x80)
     assert bench.frames(0x080 + NODE) == [bytes(8)]
@@ -30,7 +30,7 @@ def test_following_error_as_in_the_manual(faulhaber):
         bench.write(0x1003, 1)
     assert found.value.code is Code.VALUE_RANGE
     bench.write(0x1003, 0)
-    assert bench.read(0x1003, 1) == 0
+    assert bench.read(0x1003) == 0
 
 
 def test_history_keeps_the_newest_first(bench):

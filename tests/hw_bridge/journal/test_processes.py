@@ -10,6 +10,8 @@ from click.testing import CliRunner
 
 from benchmarks import hil as benchmark
 from hw_bridge.command import hil
+from hw_bridge.command.control import request
+from hw_bridge.fault import Cause, Fault
 from hw_bridge.profiles import MODULES
 from hw_bridge.wire import WireNetwork
 from tests.hw_bridge import program
@@ -35,6 +37,12 @@ members:
 connections:
   - command.reference_position -> servomotor.target_position
 """
+FAILING = """
+members:
+  failing: {component: "tests.run.pymunk_parts:Burns", parameters: {}}
+"""
+HEAT = {"faulhaber_v3": 0x4310, "mclm": 0x4310, "epos4": 0x4210}  # a fault of the drive
+MAPPED = bytes([0x2F, 0x01, 0x1A, 0x00])  # SDO: the number of objects of TPDO 2, late in a bringing-up
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.real_time,
@@ -47,7 +55,7 @@ def rig(request, tmp_path, build, monkeypatch):
     """A drive process, its bench, a dump of it, and `twin hil` on it."""
     monkeypatch.setenv("TWIN_STATE", str(tmp_path / "state"))
     channel, profile = needed(own(76), port=benchmark.PORT), request.param
-    with benchmark.drive(profile, "udp_multicast", channel, build) as process:
+    with benchmark.drive(profile, "udp_multicast", channel, build, more=["--control", "0"]) as process:
         bench = tmp_path / "bench.yaml"
         scale = (
             "scale: 1.5915e-3, limits: {force: 250 N, velocity: 50 mm/s, following_error: 3 mm}"
@@ -55,7 +63,6 @@ def rig(request, tmp_path, build, monkeypatch):
             else "scale: 1"
         )
         bench.write_text(BENCH.format(channel=channel, port=benchmark.PORT, profile=profile, scale=scale))
-        (tmp_path / "scenario.yaml").write_text(SCENARIO)
 
         def command(*words, code=0):
             done = CliRunner().invoke(hil.command, [*map(str, words), "-f", str(bench), "--build", str(build)])
@@ -70,20 +77,22 @@ def compared(command, folder):
     assert "holds what" in command("compare", 1, folder / "before.dcf")
 
 
-def until_syncs(channel, count, process):
-    """Wait for so many SYNCs on the bus."""
+def until_syncs(channel, count, process, counted=lambda frame: frame.id == SYNC):
+    """Wait for so many SYNCs on the bus, or other frames."""
     heard = []
     network = WireNetwork("udp_multicast", channel, 1_000_000, benchmark.options("udp_multicast"))
     try:
-        network.hear = lambda frame: heard.append(frame.id == SYNC)
+        network.hear = lambda frame: heard.append(counted(frame))
         network.advance(network.now + 60_000_000_000, lambda: sum(heard) > count or process.poll() is not None)
     finally:
         network.close()
     assert sum(heard) > count, process.communicate()
 
 
-def started(rig, tmp_path, build, seconds=20.0):
+def started(rig, tmp_path, build, seconds=20.0, more="members:\n"):
+    """A run of the scenario, with these members too."""
     _, _, bench, _, _ = rig
+    (tmp_path / "scenario.yaml").write_text(SCENARIO.replace("members:\n", more.lstrip()))
     words = ["run", tmp_path / "scenario.yaml", "--hardware", bench, "--set", f"stop_time={seconds} s", "--no-report",
              "--runs", tmp_path / "runs", "--build", build]  # fmt: skip
     line = [sys.executable, "-c", "from twin.cli import main; main()", *map(str, words)]
@@ -123,3 +132,27 @@ def test_after_a_whole_run(rig, tmp_path, build):
     assert b"objects are written, and restored at the end" in err, (out, err)
     assert b"objects were changed for the run and are as before" in out, (out, err)
     compared(command, tmp_path)
+
+
+def test_after_a_bringing_up_that_failed(rig, tmp_path, build):
+    """A fault of the drive while it is set up: all mappings are written, and it is never enabled."""
+    profile, channel, _, command, drive = rig
+    process = started(rig, tmp_path, build)
+    until_syncs(channel, 0, process, lambda frame: frame.id == 0x601 and frame.data[:4] == MAPPED)
+    request(drive.port, Fault(Cause.EMCY, HEAT[profile], lasting=True))
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 1, (out, err)
+    assert b"failed: base, seed 0" in err + out, (out, err)
+    compared(command, tmp_path)
+    assert "No run left anything to restore." in command("restore")
+
+
+def test_after_an_exception_of_a_member(rig, tmp_path, build):
+    """A member in Python raises after 0.3 s, while the drive moves."""
+    _, _, _, command, _ = rig
+    process = started(rig, tmp_path, build, more=FAILING)
+    out, err = process.communicate(timeout=120)
+    assert process.returncode == 1, (out, err)
+    assert b"burnt" in err + out, (out, err)
+    compared(command, tmp_path)
+    assert "No run left anything to restore." in command("restore")

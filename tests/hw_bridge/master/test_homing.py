@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from hw_bridge.dictionary import BLOCKS_MAXON, METHODS, State
+from hw_bridge.master import Reference
 from hw_bridge.session import Session
 from tests.hw_bridge.axis import Rig, node
 from twin.errors import SimulationError
@@ -163,3 +164,24 @@ def test_another_program_that_stops_the_drive_while_it_homes(homes):
         rig.go(1)
     assert rig.drive.state is not State.ENABLED
     assert rig.way < 12e-3
+
+
+@pytest.mark.parametrize(("counts", "homed"), [(0.030, False), (0.0, True), (0.080, True)])
+def test_a_reference_that_is_proven_is_kept_within_the_limits(homes, monkeypatch, counts, homed):
+    """6064h is 0 at -40 mm: 30 mm is at -10 mm; 0 and 80 mm are outside of +-35 mm, where the drive's own limits would pull it in."""
+    monkeypatch.setattr(Reference, "problem", lambda *_: "")
+
+    def prepare(drive):
+        drive.axis.origin -= counts
+        drive.dictionary.put(0x607D, -200_000, 1)
+        drive.dictionary.put(0x607D, 200_000, 2)
+
+    rig = homes(prepare)
+    rig.go(20)
+    assert rig.get("position") == pytest.approx(0.0, abs=1e-4)
+    assert bool(rig.master.references) is not homed
+    if not homed:
+        assert rig.way == pytest.approx(0.010, abs=5e-4)  # to where the scenario begins, and nowhere else
+        assert rig.master.references == ["servomotor: counts from the reference found before: not homed again."]
+    else:
+        assert rig.way > 0.035

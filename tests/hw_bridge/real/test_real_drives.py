@@ -376,11 +376,11 @@ def test_an_emergency_keeps_register_and_vendors_bytes(build):
     rig.drive.inject(0x8611)
     with pytest.raises(
         SimulationError,
-        match=r"EMCY 8611h, following error \(1001h 20h device profile; vendor's bytes 02 00 00 00 00, 2320h following error\)",
+        match=r"EMCY 8611h, following error \(1001h 21h generic, device profile; vendor's bytes 02 00 00 00 00, 2320h following error\)",
     ):
         rig.go(50)
     node = rig.master.nodes["servomotor"]
-    assert node.emergencies[0][1:] == (0x8611, 0x20, b"\2\0\0\0\0")
+    assert node.emergencies[0][1:] == (0x8611, 0x21, b"\2\0\0\0\0")
     (message,) = [one for one in rig.session.report()["nodes"]["servomotor"]["emergency_messages"] if "8611h" in one]
     assert message.endswith("vendor's bytes 02 00 00 00 00, 2320h following error)")
 

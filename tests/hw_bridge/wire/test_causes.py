@@ -34,7 +34,7 @@ def test_a_fault_while_it_moves(bus, build):
             axis.go(2000)
         words = r"servomotor: is in Fault, 603Fh: 7300h encoder; 1003h: 7300h encoder."
         assert str(failure.value) == (
-            "servomotor: EMCY 7300h, encoder (1001h 20h device profile; vendor's bytes 40 00 00 00 00, 2320h encoder). All drives "
+            "servomotor: EMCY 7300h, encoder (1001h 21h generic, device profile; vendor's bytes 40 00 00 00 00, 2320h encoder). All drives "
             f"stop. {words}"
         )
         assert axis.session.account.ending().reason == str(failure.value)

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
-
-from twin.dataclass import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator

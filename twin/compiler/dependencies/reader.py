@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Mapping
+from dataclasses import dataclass
 from types import FunctionType
 
 from twin.compiler.dependencies.flows import LOCAL, RESULT, own
 from twin.compiler.resolve import Source
-from twin.compiler.tree import walk
-from twin.dataclass import dataclass
+from twin.compiler.syntax_tree import walk
 
 
 class UnsureError(Exception):

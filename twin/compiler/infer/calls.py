@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.compiler import words
+from twin.compiler import builtins
+from twin.compiler.builtins import Word
 from twin.compiler.infer.expressions import Expressions
 from twin.compiler.types import BOOLEAN, INTEGER, REAL, UNKNOWN, Array, Known, Tuple, Type, Unknown, join, of_constant
-from twin.compiler.words import Word
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -29,16 +29,16 @@ class Calls(Expressions):
             raise self.error(node, "calls what is no function", "Call functions by their names")
         called = kind.value
         if isinstance(called, FunctionType):
-            if called in words.MACHINE:
-                return self.word(node, words.MACHINE[called])
+            if called in builtins.MACHINE:
+                return self.word(node, builtins.MACHINE[called])
             return self.user(node, called)
         if node.keywords or any(isinstance(one, ast.Starred) for one in node.args):
             raise self.error(node, "gives arguments by name or by *", "Give them in their order")
         special = SPECIAL.get(called) if hashable(called) else None
         if special is not None:
             return special(self, node)
-        if hashable(called) and called in words.PYTHON:
-            return self.word(node, words.PYTHON[called])
+        if hashable(called) and called in builtins.PYTHON:
+            return self.word(node, builtins.PYTHON[called])
         raise self.error(node, "cannot be called from C", self.instead(called))
 
     def instead(self, called: Any) -> str:
@@ -48,7 +48,7 @@ class Calls(Expressions):
         module = getattr(called, "__module__", None) or ""
         name = getattr(called, "__name__", "")
         same = getattr(__import__("math"), name, None)
-        if module.startswith("numpy") and same in words.PYTHON:
+        if module.startswith("numpy") and same in builtins.PYTHON:
             return f"Use {name} of `math`"
         if called in (sum, enumerate, zip, reversed, map, all, any):
             return LOOP
@@ -170,5 +170,5 @@ def hashable(value: Any) -> bool:
 SPECIAL: dict[Any, Callable[[Calls, ast.Call], Type]] = {
     min: Calls.extreme, max: Calls.extreme, pow: Calls.powered, abs: Calls.absolute, np.absolute: Calls.absolute,
     float: Calls.real, np.float64: Calls.real, bool: Calls.truth, np.bool_: Calls.truth,
-    len: Calls.length, range: Calls.counting, **dict.fromkeys(words.WHOLE, Calls.rounded),
+    len: Calls.length, range: Calls.counting, **dict.fromkeys(builtins.WHOLE, Calls.rounded),
 }  # fmt: skip

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from twin.compiler.infer.static import NotStaticError, Static
-from twin.compiler.tree import walk
+from twin.compiler.syntax_tree import walk
 from twin.compiler.types import (
     BOOLEAN,
     COMPUTED,

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import ast
-from dataclasses import field
+from dataclasses import dataclass, field
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
 from twin.compiler.resolve import Source, source_of
 from twin.compiler.types import INTEGER, UNKNOWN, Type
-from twin.dataclass import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from twin.compiler.words import Word
+    from twin.compiler.builtins import Word
 
 
 @dataclass(eq=False, slots=True)

@@ -10,7 +10,7 @@ from twin.compiler.infer.expressions import FORBIDDEN, element
 from twin.compiler.infer.program import Function, Program
 from twin.compiler.infer.static import NotStaticError
 from twin.compiler.resolve import TranslationError
-from twin.compiler.tree import walk
+from twin.compiler.syntax_tree import walk
 from twin.compiler.types import (
     INTEGER,
     NOTHING,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.compiler import words
+from twin.compiler import builtins
 from twin.compiler.infer.program import Function, Program
 from twin.compiler.types import Array, Known, Record, Scalar, Tuple
 
@@ -96,7 +96,7 @@ class Static:
             if isinstance(kind, Array):
                 return kind.shape[0]
             return len(self.static(node.args[0]))
-        if called in words.PYTHON and getattr(called, "__module__", "") == "math":
+        if called in builtins.PYTHON and getattr(called, "__module__", "") == "math":
             return called(*map(self.static, node.args))
         raise NotStaticError
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, ABCMeta
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from twin import clock
-from twin.coupling import continuous
+from twin.coupling import model_exchange_groups
 from twin.coupling.system import stepping_order
-from twin.coupling.walk.fields import DOUBLING, FIXED, PREDICTED, SCHEMES
-from twin.dataclass import dataclass
+from twin.coupling.variable_step.record_layout import DOUBLING, FIXED, PREDICTED, SCHEMES
 from twin.errors import CouplingError, nearest
 
 if TYPE_CHECKING:
@@ -146,7 +145,7 @@ class Algorithm(ABC, metaclass=Named):
         if not self.is_sequential:
             return [list(members)]
         catalog = {name: member.variables for name, member in members.items()}
-        joined = continuous.together(members, links)
+        joined = model_exchange_groups.together(members, links)
         order = stepping_order(list(members), links, catalog, joined)
         return [[one for one in members if joined.get(one, one) == name] for name in order]
 

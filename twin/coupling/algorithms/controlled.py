@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
 from twin import clock
 from twin.coupling.algorithms.algorithm import Algorithm, halvings, scheme_named
-from twin.dataclass import dataclass
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

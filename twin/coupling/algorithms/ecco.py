@@ -6,13 +6,13 @@ size control and error estimation, Eng. Comput. 33(3), 2017.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from twin import clock
 from twin.coupling.algorithms.algorithm import Algorithm, halvings
 from twin.coupling.bonds import bonds, powers
-from twin.coupling.walk.fields import RESIDUAL
-from twin.dataclass import dataclass
+from twin.coupling.variable_step.record_layout import RESIDUAL
 
 if TYPE_CHECKING:
     from twin.coupling.system import Link

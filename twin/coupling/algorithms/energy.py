@@ -7,11 +7,11 @@ coupling error reduction in non-iterative co-simulations, Eng. Comput. 36, 2020.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from twin.coupling.algorithms.algorithm import Algorithm
 from twin.coupling.bonds import bonds
-from twin.dataclass import dataclass
 
 if TYPE_CHECKING:
     from twin.coupling.system import Link

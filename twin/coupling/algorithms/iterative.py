@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from twin.coupling.algorithms.algorithm import Algorithm, scheme_named
-from twin.dataclass import dataclass
 from twin.errors import CouplingError
 
 CONSEQUENCES = ("note", "stop")

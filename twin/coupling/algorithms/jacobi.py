@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import ClassVar
 
 from twin.coupling.algorithms.algorithm import Algorithm
-from twin.dataclass import dataclass
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import ClassVar
 
 from twin.coupling.algorithms.controlled import Controlled
-from twin.coupling.walk.fields import PREDICTED
-from twin.dataclass import dataclass
+from twin.coupling.variable_step.record_layout import PREDICTED
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import ClassVar
 
 from twin import clock
 from twin.coupling.algorithms.algorithm import halvings
 from twin.coupling.algorithms.controlled import Controlled
-from twin.coupling.walk.fields import DOUBLING
-from twin.dataclass import dataclass
+from twin.coupling.variable_step.record_layout import DOUBLING
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

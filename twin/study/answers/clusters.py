@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import stats
 
-from twin.dataclass import dataclass
 from twin.study.design import SAMPLED
-from twin.study.many.engine import DONE
+from twin.study.execution.case_engine import DONE
 
 if TYPE_CHECKING:
-    from twin.study.many.table import Cases
+    from twin.study.execution.case_table import Cases
 
     Array = np.ndarray[Any, Any]
 

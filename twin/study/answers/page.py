@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from twin.identify import script, style, templates
 from twin.results import write_text
 from twin.study.answers import plots, tables
-from twin.study.answers.told import Answers, cleaned, percent
-from twin.study.many import manifest, table
-from twin.study.page import script, style, templates
+from twin.study.answers.summary import Answers, cleaned, percent
+from twin.study.execution import case_table, manifest
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from twin.study.many.work import StudyOutcome
+    from twin.study.execution.study_runner import StudyOutcome
 
 PAGE, ANSWERS = "report.html", "answers.json"
 EXAMPLES = 12  # numbers of cases that are named
@@ -115,7 +115,7 @@ def pictures(outcome: StudyOutcome, answers: Answers) -> list[tuple[str, str, st
     study, cases = outcome.study, outcome.cases
     found = []
     for index, name in enumerate(study.bands):
-        if (outcome.folder / table.BANDS).exists():
+        if (outcome.folder / case_table.BANDS).exists():
             note = "median, quarters, 5 to 95 %, ends; red: beyond what is expected"
             found.append((f"{name} over time", note, plots.bands(outcome.folder, cases, name, index)))
     if study.design.method != "one_at_a_time":

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.results import coherent, figures, plotting
+from twin.results import coherent, figure_files, plotting
 from twin.study.design import SAMPLED
-from twin.study.many.engine import DONE
+from twin.study.execution.case_engine import DONE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 
     from twin.study.answers.sensitivity import Change, Drivers
     from twin.study.design import Study
-    from twin.study.many.table import Cases
-    from twin.study.many.tune import Tuned
+    from twin.study.execution.case_table import Cases
+    from twin.study.execution.tuning import Tuned
 
     Array = np.ndarray[Any, Any]
 
@@ -36,7 +36,7 @@ def drawn(size: tuple[float, float], salt: str, paint: Callable[[Any], None], **
     with mpl.rc_context({**plotting.STYLE, "svg.hashsalt": salt}):
         figure = Figure(size, layout="constrained")
         paint(figure.subplots(squeeze=False, **grid))
-        return figures.as_svg(figure)
+        return figure_files.as_svg(figure)
 
 
 def parallel(cases: Cases, metric: str, variant: str) -> str:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import stats
 
-from twin.dataclass import dataclass
 from twin.study.design import SAMPLED, problem, wanted
 
 if TYPE_CHECKING:
     from twin.study.design import Study
-    from twin.study.many.table import Cases
+    from twin.study.execution.case_table import Cases
 
     Array = np.ndarray[Any, Any]
 

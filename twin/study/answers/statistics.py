@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import stats
 
-from twin.dataclass import dataclass
 from twin.study.design import SAMPLED
-from twin.study.many.engine import DONE
+from twin.study.execution.case_engine import DONE
 
 if TYPE_CHECKING:
     from twin.results import Expectation
-    from twin.study.many.table import Cases
+    from twin.study.execution.case_table import Cases
 
     Array = np.ndarray[Any, Any]
 

@@ -8,14 +8,14 @@ import numpy as np
 
 from twin.component import unit
 from twin.results import coherent
-from twin.study.answers.told import percent
-from twin.study.many.engine import DONE
+from twin.study.answers.summary import percent
+from twin.study.execution.case_engine import DONE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from twin.study.answers.statistics import Spread
-    from twin.study.answers.told import Answers
+    from twin.study.answers.summary import Answers
 
 ALL = 200  # cases of a study that is shown in whole
 MOST = 200  # cases of a larger one: those that the page names, then others that fail

@@ -2,7 +2,8 @@
 
 from typing import TYPE_CHECKING
 
-from twin import late
+import lazy_loader
+
 from twin.study.design.distribution import Distribution
 from twin.study.design.factor import Assignment, Factor
 from twin.study.design.request import SAMPLED, Request
@@ -15,19 +16,14 @@ if TYPE_CHECKING:
     from twin.study.design.study import Knob, Limit, Study
 
 # the processes that run cases need none of these
-__getattr__ = late.names(
+__getattr__, _, _ = lazy_loader.attach(
     __name__,
-    {
-        "KeepKeys": "keys",
-        "Knob": "study",
-        "Limit": "study",
-        "Study": "study",
-        "StudyKeys": "keys",
-        "design": "sampling",
-        "load_study": "loading",
-        "problem": "sampling",
-        "valued": "sampling",
-        "wanted": "extra",
+    submod_attrs={
+        "extra": ["wanted"],
+        "keys": ["KeepKeys", "StudyKeys"],
+        "loading": ["load_study"],
+        "sampling": ["design", "problem", "valued"],
+        "study": ["Knob", "Limit", "Study"],
     },
 )
 

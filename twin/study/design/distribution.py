@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
-from twin.dataclass import dataclass
 
 if TYPE_CHECKING:
     from collections.abc import Callable

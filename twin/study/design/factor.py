@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from twin.coupling import find
-from twin.dataclass import dataclass
 from twin.errors import CouplingError
 from twin.results import coherent, shown
 from twin.scenario import resolve

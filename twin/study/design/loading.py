@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.errors import CouplingError, ScenarioError
+from twin.identify import read_estimate
 from twin.results import expression
 from twin.run import prepare
-from twin.scenario import dotted, load_scenario, nearest, number, read, shipped, short, validate
+from twin.scenario import dotted, load_scenario, nearest, number, read, scenario_paths, short, validate
 from twin.study.design.distribution import Distribution
 from twin.study.design.factor import Factor, unit_of
 from twin.study.design.keys import FactorKeys, StudyKeys
 from twin.study.design.sampling import INDEPENDENT, LISTED, design
 from twin.study.design.study import Knob, Limit, Study
-from twin.study.result import read_estimate
 
 if TYPE_CHECKING:
     from twin.coupling import Catalog
@@ -32,7 +32,7 @@ DIGITS = re.compile(r"^\s*[-+]?[\d.]+(?:[eE][-+]?\d+)?")
 
 def load_study(path: str | Path) -> Study:
     """Read and check a study file; ScenarioError lists all problems."""
-    return Loader(shipped.located(path, "study")).study()
+    return Loader(scenario_paths.located(path, "study")).study()
 
 
 class Loader:
@@ -92,7 +92,7 @@ class Loader:
         place = self.path.parent / self.keys.scenario
         try:
             if not place.suffix and not place.exists():  # a name
-                place = shipped.located(self.keys.scenario)
+                place = scenario_paths.located(self.keys.scenario)
             found = load_scenario(place, options)
             self.catalogs = prepare(found)
         except ScenarioError as error:
@@ -332,6 +332,10 @@ class Loader:
             elif one.expectation and one.expectation not in expectations:
                 self.tell(
                     f"there is no expectation `{one.expectation}`.{nearest(one.expectation, expectations)}", *path
+                )
+            elif any(one.expectation == e.name and e.nominal for e in self.scenario.expectations):
+                self.tell(
+                    f"`{one.expectation}` holds for the file's own parameters alone (`nominal`). Name another.", *path
                 )
             elif one.metric and one.metric not in self.scenario.metrics:
                 self.tell(f"there is no metric `{one.metric}`.{nearest(one.metric, self.scenario.metrics)}", *path)

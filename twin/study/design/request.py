@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from twin.dataclass import dataclass
+from dataclasses import dataclass
 
 SAMPLED = "sample"  # part of a study; the others are `worst` and `tune`
 

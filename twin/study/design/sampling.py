@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.dataclass import dataclass
 from twin.errors import ScenarioError
 from twin.study.design.distribution import part_below, score
 from twin.study.design.extra import wanted

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from twin.dataclass import dataclass
 from twin.scenario import member_seed
 from twin.study.design.request import SAMPLED, Request
 

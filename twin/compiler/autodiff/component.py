@@ -1,0 +1,117 @@
+"""The tangents of a component: its functions and their helpers, each rewritten once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import FunctionType
+from typing import TYPE_CHECKING, Any
+
+from twin.compiler.autodiff.derivative_rules import CALLED
+from twin.compiler.autodiff.function import ACTIVE, PLAIN, RECORD, Function, Lines, UnknownError, dot
+from twin.compiler.autodiff.statements import block
+from twin.compiler.resolve import TranslationError, source_of
+from twin.component import Float64, define
+
+if TYPE_CHECKING:
+    from twin.component import Component
+
+
+@dataclass(frozen=True, slots=True)
+class Tangents:
+    """`(self, dot, t, dot_t)`: tangents of the derivatives and outputs `at` a point, and of `first`, initialization."""
+
+    at: Callable[..., Any]
+    first: Callable[..., Any]
+
+
+def tangents(cls: type[Component]) -> Tangents | str:
+    """Tangents of a continuous component, or the reason why there are none."""
+    cached: Tangents | str | None = cls.__dict__.get("_tangents")
+    if cached is None:
+        cached = build(cls)
+        cls._tangents = cached  # type: ignore[attr-defined]
+    return cached
+
+
+def build(cls: type[Component]) -> Tangents | str:
+    """Rewrite `derivatives` and `initialize`."""
+    derivatives, initialize = getattr(cls, "derivatives", None), getattr(cls, "initialize", None)
+    if not isinstance(derivatives, FunctionType):
+        return "the component is not continuous"
+    library = _Library(frozenset(variable.name for variable in cls.variables if variable.type is Float64))
+    try:
+        at, _ = library.rewrite(derivatives, (RECORD, ACTIVE))
+        start = library.rewrite(initialize, (RECORD,))[0] if isinstance(initialize, FunctionType) else None
+    except UnknownError as reason:
+        return str(reason)
+    return Tangents(*composed(at, start))
+
+
+def composed(at: Callable[..., Any], start: Callable[..., Any] | None) -> tuple[Callable[..., Any], Callable[..., Any]]:
+    """What native code calls: both return a status; initialization is `initialize`, then `derivatives`."""
+
+    def nothing(self: Any, dot: Any) -> None:
+        pass
+
+    begin = start or nothing
+
+    def tangent_at(self: Any, dot: Any, t: float, dot_t: float) -> int:
+        at(self, t, dot, dot_t)
+        return 0
+
+    def tangent_first(self: Any, dot: Any, t: float, dot_t: float) -> int:
+        begin(self, dot)
+        at(self, t, dot, dot_t)
+        return 0
+
+    return tangent_at, tangent_first
+
+
+@dataclass(slots=True)
+class _Library:
+    """The rewritten functions of one component."""
+
+    reals: frozenset[str]  # names of its variables that have a tangent
+    made: dict[tuple[FunctionType, tuple[str, ...]], tuple[Any, bool] | None] = field(default_factory=dict)
+
+    def rewrite(self, function: FunctionType, kinds: tuple[str, ...]) -> tuple[Any, bool]:
+        """A function with tangents for arguments of these kinds, and whether it returns (value, tangent)."""
+        key = function, kinds
+        if key in self.made:
+            known = self.made[key]
+            if known is None:
+                raise UnknownError(f"`{function.__name__}` calls itself")
+            return known
+        self.made[key] = None
+        opened = self._open(function, kinds)
+        self.made[key] = result = defined(opened), opened.returns
+        return result
+
+    def _open(self, function: FunctionType, kinds: tuple[str, ...]) -> Function:
+        name = function.__name__
+        try:
+            source = source_of(function)
+        except TranslationError:
+            raise UnknownError(f"the source of `{name}` is not there") from None
+        if any(local.startswith(("dot_", "_v", "_d")) for local in source.locals):
+            raise UnknownError(f"`{name}` has local names that begin with dot_, _v or _d")
+        if len(source.parameters) != len(kinds):
+            raise UnknownError(f"`{name}` is called with {len(kinds)} of {len(source.parameters)} arguments")
+        known = dict(zip(source.parameters, kinds, strict=True))
+        return Function(source, known, self.reals, self.rewrite, {one for one, kind in known.items() if kind == ACTIVE})
+
+
+def defined(f: Function) -> Any:
+    """The rewritten function; its text is written again until it is known which names carry a tangent."""
+    before = None
+    while before != (len(f.active), f.returns):
+        before = len(f.active), f.returns
+        f.lines = Lines()
+        block(f, f.source.tree.body)
+    function = f.source.function
+    dots = [dot(name) for name, kind in f.kinds.items() if kind != PLAIN]
+    name = f"{function.__name__.strip('_')}_tangent"
+    text = "\n".join([f"def {name}({', '.join([*f.kinds, *dots])}):", *f.lines.text, "    pass", ""])
+    scope = {**function.__globals__, **f.source.scope, **f.helpers, **CALLED}
+    return define(name, text, scope, f"tangent of {function.__qualname__}")

@@ -1,0 +1,109 @@
+"""Calls as C: functions of a person, words, and what Python has built in."""
+
+from __future__ import annotations
+
+import ast
+from typing import Any
+
+from twin.compiler.builtins import NAMED, WHOLE, Word
+from twin.compiler.codegen.code import UNARY, Code, number
+from twin.compiler.codegen.expressions import Expressions
+from twin.compiler.infer import Function, NotStaticError
+from twin.compiler.types import BOOLEAN, INTEGER, REAL, Known, Scalar, Type, of_constant
+
+EXTREMES: dict[Any, dict[Scalar, str]] = {
+    min: {REAL: "real_min", INTEGER: "int_min"},
+    max: {REAL: "real_max", INTEGER: "int_max"},
+}
+
+
+class Calls(Expressions):
+    """Calls of one function."""
+
+    def call_text(self, node: ast.Call) -> Code:
+        """A call, without keeping its result."""
+        called = self.function.calls.get(id(node))
+        if isinstance(called, Function):
+            return self.user(node, called)
+        if isinstance(called, Word):
+            folded = self._folded_call(node)
+            if folded is not None:
+                return folded
+            kinds = zip(node.args, called.arguments, strict=True)
+            parts = [self.convert(self.expression(one), self.type(one), wanted).text for one, wanted in kinds]
+            return Code(f"{self.needs.word(called)}({', '.join(parts)})")
+        return self.special(node)
+
+    def _folded_call(self, node: ast.Call) -> Code | None:
+        """A function of known numbers: Python's value, since compilers have a mathematical library of their own."""
+        if self.type(node) != REAL:
+            return None
+        try:
+            return number(float(self.inference.static(node)))
+        except NotStaticError:
+            return None
+
+    def user(self, node: ast.Call, called: Function) -> Code:
+        parts = []
+        for one, kind in zip(self.function.bound[id(node)], called.arguments, strict=True):
+            if isinstance(kind, Known):
+                continue
+            if not isinstance(one, ast.expr):
+                parts.append(self._default(one, kind, called))
+            elif isinstance(kind, Scalar):
+                parts.append(self.convert(self.expression(one), self.type(one), kind).text)
+            else:
+                code = self.expression(one)
+                parts.append(code.text[1:-1] if code.text.startswith("(&") else code.text)
+        return Code(f"{called.name}({', '.join(parts)})")
+
+    def _default(self, value: Any, kind: Type, called: Function) -> str:
+        """A default value as an argument."""
+        if isinstance(kind, Scalar):
+            return self.convert(number(value), of_constant(value), kind).text
+        return self.needs.constant(called.source, f"{called.name}_default", value)
+
+    def special(self, node: ast.Call) -> Code:
+        called = self.inference.static(node.func)
+        kind = self.type(node)
+        if called in EXTREMES:
+            return self._extreme(node, called)
+        if called is pow:
+            made = ast.copy_location(ast.BinOp(node.args[0], ast.Pow(), node.args[1]), node)
+            self.made.append(made)
+            return self.expression(made)
+        if called is len:
+            return number(self.inference.static(node))
+        (argument,) = node.args
+        code, own = self.expression(argument), self.type(argument)
+        if called in WHOLE and own == INTEGER and self.is_narrow(argument):
+            return Code(f"(int64_t){code.at(UNARY)}", UNARY)
+        if called in WHOLE:
+            return self._rounded(code, own, WHOLE[called])
+        if kind == BOOLEAN:
+            return self.condition(argument)
+        if called is float or getattr(called, "__name__", "") == "float64":
+            return self.convert(code, own, REAL)
+        if kind == REAL:
+            return Code(f"{self.needs.libm('fabs')}({code.text})")
+        return Code(f"{self.needs.word(NAMED['int_abs'])}({self.convert(code, own, INTEGER).text})")
+
+    def _rounded(self, code: Code, own: Type, function: str) -> Code:
+        if own != REAL:
+            return self.convert(code, own, INTEGER)
+        if not function:
+            return Code(f"(int64_t){code.at(UNARY)}", UNARY)
+        if function in NAMED:
+            return Code(f"{self.needs.word(NAMED[function])}({code.text})")
+        return Code(f"(int64_t){self.needs.libm(function)}({code.text})", UNARY)
+
+    def _extreme(self, node: ast.Call, called: Any) -> Code:
+        """`min`, `max` from left to right."""
+        kind = self.type(node)
+        assert isinstance(kind, Scalar)
+        kind = REAL if kind == REAL else INTEGER
+        name = self.needs.word(NAMED[EXTREMES[called][kind]])
+        result = self.convert(self.expression(node.args[0]), self.type(node.args[0]), kind)
+        for one in node.args[1:]:
+            result = Code(f"{name}({result.text}, {self.convert(self.expression(one), self.type(one), kind).text})")
+        return self.convert(result, kind, self.type(node))

@@ -1,0 +1,387 @@
+"""Expressions as C, a function per construct, with the parentheses that C needs and those that compilers ask for."""
+
+from __future__ import annotations
+
+import ast
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from twin.compiler.builtins import NAMED
+from twin.compiler.codegen.code import (
+    AND,
+    ATOM,
+    BIT_AND,
+    BIT_OR,
+    BIT_XOR,
+    CHOICE,
+    EQUALITY,
+    OR,
+    PRODUCT,
+    RELATION,
+    SHIFT,
+    SUM,
+    UNARY,
+    Code,
+    local_name,
+    number,
+)
+from twin.compiler.codegen.lines import Lines
+from twin.compiler.infer import OPERATORS, NotStaticError, element
+from twin.compiler.structs import SIZES
+from twin.compiler.types import BOOLEAN, INTEGER, REAL, Array, Known, Record, Scalar, Tuple, Type
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+SYMBOLS: dict[type[ast.operator], tuple[str, int]] = {
+    ast.Add: ("+", SUM),
+    ast.Sub: ("-", SUM),
+    ast.Mult: ("*", PRODUCT),
+    ast.Div: ("/", PRODUCT),
+    ast.BitOr: ("|", BIT_OR),
+    ast.BitAnd: ("&", BIT_AND),
+    ast.BitXor: ("^", BIT_XOR),
+}
+WORDS: dict[type[ast.operator], dict[Scalar, str]] = {
+    ast.Mod: {REAL: "real_mod", INTEGER: "int_mod"},
+    ast.FloorDiv: {REAL: "real_floor_div", INTEGER: "int_floor_div"},
+    ast.Pow: {REAL: "power", INTEGER: "int_power"},
+    ast.LShift: {INTEGER: "shift_left"},
+    ast.RShift: {INTEGER: "shift_right"},
+}
+COMPARED: dict[type[ast.cmpop], tuple[str, int]] = {
+    ast.Eq: ("==", EQUALITY),
+    ast.NotEq: ("!=", EQUALITY),
+    ast.Lt: ("<", RELATION),
+    ast.LtE: ("<=", RELATION),
+    ast.Gt: (">", RELATION),
+    ast.GtE: (">=", RELATION),
+}
+
+
+class Expressions(Lines):
+    """Expressions of one function."""
+
+    expressions: ClassVar[dict[type[ast.expr], Callable[[Any, Any], Code]]] = {}
+
+    def expression(self, node: ast.expr) -> Code:
+        """An expression; in an ordered statement its reads and calls are kept in lines before it."""
+        code = self.expressions[type(node)](self, node)
+        if self.ordered and isinstance(self.type(node), Scalar):
+            is_read = isinstance(node, ast.Attribute | ast.Subscript) and not isinstance(self.type(node), Known)
+            is_call = isinstance(node, ast.Call) and id(node) in self.function.calls
+            if is_call or (is_read and not code.text.isidentifier()):
+                return self.keep(code, self.type(node))
+        return code
+
+    def whole(self, node: ast.expr) -> Code:
+        """A whole number."""
+        return self.convert(self.expression(node), self.type(node), INTEGER)
+
+    def real(self, node: ast.expr) -> Code:
+        """A real number."""
+        return self.convert(self.expression(node), self.type(node), REAL)
+
+    def convert(self, code: Code, kind: Type, wanted: Type) -> Code:
+        """A value as another type of number."""
+        if kind == wanted:
+            return code
+        if isinstance(kind, Tuple) and isinstance(wanted, Tuple):
+            whole = self.keep(code, kind).text
+            pairs = zip(kind.items, wanted.items, strict=True)
+            parts = [self.convert(Code(f"{whole}.v{i}"), a, b).text for i, (a, b) in enumerate(pairs)]
+            return Code(f"({self.needs.c_type(wanted)}){{{', '.join(parts)}}}")
+        if not isinstance(kind, Scalar):
+            return code
+        if wanted == REAL:
+            if code.text.lstrip("-").isdigit():
+                return Code(f"{code.text}.0", code.level)
+            return Code(f"(double){code.at(UNARY)}", UNARY)
+        if wanted == BOOLEAN:
+            return Code(f"{code.at(RELATION)} != {'0.0' if kind == REAL else '0'}", EQUALITY)
+        if kind == REAL:
+            return Code(f"(int64_t){code.at(UNARY)}", UNARY)
+        if code.text in ("true", "false"):
+            return Code("1" if code.text == "true" else "0")
+        return Code(f"(int64_t){code.at(UNARY)}", UNARY)
+
+    def condition(self, node: ast.expr) -> Code:
+        """The truth of an expression."""
+        if isinstance(node, ast.BoolOp):
+            if not (self.ordered and any(map(self.has_effect, node.values[1:]))):
+                return self._joined(node)
+            return self._stepwise(node)
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
+            return self.unary(node)
+        return self.convert(self.expression(node), self.type(node), BOOLEAN)
+
+    def _joined(self, node: ast.BoolOp) -> Code:
+        symbol, level = ("&&", AND) if isinstance(node.op, ast.And) else ("||", OR)
+        parts = []
+        for value in node.values:
+            code = self.condition(value)
+            parts.append(code.at(EQUALITY) if code.level != level else f"({code.text})")
+        return Code(f" {symbol} ".join(parts), level)
+
+    def _stepwise(self, node: ast.BoolOp) -> Code:
+        """`and`, `or` with calls that have effects: one after the other, as long as it is open."""
+        name = self.temporary()
+        self.emit(f"bool {name} = {self.condition(node.values[0]).text};")
+        for value in node.values[1:]:
+            self.emit(f"if ({'' if isinstance(node.op, ast.And) else '!'}{name}) {{")
+            self.depth += 1
+            self.emit(f"{name} = {self.condition(value).text};")
+            self.depth -= 1
+            self.emit("}")
+        return Code(name)
+
+    def constant(self, node: ast.Constant) -> Code:
+        assert isinstance(node.value, bool | int | float)
+        return number(node.value)
+
+    def name(self, node: ast.Name) -> Code:
+        if node.id in self.source.locals:
+            return Code(local_name(node.id))
+        return self.global_value(node, node.id, self.source.value(node.id))
+
+    def global_value(self, node: ast.expr, name: str, value: Any) -> Code:
+        """A constant of a module by its name."""
+        kind = self.type(node)
+        if isinstance(kind, Known):
+            return Code("")
+        return Code(self.needs.constant(self.source, name, value))
+
+    def attribute(self, node: ast.Attribute) -> Code:
+        base = self.type(node.value)
+        if isinstance(base, Record):
+            return self.field(node, base)
+        value = self.inference.static(node)
+        return self.global_value(node, ast.unparse(node).replace(".", "_"), value)
+
+    def field(self, node: ast.Attribute, base: Record) -> Code:
+        record = self.expression(node.value)
+        overlay = base.struct.overlays.get(node.attr)
+        if overlay is not None:
+            is_const = self.inference.root(node.value) not in self.function.mutable
+            return Code(f"{self.needs.overlay(base.struct, overlay, is_const)}({record.text})")
+        own = base.struct.fields[node.attr]
+        # a member of a group is held by its address
+        inside = record.text[2:-1] if record.text.startswith("(&") else None
+        place = f"{inside}.{own.name}" if inside else f"{record.at(ATOM)}->{own.name}"
+        return Code(f"(&{place})") if own.struct is not None else Code(place)
+
+    def place(self, node: ast.expr) -> Code:
+        """Where a value is stored."""
+        if isinstance(node, ast.Name):
+            return Code(local_name(node.id))
+        return self.expressions[type(node)](self, node)
+
+    def subscript(self, node: ast.Subscript) -> Code:
+        base = self.type(node.value)
+        indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
+        if isinstance(base, Tuple):
+            return self._item(node, base, indices)
+        if isinstance(base, Known):
+            value = self.inference.static(node)
+            name = "".join(c if c.isalnum() else "_" for c in ast.unparse(node)).strip("_")
+            return self.global_value(node, name, value)
+        assert isinstance(base, Array)
+        text = self.expression(node.value).at(ATOM)
+        for index, size in zip(indices, base.shape, strict=False):
+            text += f"[{self.index(index, size).text}]"
+        return Code(text)
+
+    def _item(self, node: ast.Subscript, base: Tuple, indices: list[ast.expr]) -> Code:
+        """One of several values: a field of their struct, or a choice among all."""
+        whole = self.expression(node.value).at(ATOM)
+        try:
+            return Code(f"{whole}.v{self.inference.position(node, indices, len(base.items))}")
+        except NotStaticError:
+            index, kind = self.index(indices[0], len(base.items)), self.type(node)
+        items = [self.convert(Code(f"{whole}.v{i}"), own, kind) for i, own in enumerate(base.items)]
+        text = items[-1].text
+        for i in range(len(items) - 2, -1, -1):
+            text = f"{index.at(SHIFT)} == {i} ? {items[i].at(OR)} : {text if i == len(items) - 2 else f'({text})'}"
+        return Code(text, CHOICE)
+
+    def index(self, node: ast.expr, size: int) -> Code:
+        """A place in an array; one that may be negative counts from the end, as in Python."""
+        try:
+            value = self.inference.static(node)
+        except NotStaticError:
+            code = self.whole(node)
+            if self.is_nonnegative(node):
+                return code
+            return Code(f"{self.needs.word(NAMED['from_end'])}({code.text}, {size})")
+        if isinstance(node, ast.Name) and value >= 0:
+            return self.whole(node)
+        return Code(str(value % size))
+
+    def storage(self, target: ast.expr) -> str:
+        """How a variable or element lies in memory."""
+        base = target
+        while isinstance(base, ast.Subscript):
+            base = base.value
+        kind = self.inference.expression(base) if isinstance(base, ast.Attribute) else self.type(base)
+        if isinstance(kind, Array):
+            return kind.storage
+        assert isinstance(base, ast.Attribute)
+        record = self.type(base.value)
+        assert isinstance(record, Record)
+        return record.struct.fields[base.attr].storage
+
+    def unary(self, node: ast.UnaryOp) -> Code:
+        if isinstance(node.op, ast.Not):
+            kind = self.type(node.operand)
+            if isinstance(kind, Scalar) and kind != BOOLEAN and not isinstance(node.operand, ast.BoolOp):
+                return Code(
+                    f"{self.expression(node.operand).at(RELATION)} == {'0.0' if kind == REAL else '0'}", EQUALITY
+                )
+            return Code(f"!{self.condition(node.operand).at(UNARY)}", UNARY)
+        kind = self.type(node)
+        inner = self.convert(self.expression(node.operand), self.type(node.operand), kind)
+        if isinstance(node.op, ast.UAdd):
+            return inner
+        symbol = "-" if isinstance(node.op, ast.USub) else "~"
+        if kind == INTEGER and self.is_narrow(node.operand) and not isinstance(node.operand, ast.Constant):
+            inner = Code(f"(int64_t){inner.at(UNARY)}", UNARY)
+        text = inner.at(UNARY)
+        return Code(f"{symbol}({text})" if text.startswith("-") else f"{symbol}{text}", UNARY)
+
+    def binary(self, node: ast.BinOp) -> Code:
+        kind = self.type(node)
+        assert isinstance(kind, Scalar)
+        folded = self._folded(node, kind)
+        if folded is not None:
+            return folded
+        if type(node.op) in WORDS:
+            word = NAMED[WORDS[type(node.op)][kind]]
+            parts = [self.convert(self.expression(one), self.type(one), kind) for one in (node.left, node.right)]
+            return Code(f"{self.needs.word(word)}({', '.join(one.text for one in parts)})")
+        symbol, level = SYMBOLS[type(node.op)]
+        left = self.convert(self.expression(node.left), self.type(node.left), kind)
+        if kind == INTEGER and self.is_narrow(node.left) and self.is_narrow(node.right):
+            left = Code(f"(int64_t){left.at(UNARY)}", UNARY)  # C would compute in 32 bits
+        right = self.convert(self.expression(node.right), self.type(node.right), kind)
+        if level < SUM:  # bits: compilers ask for parentheses
+            same = left.level == level
+            return Code(f"{left.text if same else left.at(UNARY)} {symbol} {right.at(UNARY)}", level)
+        return Code(f"{left.at(level)} {symbol} {right.at(level + 1)}", level)
+
+    def is_narrow(self, node: ast.expr) -> bool:
+        """Whether C sees a whole number of less than 64 bits: a small field, a literal, a Boolean."""
+        if isinstance(node, ast.Constant):
+            return isinstance(node.value, int) and -(2**31) <= node.value < 2**31
+        if self.type(node) == BOOLEAN:
+            return True
+        if isinstance(node, ast.Attribute | ast.Subscript) and not self.ordered:
+            if isinstance(node, ast.Subscript) and isinstance(self.type(node.value), Tuple | Known):
+                return False
+            if isinstance(node, ast.Attribute) and not isinstance(self.type(node.value), Record):
+                return False
+            return SIZES[self.storage(node)] < 8
+        if isinstance(node, ast.UnaryOp):
+            return isinstance(node.operand, ast.Constant)
+        return isinstance(node, ast.IfExp) and self.is_narrow(node.body) and self.is_narrow(node.orelse)
+
+    def _folded(self, node: ast.BinOp, kind: Scalar) -> Code | None:
+        """Whole numbers and powers that are known: C would compute the first in 32 bits, the second otherwise."""
+        if kind == REAL and not isinstance(node.op, ast.Pow | ast.Mod | ast.FloorDiv):
+            return None
+        literals = all(isinstance(one, ast.Constant | ast.UnaryOp) for one in (node.left, node.right))
+        if kind != REAL and not literals and not isinstance(node.op, ast.LShift):
+            return None
+        try:
+            value = OPERATORS[type(node.op)](self.inference.static(node.left), self.inference.static(node.right))
+        except (NotStaticError, ArithmeticError, TypeError, ValueError):
+            return None
+        return number(float(value) if kind == REAL else value)
+
+    def logic(self, node: ast.BoolOp) -> Code:
+        """`and`, `or` as a value: the first that decides."""
+        kind = self.type(node)
+        if kind == BOOLEAN:
+            return self.condition(node)
+        is_and = isinstance(node.op, ast.And)
+        if self.ordered and self.has_effect(node):
+            name = self.temporary()
+            self.emit(f"{self.needs.declare(kind, name, False)} = {self._value(node.values[0], kind).text};")
+            for value in node.values[1:]:
+                self.emit(f"if ({name} {'!=' if is_and else '=='} {'0.0' if kind == REAL else '0'}) {{")
+                self.depth += 1
+                self.emit(f"{name} = {self._value(value, kind).text};")
+                self.depth -= 1
+                self.emit("}")
+            return Code(name)
+        result = self._value(node.values[-1], kind)
+        for value in reversed(node.values[:-1]):
+            test, own = self.condition(value), self._value(value, kind)
+            a, b = (result, own) if is_and else (own, result)
+            result = Code(f"{test.at(OR)} ? {a.at(OR)} : {b.at(OR)}", CHOICE)
+        return result
+
+    def _value(self, node: ast.expr, kind: Type) -> Code:
+        return self.convert(self.expression(node), self.type(node), kind)
+
+    def compare(self, node: ast.Compare) -> Code:
+        if any(isinstance(op, ast.Is | ast.IsNot) for op in node.ops):
+            return number(self.inference.static(node))
+        if isinstance(node.ops[0], ast.In | ast.NotIn):
+            return self._membership(node)
+        parts, left = [], node.left
+        for op, right in zip(node.ops, node.comparators, strict=True):
+            parts.append(self._compare_two(left, op, right))
+            left = right
+        if len(parts) == 1:
+            return parts[0]
+        return Code(" && ".join(part.at(EQUALITY) for part in parts), AND)
+
+    def _compare_two(self, left: ast.expr, op: ast.cmpop, right: ast.expr) -> Code:
+        a, b = self.type(left), self.type(right)
+        assert isinstance(a, Scalar)
+        assert isinstance(b, Scalar)
+        both = Scalar(max(a.kind, b.kind))
+        symbol, level = COMPARED[type(op)]
+        one, other = self.convert(self.expression(left), a, both), self.convert(self.expression(right), b, both)
+        return Code(f"{one.at(SHIFT)} {symbol} {other.at(SHIFT)}", level)
+
+    def _membership(self, node: ast.Compare) -> Code:
+        """`x in (a, b)`: one comparison each."""
+        sought, right = node.left, node.comparators[0]
+        if isinstance(right, ast.Tuple):
+            parts = [self._compare_two(sought, ast.Eq(), one) for one in right.elts]
+        else:
+            kind = self.type(right)
+            assert isinstance(kind, Array)
+            text, own = self.expression(right).at(ATOM), self.type(sought)
+            item = element(kind, 1)
+            assert isinstance(item, Scalar)
+            assert isinstance(own, Scalar)
+            both = Scalar(max(item.kind, own.kind))
+            value = self.convert(self.expression(sought), own, both).at(SHIFT)
+            parts = [
+                Code(f"{value} == {self.convert(Code(f'{text}[{i}]'), item, both).at(SHIFT)}", EQUALITY)
+                for i in range(kind.shape[0])
+            ]
+        joined = Code(" || ".join(part.at(EQUALITY) for part in parts), OR) if len(parts) > 1 else parts[0]
+        return Code(f"!({joined.text})", UNARY) if isinstance(node.ops[0], ast.NotIn) else joined
+
+    def choice(self, node: ast.IfExp) -> Code:
+        kind = self.type(node)
+        if self.ordered and (self.has_effect(node.body) or self.has_effect(node.orelse)):
+            name = self.temporary()
+            self.emit(f"{self.needs.declare(kind, name, False)};")
+            self.emit(f"if ({self.condition(node.test).text}) {{")
+            for arm, end in ((node.body, "} else {"), (node.orelse, "}")):
+                self.depth += 1
+                self.emit(f"{name} = {self._value(arm, kind).text};")
+                self.depth -= 1
+                self.emit(end)
+            return Code(name)
+        test = self.condition(node.test)
+        a, b = self._value(node.body, kind), self._value(node.orelse, kind)
+        return Code(f"{test.at(OR)} ? {a.at(OR)} : {b.at(OR)}", CHOICE)
+
+    def several(self, node: ast.Tuple) -> Code:
+        kind = self.type(node)
+        parts = [self.expression(one).text for one in node.elts]
+        return Code(f"({self.needs.c_type(kind)}){{{', '.join(parts)}}}")

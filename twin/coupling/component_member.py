@@ -1,0 +1,192 @@
+"""A component of ours as a member: its record lies in this process, and its functions are compiled or interpreted."""
+
+# ruff: noqa: D102, ARG002 - described in the abstract class
+from __future__ import annotations
+
+import ctypes
+import pickle
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import compiler
+from twin.compiler import dependencies, machine
+from twin.component import Component, PythonComponent, Role, Variable, evaluation, resampled, solver
+from twin.coupling.member import Access, Member, MemberVariable, TerminalMember, Way
+from twin.errors import CouplingError, SimulationError, TwinError, described
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+CAUSALITY = {Role.input: "input", Role.output: "output", Role.parameter: "parameter"}
+
+
+def declared_variables(cls: type[Component]) -> dict[str, MemberVariable]:
+    """The variables of a component as its members show them."""
+    feedthrough = dependencies(cls)
+    continuous = evaluation(cls) is not None
+    places: dict[str, list[TerminalMember]] = {}
+    for name, terminal in cls.terminals.items():
+        for member, variable in terminal.members.items():
+            places.setdefault(variable.name, []).append(TerminalMember(name, member, terminal.rule))
+    return {
+        v.name: declared(v, continuous, feedthrough.get(v.name, ()), tuple(places.get(v.name, ())))
+        for v in cls.variables
+    }
+
+
+def declared(
+    variable: Variable, continuous: bool, feedthrough: tuple[str, ...], terminals: tuple[TerminalMember, ...] = ()
+) -> MemberVariable:
+    """A component's variable as its members show it."""
+    variability = "continuous" if continuous and variable.type == "Float64" else "discrete"
+    if variable.role is Role.parameter:
+        variability = "fixed" if variable.fixed else "tunable"
+    return MemberVariable(
+        variable.name, CAUSALITY.get(variable.role, "local"), variability, str(variable.type), variable.dtype,
+        variable.shape, variable.unit, variable.display_unit, variable.start_array(), variable.description, feedthrough,
+        minimum=variable.minimum, maximum=variable.maximum, terminals=terminals,
+    )  # fmt: skip
+
+
+def driven(cls: type[Component]) -> frozenset[str]:
+    """Local variables of a group that are inputs of its parts: `part.variable`, set by a connection inside."""
+    parts = getattr(cls, "parts", {})
+    local = {v.name for v in cls.variables if v.role is Role.local}
+    return frozenset(
+        name
+        for member, part in parts.items()
+        for v in part.component.variables
+        if (v.role is Role.input or v.name in driven(part.component)) and (name := f"{member}.{v.name}") in local
+    )
+
+
+def importable(cls: type[Component]) -> tuple[type[Component], int]:
+    """A class that another process can import, and the period [ns] at which it is to sample."""
+    if cls.__module__ == "__main__":
+        raise pickle.PicklingError(f"{cls.__name__} is in the script that runs")
+    return (cls.__mro__[1] if "sampled_as" in vars(cls) else cls), cls.period_ns
+
+
+def _made_again(
+    name: str,
+    base: type[Component],
+    period_ns: int,
+    values: dict[str, Any],
+    has_code: bool,
+    log: list[str],
+    identity: dict[str, str],
+) -> RecordMember:
+    part = resampled(base, period_ns)(**values)
+    for variable, value in values.items():
+        part.views[variable][...] = value
+    return RecordMember(name, part, (0, 0) if has_code else None, log, identity)
+
+
+@dataclass
+class RecordMember(Member):
+    """A component whose record lies in this process: interpreted, Python-side, or compiled (`code` given).
+
+    `code`: addresses of `initialize(record, t)` and `advance(record, t, h)`; without it the Python functions run.
+    """
+
+    name: str
+    component: Component
+    code: tuple[int, int] | None = None
+    log: list[str] = field(default_factory=list)
+    identity: dict[str, str] = field(default_factory=dict)
+    failure: BaseException | None = None
+
+    def __post_init__(self) -> None:
+        self.variables = declared_variables(type(self.component))
+        self.period_ns = self.component.period_ns
+        self.instance = self.component.record.ctypes.data
+        self.can_restore = self.can_roll_back = not isinstance(self.component, PythonComponent)
+        self.driven = driven(type(self.component))
+        self._closed = self._initializing = self._stale = False
+        self._t = 0.0
+        if self.code:
+            self._initialize: Callable[[float], int] = self._by_address(self.code[0])
+            self.step_function, self.step_signature, self.writes_flags = self.code[1], machine.COMPONENT, False
+        else:
+            self._initialize = self.component.start  # type: ignore[assignment]
+            self._callback = machine.STEP(self._step)
+            self.step_function = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Not yet initialized, for another process, which calls `load` next."""
+        part = self.component
+        values = {one.name: np.array(part.views[one.name]) for one in type(part).variables}
+        return _made_again, (self.name, *importable(type(part)), values, bool(self.code), self.log, self.identity)
+
+    def load(self, build: Path) -> None:
+        """Find the compiled code once more, where there was some."""
+        if self.code:
+            self.code = compiler.load_component(type(self.component), build)
+            self.__post_init__()
+
+    def _by_address(self, address: int) -> Callable[[float], int]:
+        function = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p, ctypes.c_double)(address)
+        return lambda t: int(function(self.instance, t))
+
+    def _step(self, _instance: int, t: float, h: float, *_: int) -> int:
+        try:
+            return self.component.advance(t, h)
+        except BaseException as error:  # also Ctrl-C: nothing may pass through native frames
+            self.failure = error
+            self.log.append(str(error) if isinstance(error, TwinError) else described(error))
+            return solver.ERROR
+
+    def instantiate(self) -> None:
+        """Nothing to do: the component was made with its start values."""
+
+    def enter_initialization(self, t: float, stop: float | None) -> None:
+        self._t = t
+        self._initializing = self._stale = True
+
+    def _settle(self) -> None:
+        if self._stale:
+            self._stale = False
+            try:
+                self._initialize(self._t)
+            except Exception as error:
+                raise SimulationError(f"{self.name}: initialization failed: {described(error)}") from error
+
+    def exit_initialization(self) -> None:
+        self._settle()
+        self._initializing = False
+
+    def set(self, name: str, value: Any) -> None:
+        self.component.views[name][...] = value
+        self._stale = self._initializing
+
+    def get(self, name: str) -> Any:
+        self._settle()
+        return self.component.views[name].copy()[()]
+
+    def save(self) -> Any:
+        return self.component.record.copy()
+
+    def restore(self, saved: Any) -> None:
+        self.component.record[...] = saved
+        self.failure = None
+
+    def way(self, count: int) -> Way:
+        return Way(self.instance, self.component.record.nbytes // 8)
+
+    def address(self, name: str) -> int:
+        return self.instance + self.component.layout.offset(name)
+
+    def access(self, names: list[str], write: bool) -> Access:
+        raise CouplingError(f"{self.name}: a record is read and written in place.")
+
+    def close(self) -> None:
+        if not self._closed and isinstance(self.component, PythonComponent):
+            self._closed = True
+            try:
+                self.component.close()
+            except Exception as error:  # the others are to be closed all the same
+                self.log.append(f"close failed: {described(error)}")
+        self._closed = True

@@ -1,0 +1,1 @@
+"""The compiled loop: its plan, tables, recording, profiling, and what is reported when a step fails."""

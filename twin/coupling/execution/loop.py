@@ -1,0 +1,273 @@
+"""The loop: one function that walks tables of addresses. Topology is data; a new system compiles nothing.
+
+`run` is plain Python over a record, like a component: compiled it costs what a hand-written C loop costs, interpreted
+it can be stepped through. It allocates nothing and calls no Python but Python-side members.
+
+From communication point k to k + 1 it works off a list of operations, each with its own divider: it is due at every
+n-th communication point, counted at k, or for those that publish at k + 1. An operation moves values (copies,
+conversions, fmiGetXXX or fmiSetXXX), then steps members. Stage by stage (Jacobi: one stage; Gauss-Seidel: one per
+member) they are:
+
+1. members that are due take their inputs
+2. members that are due step, over their own period
+3. members whose period ends at k + 1 publish
+
+so a slow member's outputs appear when its step is due, and within a stage nobody sees another's future. Where all members of
+a stage are due at every point, each publishes right after its step, while a cache holds it: inputs have been taken by then.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from twin.compiler import (
+    call_access,
+    call_step,
+    read8,
+    read16,
+    read32,
+    read64,
+    read_float,
+    read_float32,
+    write8,
+    write16,
+    write32,
+    write64,
+    write_float,
+    write_float32,
+)
+from twin.coupling.variable_step import record_layout as walk
+
+ROUNDING = 1e-12  # part of a step by which a member may miss its end
+
+# what `run` returns
+DONE, FAILED, FINISHED, FULL, NOTICED = 0, 1, 2, 3, 4
+
+# columns of the tables: int64 words unless said otherwise
+OPERATION = (
+    "divider",
+    "shift",
+    "h",  # due if (k + shift) % divider == 0; h: step of its members [s], Float64 bits
+    "copies",
+    "copy_count",
+    "converts",
+    "convert_count",
+    "accesses",
+    "access_count",
+    "steps",
+    "step_count",
+)
+COPY = ("source", "target", "words")
+CONVERT = ("source", "source_kind", "target", "target_kind", "count", "factor", "offset")  # the last two Float64 bits
+ACCESS = ("function", "instance", "references", "count", "values", "size", "member")
+# `signature`: as in compiler.machine; `gets`: rows of accesses that publish at once
+STEP = ("function", "signature", "instance", "flags", "gets", "get_count", "member")
+LIMIT = ("address", "kind", "count", "low", "high")  # the last two Float64 bits; not a number is beyond any limit
+
+# how a scalar lies in memory, for conversions
+KINDS = {"f8": 0, "f4": 1, "i1": 2, "u1": 3, "i2": 4, "u2": 5, "i4": 6, "u4": 7, "i8": 8, "u8": 9, "b1": 10}
+WIDTHS = (8, 4, 1, 1, 2, 2, 4, 4, 8, 8, 1)
+
+RECORD = np.dtype(
+    [
+        (name, np.int64)
+        for name in (
+            "tick", "stop", "begin_ns", "step_ns", "per_second", "operations", "operation_count",
+            "place", "limit", "row_bytes", "every",  # recording: address of the next row, and of the end
+            "records", "record_count", "record_converts", "record_convert_count",
+            "member", "status", "finished",
+            "limits", "limit_count", "beyond",  # values that are watched, and the row that one is beyond
+            "scalar",  # address of a word for one that is no Float64
+            "at",  # address of the row of the call that is at work: whoever looks after a crash finds the member
+            *walk.INTEGERS,
+        )
+    ]
+    + [(name, np.float64) for name in walk.FLOATS],
+    align=True,
+)  # fmt: skip
+
+
+def convert_one(source: int, source_kind: int, target: int, target_kind: int, factor: float, offset: float) -> None:
+    """Move one scalar to another representation; whole numbers go as integers, so that none is rounded."""
+    if source_kind < 2:
+        value = read_float(source) if source_kind == 0 else read_float32(source)
+        value = value * factor + offset
+        whole = 0
+    else:
+        if source_kind >= 8 and source_kind < 10:
+            whole = read64(source)
+        elif source_kind >= 6 and source_kind < 8:
+            whole = read32(source)
+            if source_kind == 7:
+                whole = whole & 0xFFFFFFFF
+        elif source_kind >= 4 and source_kind < 6:
+            whole = read16(source)
+            if source_kind == 5:
+                whole = whole & 0xFFFF
+        else:
+            whole = read8(source)
+            if source_kind != 2:
+                whole = whole & 0xFF
+        value = whole * factor + offset
+    if target_kind == 0:
+        write_float(target, value)
+    elif target_kind == 1:
+        write_float32(target, value)
+    elif target_kind >= 8 and target_kind < 10:
+        write64(target, whole)
+    elif target_kind >= 6 and target_kind < 8:
+        write32(target, whole)
+    elif target_kind >= 4 and target_kind < 6:
+        write16(target, whole)
+    else:
+        write8(target, whole)
+
+
+def copy(row: int, count: int) -> None:
+    """Runs of 64-bit words from source to target."""
+    for _ in range(count):
+        source, target = read64(row), read64(row + 8)
+        for j in range(read64(row + 16)):
+            write64(target + 8 * j, read64(source + 8 * j))
+        row += 24
+
+
+def convert(row: int, count: int, shift: int) -> None:
+    """Conversions of type or unit; `shift` moves the target (to the row being recorded)."""
+    for _ in range(count):
+        source, source_kind = read64(row), read64(row + 8)
+        target, target_kind = read64(row + 16) + shift, read64(row + 24)
+        factor, offset = read_float(row + 40), read_float(row + 48)
+        source_width, target_width = width(source_kind), width(target_kind)
+        for j in range(read64(row + 32)):
+            at, to = source + j * source_width, target + j * target_width
+            convert_one(at, source_kind, to, target_kind, factor, offset)
+        row += 56
+
+
+def width(kind: int) -> int:
+    """Size of a scalar of a kind [byte]."""
+    if kind == 0 or kind == 8 or kind == 9:
+        return 8
+    if kind == 1 or kind == 6 or kind == 7:
+        return 4
+    return 2 if kind == 4 or kind == 5 else 1
+
+
+def record_words(place: int, tick: int, row: int, count: int) -> None:
+    """Write the tick, then the recorded 64-bit values: small enough to become part of `run`."""
+    write64(place, tick)
+    for _ in range(count):
+        source, target = read64(row), read64(row + 8) + place
+        for j in range(read64(row + 16)):
+            write64(target + 8 * j, read64(source + 8 * j))
+        row += 24
+
+
+def record(self: Any) -> None:
+    """Write one row, outside of `run`."""
+    record_words(self.place, self.tick, self.records, self.record_count)
+    convert(self.record_converts, self.record_convert_count, self.place)
+    self.place += self.row_bytes
+
+
+def beyond(row: int, count: int, scalar: int) -> int:
+    """Address of the first row with a value that is not within its limits, or 0."""
+    for _ in range(count):
+        at, value_kind = read64(row), read64(row + 8)
+        low, high = read_float(row + 24), read_float(row + 32)
+        size = width(value_kind)
+        for _ in range(read64(row + 16)):
+            value = 0.0
+            if value_kind == 0:
+                value = read_float(at)
+            else:
+                convert_one(at, value_kind, scalar, 0, 1.0, 0.0)
+                value = read_float(scalar)
+            if not (value >= low and value <= high):
+                return row
+            at += size
+        row += 40
+    return 0
+
+
+def came_back(self: Any, t: float) -> int:
+    """Whether one of those that may came back from its step from t before its end."""
+    row = self.hasty
+    for _ in range(self.hasty_count):
+        flags, h = read64(row), read_float(row + 8)
+        if read8(flags + 16) != 0 and read_float(flags + 24) < t + h - ROUNDING * h:
+            self.member, self.status, self.until = read64(row + 16), walk.EARLY, read_float(flags + 24)
+            return 1
+        row += 24
+    return 0
+
+
+def access(self: Any, row: int, count: int) -> int:
+    """Set inputs or get outputs, a call per row; 1 if a member fails."""
+    for _ in range(count):
+        references, values = read64(row + 16), read64(row + 32)
+        self.at = row
+        status = call_access(read64(row), read64(row + 8), references, read64(row + 24), values, read64(row + 40))
+        if status > 1:
+            self.member, self.status = read64(row + 48), status
+            return 1
+        row += 56
+    return 0
+
+
+def run(self: Any) -> int:
+    """Go on until `stop`, a full recording buffer, a member that fails or finishes the simulation, or a limit."""
+    operations, operation_count, every = self.operations, self.operation_count, self.every
+    begin_ns, step_ns, per_second, limit_count = self.begin_ns, self.step_ns, self.per_second, self.limit_count
+    hasty_count, tick = self.hasty_count, self.tick
+    while tick < self.stop:
+        if self.place >= self.limit:
+            return FULL
+        t = (begin_ns + tick * step_ns) / per_second
+        operation = operations
+        for _ in range(operation_count):
+            divider = read64(operation)
+            if divider == 1 or (tick + read64(operation + 8)) % divider == 0:
+                count = read64(operation + 32)
+                if count > 0:
+                    copy(read64(operation + 24), count)
+                count = read64(operation + 48)
+                if count > 0:
+                    convert(read64(operation + 40), count, 0)
+                if access(self, read64(operation + 56), read64(operation + 64)) != 0:
+                    return FAILED
+                h = read_float(operation + 16)
+                row = read64(operation + 72)
+                for _ in range(read64(operation + 80)):
+                    flags = read64(row + 24)
+                    self.at = row
+                    status = call_step(read64(row), read64(row + 8), read64(row + 16), t, h, flags)
+                    if status > 1:
+                        self.member, self.status = read64(row + 48), status
+                        return FAILED
+                    if read8(flags + 8) != 0:
+                        self.member, self.finished = read64(row + 48), 1
+                    if access(self, read64(row + 32), read64(row + 40)) != 0:
+                        return FAILED
+                    row += 56
+            operation += 88
+        if hasty_count > 0 and came_back(self, t) != 0:
+            return FAILED
+        tick += 1
+        self.tick = tick
+        if every == 1 or tick % every == 0:
+            place = self.place
+            record_words(place, tick, self.records, self.record_count)
+            if self.record_convert_count > 0:
+                convert(self.record_converts, self.record_convert_count, place)
+            self.place = place + self.row_bytes
+        if self.finished != 0:
+            return FINISHED
+        if limit_count > 0:
+            self.beyond = beyond(self.limits, limit_count, self.scalar)
+            if self.beyond != 0:
+                return NOTICED
+    return DONE

@@ -1,0 +1,76 @@
+"""What the loop walks: the plan's rows as arrays, and what members hold where others read it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock
+from twin.coupling.execution import loop
+from twin.coupling.execution.plan import bits, merged, view
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from twin.coupling.execution.plan import Plan
+    from twin.coupling.member import Member
+
+
+class Tables:
+    """The tables of a plan. `arrays`: by name, a row per operation; overrides change rows in place."""
+
+    def __init__(self, plan: Plan, members: Mapping[str, Member]) -> None:
+        self.plan, self.members = plan, members
+        self.arrays = {
+            name: np.array(rows, np.int64).reshape(len(rows), -1) if rows else np.zeros((1, 1), np.int64)
+            for name, rows in (
+                ("copies", plan.copies), ("converts", plan.converts), ("accesses", plan.accesses),
+                ("steps", plan.steps), ("records", plan.records),
+            )
+        }  # fmt: skip
+        gets, steps = self.arrays["accesses"], self.arrays["steps"]
+        if plan.steps:
+            steps[:, -3] = gets.ctypes.data + steps[:, -3] * gets.strides[0]
+        self._operations = plan.operation_rows(self.arrays)
+
+    def publish(self) -> None:
+        """Put what members hold to where others read it; those that step with the loop are read in place."""
+        for (member, name), address in self.plan.published.items():
+            direct = self.members[member].address(name) and (member, name) not in self.plan.whole
+            if not direct or not self.plan.in_place(member):
+                self.put(member, name, address)
+        for (member, name), address in self.plan.buffers.items():
+            self.put(member, name, address)
+
+    def put(self, member: str, name: str, address: int) -> None:
+        """Copy what a member holds to an address."""
+        view(address, self.members[member].variables[name])[:] = np.ravel(self.members[member].get(name))
+
+    def tell(self, state: Any) -> None:
+        """Tell the loop's record where the tables are."""
+        state["operations"], state["operation_count"] = self._operations.ctypes.data, len(self._operations)
+        state["row_bytes"] = 8 * self.plan.row_words
+        begin, end = self.plan.record_converts
+        converts = self.arrays["converts"]
+        state["record_converts"] = converts.ctypes.data + begin * converts.strides[0]
+        state["record_convert_count"] = end - begin
+        self.merge_records(state)
+        order, flags = list(self.members), {row[-1]: row[loop.STEP.index("flags")] for row in self.plan.steps}
+        rows = [
+            [flags[i], bits(clock.seconds(self.plan.periods[name])), i]
+            for i, name in enumerate(order)
+            if self.members[name].is_hasty
+        ]
+        self._hasty = np.array(rows, np.int64)
+        state["hasty"], state["hasty_count"] = self._hasty.ctypes.data, len(rows)
+
+    def merge_records(self, state: Any) -> None:
+        """Hand the loop the rows that record, in as few runs as may be."""
+        rows = self.arrays["records"][: len(self.plan.records)]
+        self._runs = merged(rows) if len(rows) else rows
+        state["records"], state["record_count"] = self._runs.ctypes.data, len(self._runs)
+
+    def reset(self, table: str, row: int) -> None:
+        """A row as the plan has it."""
+        self.arrays[table][row] = getattr(self.plan, table)[row]

@@ -1,0 +1,128 @@
+"""What each member costs: the loop's operations one by one, with the clock read between them by the loop itself.
+
+The loop calls whatever address a row names; here rows that read the system's clock stand between the others. Every
+few communication points the times of the last one are taken, warm as in an ordinary run; how long reading the clock
+takes is measured beside it and taken off.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import sys
+import time as wall
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.coupling.execution import loop
+from twin.errors import CouplingError
+
+if TYPE_CHECKING:
+    from twin.coupling.cosimulation import CoSimulation
+
+MONOTONIC = 1  # CLOCK_MONOTONIC of Linux
+STRIDES = (7, 11, 13, 17, 19, 23)  # communication points between two that are looked at: no multiple of a period
+STEP, VALUES, COPIES = "steps", "accesses", "copies"
+GETS, GET_COUNT = loop.STEP.index("gets"), loop.STEP.index("get_count")
+
+
+def clock_address() -> int:
+    """Where the system's `clock_gettime` lies, which the loop can call like an FMU's getter."""
+    if not sys.platform.startswith("linux"):
+        raise CouplingError("profile: reads Linux's clock from the loop. Run it on Linux.")
+    return ctypes.cast(ctypes.CDLL(None).clock_gettime, ctypes.c_void_p).value or 0
+
+
+class Stopwatch:
+    """Measures a co-simulation from now on; it must be initialized. CouplingError if its algorithm has no fixed steps."""
+
+    def __init__(self, simulated: CoSimulation) -> None:
+        if not simulated.algorithm.is_plain:
+            raise CouplingError(
+                f"profile: {simulated.algorithm} repeats or divides steps. Measure what one step costs with "
+                f"--set algorithm=jacobi."
+            )
+        self.names = list(simulated.members)
+        self.table, self._loop, self._state = simulated.plan, simulated._loop, simulated.state
+        arrays = simulated._tables.arrays
+        pieces = [piece for row in simulated.plan.operation_rows(arrays) for piece in apart(row, arrays)]
+        self.kinds = [kind for kind, _, _ in pieces]
+        self.members = [-1 if member is None else member for _, member, _ in pieces]
+        self.dividers = np.array([row[0] for *_, row in pieces])
+        self._shifts = np.array([row[1] for *_, row in pieces])
+        # the clock is read twice before the first piece, and after each
+        self._stamps = np.zeros((len(pieces) + 2, 2), np.int64)
+        address = clock_address()
+        readings = [[address, MONOTONIC, self._stamps[i].ctypes.data, 0, 0, 0, 0] for i in range(len(self._stamps))]
+        self._readings = np.array(readings, np.int64)
+        rows = [reading(self._readings[0]), reading(self._readings[1])]
+        for i, (*_, row) in enumerate(pieces):
+            rows += [row, reading(self._readings[i + 2])]
+        self._operations = np.array(rows, np.int64)
+        simulated.state["operations"], simulated.state["operation_count"] = self._operations.ctypes.data, len(rows)
+        self.stride = next(one for one in STRIDES if all(int(divider) % one for divider in self.dividers))
+        self.spent = np.zeros(len(pieces), np.int64)  # [ns] in those points that were looked at
+        self.done = np.zeros(len(pieces), np.int64)  # how often each was at work in them
+        self.seen, self.ticks, self.wall = 0, 0, 0.0
+        self.overheads: list[int] = []
+        simulated._loop = self.run
+
+    def run(self, record: int) -> int:
+        """In the place of the loop: the same, with a look at the clock's readings now and then."""
+        state, last = self._state, int(self._state["stop"])
+        result = loop.DONE
+        while result == loop.DONE and int(state["tick"]) < last:
+            tick = int(state["tick"])
+            state["stop"] = min(last, tick + self.stride)
+            begin = wall.perf_counter()
+            result = self._loop(record)
+            self.wall += wall.perf_counter() - begin
+            self.ticks += int(state["tick"]) - tick
+            if int(state["tick"]) - tick == self.stride:
+                self.look(int(state["tick"]) - 1)
+        state["stop"] = last
+        return result
+
+    def look(self, tick: int) -> None:
+        """Add up what the clock said in a communication step."""
+        spans = np.diff(self._stamps @ np.array([1_000_000_000, 1]))
+        due = (tick + self._shifts) % self.dividers == 0
+        self.overheads.append(int(spans[0]))
+        self.spent += np.where(due, spans[1:], 0)
+        self.done += due
+        self.seen += 1
+
+    @property
+    def overhead(self) -> float:
+        """What reading the clock takes [s]."""
+        return float(np.median(self.overheads)) * 1e-9 if self.overheads else 0.0
+
+    def per_tick(self) -> np.ndarray[Any, Any]:
+        """What each piece takes of a communication step on average [s]."""
+        spent = self.spent * 1e-9 - self.done * self.overhead
+        return np.maximum(spent, 0.0) / max(self.seen, 1)
+
+
+def reading(row: np.ndarray[Any, Any]) -> list[int]:
+    """An operation that reads the clock."""
+    return [1, 0, 0, 0, 0, 0, 0, int(row.ctypes.data), 1, 0, 0]
+
+
+def apart(operation: np.ndarray[Any, Any], arrays: dict[str, Any]) -> list[tuple[str, int | None, list[int]]]:
+    """An operation as its pieces, in order: what is copied, then call by call, each with the member it calls."""
+    head, (copies, converts, accesses, steps) = operation[:3].tolist(), operation[3:].reshape(4, 2).tolist()
+    found: list[tuple[str, int | None, list[int]]] = []
+    if copies[1] or converts[1]:
+        found.append((COPIES, None, [*head, *copies, *converts, 0, 0, 0, 0]))
+    for kind, (address, count) in ((VALUES, accesses), (STEP, steps)):
+        table = arrays[kind]
+        for i in range(count):
+            row = address + i * table.strides[0]
+            words = table[(row - table.ctypes.data) // table.strides[0]]
+            member = int(words[-1])
+            own = [row, 1, 0, 0] if kind == VALUES else [0, 0, row, 1]
+            found.append((kind, member, [*head, 0, 0, 0, 0, *own]))
+            if kind == STEP and words[GET_COUNT]:
+                found.append((VALUES, member, [*head, 0, 0, 0, 0, int(words[GETS]), int(words[GET_COUNT]), 0, 0]))
+                words[GET_COUNT] = 0  # those are looked at by themselves
+    return found

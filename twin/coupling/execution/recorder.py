@@ -1,0 +1,183 @@
+"""Where the loop's rows go: into this process's memory, or through a ring into a file that outlives the process.
+
+A recorder has the loop's record (`loop.RECORD`), and gives it the memory between `place` and `limit`. The loop comes back
+when `place` reaches `limit`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from twin.coupling.execution import loop
+from twin.errors import CouplingError, SimulationError
+from twin.process import Link
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
+
+    from twin.coupling.member import MemberVariable
+
+BUFFER_BYTES = 64 << 20  # of a buffer in this process, touched before the loop runs: no page faults in it
+WORD = 8
+FEWEST = 4  # rows in a ring
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a row lies in memory: the tick, then each variable's scalars, a word each, Float64 or Int64.
+
+    `columns`: (member, variable), first word, the variable. `calls`: what the loop calls, member and function by the
+    address of its row. `count`: rows at most, or None.
+    """
+
+    begin: int
+    step: int
+    per_second: int  # what begin and step are counted in
+    words: int
+    columns: list[tuple[tuple[str, str], int, MemberVariable]]
+    calls: Mapping[int, tuple[str, str]] = field(default_factory=dict)
+    count: int | None = None
+
+
+class Recorder(Protocol):
+    """What the co-simulation records into."""
+
+    record: np.ndarray[Any, Any]  # one loop.RECORD
+
+    def open(self, layout: Layout) -> None:
+        """Be ready for rows."""
+
+    def make_room(self) -> None:
+        """The loop has reached the limit."""
+
+    def words(self) -> np.ndarray[Any, Any]:
+        """All rows until now, as words."""
+
+    def look(self) -> None:
+        """Between two calls of the loop: an error if there is no use in going on."""
+
+    def note(self, text: str) -> None:
+        """What is done outside of the loop from now on."""
+
+
+class Memory:
+    """Keeps all rows in this process, in buffers of `size` byte."""
+
+    def __init__(self, size: int = BUFFER_BYTES) -> None:
+        self.size = size
+        self.record = np.zeros(1, loop.RECORD)
+        self._full: list[np.ndarray[Any, Any]] = []
+
+    def open(self, layout: Layout) -> None:
+        """Take a buffer, no larger than needed."""
+        self._words = layout.words
+        rows = max(16, self.size // (WORD * layout.words))
+        self._use(np.full((rows if layout.count is None else min(rows, layout.count), layout.words), 0, np.int64))
+
+    def _use(self, rows: np.ndarray[Any, Any]) -> None:
+        self._rows = rows
+        state = self.record[0]
+        state["place"], state["limit"] = rows.ctypes.data, rows.ctypes.data + rows.nbytes
+
+    def make_room(self) -> None:
+        """Take the filled part of the buffer, and a fresh one rather than a copy."""
+        count = (int(self.record[0]["place"]) - self._rows.ctypes.data) // (WORD * self._words)
+        if count:
+            fresh = np.full_like(self._rows, 0)
+            if not self._full or self._full[-1].base is not self._rows:  # else Ctrl-C came between these two lines
+                self._full.append(self._rows[:count])
+            self._use(fresh)
+
+    def words(self) -> np.ndarray[Any, Any]:
+        """All rows until now."""
+        self.make_room()
+        return np.concatenate(self._full) if self._full else np.zeros((0, self._words), np.int64)
+
+    def look(self) -> None:
+        """Nothing can go wrong."""
+
+    def note(self, text: str) -> None:
+        """Nobody looks."""
+
+
+class Ring:
+    """Hands the rows over to whoever drains the ring of a `Link`.
+
+    `begin`: told the layout, gives the file of the rows and that of the position.
+    """
+
+    def __init__(self, link: Link, begin: Callable[[Layout], tuple[Path, Path]]) -> None:
+        self.link, self._begin = link, begin
+        memory = np.frombuffer(link.shared.memory, np.uint8)
+        self.record = memory[link.record_place :][: loop.RECORD.itemsize].view(loop.RECORD)
+        self.record[:] = 0
+        self._ring = memory[link.ring_place :]
+        self._front = int(self._ring.ctypes.data)
+
+    def open(self, layout: Layout) -> None:
+        """Touch what will be used, so that the loop meets no page faults, and begin the file."""
+        row = WORD * layout.words
+        rows = len(self._ring) // row
+        if rows < FEWEST:
+            raise CouplingError(
+                f"record: {layout.words} values in a row do not fit into {len(self._ring)} byte. Use fewer."
+            )
+        rows = rows if layout.count is None else max(FEWEST, min(rows, layout.count))
+        self._row, self._size = row, rows * row
+        self._ring[: self._size : 4096] = 0
+        state = self.record[0]
+        state["place"], state["limit"] = self._front, self._front + self._size
+        self.file, position = self._begin(layout)
+        places = {name: self.link.record_place + loop.RECORD.fields[name][1] for name in ("place", "tick", "at")}  # type: ignore[index]
+        self.link.open(
+            {
+                "file": str(self.file),
+                "position": str(position),
+                "front": self._front,
+                "row": row,
+                "end": self._size,
+                **places,
+            }
+        )
+        self.look()
+
+    def make_room(self) -> None:
+        """Let the loop go on behind what was taken; wait while nothing was."""
+        state = self.record[0]
+        while True:
+            place, taken = int(state["place"]) - self._front, self.link.tail // self._row * self._row
+            if place == self._size and taken >= 2 * self._row:
+                place = 0
+            limit = taken - self._row if taken > place else self._size
+            if limit > place:
+                # `limit` first: whoever drains looks at `place` only
+                state["limit"], state["place"] = self._front + limit, self._front + place
+                return
+            self.link.wait()
+            self.look()
+
+    def words(self) -> np.ndarray[Any, Any]:
+        """All rows until now, as they lie in the file."""
+        self.link.sync()
+        self.look()
+        count = self.file.stat().st_size // self._row
+        if not count:
+            return np.zeros((0, self._row // WORD), np.int64)
+        return np.memmap(self.file, np.int64, "r", shape=(count, self._row // WORD))
+
+    def look(self) -> None:
+        """Stop if the rows cannot be written, or if who watched this process is gone."""
+        self.link.look()
+        if self.link.stopped:
+            raise KeyboardInterrupt
+        if (trouble := self.link.trouble) is not None:
+            raise SimulationError(f"the recording {trouble.filename} cannot go on ({trouble.strerror}).")
+
+    def note(self, text: str) -> None:
+        """Tell who watches what is done outside of the loop from now on."""
+        self.record[0]["at"] = 0
+        self.link.note(text)

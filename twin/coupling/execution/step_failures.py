@@ -1,0 +1,265 @@
+"""How the loop came back, in words: a member failed, discarded its step, ended the simulation, or holds no number."""
+
+from __future__ import annotations
+
+import time as wall
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock
+from twin.compiler import machine
+from twin.coupling.algorithms import Algorithm
+from twin.coupling.execution import loop
+from twin.coupling.execution.plan import Plan, view
+from twin.coupling.variable_step.record_layout import ASKING, DOUBLING, EARLY, UNSOLVED
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from twin.coupling.execution.finite_value_monitor import Watch
+    from twin.coupling.execution.loop_tables import Tables
+    from twin.coupling.execution.recorder import Recorder
+    from twin.coupling.member import Member
+    from twin.coupling.overrides import Overrides
+    from twin.coupling.variable_step.state import Walk
+
+LOG_LINES = 5
+SHOWN = 3  # variables that are named
+
+STATUS = {2: "DISCARD", 3: "ERROR", 4: "FATAL"}
+DISCARD = 2
+ROUNDING = 1e-12  # part of a step by which a time may miss its end
+
+
+def log_text(member: Member) -> str:
+    """The end of a member's log, for a message."""
+    return f" Last log: {' | '.join(member.log[-LOG_LINES:])}" if member.log else ""
+
+
+def shown(time: float) -> str:
+    """A time [s] for a message."""
+    return clock.text(round(time * clock.NANOSECONDS))
+
+
+class Endings:
+    """The part of a co-simulation that tells what happened."""
+
+    members: Mapping[str, Member]
+    algorithm: Algorithm
+    plan: Plan
+    watch: Watch
+    recorder: Recorder
+    state: Any
+    step: clock.Time
+    finished: bool
+    failure: str
+    notes: list[str]
+    _begin: clock.Time
+    _last: int | None
+    _looked: float
+    _loop: Callable[[int], int]
+    _record: np.ndarray[Any, Any]
+    _limits: np.ndarray[Any, Any]
+    _slow: list[str]
+    _tables: Tables
+    _overrides: Overrides
+    _walk: Walk | None
+
+    @property
+    def time(self) -> clock.Time:
+        """Communication point reached [ns]."""
+        raise NotImplementedError
+
+    def _member_name(self) -> str:
+        return list(self.members)[int(self.state["member"])]
+
+    def _notice(self) -> None:
+        """A value is beyond its limits: not finite, which is the end, or an input, which is noted once."""
+        row = (int(self.state["beyond"]) - self._limits.ctypes.data) // self._limits.strides[0]
+        self._examine(noticed=True)
+        if (key := self.watch.row(row)) is not None:
+            self.notes.append(self.watch.input_note(key, self.plan, self.time - self.step))
+        self._limits[row, 2] = 0
+
+    def _examine(self, noticed: bool = False, failed: str = "") -> None:
+        """End the simulation if a value is not finite, and tell where that began; else remember that all is well."""
+        bad = self.watch.bad(failed)
+        tick = int(self.state["tick"]) + bool(failed)
+        if not bad:
+            if not noticed and not failed:
+                self.watch.save(self._record, self.plan)
+                self._looked = wall.perf_counter()
+            return
+        if self.watch.replays:
+            tick = self.watch.began(tick, self._loop, self.plan)
+            again = self.watch.bad()
+            if failed and not again:
+                return  # it was so in an iteration alone
+            self._last, bad = tick, again or bad
+        when = clock.text(self._begin + tick * self.step)
+        exact = self.watch.replays or noticed or failed
+        self._blame(bad, f"at t = {when}" if exact else f"at t = {when} or somewhat before")
+
+    def _blame(self, bad: list[str], when: str, sure: bool = False, cause: Exception | None = None) -> None:
+        """SimulationError if members hold values that are not finite; `sure`: only if one of them began it."""
+        if bad and (not sure or self.watch.source(bad)[1]):
+            raise SimulationError(self.watch.described(bad, when)) from cause
+
+    def _fail(self) -> None:
+        """Turn a member's failure into one line: name, time, status, last inputs, last log lines."""
+        if int(self.state["status"]) == ASKING:
+            self._go_back()
+            self._walk.derive()  # type: ignore[union-attr]
+            return
+        if int(self.state["status"]) == UNSOLVED:
+            raise SimulationError(self._disagreement())
+        if self.plan.events is not None and self.plan.events.failure is not None:
+            raise self.plan.events.failure
+        name = self._member_name()
+        member = self.members[name]
+        if isinstance(member.failure, KeyboardInterrupt):
+            raise member.failure
+        if death := member.lost(self.time):
+            raise SimulationError(death)
+        reason = member.finish_reason() if int(self.state["status"]) == DISCARD else ""
+        if int(self.state["status"]) in (DISCARD, EARLY) and self._shortened(member, reason):
+            return
+        if reason:
+            self._finish(member, reason)
+            return
+        status = STATUS.get(int(self.state["status"]), "ERROR")
+        member.failed(int(self.state["status"]))
+        if status != "FATAL":
+            self._examine(failed=name)
+        inputs = ", ".join(
+            f"{v}={np.array2string(view(address, self.members[m].variables[v]), threshold=6, precision=6)}"
+            for (m, v), address in self.plan.staged.items()
+            if m == name
+        )
+        raise SimulationError(
+            f"{name}: failed with {status} in the step from t = {clock.text(self.time)}.{self._refused()} "
+            f"Last inputs: {inputs or 'none'}.{log_text(member)}"
+        ) from member.failure
+
+    def _refused(self) -> str:
+        """What a member was asked for, if it refused a value rather than a step."""
+        rows = self._tables.arrays["accesses"]
+        place, rest = divmod(int(self.state["at"]) - rows.ctypes.data, rows.strides[0])
+        if rest or not 0 <= place < len(self.plan.accesses):
+            return ""
+        function, instance, references, *_ = self.plan.accesses[place]
+        names = self.plan.asked.get((function, instance, references), ())
+        if not names:
+            return ""
+        more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+        return f" It refused {self.plan.functions[function]} of {', '.join(names[:SHOWN])}{more}."
+
+    def _shortened(self, member: Member, reason: str) -> bool:
+        """Whether a step that a member did not make in whole is made to where it came, or shorter; one line if not."""
+        state = self.state
+        goes_back = state["trial"] and member.name not in self._slow
+        begun = float(state["begun"]) if goes_back else clock.seconds(self.time)
+        came = float(state["until"])
+        if int(state["status"]) == DISCARD:
+            told = member.last_successful_time(self._written(begun))
+            came = begun if told is None else told
+        if not goes_back:
+            if reason or (int(state["status"]) == DISCARD and came == begun):
+                return False
+            able = ", ".join(one.name for one in Algorithm if one.rolls_back)
+            why = f"{self.algorithm} makes whole steps. Use one that goes to that time: {able}."
+            if state["trial"]:
+                why = "its period is to be made in whole. Leave `communication_step` out."
+            raise SimulationError(
+                f"{member.name}: went to t = {shown(came)} only in the step from t = {shown(begun)}, and {why}{log_text(member)}"
+            )
+        if begun < came < begun + float(state["span"]) * (1 - ROUNDING):
+            state["until"], state["limited"], state["back"] = came, 1, 1
+            return True
+        if state["control"] and state["stride"] > 1 and not reason:
+            state["stride"] //= 2
+            state["rejected"] += 1
+            state["limited"], state["back"] = 0, 1
+            return True
+        return False
+
+    def _go_back(self) -> None:
+        """Have all members where the step began that is at work."""
+        state, stop = self.state, int(self.state["stop"])
+        state["back"], state["stop"] = 1, state["tick"]
+        if self._loop(self._record.ctypes.data) == loop.FAILED:
+            self._fail()
+        state["stop"] = stop
+
+    def _disagreement(self) -> str:
+        """Which connections did not agree."""
+        assert self._walk is not None
+        far = self._walk.apart()
+        return (
+            f"{self.algorithm}: {', '.join(far[:3])}{' and others' if len(far) > 3 else ''} do not agree after "
+            f"{self.algorithm.iterations} iterations in the step from t = {shown(float(self.state['begun']))}. "
+            f"Allow more `iterations`, take another `acceleration` or a smaller step."
+        )
+
+    def _written(self, begun: float) -> float:
+        """How far [s] a step of FMI 3.0's form from `begun` says that it came, of the member that ended the run; no less."""
+        rows = [row for row in self._tables.arrays["steps"].tolist() if row[-1] == int(self.state["member"])]
+        return max([begun, *(machine.read_float(flags + 24) for _, _, flags, *_ in rows)])
+
+    def _reached(self) -> str:
+        """The time at which the simulation ended, for a message; a row beyond that does not count."""
+        state = self.state
+        if not state["inside"]:
+            begun, step = clock.seconds(self.time - self.step), clock.seconds(self.step)
+            came = self._written(begun)
+            if begun < came < begun + step * (1 - ROUNDING):
+                self._last = int(state["tick"]) - 1
+                return shown(came)
+            return clock.text(self.time)
+        return shown(float(state["now"] if state["off"] else state["begun"] + state["span"]))
+
+    def _conclude(self) -> None:
+        """Say what the walk could not do as it was told."""
+        if self._walk is None:
+            return
+        state = self.state
+        for count, first, what in (
+            ("missed", "missed_tick", "steps of the smallest size were not as exact as asked for. Give a smaller one"),
+            (
+                "unsolved",
+                "unsolved_tick",
+                "steps did not agree after the last iteration. Allow more, or a smaller step",
+            ),
+        ):
+            if state[count]:
+                at = clock.text(self._begin + int(state[first]) * self.step)
+                self.notes.append(
+                    f"{self.algorithm}: {int(state[count])} {what}; the first began at t = {at} or soon after."
+                )
+                state[count] = 0
+        if state["refused"]:
+            name, least = list(self.members)[int(state["refused"]) - 1], self.step * int(state["least"])
+            half = 2 if state["control"] == DOUBLING else 1
+            shortest = clock.text(round(least / int(state["divisions"]) / half))
+            self.notes.append(f"{self.algorithm}: {name} makes no steps shorter than {shortest}, and so did nobody.")
+            state["refused"] = 0
+
+    def _finish(self, member: Member, reason: str) -> None:
+        """A member discarded its step in order to end the simulation: keep how far it came."""
+        self.finished = True
+        begun = clock.seconds(self.time) if self._walk is None else float(self.state["begun"])
+        came = member.last_successful_time(begun)
+        if self._walk is None and came is not None and abs(came - clock.seconds(self.time + self.step)) < 1e-9:
+            for (owner, name), address in self.plan.published.items():
+                if self.members[owner] is member:
+                    self._tables.put(owner, name, address)
+            self._overrides.hold()
+            self.state["tick"] += 1
+            if self.state["place"] >= self.state["limit"]:
+                self.recorder.make_room()
+            loop.record(self._record.view(np.recarray)[0])
+        is_known = came is not None and begun < came <= begun + clock.seconds(self.step) * (1 + ROUNDING)
+        when = shown(came) if is_known and came is not None else clock.text(self.time)
+        self.failure = f"{member.name} ended the simulation at {when}: {reason}"

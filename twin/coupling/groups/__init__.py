@@ -1,0 +1,1 @@
+"""Several coupled components as one component."""

@@ -1,0 +1,338 @@
+"""Several coupled components as one: the records nested in one record, the connections compiled in.
+
+A group is a sampled component whose period is the communication step of its members; they keep their own periods in
+it. What its `step` does is written out as Python source, one statement per connection, step and publication, in the
+order in which the co-simulation loop would do it: the result equals the ungrouped system to the bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from twin.compiler import dependencies
+from twin.component import (
+    CONNECTABLE,
+    Component,
+    Int64,
+    Layout,
+    PythonComponent,
+    Role,
+    Terminal,
+    Variable,
+    define,
+    inputs_of,
+    layout,
+    solver,
+)
+from twin.coupling.groups import group_equations
+from twin.coupling.groups.group_writer import Key, Part, Writer, subscript
+from twin.coupling.system import Link
+from twin.errors import CouplingError
+from twin.graph import ordered_groups
+
+SWEEPS = 100  # largest number of substitutions in an algebraic loop at initialization
+
+
+class Group(Component):
+    """Base of the classes that `compose` makes."""
+
+    parts: ClassVar[dict[str, Part]] = {}
+    flows: ClassVar[dict[str, frozenset[str]]] = {}
+    reaches: ClassVar[dict[str, frozenset[str]]] = {}  # what follows what at once, where there are equations
+    starts: ClassVar[dict[str, Any]] = {}
+    text: ClassVar[str] = ""  # the generated source
+    fields: ClassVar[dict[str, str]] = {}  # where its own inputs lie, and what slow members publish
+
+    def __init__(self, **values: Any) -> None:
+        self.settle(np.zeros(1, self.layout.dtype))
+        for name, value in values.items():
+            self.views[name][...] = value
+
+    def settle(self, record: np.ndarray[Any, Any]) -> None:
+        """Lie in a record, with the start values in it; one that lies in another's is of a group in a group."""
+        self.record = record
+        raw = self.record.view(np.uint8)
+        self.views = {}
+        for variable in self.variables:
+            at = self.layout.offset(variable.name)
+            size = variable.size * variable.dtype.itemsize
+            self.views[variable.name] = raw[at : at + size].view(variable.dtype).reshape(variable.shape)
+        for name in self.layout.dtype.names or ():
+            self.__dict__[name] = self.record[name][0] if name in self.parts else self.record[name][0, ...]
+        for name, part in self.parts.items():
+            self.__dict__[name] = nested(part.component, self.record[name])
+            for field, value in part.component.start_values().items():
+                self.__dict__[name].views[field][...] = value
+        for name, value in self.start_values().items():
+            self.views[name][...] = value
+
+    @classmethod
+    def start_values(cls) -> dict[str, Any]:
+        """Start values by `member.variable`."""
+        return dict(cls.starts)
+
+
+def nested(cls: type[Component], record: np.ndarray[Any, Any]) -> Component:
+    """An instance of a component over memory that lies in another record."""
+    part = cls.__new__(cls)
+    if isinstance(part, Group):
+        part.settle(record)
+        return part
+    part.record = record
+    part.views = {name: record[name][0, ...] for name in cls.layout.dtype.names or ()}
+    for name, view in part.views.items():
+        if name.startswith("_"):
+            part.__dict__[name] = view
+    return part
+
+
+def initialization(writer: Writer, border: list[Variable]) -> list[str]:
+    """`initialize(self)`: values go along the connections in the order of dependencies, as in the loop's own."""
+    lines = ["def initialize(self, t):", "    self._count[0] = 0"]
+    stale = dict.fromkeys(writer.parts, True)
+    lines += [line for i, variable in enumerate(border) for line in take_border(writer, i, variable)]
+    sources: dict[Key, list[Link]] = {}
+    for link in writer.links:
+        sources.setdefault(link.source.key, []).append(link)
+    known = {name: dependencies(part.component) for name, part in writer.parts.items()}
+
+    def follows(link: Link, other: Key) -> bool:
+        if other[0] != link.target.member:
+            return False
+        return link.target.variable.name in known[other[0]].get(other[1], ())
+
+    followers = {key: [o for link in links for o in sources if follows(link, o)] for key, links in sources.items()}
+    for keys in ordered_groups(list(sources), followers):
+        if len(keys) > 1 or keys[0] in followers[keys[0]]:
+            lines += settle(writer, keys, sources)
+            stale.update(dict.fromkeys((link.target.member for key in keys for link in sources[key]), True))
+            continue
+        (member, name), links = keys[0], sources[keys[0]]
+        if stale[member]:
+            lines.append(f"    initialize_{member}(self.{member}, t)")
+            stale[member] = False
+        writer.published(keys[0])
+        lines += publish(writer, member, name)
+        for link in links:
+            lines += writer.copy(link)
+            stale[link.target.member] = True
+    lines += [f"    initialize_{name}(self.{name}, t)" for name, is_stale in stale.items() if is_stale]
+    lines += [line for member, name in list(writer.shadows) for line in publish(writer, member, name)]
+    return [*lines, "    return 0", ""]
+
+
+def settle(writer: Writer, keys: list[Key], sources: dict[Key, list[Link]]) -> list[str]:
+    """Statements that solve an algebraic loop by substitution; most only look like one, and settle at once."""
+    lines = [f"    for sweep in range({SWEEPS}):", "        moved = 0"]
+    for member in dict.fromkeys(member for member, _ in keys):
+        lines.append(f"        initialize_{member}(self.{member}, t)")
+        for name in [name for owner, name in keys if owner == member]:
+            writer.published((member, name))
+            lines += [f"    {line}" for line in publish(writer, member, name)]
+            for link in sources[member, name]:
+                for statement in writer.copy(link, ""):
+                    target, _, value = statement.partition(" = ")
+                    lines += [
+                        f"        new = {value}",
+                        f"        if abs(new - {target}) > 1e-12 * (abs(new) + abs({target})):",
+                        "            moved = 1",
+                        f"        {target} = new",
+                    ]
+    return [
+        *lines,
+        "        if moved == 0:",
+        "            break",
+        "    if moved != 0:",
+        f"        return {solver.ERROR}",
+    ]
+
+
+def take_border(writer: Writer, number: int, variable: Variable) -> list[str]:
+    """The group's own input goes to the member that has it."""
+    member, _, name = variable.name.partition(".")
+    place = writer.place((member, name))
+    return [
+        f"    {subscript(place, variable.shape, i)} = {subscript(f'self._border{number}', variable.shape or (1,), i)}"
+        for i in range(variable.size)
+    ]
+
+
+def publish(writer: Writer, member: str, name: str) -> list[str]:
+    """Copy what a slow member publishes; nothing for one that steps at every communication point."""
+    if writer.divider(member) == 1:
+        return []
+    shape = writer.variable((member, name)).shape
+    shadow = writer.published((member, name))
+    return [
+        f"    {subscript(shadow, shape, i)} = {subscript(writer.place((member, name)), shape, i)}"
+        for i in range(int(np.prod(shape, dtype=int)))
+    ]
+
+
+def stepping(writer: Writer, border: list[Variable], stages: list[list[str]]) -> list[str]:
+    """`step(self, t, h)`: one communication step, stage by stage: take inputs, step, publish."""
+    lines = ["def step(self, t, h):", "    tick = self._count[0]", "    status = 0"]
+    by_member = {name: [v for v in border if v.name.split(".")[0] == name] for name in writer.parts}
+    for stage in stages:
+        for name in stage:
+            body = [line for v in by_member[name] for line in take_border(writer, border.index(v), v)]
+            body += [line for link in writer.links if link.target.member == name for line in writer.copy(link)]
+            lines += when(body, writer.divider(name), "tick")
+        for name in stage:
+            h = writer.parts[name].period / 1e9
+            body = [f"    status = max(status, advance_{name}(self.{name}, t, {h!r}))"]
+            lines += when(body, writer.divider(name), "tick")
+        for name in stage:
+            body = [line for m, n in list(writer.shadows) if m == name for line in publish(writer, m, n)]
+            lines += when(body, writer.divider(name), "(tick + 1)")
+    return [*lines, "    self._count[0] = tick + 1", "    return status", ""]
+
+
+def when(body: list[str], divider: int, tick: str) -> list[str]:
+    """Statements that are due at every n-th communication point only."""
+    if divider == 1 or not body:
+        return body
+    return [f"    if {tick} % {divider} == 0:", *(f"    {line}" for line in body)]
+
+
+def compose(
+    name: str, parts: dict[str, Part], links: list[Link], step: int, stages: list[list[str]], outputs: list[Key]
+) -> type[Component]:
+    """The members as one component class called `name`.
+
+    `links`: the connections inside; inputs without one become the group's inputs. `step` [ns]: communication step of
+    the system it comes from, the group's period. `outputs`: what becomes an output, as (member, variable).
+    """
+    for member, part in parts.items():
+        if issubclass(part.component, PythonComponent):
+            raise CouplingError(f"{name}: member {member!r} is Python-side and cannot be compiled in. Leave it out.")
+    if not outputs:
+        raise CouplingError(f"{name}: nothing leaves the group. Add a member whose outputs others read.")
+    writer = Writer(parts, links, step)
+    driven = {link.target.key for link in links}
+    has_equations = group_equations.offered(parts, links, step)
+    variables, border = exposed(parts, driven, outputs, has_equations)
+    for key in outputs:
+        writer.published(key)
+    source = initialization(writer, border) + stepping(writer, border, stages)
+    if has_equations:
+        taken = [line for i, variable in enumerate(border) for line in take_border(writer, i, variable)]
+        source += group_equations.source(writer, taken)
+    place = group_layout(writer, variables, border)
+    text = "\n".join(source)
+    code: dict[str, Any] = dict(writer.scope)
+    define("step", text, code, f"group {name}")
+    body: dict[str, Any] = {
+        "__doc__": f"{', '.join(parts)} as one component.\n\nMade from components coupled at {step / 1e6:g} ms.",
+        "__module__": __name__,
+        "parts": parts,
+        "text": text,
+        "fields": {v.name: f"_border{i}" for i, v in enumerate(border)}
+        | {".".join(k): s for k, s in writer.shadows.items()},
+        "flows": group_equations.follows(parts, links, variables),
+    }
+    if has_equations:
+        ends = (Role.input, Role.state)
+        body["reaches"] = group_equations.follows(parts, links, variables, ("derivatives",), ends)
+        body["_evaluation"] = staticmethod(code["evaluate"])
+        body["_tangents"] = group_equations.slopes(writer, border, taken)
+    cls: type[Group] = type(name, (Group,), body)
+    cls.variables, cls.layout, cls.period_ns = tuple(variables), place, step
+    if has_equations:
+        cls.switches = tuple(f"{member}.{one}" for member, part in parts.items() for one in part.component.switches)
+    cls.starts, cls.terminals = starts(parts, variables), carried_over(parts, variables)
+    advance = solver.sampled_advance(code["step"], step, inputs_of(at_border(border)))
+    cls._functions = (group_start(code["initialize"]), advance)  # type: ignore[attr-defined]
+    return cls
+
+
+def group_start(initialize: Callable[..., Any]) -> Callable[..., Any]:
+    """Begin the group's ticks, then initialize its members."""
+    begin = solver.initialization(None, None, sampled=True)
+
+    def start(self: Any, t: float) -> int:
+        begin(self, t)
+        return int(initialize(self, t))
+
+    return start
+
+
+def exposed(
+    parts: dict[str, Part], driven: set[Key], outputs: list[Key], has_equations: bool
+) -> tuple[list[Variable], list[Variable]]:
+    """All variables as `member.variable` with the role they have outside, and those that are the group's inputs."""
+    variables, border = [], []
+    for member, part in parts.items():
+        for variable in part.component.variables:
+            role = variable.role
+            if (
+                (role is Role.input and (member, variable.name) in driven)
+                or (role in (Role.state, Role.derivative) and not has_equations)
+                or (role is Role.output and (member, variable.name) not in outputs)
+            ):
+                role = Role.local
+            outside = replace(variable, name=f"{member}.{variable.name}", role=role)
+            variables.append(outside)
+            if role is Role.input:
+                border.append(outside)
+    return variables, border
+
+
+def at_border(border: list[Variable]) -> list[Variable]:
+    """The group's own inputs as fields of its record: arrays all, which are written in place."""
+    return [replace(v, name=f"_border{i}", shape=v.shape or (1,)) for i, v in enumerate(border)]
+
+
+def group_layout(writer: Writer, variables: list[Variable], border: list[Variable]) -> Layout:
+    """The group's struct: its inputs, the members' structs, then the engine's fields."""
+    inputs = at_border(border)
+    hidden = {**solver.hidden(None, 1, 0, inputs_of(inputs)), "_count": (Int64, (1,))}
+    for key, shadow in writer.shadows.items():
+        hidden[shadow] = (writer.variable(key).type, writer.variable(key).shape or (1,))
+    base = layout(inputs, hidden)
+    fields = {n: (base.dtype.fields[n][0], base.dtype.fields[n][1]) for n in base.dtype.names or ()}  # type: ignore[index]
+    at = base.dtype.itemsize
+    places: dict[str, int] = {}
+    for member, part in writer.parts.items():
+        inner = part.component.layout
+        fields[member] = (inner.dtype, at)
+        places.update({f"{member}.{v.name}": at + inner.offset(v.name) for v in part.component.variables})
+        at += -(-inner.dtype.itemsize // 8) * 8
+    places.update({v.name: base.offset(f"_border{i}") for i, v in enumerate(border)})
+    places.update({f"{m}.{n}": base.offset(shadow) for (m, n), shadow in writer.shadows.items()})
+    specification = {
+        "names": list(fields),
+        "formats": [f for f, _ in fields.values()],
+        "offsets": [o for _, o in fields.values()],
+        "itemsize": at,
+    }
+    dtype: np.dtype[Any] = np.dtype(specification, align=True)  # type: ignore[call-overload]
+    return Layout(tuple(variables), dtype, 0, places)
+
+
+def carried_over(parts: dict[str, Part], variables: list[Variable]) -> dict[str, Terminal]:
+    """Terminals of the members whose variables can all be connected outside, as `member.terminal`."""
+    outside = {v.name: v for v in variables if v.role in CONNECTABLE}
+    result = {}
+    for member, part in parts.items():
+        for name, terminal in part.component.terminals.items():
+            members = {key: f"{member}.{v.name}" for key, v in terminal.members.items()}
+            if all(place in outside for place in members.values()):
+                kept = {key: outside[place] for key, place in members.items()}
+                result[f"{member}.{name}"] = replace(terminal, members=kept)
+    return result
+
+
+def starts(parts: dict[str, Part], variables: list[Variable]) -> dict[str, Any]:
+    """Start values of all variables: what the scenario sets, else what the components declare."""
+    declared = {member: part.component.start_values() for member, part in parts.items()}
+    result = {}
+    for variable in variables:
+        member, _, name = variable.name.partition(".")
+        value = parts[member].values.get(name, declared[member][name])
+        result[variable.name] = np.broadcast_to(np.asarray(value, variable.dtype), variable.shape)
+    return result

@@ -1,0 +1,129 @@
+"""A group's equations, for Model Exchange: its members' derivatives at one point, values going along the connections.
+
+Where the group's own steps hold what a member publishes until the next communication point, here nothing is held: an
+importer's solver has all states of the group in one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from twin.compiler import Tangents, flow, tangents
+from twin.component import Role, define, evaluation
+from twin.coupling.system import is_real
+from twin.graph import ordered_groups, reached
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from twin.component import Variable
+    from twin.coupling.groups.group_writer import Part, Writer
+    from twin.coupling.system import Link
+
+Key = tuple[str, str]
+
+INITIALIZATION = ("initialize", "derivatives")
+
+
+def offered(parts: Mapping[str, Part], links: list[Link], step: int) -> bool:
+    """Whether the members have equations that can be evaluated one after the other, at one point."""
+    return (
+        all(evaluation(part.component) and not hasattr(part.component, "parts") for part in parts.values())
+        and all(part.period == step for part in parts.values())
+        and order(parts, links) is not None
+    )
+
+
+def order(
+    parts: Mapping[str, Part], links: list[Link], functions: tuple[str, ...] = ("derivatives",)
+) -> list[str | Link] | None:
+    """Members to evaluate and connections to follow, in order; None if they go around in a loop.
+
+    `functions`: of the members, which say what follows what.
+    """
+    sources: dict[Key, list[Link]] = {}
+    for link in links:
+        sources.setdefault(link.source.key, []).append(link)
+    known = {name: flow(part.component, functions) for name, part in parts.items()}
+    followers = {
+        key: [
+            other
+            for link in own
+            for other in sources
+            if other[0] == link.target.member and link.target.variable.name in known[other[0]].get(other[1], ())
+        ]
+        for key, own in sources.items()
+    }
+    found: list[str | Link] = []
+    is_stale = dict.fromkeys(parts, True)
+    for keys in ordered_groups(list(sources), followers):
+        if len(keys) > 1 or keys[0] in followers[keys[0]]:
+            return None
+        member = keys[0][0]
+        found += [member] * is_stale[member]
+        is_stale[member] = False
+        found += sources[keys[0]]
+        is_stale.update(dict.fromkeys((link.target.member for link in sources[keys[0]]), True))
+    return found + [name for name in parts if is_stale[name]]
+
+
+def source(writer: Writer, border: list[str]) -> list[str]:
+    """`evaluate(self, t)`; `border`: the lines that take the group's own inputs."""
+    lines = ["def evaluate(self, t):", "    status = 0", *border]
+    for one in order(writer.parts, writer.links) or ():
+        if isinstance(one, str):
+            writer.scope[f"evaluate_{one}"] = evaluation(writer.parts[one].component)
+            lines.append(f"    status = max(status, evaluate_{one}(self.{one}, t))")
+        else:
+            lines += writer.copy(one)
+    return [*lines, "    return status", ""]
+
+
+def slopes(writer: Writer, border: list[Variable], taken: list[str]) -> Tangents | str:
+    """Directional derivatives of a group by those of its members, or why there are none."""
+    found = {name: tangents(part.component) for name, part in writer.parts.items()}
+    lacking = [f"{name}: {reason}" for name, reason in found.items() if isinstance(reason, str)]
+    ways = {"at": order(writer.parts, writer.links), "first": order(writer.parts, writer.links, INITIALIZATION)}
+    if lacking or None in ways.values():
+        return lacking[0] if lacking else "its initialization goes around in a loop"
+    real = {f"self.{v.name}" for v in border if v.dtype.kind == "f"}
+    both = [*taken, *(dotted(line) for line in taken if line.split("=")[0].split("[")[0].strip() in real)]
+    code: dict[str, Any] = {f"{kind}_{name}": getattr(one, kind) for name, one in found.items() for kind in ways}
+    lines: list[str] = []
+    for kind, way in ways.items():
+        lines += [f"def {kind}(self, dot, t, dot_t):", "    status = 0", *both]
+        for one in way or ():
+            if isinstance(one, str):
+                lines.append(f"    status = max(status, {kind}_{one}(self.{one}, dot.{one}, t, dot_t))")
+                continue
+            lines += writer.copy(one)
+            if is_real(one.target.variable) and is_real(one.source.variable):
+                lines += [dotted(line) for line in writer.copy(replace(one, offset=0.0))]
+        lines += ["    return status", ""]
+    define("at", "\n".join(lines), code, "tangents of a group")
+    return Tangents(code["at"], code["first"])
+
+
+def dotted(line: str) -> str:
+    """A statement that moves a value, for its tangent."""
+    return line.replace("self.", "dot.")
+
+
+def follows(
+    parts: Mapping[str, Part],
+    links: list[Link],
+    variables: list[Variable],
+    functions: tuple[str, ...] = INITIALIZATION,
+    ends: tuple[Role, ...] = (Role.input, Role.parameter),
+) -> dict[str, frozenset[str]]:
+    """What the members' functions write, and what of the group's variables that are `ends` it is computed from."""
+    graph: dict[str, set[str]] = {}
+    for member, part in parts.items():
+        for name, sources in flow(part.component, functions).items():
+            graph[f"{member}.{name}"] = {f"{member}.{one}" for one in sources}
+    for link in links:
+        target = f"{link.target.member}.{link.target.variable.name}"
+        graph.setdefault(target, set()).add(f"{link.source.member}.{link.source.variable.name}")
+    outside = {v.name for v in variables if v.role in ends}
+    return {name: frozenset(reached(graph, {name}) & outside) for name in graph}

@@ -1,0 +1,166 @@
+"""A member with clocks in a process of its own: its values lie in memory of both, each call of `events` is a message.
+
+So an event costs a message for every call, and a communication point without one a single message.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.compiler import machine
+from twin.coupling.isolation.isolated_member import IsolatedMember
+from twin.coupling.isolation.isolated_worker import from_words, to_words
+from twin.coupling.member import Access, MemberVariable
+from twin.errors import SimulationError
+
+if TYPE_CHECKING:
+    from twin import clock
+
+OK, ERROR = 0, 3
+WIDEST = 8  # bytes of the widest scalar, and what every variable's place is a multiple of
+
+
+@dataclass(slots=True)
+class SharedSlot:
+    """A variable's values: in memory of both processes, or, where they are no numbers, here, to go with the next message."""
+
+    variable: MemberVariable
+    values: np.ndarray[Any, Any]
+
+
+class IsolatedClocks(IsolatedMember):
+    """What `events.Clocked` asks, asked there."""
+
+    clocked = True
+
+    def _share(self, shared: int) -> None:
+        super()._share(shared)
+        self.slots: dict[str, SharedSlot] = {}
+        self.due: clock.Time | None = None
+        self.event_time: clock.Time | None = None
+        self.ended = self.has_jumped = False
+        self._is_running = self._rests = False
+        self._calls: list[Any] = []
+        size = sum(self._room(one) for one in self.variables.values())
+        first = self._take(size)
+        self._span = first, first + size
+
+    def _memory_size(self) -> int:
+        return super()._memory_size() + sum(self._room(one) for one in self.variables.values()) + 64
+
+    @staticmethod
+    def _room(variable: MemberVariable) -> int:
+        return WIDEST * max(1, variable.size)
+
+    def exit_initialization(self) -> None:
+        """Leave it; from now on values may be clocked."""
+        super().exit_initialization()
+        self._is_running = True
+        self._event("rest")
+
+    # values
+
+    def slot(self, name: str) -> SharedSlot:
+        """Where a variable's values lie for others."""
+        if name not in self.slots:
+            variable = self.variables[name]
+            if offset := self._ask("slot", name):
+                raw = (ctypes.c_uint8 * (variable.size * variable.dtype.itemsize)).from_address(self._memory + offset)
+                values = np.ctypeslib.as_array(raw).view(variable.dtype)
+            else:
+                values = np.empty(variable.size, object)
+                values[:] = np.ravel(np.asarray(self.get(name), object))
+            self.slots[name] = SharedSlot(variable, values)
+        return self.slots[name]
+
+    def address(self, name: str) -> int:
+        """Where its values lie, in memory of both."""
+        return int(self.slot(name).values.ctypes.data) if self.variables[name].connectable else 0
+
+    def access(self, names: list[str], write: bool) -> Access:
+        """A call that moves values between memory and what others see."""
+        slots = [self.slot(name) for name in names]
+
+        def moved(_instance: int, _references: int, _count: int, place: int, _size: int) -> int:
+            try:
+                for slot in slots:
+                    ends = (slot.values.ctypes.data, place) if write else (place, slot.values.ctypes.data)
+                    ctypes.memmove(*ends, slot.values.nbytes)
+                    place += slot.values.nbytes
+                    if write and not self._is_running:
+                        self.set(slot.variable.name, slot.values.reshape(slot.variable.shape)[()])
+            except BaseException as error:  # nothing may pass through native frames
+                self.failure = error
+                return ERROR
+            return OK
+
+        self._calls.append(machine.ACCESS(moved))
+        function = ctypes.cast(self._calls[-1], ctypes.c_void_p).value or 0
+        references = np.array([one.variable.references[0] for one in slots], np.uint32)
+        return Access(function, references, len(slots), sum(one.variable.size for one in slots), "access")
+
+    # what `coupling.events` asks
+
+    def _event(self, what: str, *arguments: Any) -> Any:
+        """Have something done there, and learn what the member is like then."""
+        given = {
+            name: one.values.tolist()
+            for name, one in self.slots.items()
+            if not one.variable.connectable and one.variable.causality == "input"
+        }
+        self._phase = what
+        try:
+            if self._rests and what != "rest":
+                self._rests = False
+                self._event("rest")
+            found = self._ask("event", what, [to_words(one) for one in arguments], given)
+        except SimulationError as error:
+            self.failure = error
+            raise
+        finally:
+            self._phase = "an access"
+        answer, due, announced, self.ended, self.has_jumped, values = found
+        self.due, self.event_time = from_words(due), from_words(announced)
+        for name, one in values.items():
+            self.slots[name].values[:] = one
+        return answer
+
+    def due_clocks(self, now: clock.Time) -> list[str]:
+        """Clocks that tick now."""
+        return list(self._event("due_clocks", now))
+
+    def has_news(self, now: clock.Time) -> bool:
+        """Whether there is an event now, whatever the clocks say."""
+        return bool(self._event("has_news", now))
+
+    def enter_events(self, now: clock.Time) -> None:
+        """To Event Mode."""
+        self._event("enter_events", now)
+
+    def tick(self, name: str, now: clock.Time) -> bool:
+        """Let an input clock tick in this instant; whether it does not do so already."""
+        return bool(self._event("tick", name, now))
+
+    def evaluate(self, now: clock.Time) -> bool:
+        """Tell the member its ticks and inputs, then look at its outputs; whether it was told anything."""
+        return bool(self._event("evaluate", now))
+
+    def found(self) -> list[str]:
+        """Clocks of the member that were found to tick since this was asked last."""
+        return list(self._event("found"))
+
+    def finish(self, now: clock.Time) -> bool:
+        """End the instant; whether another one is needed."""
+        return bool(self._event("finish", now))
+
+    def leave_events(self) -> None:
+        """Back to where steps are made."""
+        self._event("leave_events")
+
+    def rest(self) -> None:
+        """A new communication step: none of the clocks has ticked in it. Told with the next message."""
+        self._rests = True

@@ -1,0 +1,317 @@
+"""The process of an isolated member: what it shares with that of the loop (isolated.c), and what it does.
+
+It is a new Python, which gets the member, not yet instantiated, as a pickle. A fork would copy the locks of threads that do not
+exist in the copy, and whoever needs one of them later waits for ever.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import marshal
+import mmap
+import os
+import pickle
+import signal
+import sys
+import threading
+from contextlib import suppress
+from fractions import Fraction
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+import numpy as np
+
+from twin import clock, compiler
+from twin.coupling.component_member import RecordMember
+from twin.coupling.member import Access, Member
+from twin.errors import SimulationError, TwinError, described
+from twin.process import SIGNALS, Lines
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from multiprocessing.connection import Connection
+
+SOURCE = Path(__file__).with_name("isolated.c")
+FUNCTIONS = ("set", "get", "step", "tell", "serve", "gather", "scatter")
+
+# the structs of isolated.c, in words
+CHANNEL = (
+    "call",
+    "called",
+    "back",
+    "returned",
+    "is_dead",
+    "status",
+    "wanted",
+    "at",
+    "rows",
+    "t",
+    "h",
+    "event",
+    "terminate",
+    "early",
+    "last",
+    "step",
+    "signature",
+    "instance",
+    "read",
+    "write",
+    "own_read",
+    "own_write",
+    "sched_setaffinity",
+    "loop_core",
+    "own_core",
+    "is_final",
+)
+ROW = (
+    "function",
+    "instance",
+    "references",
+    "count",
+    "values",
+    "size",
+    "next",
+    "bytes",
+    "write",
+    "pending",
+    "fresh",
+    "status",
+)
+READY = -1  # in the place of the number of a question: the process has begun
+HEAD = 4096  # byte, with the channel in it
+HAS_CORES = hasattr(os, "sched_setaffinity")  # and can say which a process may use
+
+
+@lru_cache(maxsize=4)
+def native(build: Path) -> dict[str, int]:
+    """Addresses of the functions of isolated.c."""
+    made = compiler.Sources("isolated", "", SOURCE.read_text(encoding="utf-8"))
+    return dict(
+        zip(FUNCTIONS, compiler.load_symbols(made, build, tuple(f"isolated_{f}" for f in FUNCTIONS)), strict=True)
+    )
+
+
+def words(address: int, names: tuple[str, ...]) -> np.ndarray[Any, Any]:
+    """A struct of words as a numpy record."""
+    raw = (ctypes.c_int64 * len(names)).from_address(address)
+    return np.ctypeslib.as_array(raw).view([(name, np.int64) for name in names])
+
+
+def plain(value: Any) -> Any:
+    """A value as a message can hold it; no bit of it is lost: numpy would drop zeros at the end of bytes."""
+    if isinstance(value, str | bytes):
+        return value
+    return [plain(one) for one in value] if isinstance(value, list) else np.asarray(value).tolist()
+
+
+def to_words(time: clock.Time | None) -> Any:
+    """An exact time as a message can hold it."""
+    return [time.numerator, time.denominator] if isinstance(time, Fraction) else time
+
+
+def from_words(word: Any) -> Any:
+    """What `to_words` was given; all else as it is."""
+    return Fraction(*word) if isinstance(word, list) else word
+
+
+def flush() -> None:
+    """Have everything printed: this process is killed next."""
+    for file in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, AttributeError):
+            file.flush()
+    ctypes.CDLL(None).fflush(None)
+
+
+def main(called: int, back: int, shared: int, messages: int) -> NoReturn:
+    """Be the process of an isolated member: ends of pipes, the file of the memory of both, and a connection for messages."""
+    from multiprocessing.connection import Connection
+
+    for one in SIGNALS:
+        signal.signal(one, signal.SIG_IGN)  # the loop's process says when it is over
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
+    connection = Connection(messages)
+    try:
+        inner, build, room = pickle.loads(connection.recv_bytes())  # noqa: S301 - from our own parent
+        if isinstance(inner, RecordMember):
+            inner.load(build)
+    except (EOFError, OSError):
+        os._exit(0)  # the other process is dead
+    except BaseException as error:
+        os.write(2, f"{described(error)}\n".encode())
+        os._exit(70)
+    memory = map_memory(shared, os.fstat(shared).st_size)
+    connection.send_bytes(marshal.dumps((READY, "", None)))
+    Served(inner, native(build), memory, called, back, connection, room).live()
+
+
+class Room:
+    """Bytes from `first` to `end`, given out piece by piece."""
+
+    def __init__(self, first: int, end: int) -> None:
+        self.next, self.end = first, end
+
+    def take(self, size: int) -> np.ndarray[Any, Any]:
+        """Fresh bytes, all zero."""
+        place, self.next = self.next, self.next + size
+        assert self.next <= self.end
+        return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_address(place))
+
+
+def map_memory(shared: int, size: int) -> int:
+    """Map the memory of both; its address. Not by Python's mmap, which would keep the file open for as long."""
+    function = ctypes.CDLL(None, use_errno=True).mmap
+    kinds = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_ssize_t
+    function.argtypes, function.restype = kinds, ctypes.c_void_p
+    address = function(None, size, mmap.PROT_READ | mmap.PROT_WRITE, mmap.MAP_SHARED, shared, 0)
+    if address is None or address == ctypes.c_void_p(-1).value:
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+    return int(address)
+
+
+def unmap_memory(address: int, size: int) -> None:
+    """Give it back."""
+    ctypes.CDLL(None).munmap(ctypes.c_void_p(address), ctypes.c_size_t(size))
+
+
+def system_calls(names: Iterable[str]) -> dict[str, int]:
+    """Addresses of functions of the C library."""
+    library = ctypes.CDLL(None)
+    return {name: ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0 for name in names}
+
+
+class Served:
+    """The other side: does what is asked for, and never returns. `room`: offsets between which a member's values lie."""
+
+    def __init__(
+        self,
+        inner: Member,
+        addresses: dict[str, int],
+        memory: int,
+        called: int,
+        back: int,
+        messages: Connection,
+        room: tuple[int, int] | None,
+    ) -> None:
+        self.inner, self.native, self.messages, self.called = inner, addresses, messages, called
+        self.kept: list[Access] = []  # what rows point into
+        self.memory = memory
+        self.channel = words(self.memory, CHANNEL)
+        self.channel["called"], self.channel["back"] = called, back
+        for name, address in system_calls(["read", "write"]).items():
+            self.channel[f"own_{name}"] = address
+        if HAS_CORES:
+            (self.channel["sched_setaffinity"],) = system_calls(["sched_setaffinity"]).values()
+        if room:
+            inner.room = Room(self.memory + room[0], self.memory + room[1]).take  # type: ignore[attr-defined]
+        self.last: np.ndarray[Any, Any] | None = None  # row
+        self.saved: Any = None
+        self.objects: dict[str, Any] = {}  # slots of a member with clocks whose values are no numbers
+
+    def live(self) -> NoReturn:
+        """Serve until nobody is there any more."""
+        try:
+            import faulthandler
+
+            faulthandler.disable()
+            threading.Thread(target=self.outlive, daemon=True).start()
+            self.inner.log = Lines(self.inner.log, self.tell)
+            serve = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(self.native["serve"])
+            while serve(self.memory):
+                count, what, arguments = marshal.loads(self.messages.recv_bytes())  # noqa: S302 - from our own parent
+                self.messages.send_bytes(marshal.dumps((count, *self.answer(what, arguments))))
+        except (EOFError, OSError):
+            pass
+        except BaseException as error:
+            os.write(2, f"{described(error)}\n".encode())
+            os._exit(70)
+        os._exit(0)
+
+    def outlive(self) -> NoReturn:
+        """End with who asks, whatever goes on here; in a thread."""
+        import select
+
+        ends = select.poll()
+        ends.register(self.called, 0)
+        ends.poll()
+        os._exit(0)
+
+    def tell(self, line: str) -> None:
+        """Pass on a log line."""
+        self.messages.send_bytes(marshal.dumps((0, "", line)))
+
+    def answer(self, what: str, arguments: tuple[Any, ...]) -> tuple[str, Any]:
+        """Do what a message says: the name of an error and its text, or no name and a result."""
+        own = getattr(self, what, None)
+        try:
+            return "", (own or getattr(self.inner, what))(*arguments)
+        except TwinError as error:
+            return type(error).__name__, str(error)
+        except BaseException as error:
+            return SimulationError.__name__, f"{self.inner.name}: {what} failed: {described(error)}"
+
+    def instantiate(self) -> str:
+        """Instantiate the member; the name of what steps it."""
+        self.inner.instantiate()
+        self.channel["step"], self.channel["instance"] = self.inner.step_function, self.inner.instance
+        self.channel["signature"] = self.inner.step_signature
+        return self.inner.step_name
+
+    def get(self, name: str) -> Any:
+        """A value as plain data."""
+        return plain(self.inner.get(name))
+
+    def slot(self, name: str) -> int:
+        """Offset of a variable of a member with clocks in the memory of both; of what is no number: that it is asked for."""
+        found = self.inner.slot(name)  # type: ignore[attr-defined]
+        if found.variable.connectable:
+            return int(found.values.ctypes.data) - self.memory
+        self.objects[name] = found
+        return 0
+
+    def event(self, what: str, arguments: list[Any], given: dict[str, list[Any]]) -> tuple[Any, ...]:
+        """A call of `events.Clocked`: its answer, what the member is like then, and its values that are no numbers."""
+        for name, values in given.items():
+            self.objects[name].values[:] = values
+        inner: Any = self.inner
+        answer = getattr(inner, what)(*(from_words(one) for one in arguments))
+        times = [to_words(one) for one in (inner.due, inner.event_time)]
+        outputs = {name: one.values.tolist() for name, one in self.objects.items() if not one.is_input}
+        return answer, *times, inner.ended, inner.has_jumped, outputs
+
+    def access(self, names: list[str], write: bool, place: int) -> tuple[int, int, str]:
+        """Fill the row at an offset; count, size and name of its call."""
+        if not all(self.inner.address(name) for name in names):
+            made = self.inner.access(names, write)
+        else:
+            variables = [self.inner.variables[name] for name in names]
+            pieces = np.array([(self.inner.address(v.name), v.size * v.dtype.itemsize) for v in variables], np.int64)
+            function = self.native["scatter" if write else "gather"]
+            made = Access(function, pieces, len(pieces), sum(v.size for v in variables))
+        self.kept.append(made)
+        row = words(self.memory + place, ROW)
+        row["function"], row["instance"], row["references"] = (
+            made.function,
+            self.inner.instance,
+            made.references.ctypes.data,
+        )
+        row["count"], row["size"] = made.count, made.size_argument
+        if self.last is None:
+            self.channel["rows"] = place
+        else:
+            self.last["next"] = place
+        self.last = row
+        return made.count, made.size, made.name
+
+    def save(self) -> None:
+        """Keep all that the member holds."""
+        self.saved = self.inner.save()
+
+    def restore(self) -> None:
+        """Go back to it."""
+        self.inner.restore(self.saved)
+
+    def close(self) -> None:
+        """Close the member; this process is killed next."""
+        self.inner.close()
+        flush()

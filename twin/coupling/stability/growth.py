@@ -1,0 +1,258 @@
+"""Whether a coupling is stable: how a small deviation grows while the loop goes over the common multiple of all periods.
+
+Algorithm, solvers and delays are those of the run itself. Of components all that they keep and publish is moved by a
+little, one value after the other, which is the whole map of a step. An FMU keeps its state to itself, but can be brought
+back: then what connections carry is moved, and the answers over many steps tell the map (`realization`). One that cannot
+be brought back, but tells its directional derivatives, is replaced by what these say (`linear_member`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock
+from twin.component import Role
+from twin.coupling.component_member import RecordMember
+from twin.coupling.execution import loop
+from twin.coupling.execution.plan import view
+from twin.coupling.stability.growth_by_response import answered
+from twin.coupling.stability.linear_member import LinearMember
+from twin.coupling.variable_step.record_layout import FIXED
+from twin.coupling.variable_step.rollback import trial
+from twin.errors import CouplingError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from twin.coupling.cosimulation import CoSimulation
+    from twin.coupling.member import Member
+    from twin.coupling.system import Link
+
+    Array = np.ndarray[Any, Any]
+
+DEVIATION = 1e-6  # of a value, or of its nominal size
+SMALL = 1e-3  # size of a value that has no nominal one [its SI unit]
+LONGEST = 10_000  # communication steps of a cycle
+DENSE = 120  # values of which the whole matrix is made
+SUBSPACE = 40  # of Arnoldi's iteration for more
+NEVER = 2**62
+HELP = "Export it with its state (canGetAndSetFMUstate; PythonFMU: `--handle-state`) or with directional derivatives."
+
+
+@dataclass(frozen=True)
+class Growth:
+    """What becomes of a deviation. `factor`: of the fastest one over a cycle; `share`: of which values it is made.
+
+    `cycle` [s]: common multiple of the members' periods.
+    """
+
+    factor: float
+    cycle: float
+    share: tuple[str, ...]
+
+    @property
+    def rate(self) -> float:
+        """Of growth [1/s]; negative if everything decays."""
+        return float(np.log(max(self.factor, 1e-300)) / self.cycle)
+
+
+def growth(simulated: CoSimulation) -> Growth:
+    """The fastest growth of a deviation from where an initialized co-simulation is; it is there again afterwards.
+
+    CouplingError that names the members of which nothing can be told.
+    """
+    linear: dict[str, Member] = {}
+    problems = []
+    for name, member in simulated.members.items():
+        wrong = hidden(simulated, name, member)
+        if wrong and (told := derived(member, simulated.links)) is not None:
+            linear[name] = told
+        elif wrong:
+            problems.append(f"stability: {wrong}")
+    if problems:
+        raise CouplingError(problems)
+    if linear:
+        simulated = simulated.with_members({**simulated.members, **linear})
+    return Deviation(simulated).growth()
+
+
+def hidden(simulated: CoSimulation, name: str, member: Member) -> str:
+    """Why a member's state can be neither read nor brought back; empty if it can."""
+    if isinstance(member, RecordMember) and not member.can_restore:
+        return f"{name} keeps its state to itself: it is Python. Nothing can be told of a coupling with it."
+    if member.can_restore:
+        return ""
+    if not member.can_roll_back:
+        return f"{name} keeps its state to itself, and tells no directional derivatives. {HELP}"
+    wrong = trial(member, clock.seconds(simulated.time), clock.seconds(simulated.periods[name]))
+    return wrong and f"{name} says that it can be brought back, and cannot: {wrong}. {HELP}"
+
+
+def derived(member: Member, links: list[Link]) -> LinearMember | None:
+    """A member as its directional derivatives have it, here; None if it does not tell."""
+    own = {
+        word: {end.variable.name: end.variable for end in ends if end.member == member.name}
+        for word, ends in (("inputs", [one.target for one in links]), ("outputs", [one.source for one in links]))
+    }
+    if not all(one.dtype == np.float64 for ends in own.values() for one in ends.values()):
+        return None
+    inputs, outputs = list(own["inputs"].values()), list(own["outputs"].values())
+    told = member.slopes(inputs, outputs)
+    return None if told is None else LinearMember(member, inputs, outputs, told)
+
+
+class Deviation:
+    """Values of a co-simulation that are moved by a little."""
+
+    def __init__(self, simulated: CoSimulation) -> None:
+        self.simulated, self.plan = simulated, simulated.plan
+        self.names: list[str] = []
+        self.places: list[Array] = []
+        sizes: list[Array] = []
+        self.is_whole = True  # whether it is all that members keep
+        for name, member in simulated.members.items():
+            for own, values, size in kept(member):
+                self.places.append(values)
+                sizes.append(np.full(values.size, size))
+                self.names += [f"{name}.{own}"] * values.size
+            if not isinstance(member, RecordMember | LinearMember):
+                self.is_whole = False
+                self._refuse_controlled(name)
+        for (name, own), address in self.plan.published.items():
+            variable = simulated.members[name].variables[own]
+            is_kept = self.plan.in_place(name) and isinstance(simulated.members[name], RecordMember | LinearMember)
+            if variable.dtype == np.float64 and not is_kept and variable.causality != "input":
+                self.places.append(view(address, variable))
+                sizes.append(np.full(variable.size, SMALL))
+                self.names += [f"{name}.{own}"] * variable.size
+        self.sizes = np.concatenate([np.zeros(0), *sizes])
+        self.cycle = int(np.lcm.reduce([self.plan.divider(name) for name in simulated.members]))
+        if self.cycle > LONGEST:
+            raise CouplingError(
+                f"stability: the periods meet only every {self.cycle} steps. Use periods with a common one."
+            )
+
+    def _refuse_controlled(self, name: str) -> None:
+        """CouplingError where the length of steps depends on values: then answers are not those of one map."""
+        algorithm = self.simulated.algorithm
+        if algorithm.control != FIXED:
+            raise CouplingError(
+                f"stability: {algorithm} chooses the length of its steps, and {name} shows its answers over many of them only. "
+                "See what steps it needs: twin check --coupling --set algorithm=jacobi."
+            )
+
+    def read(self) -> Array:
+        """All values."""
+        return np.concatenate([np.zeros(0), *self.places])
+
+    def write(self, values: Array) -> None:
+        """Set them."""
+        at = 0
+        for place in self.places:
+            place[:] = values[at : at + place.size]
+            at += place.size
+
+    def growth(self) -> Growth:
+        """See `growth`."""
+        begin = self.read()
+        blocks = [block.copy() for block in self.plan.memory.blocks]
+        kept = {name: member.save() for name, member in self.simulated.members.items()}
+
+        def restore() -> None:
+            for block, saved in zip(self.plan.memory.blocks, blocks, strict=True):
+                block[:] = saved
+            for name, member in self.simulated.members.items():
+                member.restore(kept[name])
+
+        sizes = np.maximum(np.abs(begin), self.sizes)
+        if not sizes.size:
+            return Growth(0.0, self.seconds, ())  # nothing goes from one to another
+
+        def after(count: int, stride: int, direction: Array) -> Array:
+            """What becomes of a deviation `count` times, in parts of the values' sizes: a row each."""
+            small = DEVIATION / max(float(np.max(np.abs(direction))), 1e-300)
+            ends = []
+            for sign in (1, -1):
+                restore()
+                self.write(begin + sign * small * sizes * direction.ravel())
+                ends.append(self.answers(count, stride * self.cycle))
+            return np.asarray((np.array(ends[0]) - np.array(ends[1])) / (2 * small * sizes))
+
+        try:
+            if self.is_whole:
+                value, vector = largest(lambda direction: after(1, 1, direction)[0], len(begin))
+            else:
+                value, vector = answered(after, len(begin))
+        except FloatingPointError:
+            return Growth(np.inf, self.seconds, ())
+        finally:
+            restore()
+            self.write(begin)
+        parts = np.abs(vector)
+        leading = [self.names[i] for i in np.argsort(-parts)[:6] if parts[i] > 0.2 * parts.max()]
+        return Growth(float(abs(value)), self.seconds, tuple(dict.fromkeys(leading)))
+
+    @property
+    def seconds(self) -> float:
+        """Length of a cycle."""
+        return clock.seconds(self.cycle * self.simulated.step)
+
+    def answers(self, count: int, steps: int) -> list[Array]:
+        """All values after so many steps of the loop, again and again; it records and notices nothing."""
+        record = self.simulated._record.copy()
+        record["every"], record["limit_count"], record["limit"] = NEVER, 0, NEVER
+        record["derives"] = 0  # Newton's method finds its Jacobian by itself
+        found = []
+        for _ in range(count):
+            record["stop"] = record["tick"] + steps
+            if self.simulated._loop(record.ctypes.data) == loop.FAILED:
+                raise CouplingError(
+                    f"stability: {list(self.simulated.members)[int(record[0]['member'])]} fails a step."
+                )
+            found.append(self.read())
+        return found
+
+
+def kept(member: Member) -> Iterator[tuple[str, Array, float]]:
+    """Real values that a member keeps, as far as they can be set: name, where they are, their size."""
+    if isinstance(member, LinearMember):
+        yield from ((name, values, SMALL) for name, values in member.kept())
+    if not isinstance(member, RecordMember):
+        return
+    for variable in member.component.variables:
+        if variable.role is not Role.parameter and variable.dtype.kind == "f" and variable.size:
+            size = float(np.max(np.abs(variable.nominal or SMALL)))
+            yield variable.name, member.component.views[variable.name].reshape(-1), size
+
+
+def largest(applied: Callable[[Array], Array], size: int) -> tuple[complex, Array]:
+    """The eigenvalue of largest size of a linear map, and its vector. FloatingPointError if the map gives no numbers.
+
+    All of it for a few values, Arnoldi's iteration for many.
+    """
+    if size <= DENSE:
+        matrix = np.stack([applied(one) for one in np.eye(size)], axis=1)
+        if not np.isfinite(matrix).all():
+            raise FloatingPointError
+        values, vectors = np.linalg.eig(matrix)
+    else:
+        from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
+
+        def checked(direction: Array) -> Array:
+            found = applied(direction)
+            if not np.isfinite(found).all():
+                raise FloatingPointError
+            return found
+
+        operator = LinearOperator((size, size), matvec=checked, dtype=np.float64)
+        try:
+            values, vectors = eigs(operator, k=2, ncv=SUBSPACE, tol=1e-7, v0=np.ones(size))
+        except ArpackNoConvergence as error:
+            values, vectors = error.eigenvalues, error.eigenvectors
+            if not len(values):
+                raise CouplingError("stability: no eigenvalue converged. Linearize fewer members.") from None
+    place = int(np.argmax(np.abs(values)))
+    return complex(values[place]), vectors[:, place]

@@ -1,0 +1,54 @@
+"""Events between the steps of the walk: it tells of every step that stays, and makes none over the next event.
+
+So a step that is taken back had no event. Clocks tick where they are due, to the exact time; a member that came back early
+was brought to that time with all others before.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+from twin import clock
+from twin.coupling.variable_step.record_layout import PAST
+
+if TYPE_CHECKING:
+    from twin.coupling.events import Events
+    from twin.coupling.variable_step.stage_tables import Stages
+
+NEVER = float("inf")
+WORD = 8
+
+
+class WalkedEvents:
+    """Tells the walk when the next event is, and the events where the walk is. `begin`, `step`: of its ticks [ns]."""
+
+    def __init__(self, events: Events, plan: Stages, state: Any, begin: clock.Time, step: clock.Time) -> None:
+        self.events, self.plan, self.state = events, plan, state
+        self.begin, self.step = begin, step
+        events.steps = self
+        state["events"] = events.address
+
+    @property
+    def is_part(self) -> bool:
+        """Whether this is no communication point."""
+        return bool(self.state["off"]) or int(self.state["position"]) < int(self.state["divisions"])
+
+    def time(self) -> clock.Time:
+        """Where the members are [ns]: what is due at this float is due now."""
+        state = self.state
+        if state["off"]:
+            now, due = float(state["now"]), self.events.upcoming
+            return due if due is not None and clock.seconds(due) == now else clock.nanoseconds(now)
+        part = Fraction(int(state["position"]), int(state["divisions"]))
+        return clock.whole(self.begin + (int(state["tick"]) + part) * self.step)
+
+    def check(self, now: clock.Time) -> None:
+        """Let the walk stop before the next event, or end; what jumped has no course until here."""
+        upcoming = [time for time in (self.events.upcoming,) if time is not None and time > now]
+        self.state["due"] = clock.seconds(upcoming[0]) if upcoming else NEVER
+        if name := self.events.ended:
+            self.state["member"], self.state["finished"] = list(self.plan.members).index(name), 1
+        if any(one.has_jumped for one in self.events.order):
+            ctypes.memset(self.plan.past, 0, PAST * WORD)

@@ -1,0 +1,239 @@
+"""A step whose inputs agree with the outputs at its end: fixed-point iterations, accelerated, and Newton's method.
+
+Unknown are the values of the connections that lead back (`torn`), at the end of the step; a sweep along the others gives
+them anew, and the difference shall vanish. Every iteration brings the members back and steps them again.
+
+Aitken: dynamic relaxation, Irons and Tuck, Int. J. Numer. Methods Eng. 1, 1969; Kuettler and Wall, Comput. Mech. 43, 2008.
+Anderson: J. ACM 12(4), 1965, with the last `DEPTH` differences; Walker and Ni, SIAM J. Numer. Anal. 49(4), 2011.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from twin.compiler import read64, read_float, write_float
+from twin.coupling.variable_step.explicit_step import begin, bring_back, end, keep, look, move, sweep, transfer
+from twin.coupling.variable_step.input_extrapolation import predict, prepare
+from twin.coupling.variable_step.linear_equations import factorize, substitute
+from twin.coupling.variable_step.record_layout import (
+    AITKEN,
+    ANDERSON,
+    ASKING,
+    DEPTH,
+    END,
+    FIXED,
+    NEWTON,
+    PREDICTED,
+    RESIDUAL,
+    SCALE,
+    SEEN,
+    UNSOLVED,
+)
+
+CHANGE = 1e-6  # of an unknown in differences, relative to its size
+STALE = 0.3  # ratio of two differences in a row at which a Jacobian is found anew
+
+
+def attempt(self: Any, t: float, h: float, slot: int) -> int:
+    """A step from t by h, from where `slot` was kept if it iterates; afterwards connections give what they do at t + h."""
+    if self.most > 0 and slot > 0 and keep(self, slot) > 1:
+        return int(self.status)
+    if self.looked == 0:
+        look(self)
+    self.looked = 0
+    begin(self)
+    if self.recalls != 0:
+        prepare(self, h)
+        if self.control == PREDICTED or self.control == RESIDUAL:
+            predict(self, self.vectors + 8 * SEEN * self.elements)
+    status = 0
+    if self.most == 0:
+        status = sweep(self, t, h)
+        if status > 1:
+            return status
+        move(self.leading_back)
+    else:
+        status = solve(self, t, h, slot)
+        if status > 1 and status != UNSOLVED:
+            return status
+    if self.recalls != 0:
+        end(self, h)
+    self.looked = 1
+    return status
+
+
+def size_of(self: Any, i: int) -> float:
+    """What an element is compared with: its largest value until now, and no less than the floor."""
+    now, span = self.vectors + 8 * i, 8 * self.elements
+    return float(max(read_float(now + SCALE * span), abs(read_float(now)), self.floor))
+
+
+def difference(self: Any, place: int) -> float:
+    """Write what each torn connection gives minus its guess; the largest in units of what is agreed."""
+    largest, span = 0.0, 8 * self.elements
+    for j in range(self.torn_count):
+        i = read64(self.torn + 8 * j)
+        now = self.vectors + 8 * i
+        found = read_float(now) - read_float(now + END * span)
+        write_float(place + 8 * j, found)
+        ratio = abs(found) / (self.agreement * size_of(self, i))
+        if not (ratio <= largest):
+            largest = ratio
+    return largest
+
+
+def solve(self: Any, t: float, h: float, slot: int) -> int:
+    """Iterate; UNSOLVED if the connections do not agree after the last iteration, which stays then."""
+    predict(self, self.vectors + 8 * END * self.elements)
+    last, relaxation = 0.0, self.relaxation
+    for k in range(self.most):
+        if k > 0:
+            status = bring_back(self, slot)
+            if status > 1:
+                return status
+        status = sweep(self, t, h)
+        if status > 1:
+            return status
+        move(self.leading_back)
+        found = difference(self, self.solver)
+        if found <= 1.0:
+            self.relaxation = relaxation
+            return 0
+        if k + 1 == self.most:
+            return UNSOLVED
+        if self.scheme == NEWTON:
+            other = h != self.linear_at and self.control == FIXED  # steps that change often make do with a neighbor's
+            if self.derives != 0 and (self.jacobian == 0 or other):
+                self.status = ASKING
+                return ASKING
+            if self.jacobian == 0 or other or (k > 0 and found > STALE * last):
+                status = linearize(self, t, h, slot)
+                if status > 1:
+                    return status
+            newton(self)
+        elif self.scheme == ANDERSON:
+            anderson(self, k)
+        elif self.scheme == AITKEN:
+            relaxation = aitken(self, k, relaxation)
+        else:
+            step_by(self, self.solver, 1.0)
+        last = found
+    return UNSOLVED
+
+
+def step_by(self: Any, place: int, factor: float) -> None:
+    """Change the guesses by a multiple of a vector over the torn connections."""
+    span = 8 * self.elements
+    for j in range(self.torn_count):
+        guess = self.vectors + 8 * read64(self.torn + 8 * j) + END * span
+        write_float(guess, read_float(guess) + factor * read_float(place + 8 * j))
+
+
+def product(self: Any, a: int, b: int) -> float:
+    """Of two vectors over the torn connections, each element measured by its size."""
+    total = 0.0
+    for j in range(self.torn_count):
+        size = size_of(self, read64(self.torn + 8 * j))
+        total += read_float(a + 8 * j) / size * (read_float(b + 8 * j) / size)
+    return total
+
+
+def aitken(self: Any, k: int, relaxation: float) -> float:
+    """Relax by what the last two differences tell; `solver`: difference, the last one, their change."""
+    m = self.torn_count
+    now, before, change = self.solver, self.solver + 8 * m, self.solver + 16 * m
+    if k > 0:
+        for j in range(m):
+            write_float(change + 8 * j, read_float(now + 8 * j) - read_float(before + 8 * j))
+        square = product(self, change, change)
+        if square > 0.0:
+            relaxation = -relaxation * product(self, before, change) / square
+    transfer(now, before, m)
+    step_by(self, now, relaxation)
+    return relaxation
+
+
+def anderson(self: Any, k: int) -> None:
+    """Combine the last differences so that they cancel best.
+
+    `solver`: difference f, last f, last guess x, then DEPTH changes of f, DEPTH of x, matrix, right-hand side, pivots.
+    """
+    m, span = self.torn_count, 8 * self.elements
+    f, f_last, x_last = self.solver, self.solver + 8 * m, self.solver + 16 * m
+    changes_f = self.solver + 24 * m
+    changes_x = changes_f + 8 * m * DEPTH
+    matrix = changes_x + 8 * m * DEPTH
+    right = matrix + 8 * DEPTH * DEPTH
+    if k > 0:
+        slot = 8 * m * ((k - 1) % DEPTH)
+        for j in range(m):
+            guess = self.vectors + 8 * read64(self.torn + 8 * j) + END * span
+            write_float(changes_f + slot + 8 * j, read_float(f + 8 * j) - read_float(f_last + 8 * j))
+            write_float(changes_x + slot + 8 * j, read_float(guess) - read_float(x_last + 8 * j))
+    for j in range(m):
+        guess = self.vectors + 8 * read64(self.torn + 8 * j) + END * span
+        write_float(x_last + 8 * j, read_float(guess))
+    transfer(f, f_last, m)
+    n = min(k, DEPTH)
+    largest = 0.0
+    for a in range(n):
+        for b in range(n):
+            found = product(self, changes_f + 8 * m * a, changes_f + 8 * m * b)
+            write_float(matrix + 8 * (n * a + b), found)
+            largest = max(largest, found)
+        write_float(right + 8 * a, product(self, changes_f + 8 * m * a, f))
+    for a in range(n):
+        place = matrix + 8 * (n * a + a)
+        write_float(place, read_float(place) + 1e-14 * largest)
+    step_by(self, f, 1.0)
+    if n > 0 and largest > 0.0 and factorize(matrix, right + 8 * DEPTH, n) == 0:
+        substitute(matrix, right + 8 * DEPTH, right, n)
+        for a in range(n):
+            step_by(self, changes_x + 8 * m * a, -read_float(right + 8 * a))
+            step_by(self, changes_f + 8 * m * a, -read_float(right + 8 * a))
+
+
+def newton(self: Any) -> None:
+    """One step of Newton's method with the factors that there are; `solver`: difference, step, matrix, pivots."""
+    m = self.torn_count
+    step, matrix = self.solver + 8 * m, self.solver + 24 * m
+    transfer(self.solver, step, m)
+    substitute(matrix, matrix + 8 * m * m, step, m)
+    step_by(self, step, 1.0)
+
+
+def linearize(self: Any, t: float, h: float, slot: int) -> int:
+    """Factors of the unit matrix minus the derivatives of what torn connections give by their guesses: differences."""
+    m, span = self.torn_count, 8 * self.elements
+    base, matrix = self.solver + 16 * m, self.solver + 24 * m
+    for j in range(m):
+        write_float(base + 8 * j, read_float(self.vectors + 8 * read64(self.torn + 8 * j)))
+    for j in range(m):
+        i = read64(self.torn + 8 * j)
+        guess = self.vectors + 8 * i + END * span
+        before = read_float(guess)
+        change = CHANGE * max(size_of(self, i), abs(before))
+        write_float(guess, before + change)
+        change = read_float(guess) - before
+        status = bring_back(self, slot)
+        if status > 1:
+            return status
+        status = sweep(self, t, h)
+        if status > 1:
+            return status
+        move(self.leading_back)
+        write_float(guess, before)
+        for a in range(m):
+            given = read_float(self.vectors + 8 * read64(self.torn + 8 * a))
+            slope = (given - read_float(base + 8 * a)) / change
+            unit = 0.0
+            if a == j:
+                unit = 1.0
+            write_float(matrix + 8 * (m * a + j), unit - slope)
+    if factorize(matrix, matrix + 8 * m * m, m) != 0:
+        for a in range(m):
+            for j in range(m):
+                write_float(matrix + 8 * (m * a + j), float(a == j))
+        factorize(matrix, matrix + 8 * m * m, m)
+    self.jacobian, self.linear_at = 1, h
+    return 0

@@ -1,0 +1,255 @@
+"""The tables of the walk: what the loop's plan has, taken apart into moving, feeding and stepping."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.coupling.execution.plan import Memory, Plan, kind
+from twin.coupling.system import feeds, is_real
+from twin.coupling.variable_step import input_extrapolation, record_layout
+from twin.coupling.variable_step.record_layout import (
+    ARRIVED,
+    EXTRAPOLATED,
+    FINAL,
+    FIRST,
+    GUESSED,
+    HELD,
+    MEAN,
+    SHARE,
+    SLOPE,
+    TO_ARRIVED,
+    TO_GUESS,
+    VALUE,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from twin.coupling.algorithms import Algorithm
+    from twin.coupling.execution.plan import Key
+    from twin.coupling.system import Link
+
+FLOAT = 8  # byte
+VECTORS, COURSES = 5, 4  # in the two memories of elements
+WHOLE = ((MEAN, 0.0, 1.0),)  # uses of a course: which value, where the part of the step begins, how long it is
+SPLIT = ((FIRST, 0.0, 1.0 - SHARE), (FINAL, 1.0 - SHARE, SHARE))
+WITH_SLOPES = ((VALUE, 0.0, 1.0),)
+
+
+@dataclass
+class Element:
+    """A scalar of a connection to a member of the walk. `number` among all; where it is fed from."""
+
+    number: int
+    source: int
+    is_torn: bool  # a sweep cannot know it before: what it comes from is stepped later
+    is_moving: bool  # it changes within a tick
+    link: Link
+
+    @property
+    def is_continuous(self) -> bool:
+        """Whether it has a course between two points: no end is declared to jump, nor it to be held."""
+        ends = self.link.source, self.link.target
+        return not self.link.hold and all(end.variable.variability == "continuous" for end in ends)
+
+    def is_judged(self, predicted: bool) -> bool:
+        """Whether its error decides on the length of steps: what jumps tells nothing, nor what nobody had to predict."""
+        return self.is_moving and self.is_continuous and (self.is_torn or not predicted)
+
+
+@dataclass
+class Stages(Plan):
+    """A plan whose members without a period of their own are stepped by the walk."""
+
+    algorithm: Algorithm = field(kw_only=True)
+    slow: frozenset[str] = frozenset()
+    own: Memory = field(default_factory=Memory)  # of the walk
+    begins: list[dict[str, Any]] = field(default_factory=list)
+    ends: list[dict[str, Any]] = field(default_factory=list)
+    stages: list[dict[str, Any]] = field(default_factory=list)
+    arrays: list[np.ndarray[Any, Any]] = field(default_factory=list)  # that calls point into
+    fed: dict[int, list[Element]] = field(default_factory=dict)  # by the identity of their links
+    straight: dict[Key, list[tuple[str, int]]] = field(default_factory=dict)  # see `rows_at_events`
+
+    def __post_init__(self) -> None:
+        periodic = (name for name, m in self.members.items() if m.period_ns or self.divider(name) > 1)
+        self.slow = frozenset(periodic)
+
+    def in_place(self, member: str) -> bool:
+        """Whether others may read the memory of a record at once; a sampled member publishes when it is due."""
+        return member not in self.slow
+
+    @property
+    def every(self) -> list[Element]:
+        """All elements, by number."""
+        return [element for found in self.fed.values() for element in found]
+
+    def build(
+        self, order: list[list[str]], links: list[Link], recorded: list[Key], watched: Iterable[Key] = ()
+    ) -> None:
+        """Fill the tables."""
+        place = {name: i for i, stage in enumerate(order) for name in stage}
+        count = 0
+        for link in links:
+            if link.target.member in self.slow or not is_real(link.target.variable):
+                continue
+            found = [self._element(count + j, link, place) for j in range(link.target.size)]
+            self.fed[id(link)] = found
+            count += len(found)
+        self.count = count
+        self.vectors = self.own.take(FLOAT * VECTORS * count)
+        self.course = self.own.take(FLOAT * COURSES * count + FLOAT * record_layout.PAST)
+        self.past = self.course + FLOAT * COURSES * count
+        self.weights = self.own.take(2 * input_extrapolation.CATEGORY + 9 * FLOAT)
+        self.memory.take(FLOAT)  # a first block, before others may be put in front of it
+        super().build(order, links, recorded, watched)
+        self.leading_back = self._moves(
+            [link for link in links if any(one.is_torn for one in self.fed.get(id(link), ()))]
+        )
+
+    def _element(self, number: int, link: Link, place: dict[str, int]) -> Element:
+        """How one scalar of a connection reaches its member."""
+        source, target = link.source, link.target
+        found = Element(number, HELD, is_torn=False, is_moving=source.member not in self.slow, link=link)
+        if not found.is_moving:
+            return found
+        found.is_torn = place[source.member] >= place[target.member]
+        smooth = found.is_continuous and self.algorithm.order > 0
+        if not found.is_torn:
+            found.source = TO_ARRIVED if smooth else ARRIVED
+        elif self.algorithm.iterations:
+            found.source = TO_GUESS if smooth else GUESSED
+        elif smooth:
+            found.source = EXTRAPOLATED
+        return found
+
+    def _events(self) -> None:
+        """Rows of their own for members with clocks: at an event values go straight, not along a course."""
+        for link in self.events.links if self.events is not None else ():
+            if id(link) in self.fed:
+                places = len(self.copies), len(self.converts)
+                first = link.source.first * link.source.variable.dtype.itemsize
+                self._move(link, self.published[link.source.key] + first, self._staged(link, 0))
+                row = ("copies", places[0]) if len(self.copies) > places[0] else ("converts", places[1])
+                self.straight.setdefault(link.target.key, []).append(row)
+
+    def rows_at_events(self, key: Key) -> list[tuple[str, int]]:
+        """Those that go straight, where there are."""
+        return self.straight.get(key) or super().rows_at_events(key)
+
+    def _stage(self, stage: list[str], links: list[Link]) -> None:
+        """Members with a period of their own at its begin and end, the others in a stage of the walk."""
+        for divider in sorted({self.divider(name) for name in stage if name in self.slow}):
+            names = [name for name in stage if name in self.slow and self.divider(name) == divider]
+            inputs, steps, *publish = self._slot(divider, names, [one for one in links if one.target.member in names])
+            self.begins += [{**inputs, "steps": steps["steps"]}]
+            self.ends += publish
+        if names := [name for name in stage if name not in self.slow]:
+            self.stages.append(self._quick(names, [one for one in links if one.target.member in names]))
+
+    def _quick(self, names: list[str], links: list[Link]) -> dict[str, Any]:
+        """A stage of the walk."""
+        moved = self._moves([one for one in links if id(one) in self.fed])
+        direct = self._moves([one for one in links if id(one) not in self.fed])
+        parts = []
+        for uses, chosen in self._parts(names, links).items():
+            sets, more = len(self.accesses), []
+            for name in chosen:
+                self.accesses += [list(row) for row in self.sets[name]]
+                if uses is WITH_SLOPES:
+                    call, rows = self._slopes(name, links)
+                    self.accesses.append(call)
+                    more += rows
+            steps, order = len(self.steps), list(self.members)
+            for name in chosen:
+                member = self.members[name]
+                self.steps.append(self._step(member, order.index(name)))
+            operation = {"accesses": (sets, len(self.accesses)), "steps": (steps, len(self.steps))}
+            inputs = [one for one in links if one.target.member in chosen and id(one) in self.fed]
+            parts += [([*self._feeds(inputs, use), *more], operation, begin, length) for use, begin, length in uses]
+        gets, publishes, converts = len(self.accesses), len(self.copies), len(self.converts)
+        self.accesses += [row for name in names for row in self.gets[name]]
+        for key in (key for key in self.whole if key[0] in names):
+            self._split(key)
+        given = {
+            "accesses": (gets, len(self.accesses)),
+            "copies": (publishes, len(self.copies)),
+            "converts": (converts, len(self.converts)),
+        }
+        return {"links": moved, "direct": direct, "gets": given, "parts": parts}
+
+    def _moves(self, links: list[Link]) -> dict[str, Any]:
+        """The rows of connections: to the elements, or straight to where inputs are taken from."""
+        copies, converts = len(self.copies), len(self.converts)
+        for link in links:
+            source = self.published[link.source.key] + link.source.first * link.source.variable.dtype.itemsize
+            if id(link) in self.fed:
+                self._move(link, source, self.vectors + FLOAT * self.fed[id(link)][0].number, np.dtype(np.float64))
+            else:
+                self._move(link, source, self._staged(link, 0))
+        return {"copies": (copies, len(self.copies)), "converts": (converts, len(self.converts))}
+
+    def _staged(self, link: Link, j: int) -> int:
+        return self.staged[link.target.key] + (link.target.first + j) * link.target.variable.dtype.itemsize
+
+    def _parts(self, names: list[str], links: list[Link]) -> dict[tuple[tuple[int, float, float], ...], list[str]]:
+        """Members by how they are given the courses of their inputs."""
+        found: dict[tuple[tuple[int, float, float], ...], list[str]] = {}
+        for name in names:
+            fed = [one for one in links if one.target.member == name and self._is_course(one)]
+            outputs = [v for v in self.members[name].variables.values() if v.causality == "output"]
+            through = any(feeds(link, one) for link in fed for one in outputs)
+            takes = bool(fed) and self.members[name].input_derivatives() != 0
+            found.setdefault(WITH_SLOPES if takes else SPLIT if through else WHOLE, []).append(name)
+        return found
+
+    def _is_course(self, link: Link) -> bool:
+        own = self.fed.get(id(link), [])
+        return bool(own) and own[0].source in (EXTRAPOLATED, TO_GUESS, TO_ARRIVED)
+
+    def _slopes(self, name: str, links: list[Link]) -> tuple[list[int], list[list[int]]]:
+        """The call that gives a member derivatives of its inputs, and the rows that write them to where it reads."""
+        references: list[int] = []
+        orders: list[int] = []
+        fed = []
+        for link in (one for one in links if one.target.member == name and self._is_course(one)):
+            variable, first = link.target.variable, link.target.first
+            every = variable.references if len(variable.references) > 1 else variable.references * variable.size
+            for j, element in enumerate(self.fed[id(link)]):
+                for order in range(1, self.algorithm.order + 1):
+                    references.append(every[first + j])
+                    orders.append(order)
+                    fed.append((element, SLOPE + order - 1))
+        values = self.memory.take(FLOAT * len(fed))
+        rows = [
+            [*self._places(element), element.source, self._weights(element, use), values + FLOAT * i, 0]
+            for i, (element, use) in enumerate(fed)
+        ]
+        kept = np.array(references, np.uint32), np.array(orders, np.int32)
+        self.arrays += kept
+        member = self.members[name]
+        function = member.input_derivatives()
+        self.functions[function] = "fmi2SetRealInputDerivatives"
+        addresses = [int(one.ctypes.data) for one in kept]
+        index = list(self.members).index(name)
+        return [function, member.instance, addresses[0], len(fed), addresses[1], values, index], rows
+
+    def _feeds(self, links: list[Link], use: int) -> list[list[int]]:
+        """Rows that write what elements are worth to where inputs are taken from."""
+        rows = []
+        for link in links:
+            for j, element in enumerate(self.fed[id(link)]):
+                row = [*self._places(element), element.source, self._weights(element, use), self._staged(link, j)]
+                rows.append([*row, kind(link.target.variable.dtype)])
+        return rows
+
+    def _weights(self, element: Element, use: int) -> int:
+        """Where the weights lie by which an element is fed."""
+        category = input_extrapolation.CATEGORY if element.source in (TO_GUESS, TO_ARRIVED) else 0
+        return self.weights + category + use * input_extrapolation.USE
+
+    def _places(self, element: Element) -> list[int]:
+        return [self.vectors + FLOAT * element.number, self.course + FLOAT * element.number]

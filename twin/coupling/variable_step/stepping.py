@@ -1,0 +1,238 @@
+"""From tick to tick: members with periods, steps between two ticks and how long they are, a row of the recording."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from twin.compiler import call_access, read64, read_float, write_float
+from twin.coupling.execution.loop import DONE, FAILED, FINISHED, FULL, NOTICED, ROUNDING, beyond, record
+from twin.coupling.variable_step.explicit_step import DONE_WITH, bring_back, keep, periodic, tell, transfer
+from twin.coupling.variable_step.implicit_step import attempt, size_of
+from twin.coupling.variable_step.record_layout import DOUBLING, EARLY, FIXED, RESIDUAL, SCALE, SEEN, UNSOLVED
+from twin.coupling.variable_step.step_control import steer
+
+SAFETY = 0.9
+HUGE = 1e300
+LARGEST = 2**62
+ERROR = 3  # FMI's status
+
+
+def run(self: Any) -> int:
+    """Go on until `stop`, a full recording buffer, a member that fails or finishes the simulation, or a limit."""
+    self.looked = 0
+    if self.back != 0:
+        self.back = 0
+        if bring_back(self, 0) > 1:
+            return FAILED
+    while self.tick < self.stop:
+        if self.place >= self.limit:
+            return FULL
+        if self.inside == 0:
+            self.ending = 0
+            if periodic(self, self.begins, self.begin_count, 0) > 1:
+                return FAILED
+            self.inside, self.position, self.off, self.over = 1, 0, 0, self.ending
+        if cross(self) > 1:
+            return FAILED
+        if self.position < self.divisions:
+            return FINISHED
+        if periodic(self, self.ends, self.end_count, 1) > 1:
+            return FAILED
+        if self.end_count > 0:
+            self.looked = 0
+        if self.events != 0 and tell_events(self) > 1:
+            return FAILED
+        if self.over != 0:
+            self.member, self.finished = self.over - 1, 1
+        self.inside = 0
+        self.tick += 1
+        if self.every == 1 or self.tick % self.every == 0:
+            record(self)
+        if self.finished != 0:
+            return FINISHED
+        if self.limit_count > 0:
+            self.beyond = beyond(self.limits, self.limit_count, self.scalar)
+            if self.beyond != 0:
+                return NOTICED
+    return DONE
+
+
+def point(self: Any, position: int) -> float:
+    """The time of a division of this tick [s]: one division of whole numbers, unless these are too large."""
+    ticks = self.begin_ns + self.tick * self.step_ns
+    if position == 0:
+        return float(ticks / self.per_second)
+    if abs(ticks) > LARGEST // self.divisions:
+        return float(ticks / self.per_second + self.whole * (position / self.divisions))
+    return float((ticks * self.divisions + position * self.step_ns) / (self.per_second * self.divisions))
+
+
+def cross(self: Any) -> int:
+    """Go to the next tick in one step or several; the status of what failed."""
+    shortens = 0
+    if self.control != FIXED and self.trial != 0:
+        shortens = 1  # what failed may be tried anew
+    while self.position < self.divisions and self.finished == 0:
+        stride = self.stride
+        while self.position > 0 and self.position % stride != 0:
+            stride = stride // 2
+        t, h = point(self, self.position), self.whole
+        if stride < self.divisions:
+            h *= stride / self.divisions
+        if self.off != 0:
+            t = self.now
+            h = point(self, self.position + stride) - t
+        if self.limited == 0 and self.events != 0 and t < self.due < t + h - ROUNDING * h:
+            self.limited, self.until = 2, self.due
+        if self.limited != 0:
+            h = self.until - t
+        self.begun, self.span = t, h
+        if self.learned == 0 and self.trial != 0 and learn(self, t) > 1:
+            return int(self.status)
+        if self.trial != 0 and keep(self, 0) > 1:
+            return int(self.status)
+        status = 0
+        if self.control == DOUBLING:
+            status = paired(self, t, h, stride <= self.least)
+        else:
+            status = attempt(self, t, h, 0)
+        if status == UNSOLVED and (self.control == FIXED or stride <= self.least):
+            if self.unsolved == 0:
+                self.unsolved_tick = self.tick
+            self.unsolved += 1
+            if self.strict != 0:
+                self.status = UNSOLVED
+                return UNSOLVED
+            status = 0
+        if status == EARLY and self.trial != 0 and self.until > t:
+            if bring_back(self, 0) > 1:
+                return int(self.status)
+            self.limited = 1
+        elif status == ERROR and shortens != 0 and 0 < stride < self.passed:
+            self.least, self.refused = self.passed, 1 + self.member  # longer ones were made
+            if shorten(self, self.passed) > 1:
+                return int(self.status)
+        elif status == UNSOLVED or (status == ERROR and shortens != 0 and stride > self.least):
+            if shorten(self, stride // 2) > 1:
+                return int(self.status)
+        elif status > 1:
+            return status
+        elif self.control == FIXED or judge(self, stride) != 0:
+            accept(self, stride)
+            if self.events != 0 and (self.position < self.divisions or self.off != 0) and tell_events(self) > 1:
+                return int(self.status)
+        elif shorten(self, stride // 2) > 1:
+            return int(self.status)
+    return 0
+
+
+def learn(self: Any, t: float) -> int:
+    """How large values become is learned from the longest step, which is taken back."""
+    self.learned = 1
+    if keep(self, 0) > 1:
+        return int(self.status)
+    if attempt(self, t, self.whole, 0) <= 1:
+        measure(self)
+    self.sweeps = 0
+    return bring_back(self, 0)
+
+
+def measure(self: Any) -> None:
+    """Keep the largest values that connections gave."""
+    for j in range(self.moving_count):
+        now = self.vectors + 8 * read64(self.moving + 8 * j)
+        scale, size = now + 8 * SCALE * self.elements, abs(read_float(now))
+        if size > read_float(scale) and size < HUGE:
+            write_float(scale, size)
+
+
+def shorten(self: Any, stride: int) -> int:
+    """Take a step back, and make the next one with another stride."""
+    self.rejected += 1
+    self.limited = 0
+    self.stride = max(1, stride)
+    return bring_back(self, 0)
+
+
+def tell_events(self: Any) -> int:
+    """All members are where a step ended that stays: whether there is an event is for others to say."""
+    self.status = call_access(self.events, 0, 0, 0, 0, 0)
+    self.looked = 0
+    return int(self.status)
+
+
+def accept(self: Any, stride: int) -> None:
+    """A step stays."""
+    self.accepted += 1
+    if self.most > 0 or self.control != FIXED:
+        measure(self)
+    tell(self, DONE_WITH, 0)
+    if self.ending != 0:
+        self.member, self.finished = self.ending - 1, 1
+    if self.limited == 0:
+        self.position += stride
+        self.off = 0
+        return
+    self.limited = 0
+    self.now, self.off = self.until, 1
+    while self.position < self.divisions and point(self, self.position + 1) <= self.until:
+        self.position += 1
+    if point(self, self.position) == self.until:
+        self.off = 0
+
+
+def paired(self: Any, t: float, h: float, is_least: bool) -> int:
+    """One step, then two halves, which stay; what connections give at the end of both can be compared.
+
+    Steps that stay unsolved are made all the same if they cannot be shorter.
+    """
+    unsolved = 0
+    for part in range(3):
+        begin, length = t, h
+        if part > 0:
+            length = h / 2.0
+        if part == 2:
+            begin = t + length
+        status = attempt(self, begin, length, 1)
+        if status == UNSOLVED and is_least:
+            unsolved = UNSOLVED
+        elif status > 1:
+            return status
+        if part == 0:
+            transfer(self.vectors, self.vectors + 8 * SEEN * self.elements, self.elements)
+            if bring_back(self, 0) > 1:
+                return int(self.status)
+    return unsolved
+
+
+def judge(self: Any, stride: int) -> int:
+    """Whether a step is good enough, or cannot be shorter; the length of the next."""
+    if self.control == RESIDUAL:
+        steer(self, stride)
+        return 1
+    largest, room = 0.0, 1.0
+    divisor = 0.0
+    for _ in range(self.order + 1):
+        room *= 2.0 / SAFETY
+        divisor = 2.0 * divisor + 1.0
+    if self.control == DOUBLING:
+        room *= 2.0 / SAFETY
+    else:
+        divisor = 1.0
+    self.passed = stride
+    for j in range(self.judged_count):
+        i = read64(self.judged + 8 * j)
+        now = self.vectors + 8 * i
+        found = abs(read_float(now + 8 * SEEN * self.elements) - read_float(now)) / divisor
+        ratio = found / (self.tolerance * size_of(self, i))
+        if not (ratio <= largest):
+            largest = ratio
+    if not (largest <= 1.0):
+        if stride > self.least and self.limited != 1:
+            return 0
+        if self.missed == 0:
+            self.missed_tick = self.tick
+        self.missed += 1
+    if largest * room <= 1.0 and stride == self.stride and stride < self.divisions:
+        self.stride = 2 * stride
+    return 1

@@ -1,0 +1,1 @@
+"""Clocks of FMI 3.0: Event Mode, Scheduled Execution, clocks of Model Exchange."""

@@ -1,0 +1,123 @@
+"""The functions of FMI 3.0 for clocks as methods of an FMU: intervals, shifts, and which clocks tick."""
+
+from __future__ import annotations
+
+import ctypes
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock
+from twin.errors import FMUError
+from twin.fmi import values
+from twin.fmi.clocks.clock_declarations import PERIODIC, UNCHANGED, Clock, Timer, computed
+from twin.fmi.importing.fmu_member import FMUMember
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Sequence
+
+
+class ClockedFMU(FMUMember):
+    """An FMU with clocks. Intervals that are for the importer to choose are start values of the clocks [s]."""
+
+    def _describe(self, start_values: dict[str, Any]) -> None:
+        self._intervals: dict[str, float] = {}
+        super()._describe(start_values)
+        told = self._unpacked.description.clocks
+        self.clocks = {one.name: one for one in told.every}
+        self.timers = {name: Timer(one) for name, one in self.clocks.items() if one.is_time_based}
+        self._clocks_of = told.of
+        self._sensed = [one for one in told.every if one.causality != "input"]
+
+    def _start_values(self, given: dict[str, Any]) -> dict[str, np.ndarray[Any, Any]]:
+        """Intervals of clocks, then values as of any FMU."""
+        clocks = {one.name: one for one in self._unpacked.description.clocks.every}
+        for name in [name for name in given if name in clocks]:
+            self._intervals[name] = self._interval(clocks[name], given.pop(name))
+        return super()._start_values(given)
+
+    def _interval(self, own: Clock, value: Any) -> float:
+        if not own.is_settable:
+            raise FMUError(
+                f"{self.name}: {own.name} is a {own.variability} clock of the FMU's own interval. "
+                "Give an interval only to fixed and tunable clocks that declare one."
+            )
+        seconds = values.real(value, f"{self.name}: {own.name}", np.dtype(np.float64))
+        if not 0.0 < seconds < np.inf:
+            raise FMUError(f"{self.name}: the interval {seconds:g} s of {own.name} is not positive. Give seconds.")
+        return seconds
+
+    def enter_initialization(self, t: float, stop: float | None) -> None:
+        """Remember when the clocks begin."""
+        super().enter_initialization(t, stop)
+        self._begin = self._now = clock.nanoseconds(t)
+
+    def begin_timers(self) -> None:
+        """In Initialization Mode, which is when most of it may be asked."""
+        for name, timer in self.timers.items():
+            self._begin_timer(name, timer)
+
+    def _begin_timer(self, name: str, timer: Timer) -> None:
+        """The first tick, in Initialization Mode."""
+        own = timer.own
+        if name in self._intervals:
+            timer.interval = self._set_interval(own, self._intervals[name])
+            timer.due = self._begin + own.shift
+        elif own.interval is not None and own.variability in PERIODIC:
+            timer.begin(self._begin, None)
+        else:
+            interval, qualifier = self.asked_interval(own)
+            shift = self._asked_shift(own) if own.variability in PERIODIC else 0
+            timer.begin(self._begin, interval if qualifier >= UNCHANGED else None)
+            if timer.due is not None and own.variability in PERIODIC:
+                timer.due = self._begin + shift
+        if own.variability in PERIODIC and not (timer.interval and timer.interval > 0):
+            raise FMUError(f"{self._unpacked.path}: its periodic clock {name} has no interval above 0. Export it anew.")
+
+    @property
+    def due(self) -> clock.Time | None:
+        """When the next time-based clock ticks [ns]; None: no one knows of any."""
+        return min((one.due for one in self.timers.values() if one.due is not None), default=None)
+
+    def asked_interval(self, own: Clock) -> tuple[clock.Time | None, int]:
+        """The interval [ns] until the next tick as the FMU tells it, and its qualifier."""
+        qualifier = (ctypes.c_int * 1)()
+        told = self._asked_time("Interval", own, qualifier)
+        return told, qualifier[0]
+
+    def _asked_shift(self, own: Clock) -> clock.Time:
+        return self._asked_time("Shift", own) or 0
+
+    def _asked_time(self, what: str, own: Clock, *qualifier: Any) -> clock.Time | None:
+        reference = (ctypes.c_uint * 1)(own.reference)
+        if own.tells_fractions:
+            counter, resolution = (ctypes.c_uint64 * 1)(), (ctypes.c_uint64 * 1)(1)
+            self._call(f"fmi3Get{what}Fraction", reference, 1, counter, resolution, *qualifier)
+            return clock.whole(Fraction(counter[0], resolution[0] or 1) * clock.NANOSECONDS)
+        told = (ctypes.c_double * 1)()
+        self._call(f"fmi3Get{what}Decimal", reference, 1, told, *qualifier)
+        known = not qualifier or qualifier[0][0] != 0
+        return computed(told[0], f"{self.name}: {own.name}", self._now) if known else None
+
+    def _set_interval(self, own: Clock, seconds: float) -> clock.Time:
+        self._call("fmi3SetIntervalDecimal", (ctypes.c_uint * 1)(own.reference), 1, (ctypes.c_double * 1)(seconds))
+        return clock.nanoseconds(seconds, f"{self.name}: {own.name}")
+
+    def is_ticking(self, own: Clock) -> bool:
+        """Whether a clock of the FMU ticks."""
+        answer = ctypes.c_bool()
+        self._call("fmi3GetClock", (ctypes.c_uint * 1)(own.reference), 1, ctypes.byref(answer))
+        return answer.value
+
+    def set_clocks(self, told: Sequence[Clock]) -> None:
+        """Let input clocks tick, in Event Mode."""
+        references = (ctypes.c_uint * len(told))(*(one.reference for one in told))
+        self._call("fmi3SetClock", references, len(told), (ctypes.c_bool * len(told))(*(True for _ in told)))
+
+    def reschedule(self, now: clock.Time, ticked: Collection[int]) -> None:
+        """Ask, at the end of an event, when those clocks tick that the FMU lets tick."""
+        for timer in self.timers.values():
+            own = timer.own
+            if timer.is_asked and (own.variability != "changing" or own.reference in ticked):
+                timer.told(now, *self.asked_interval(own))

@@ -1,0 +1,334 @@
+"""Somebody's FMU with clocks as a member: what Event Mode of Co-Simulation and Scheduled Execution have in common.
+
+A clocked variable may be read and set only while one of its clocks ticks, and discrete inputs only at events. So what others
+read and write lies in this process (`address`), and keeps its values from tick to tick; `coupling.events` says when to
+look. A clock's value is whether it has ticked since the last communication point.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock
+from twin.compiler import machine
+from twin.coupling import Access, MemberVariable, Way
+from twin.errors import FMUError, TwinError, described
+from twin.fmi import values
+from twin.fmi.clocks.clock_calls import ClockedFMU
+from twin.fmi.clocks.clock_declarations import Clock
+from twin.fmi.importing import binary
+from twin.fmi.importing.state_callbacks import both
+
+if TYPE_CHECKING:
+    from twin.fmi.csv_tables import Inputs
+
+WORD = 8  # bytes that every scalar has room for
+
+
+@dataclass(slots=True)
+class Slot:
+    """A variable's values in this process. `applied`: what the FMU was told last, of an input.
+
+    `clocks`: value references of its clocks; none: it may be read and set whenever the mode allows it.
+    """
+
+    variable: MemberVariable
+    is_input: bool
+    clocks: frozenset[int]
+    values: np.ndarray[Any, Any]
+    applied: np.ndarray[Any, Any]
+    call: Callable[[], int] | None = None  # moves the values, in the one direction that there is; none: not numbers
+    name: str = ""
+
+    @property
+    def has_changed(self) -> bool:
+        """Whether an input's values are not those that the FMU was told."""
+        if self.variable.connectable:
+            return self.values.tobytes() != self.applied.tobytes()
+        return bool(self.values.tolist() != self.applied.tolist())
+
+    def is_open(self, active: set[int]) -> bool:
+        """Whether it may be read and set while these clocks tick."""
+        return not self.clocks or not self.clocks.isdisjoint(active)
+
+
+class ClockedMember(ClockedFMU):
+    """An FMU with clocks for Co-Simulation or Scheduled Execution."""
+
+    clocked = True
+
+    def _describe(self, start_values: dict[str, Any]) -> None:
+        self.slots: dict[str, Slot] = {}
+        self.free_inputs: list[Slot] = []  # inputs that may be set between events
+        self.discrete_inputs: list[Slot] = []  # inputs whose change is an event
+        self.clocked_inputs: list[Slot] = []
+        self.outputs: list[Slot] = []  # and whatever else is read
+        self.lit: list[Slot] = []  # of the clocks that have ticked in this communication step
+        super()._describe(start_values)
+        self.can_restore = False  # much of what it is lies in this process
+        self.active: set[int] = set()  # clocks that tick in the present instant, by value reference
+        self._new: list[Clock] = []  # of those, which the FMU was not told yet
+        self._found: list[str] = []  # clocks of the FMU that were found to tick
+        self._to_tick: list[str] = []  # clocks that are to tick at the next event
+        self._waiting: dict[str, Any] = {}  # what is to be set at the next event
+        self.is_running = self.has_signalled = self.ended = self.has_jumped = False
+        self.event_time: clock.Time | None = None  # of an event that the FMU announced
+        self.failure: BaseException | None = None
+        self._kept: list[Any] = []
+
+    # call sequence
+
+    def exit_initialization(self) -> None:
+        """Ask, before it ends, for first ticks and for what else may be asked only then."""
+        self.begin_timers()
+        told = self._unpacked.description.clocks
+        for name, variable in self.variables.items():
+            clocked = variable.references[0] in self._clocks_of and variable.causality != "input"
+            if clocked or variable.type == "Clock":
+                slot = self.slot(name)
+                if clocked and variable.references[0] in told.initial:
+                    self.move(slot)
+        super().exit_initialization()
+        self.is_running = True
+        self.take()
+
+    # the way back to the begin of a step, in which no clock has ticked
+
+    def save(self) -> Any:
+        """What the FMU holds, and what is here."""
+        return super().save(), self._beside()
+
+    def restore(self, saved: Any) -> None:
+        """Be again as when it was saved."""
+        super().restore(saved[0])
+        self._put_beside(saved[1])
+
+    def way(self, count: int) -> Way:
+        """The FMU's own way back, and what is beside it."""
+        return both(super().way(count), self._beside, self._put_beside, self._kept)
+
+    def _beside(self) -> Any:
+        return {name: (slot.values.copy(), slot.applied.copy()) for name, slot in self.slots.items()}
+
+    def _put_beside(self, saved: Any) -> None:
+        for name, (current, applied) in saved.items():
+            self.slots[name].values[:], self.slots[name].applied[:] = current, applied
+        self.failure = None
+
+    # what `coupling.events` asks
+
+    def due_clocks(self, now: clock.Time) -> list[str]:
+        """Clocks that tick now: by time, and those that somebody let tick by hand."""
+        asked, self._to_tick = self._to_tick, []
+        return asked + [name for name, one in self.timers.items() if one.due is not None and one.due <= now]
+
+    def tick(self, name: str, now: clock.Time) -> bool:
+        """Let an input clock tick in the present instant; whether it does not do so already."""
+        own = self.clocks[name]
+        if own.reference in self.active:
+            return False
+        self.active.add(own.reference)
+        self._new.append(own)
+        if name in self.timers:
+            self.timers[name].ticked(now)
+        self.light(name)
+        return True
+
+    def light(self, name: str) -> None:
+        """Let others see that a clock has ticked."""
+        slot = self.slot(name)
+        slot.values[:] = True
+        self.lit.append(slot)
+
+    def has_news(self, now: clock.Time) -> bool:
+        """Whether there is an event now, whatever the clocks say."""
+        if self.event_time is not None and self.event_time <= now:
+            return True
+        return (
+            self.has_signalled
+            or bool(self._waiting or self._to_tick)
+            or any(one.has_changed for one in self.discrete_inputs)
+        )
+
+    def found(self) -> list[str]:
+        """Clocks of the FMU that were found to tick since this was asked last."""
+        found, self._found = self._found, []
+        return found
+
+    # values
+
+    def set(self, name: str, value: Any) -> None:
+        """Set a variable, at the next event where it is not an input; a clock ticks then, or has a new interval."""
+        variable = self.variables[name]
+        if variable.type == "Clock":
+            self._set_clock(self.clocks[name], value)
+        elif not self.is_running:
+            super().set(name, value)
+        elif variable.causality == "input":
+            slot = self.slot(name)
+            slot.values[:] = np.ravel(values.array(variable, value, self._items[name], self.name))
+        else:
+            self._waiting[name] = value
+
+    def _set_clock(self, own: Clock, value: Any) -> None:
+        if own.is_settable and own.variability == "tunable" and self.is_running:
+            self._waiting[own.name] = self._interval(own, value)
+        elif own.is_time_based or own.causality != "input":
+            raise FMUError(
+                f"{self.name}: {own.name} ticks by itself. Set a triggered input clock to true, to let it tick."
+            )
+        elif values.boolean(value, f"{self.name}: {own.name}"):
+            self._to_tick.append(own.name)
+
+    def apply_waiting(self, now: clock.Time) -> None:
+        """Set, at an event, what was set between events."""
+        self._now = now
+        waiting, self._waiting = self._waiting, {}
+        for name, value in waiting.items():
+            if name in self.timers:
+                timer = self.timers[name]
+                timer.interval = self._set_interval(timer.own, value)
+                timer.due = now + timer.interval
+            else:
+                super().set(name, value)
+
+    def get(self, name: str) -> Any:
+        """Read a variable: what it had at the last tick if it is clocked."""
+        variable = self.variables[name]
+        slot = self.slots.get(name)
+        if variable.type != "Clock" and (not self.is_running or slot is None):
+            return super().get(name)
+        assert slot is not None
+        return slot.values.reshape(variable.shape).copy()[()]
+
+    def _write(self, variable: MemberVariable, value: np.ndarray[Any, Any]) -> None:
+        super()._write(variable, value)
+        if variable.causality == "input":
+            slot = self.slot(variable.name)
+            slot.values[:] = slot.applied[:] = np.ravel(value)
+
+    def slot(self, name: str) -> Slot:
+        """Where a variable's values lie for others."""
+        if name in self.slots:
+            return self.slots[name]
+        variable = self.variables[name]
+        room = self.room(WORD * variable.size) if variable.connectable else np.full(variable.size, None)
+        held = room.view(variable.dtype)[: variable.size]
+        if variable.start is not None:
+            held[:] = np.ravel(variable.start)
+        references = frozenset(self._clocks_of.get(variable.references[0], ()))
+        is_input = variable.causality == "input" and variable.type != "Clock"
+        slot = self.slots[name] = Slot(variable, is_input, references, held, held.copy())
+        if variable.type != "Clock":
+            self._group(slot).append(slot)
+        if variable.type != "Clock" and variable.connectable:
+            access = super().access([name], write=slot.is_input)
+            slot.name, slot.call = access.name, partial(access.call, self.instance, int(held.ctypes.data))
+            self._kept.append(access)
+        if self.is_running and not slot.is_input and not slot.clocks and variable.type != "Clock":
+            self.move(slot)
+        return slot
+
+    def room(self, size: int) -> np.ndarray[Any, Any]:
+        """Fresh bytes for values."""
+        return np.zeros(size, np.uint8)
+
+    def _group(self, slot: Slot) -> list[Slot]:
+        if not slot.is_input:
+            return self.outputs
+        if slot.clocks:
+            return self.clocked_inputs
+        return self.free_inputs if slot.variable.variability == "continuous" else self.discrete_inputs
+
+    def move(self, slot: Slot) -> None:
+        """Tell the FMU an input's values, or take another variable's from it."""
+        name = slot.variable.name
+        if slot.call is not None:
+            self.check(slot.call(), f"{slot.name} of {name}")
+        elif slot.is_input:
+            shaped = slot.values.reshape(slot.variable.shape) if slot.variable.shape else slot.values
+            super()._write(slot.variable, shaped)
+        else:
+            slot.values[:] = np.ravel(np.asarray(super()._read_objects(slot.variable), object))
+        if slot.is_input:
+            slot.applied[:] = slot.values
+
+    def address(self, name: str) -> int:
+        """Where its values lie in this process."""
+        return int(self.slot(name).values.ctypes.data) if self.variables[name].connectable else 0
+
+    def access(self, names: list[str], write: bool) -> Access:
+        """A call that moves values between memory and what others see."""
+        slots = [self.slot(name) for name in names]
+
+        def moved(_instance: int, _references: int, _count: int, place: int, _size: int) -> int:
+            for slot in slots:
+                ends = (slot.values.ctypes.data, place) if write else (place, slot.values.ctypes.data)
+                ctypes.memmove(*ends, slot.values.nbytes)
+                place += slot.values.nbytes
+            return binary.OK
+
+        self._kept.append(machine.ACCESS(self.guarded(moved)))
+        function = ctypes.cast(self._kept[-1], ctypes.c_void_p).value or 0
+        references = np.array([one.variable.references[0] for one in slots], np.uint32)
+        return Access(function, references, len(slots), sum(one.variable.size for one in slots), "access")
+
+    def guarded(self, call: Callable[..., int]) -> Callable[..., int]:
+        """A call that keeps what it raises: nothing may pass through native frames."""
+
+        def called(*arguments: Any) -> int:
+            try:
+                return call(*arguments)
+            except BaseException as error:  # also Ctrl-C
+                self.failure = error
+                self.log.append(str(error) if isinstance(error, TwinError) else described(error))
+                return binary.ERROR
+
+        return called
+
+    def check(self, status: int, what: str) -> None:
+        """Raise what a call of the FMU raised in this process, or `SimulationError` if its status says that it failed."""
+        failure, self.failure = self.failure, None
+        if failure is not None:
+            raise failure
+        super().check(status, what)
+
+    def sense(self) -> None:
+        """Find the FMU's own clocks that tick."""
+        for own in self._sensed:
+            if own.reference not in self.active and self.is_ticking(own):
+                self.active.add(own.reference)
+                self._found.append(own.name)
+                self.light(own.name)
+
+    def take(self) -> None:
+        """Take all values that can be read while these clocks tick."""
+        for slot in self.outputs:
+            if slot.is_open(self.active):
+                self.move(slot)
+
+    def tell(self) -> bool:
+        """Tell the FMU the inputs that have changed and can be set while these clocks tick; whether there were any."""
+        inputs = (*self.free_inputs, *self.discrete_inputs, *self.clocked_inputs)
+        changed = [one for one in inputs if one.has_changed and one.is_open(self.active)]
+        for slot in changed:
+            self.move(slot)
+        return bool(changed)
+
+    def follow(self, inputs: Inputs) -> Callable[[float], None]:
+        """Take inputs and ticks from a table, as `clock_simulate` does."""
+        from twin.fmi.clocks.simulate_clocks import Fed
+
+        return Fed(self, inputs)
+
+    def rest(self) -> None:
+        """A new communication step: none of the clocks has ticked in it."""
+        for slot in self.lit:
+            slot.values[:] = False
+        self.lit.clear()

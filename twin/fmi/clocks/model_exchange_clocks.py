@@ -1,0 +1,164 @@
+"""Clocks of an FMU for Model Exchange: they tick at events of the system that it is integrated with, wherever these are.
+
+A tick is a time event that the solver does not pass. Clocks of several such FMUs cannot be connected yet.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock
+from twin.compiler import machine
+from twin.coupling import Access
+from twin.errors import FMUError
+from twin.fmi import values
+from twin.fmi.clocks.clock_calls import ClockedFMU
+from twin.fmi.clocks.clock_declarations import computed
+from twin.fmi.importing import binary
+from twin.fmi.model_exchange.model_exchange_member import ExchangeMember, Slot
+
+if TYPE_CHECKING:
+    from twin.fmi.csv_tables import Inputs
+    from twin.fmi.model_exchange.inputs import Followed
+
+
+class ClockedExchangeMember(ClockedFMU, ExchangeMember):
+    """An FMU for Model Exchange with clocks."""
+
+    def _describe(self, start_values: dict[str, Any]) -> None:
+        self.active: set[int] = set()  # clocks that tick in the present instant, by value reference
+        self._to_tick: list[str] = []  # clocks that somebody lets tick
+        super()._describe(start_values)
+        self.can_restore = False  # when the clocks tick is known here only
+
+    def follow(self, inputs: Inputs) -> Followed:
+        """Take inputs over time from a table; ticks are for FMUs that step."""
+        if clocks := [one.variable.name for one in inputs.columns if one.variable.type == "Clock"]:
+            raise FMUError(f"{self.name}: {clocks[0]} cannot tick by a table in Model Exchange. Leave the column out.")
+        return super().follow(inputs)
+
+    def exit_initialization(self) -> None:
+        """Ask, before it ends, for first ticks; clocked variables get their places."""
+        self.begin_timers()
+        for name, variable in self.variables.items():
+            if variable.type == "Clock" or self._clocks_of.get(variable.references[0]):
+                self.slot(name)
+        super().exit_initialization()
+
+    def _step(self, _instance: int, t: float, h: float, _: int, *flags: int) -> int:
+        for name in self.clocks:
+            self.slot(name).values[:] = False
+        return super()._step(_instance, t, h, _, *flags)
+
+    def _beside(self) -> tuple[Any, ...]:
+        timers = {name: (one.interval, one.due) for name, one in self.timers.items()}
+        return super()._beside(), timers, self._now, list(self._to_tick)
+
+    def _put_beside(self, saved: tuple[Any, ...]) -> None:
+        beside, timers, self._now, to_tick = saved
+        super()._put_beside(beside)
+        self._to_tick = list(to_tick)
+        for name, (interval, due) in timers.items():
+            self.timers[name].interval, self.timers[name].due = interval, due
+
+    # values
+
+    def is_open(self, slot: Slot) -> bool:
+        """Whether a variable may be read or set now."""
+        clocks = self._clocks_of.get(slot.variable.references[0], ())
+        return not clocks or self.is_initializing or not self.active.isdisjoint(clocks)
+
+    def move(self, slot: Slot) -> None:
+        """Move values between here and the FMU; those of clocks that do not tick stay as they are."""
+        if slot.variable.type != "Clock" and self.is_open(slot):
+            super().move(slot)
+
+    def get(self, name: str) -> Any:
+        """Read a variable: what it had at the last tick if it is clocked."""
+        slot = self.slots.get(name)
+        if slot is None or (slot.variable.type != "Clock" and self.is_open(slot)):
+            return super().get(name)
+        return slot.values.reshape(slot.variable.shape).copy()[()]
+
+    def set(self, name: str, value: Any) -> None:
+        """Set a variable; a triggered input clock ticks at the next event, which that is."""
+        own = self.clocks.get(name)
+        if own is None:
+            super().set(name, value)
+        elif own.is_time_based or own.causality != "input":
+            raise FMUError(f"{self.name}: {name} ticks by itself. Set a triggered input clock to true, to let it tick.")
+        elif values.boolean(value, f"{self.name}: {name}"):
+            self._to_tick.append(name)
+
+    def access(self, names: list[str], write: bool) -> Access:
+        """The call that moves these variables; clocked ones are read where they keep their values."""
+        slots = [self.slot(name) for name in names]
+        if write or not any(
+            self._clocks_of.get(one.variable.references[0]) or one.variable.type == "Clock" for one in slots
+        ):
+            return super().access(names, write)
+
+        def copied(_instance: int, _references: int, _count: int, place: int, _size: int) -> int:
+            for slot in slots:
+                ctypes.memmove(place, slot.place, slot.values.nbytes)
+                place += slot.values.nbytes
+            return binary.OK
+
+        self._kept.append(machine.ACCESS(copied))
+        function = ctypes.cast(self._kept[-1], ctypes.c_void_p).value or 0
+        references = np.array([one.variable.references[0] for one in slots], np.uint32)
+        return Access(function, references, len(slots), sum(one.variable.size for one in slots), "access")
+
+    # events
+
+    def has_changed(self) -> bool:
+        """Whether others have written an input, or let a clock tick."""
+        return bool(self._to_tick) or super().has_changed()
+
+    def apply(self) -> None:
+        """Tell the FMU, in Event Mode, what was changed outside, and let clocks tick."""
+        super().apply()
+        assert self.system is not None
+        self._now = computed(self.system.t, self.name)
+        self._tick()
+
+    def _tick(self) -> bool:
+        """Let the clocks tick that are due; whether there are any."""
+        due = self.due
+        if due is not None and clock.seconds(due) <= clock.seconds(self._now):
+            self._now = max(self._now, due)
+        names, self._to_tick = self._to_tick, []
+        names += [name for name, one in self.timers.items() if one.due is not None and one.due <= self._now]
+        if not names:
+            return False
+        told = [self.clocks[name] for name in names]
+        self.set_clocks(told)
+        self.active |= {one.reference for one in told}
+        for name in names:
+            self.slot(name).values[:] = True
+            if name in self.timers:
+                self.timers[name].ticked(self._now)
+        for slot in self.slots.values():
+            if slot.is_input and slot.variable.type != "Clock" and self._clocks_of.get(slot.variable.references[0]):
+                self.move(slot)
+        return True
+
+    def update(self) -> tuple[bool, bool, float]:
+        """As the FMU, after what its clocks let be read; the next tick is an event, too."""
+        for own in self._sensed:
+            if self.is_ticking(own):
+                self.active.add(own.reference)
+                self.slot(own.name).values[:] = True
+        for slot in self.slots.values():
+            if not slot.is_input and self._clocks_of.get(slot.variable.references[0]):
+                self.move(slot)
+        needed, ends, due = super().update()
+        ticked = self.active.copy()
+        self.active.clear()
+        self.reschedule(self._now, ticked)
+        again = self._tick()
+        following = self.due
+        return needed or again, ends, due if following is None else min(due, clock.seconds(following))

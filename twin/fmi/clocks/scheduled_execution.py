@@ -1,0 +1,106 @@
+"""Scheduled Execution: FMI 3.0.2, section 5. The importer is the scheduler, and this is its schedule.
+
+At a communication point where clocks tick, their model partitions run one after the other, none is preempted: those of small
+`priority` first, of equal ones in the order of declaration. A partition's inputs are set before it runs, its outputs read
+after it. What it lets tick at the same time (a countdown of 0 s) runs when all of those are done.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+from twin import clock
+from twin.compiler import machine
+from twin.coupling import Way
+from twin.fmi.clocks.clock_declarations import CHANGED
+from twin.fmi.clocks.clocked_member import ClockedMember
+from twin.fmi.importing import binary
+from twin.fmi.importing.state_callbacks import both
+
+
+class ScheduledMember(ClockedMember):
+    """An FMU for Scheduled Execution: it computes when its clocks tick, and does nothing between."""
+
+    interface = "ScheduledExecution"
+    step_name = "schedule"
+
+    def _describe(self, start_values: dict[str, Any]) -> None:
+        super()._describe(start_values)
+        self.identity["interface"] = "Scheduled Execution"
+        self.can_roll_back = True  # a step does nothing, whatever becomes of it
+
+    def _instance_options(self) -> dict[str, Any]:
+        return {"update_clocks": self._update_clocks}
+
+    def _find_step(self) -> None:
+        self._callback = machine.STEP(self.guarded(self._step))
+        self.step_function = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
+
+    def _step(self, *_: Any) -> int:
+        return binary.OK
+
+    def save(self) -> Any:
+        """What is here: between ticks nothing else changes."""
+        return self._beside()
+
+    def restore(self, saved: Any) -> None:
+        """Be again as when it was saved."""
+        self._put_beside(saved)
+
+    def way(self, count: int) -> Way:
+        """No more than what is here."""
+        self._own_places = [ctypes.c_void_p() for _ in range(count)]
+        places = tuple(ctypes.addressof(one) for one in self._own_places)
+        return both(Way(places=places), self._beside, self._put_beside, self._kept)
+
+    def _update_clocks(self) -> None:
+        """Clock Update Mode, which a running partition enters by itself: its output clocks and countdowns have news."""
+        try:
+            self.sense()
+            for timer in self.timers.values():
+                if timer.own.variability == "countdown":
+                    interval, qualifier = self.asked_interval(timer.own)
+                    if qualifier == CHANGED:
+                        timer.told(self._now, interval, qualifier)
+        except BaseException as error:  # nothing may pass through native frames
+            self.failure = error
+
+    # what `coupling.events` asks
+
+    def has_news(self, _now: clock.Time) -> bool:
+        """Whether somebody let a clock tick: inputs wait for a partition."""
+        return bool(self._waiting or self._to_tick)
+
+    def enter_events(self, now: clock.Time) -> None:
+        """The scheduler looks at the FMU."""
+        self.has_signalled = False
+        self.apply_waiting(now)
+
+    def evaluate(self, now: clock.Time) -> bool:
+        """Run the partitions of clocks that tick; whether there were any."""
+        due, self._new = sorted(self._new, key=lambda one: one.priority), []  # a sort keeps the order of declaration
+        for own in due:
+            others, self.active = self.active, {own.reference}
+            self.tell()
+            self._call("fmi3ActivateModelPartition", own.reference, clock.seconds(now))
+            self.check(binary.OK, "fmi3ActivateModelPartition")
+            self.take()
+            self.active |= others
+        return bool(due)
+
+    def finish(self, now: clock.Time) -> bool:
+        """End the instant; there is another only if a clock ticks again."""
+        self.reschedule_periodic(now, self.active)
+        self.active.clear()
+        return False
+
+    def reschedule_periodic(self, now: clock.Time, ticked: set[int]) -> None:
+        """Ask for the intervals that may change without a callback."""
+        for timer in self.timers.values():
+            own = timer.own
+            if timer.is_asked and own.variability != "countdown" and own.reference in ticked:
+                timer.told(now, *self.asked_interval(own))
+
+    def leave_events(self) -> None:
+        """Nothing runs until the next tick."""

@@ -1,0 +1,279 @@
+"""A component becomes an FMU: native code, description, documentation, one reproducible archive.
+
+The component's C of `twin.compiler`, the state machine in `c/`, compiled once for all components, and a generated
+`model.c` become a library that needs libm and nothing else. Two exports are equal to the byte.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import io
+import uuid
+import zipfile
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import twin
+from twin import compiler, installed
+from twin.compiler import model_name, tangents
+from twin.component import Component, PythonComponent, Role, source
+from twin.errors import BuildError
+from twin.fmi import terminals
+from twin.fmi.archive import FOLDERS
+from twin.fmi.exporting import model_description_writer
+from twin.fmi.exporting.fmu_cache import build, is_built, readme
+from twin.fmi.exporting.model_c_writer import model_c, source_code
+from twin.fmi.exporting.model_description_writer import Exposed
+from twin.fmi.exporting.sources import FOLDER, listed, source_files, to_compile
+from twin.revision import revision
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+__all__ = ["TARGETS", "VERSIONS", "build", "export", "is_built", "made", "plan"]
+
+
+ENGINE = Path(__file__).parents[2]
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """A platform: how `zig cc -target` calls it."""
+
+    triple: str
+    suffix: str
+
+
+TARGETS = {
+    "x86_64-linux":   Target("x86_64-linux-gnu.2.17",  ".so"),
+    "aarch64-linux":  Target("aarch64-linux-gnu.2.17", ".so"),
+    "x86_64-windows": Target("x86_64-windows-gnu",     ".dll"),
+    "x86_64-darwin":  Target("x86_64-macos.11.0",      ".dylib"),
+    "aarch64-darwin": Target("aarch64-macos.11.0",     ".dylib"),
+}  # fmt: skip
+
+# after what holds for components: a call must not become one of memcpy, and nothing gains from being unrolled
+STATE_MACHINE = ("-O2", "-fno-builtin", "-mllvm", "-inline-threshold=225")
+TABLE = ("-O1", "-fno-builtin")
+
+
+@dataclass(frozen=True, slots=True)
+class Version:
+    """What differs between the versions of FMI: words, not steps."""
+
+    source: str
+    expose: Callable[[type[Component]], list[Exposed]]
+    describe: Callable[[type[Component], str, str, list[Exposed]], bytes]
+    folder: Callable[[str], str]
+    has_time: bool
+    more: Callable[[type[Component]], dict[str, bytes]]
+
+
+VERSIONS = {
+    "2.0": Version(
+        "fmi2.c",
+        model_description_writer.expose_scalars,
+        model_description_writer.describe_2,
+        lambda p: FOLDERS.get(p, p),
+        False,
+        terminals.none,
+    ),
+    "3.0": Version(
+        "fmi3.c",
+        model_description_writer.expose_arrays,
+        model_description_writer.describe_3,
+        lambda p: p,
+        True,
+        terminals.files,
+    ),
+}
+
+
+# ------------------------------------------------------------------------------------------------- compile and link
+
+
+def state_machine(platform: str, name: str, build: Path) -> bytes:
+    """Object file of `fmi2.c` or `fmi3.c`, the same for all components: compiled once for a platform."""
+    texts = {file.name: file.read_text(encoding="utf-8") for file in sorted(FOLDER.iterdir())}
+    return compiler.compile_c(texts.pop(name), platform, build, headers=texts, options=STATE_MACHINE, name=name)
+
+
+def library(made: Plan, source: str, own: compiler.Sources, platform: str, build: Path) -> bytes:
+    """The shared library of an FMU for a platform: state machine, table, component."""
+    headers = {"model.h": (FOLDER / "model.h").read_text(encoding="utf-8"), f"{own.name}.h": own.header}
+    table = compiler.compile_c(made.model, platform, build, headers=headers, options=TABLE, name="model.c")
+    objects = [state_machine(platform, source, build), table, compiler.compile_sources(own, platform, build)]
+    return compiler.link(platform, objects, build)
+
+
+# ----------------------------------------------------------------------------------------------------- documentation
+
+
+@cache
+def _page() -> Any:
+    """The template of the documentation, compiled once."""
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(ENGINE / "fmi" / "exporting"), autoescape=True, trim_blocks=True
+    )
+    return environment.get_template("documentation.html")
+
+
+def documentation(cls: type[Component], version: str) -> str:
+    """`documentation/index.html`: docstring, README, variables with units, starts and sources."""
+    import markdown_it
+
+    markdown = markdown_it.MarkdownIt("commonmark", {"html": False}).enable("table")
+    groups = [(role, [v for v in cls.variables if v.role is role]) for role in Role if role is not Role.derivative]
+    page: str = _page().render(
+        name=model_name(cls),
+        version=version,
+        summary=model_description_writer.summary(cls),
+        docstring=inspect.cleandoc(cls.__doc__ or "").partition("\n")[2].strip(),
+        readme=markdown.render(readme(cls)),
+        groups=groups,
+        period=cls.period,
+        text=_start_text,
+        terminals=cls.terminals,
+        exchange=model_description_writer.offers_exchange(cls),
+        underivable=underivable(cls),
+    )
+    return page
+
+
+def underivable(cls: type[Component]) -> str:
+    """Why a continuous component offers no directional derivatives; empty if it does, or is not continuous."""
+    found = tangents(cls)
+    return found if model_description_writer.offers_exchange(cls) and isinstance(found, str) else ""
+
+
+def _start_text(variable: Any) -> str:
+    """A start value short enough for a table."""
+    values = variable.start_array().reshape(-1).tolist()
+    if all(value == values[0] for value in values):
+        return model_description_writer.text(values[0])
+    return " ".join(map(model_description_writer.text, values[:8])) + (" ..." if len(values) > 8 else "")
+
+
+# ------------------------------------------------------------------------------------------------------------ archive
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """All of an FMU but its binaries, and the token that stands for its content."""
+
+    name: str
+    token: str
+    model: str  # model.c
+    files: dict[str, bytes]
+
+
+def plan(cls: type[Component], version: str, own: compiler.Sources | None = None) -> Plan:
+    """What an export contains. `own`: the component's C, if it was translated already."""
+    if issubclass(cls, PythonComponent):
+        raise BuildError(
+            f"{cls.__name__}: is Python-side and cannot be an FMU that needs no Python. "
+            "Derive it from Component instead, or use `twin export --needs-python`."
+        )
+    if version not in VERSIONS:
+        raise BuildError(f"FMI version {version!r} is not offered. Use one of {', '.join(VERSIONS)}.")
+    words, name = VERSIONS[version], model_name(cls)
+    exposed = words.expose(cls)
+    more = {"documentation/index.html": documentation(cls, version).encode(), **words.more(cls)}
+    nobody = f"{{{uuid.UUID(int=0)}}}"
+    digest = hashlib.sha256(words.describe(cls, name, nobody, exposed) + b"".join(more.values()))
+    code = source_code(cls, name)
+    digest.update(model_c(cls, name, nobody, exposed, words.has_time, code).encode())
+    for file in sorted(FOLDER.iterdir()):
+        digest.update(file.read_bytes())
+    digest.update(f"{TARGETS} {STATE_MACHINE} {TABLE} {installed.version('ziglang')} {_start_values(cls)}".encode())
+    own = own or compiler.translate(cls, name)
+    digest.update(f"{own.header}{own.source}".encode())
+    token = f"{{{uuid.UUID(digest.hexdigest()[:32])}}}"
+    files = {"modelDescription.xml": words.describe(cls, name, token, exposed), **more}
+    return Plan(name, token, model_c(cls, name, token, exposed, words.has_time, code), files)
+
+
+def _start_values(cls: type[Component]) -> str:
+    """Hash of the record before initialization."""
+    return hashlib.sha256(cls().record.tobytes()).hexdigest()
+
+
+def archive(files: dict[str, bytes]) -> bytes:
+    """A zip that depends on nothing but its content."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as made_:
+        for path in sorted(files):
+            entry = zipfile.ZipInfo(path, (1980, 1, 1, 0, 0, 0))
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.create_system = 3  # Unix on every machine, so that the archive does not tell where it was made
+            entry.external_attr = 0o100644 << 16
+            made_.writestr(entry, files[path])
+    return buffer.getvalue()
+
+
+def _content(own: compiler.Sources, version: str, made: Plan, build: Path, targets: Sequence[str]) -> bytes:
+    words = VERSIONS[version]
+    for platform in targets:
+        if platform not in TARGETS:
+            raise BuildError(f"platform {platform!r} is not known. Use one of {', '.join(TARGETS)}.")
+    if f"{made.name}.h" in {file.name for file in FOLDER.iterdir()}:
+        raise BuildError(f"{made.name}: this name is a file of the FMU's own. Rename the component.")
+    libraries = compiler.side_by_side(
+        partial(library, made, words.source, own, platform, build) for platform in targets
+    )
+    places = [f"binaries/{words.folder(p)}/{made.name}{TARGETS[p].suffix}" for p in targets]
+    return archive({**made.files, **dict(zip(places, libraries, strict=True))})
+
+
+def origin(cls: type[Component], made: Plan) -> str:
+    """`documentation/origin.txt`: what the FMU was made from and by, to find its sources again."""
+    parts = {name: part.component for name, part in getattr(cls, "parts", {}).items()} or {made.name: cls}
+    folders = {}
+    for name, part in parts.items():
+        with suppress(TypeError, OSError):  # a class of a notebook's cell has no file
+            folders[name] = Path(inspect.getfile(part)).parent
+    lines = [f"{made.name}, content {made.token}", f"engine: twin {twin.__version__}, revision {revision(ENGINE)}"]
+    return "\n".join([*lines, *(f"{name}: revision {revision(folder)}" for name, folder in folders.items()), ""])
+
+
+def _add_sources(version: str, made: Plan, own: compiler.Sources) -> None:
+    """`sources/`; an FMU that is compiled from them has the same token, and understands saved states of this one."""
+    files = {f"{own.name}.c": own.source.encode(), f"{own.name}.h": own.header.encode()}
+    made.files.update(source_files(made.name, version, made.model, files))
+    if version == "2.0":
+        path = "modelDescription.xml"
+        made.files[path] = listed(made.files[path], to_compile(made.files))
+
+
+def export(
+    cls: type[Component], version: str, path: Path, build: Path, targets: Sequence[str] = (), *, sources: bool = False
+) -> Path:
+    """Write a component as an FMU to `path`, with binaries for the targets; for this machine if none are given.
+
+    With `sources` it also holds its C, and says how an importer compiles it.
+    """
+    own = compiler.sources(cls, model_name(cls), build)
+    made = plan(cls, version, own)
+    made.files["documentation/origin.txt"] = origin(cls, made).encode()
+    if sources:
+        _add_sources(version, made, own)
+    compiler.put(Path(path), _content(own, version, made, build, targets or (compiler.host(),)))
+    return Path(path)
+
+
+def made(cls: type[Component], version: str, build: Path, targets: Sequence[str]) -> bytes:
+    """A component's FMU with binaries for the targets; what keeps it from being one is told all at once."""
+    if version not in VERSIONS:
+        raise BuildError(f"FMI version {version!r} is not offered. Use one of {', '.join(VERSIONS)}.")
+    with compiler.SYNTAX:
+        if problems := source.check(cls):
+            raise BuildError("\n".join(problems))
+        own = compiler.sources(cls, model_name(cls), build)
+        planned = plan(cls, version, own)
+    return _content(own, version, planned, build, targets)

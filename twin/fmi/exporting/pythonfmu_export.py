@@ -1,0 +1,139 @@
+"""FMUs of Python-side components: PythonFMU's library around Python, a description of ours, and a component outside.
+
+These are the only FMUs here that need Python, with this project and the component's packages installed, in the process
+that loads them; `needsExecutionTool` says so. All others are native (`twin.fmi.exporting.exporter`).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import uuid
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from lxml import etree
+
+from twin import compiler, installed
+from twin.component import PythonComponent, catalog
+from twin.errors import BuildError, DeclarationError
+from twin.fmi.archive import FOLDERS
+from twin.fmi.exporting import model_description_writer
+from twin.fmi.exporting.exporter import archive
+from twin.fmi.exporting.pythonfmu_slave import EXPOSE
+
+if TYPE_CHECKING:
+    from twin.component import Component
+
+
+VERSIONS = {
+    "2.0": ("pythonfmu", "Fmi2Slave", model_description_writer.describe_2),
+    "3.0": ("pythonfmu3", "Fmi3Slave", model_description_writer.describe_3),
+}
+
+# PythonFMU's library finds the class by the text of its first line
+SCRIPT = '''"""{summary}
+
+Made by twin {twin}. Needs Python with twin, {package} and what the component imports.
+"""
+
+from {package} import {base}
+from twin.fmi.exporting.pythonfmu_slave import Part
+
+
+class {name}({base}):
+    def __init__(self, **given):
+        super().__init__(**given)
+        self.time = 0.0
+        self.part = Part(self, {component!r}, {version!r})
+
+    def setup_experiment(self, start_time, *_):
+        self.time = start_time
+
+    def enter_initialization_mode(self):
+        self.part.enter(self.time)
+
+    def exit_initialization_mode(self):
+        self.part.exit()
+
+    def do_step(self, current_time, step_size):
+        self.part.step(current_time, step_size)
+        self.time = current_time + step_size
+        return True
+
+    def terminate(self):
+        self.part.close()
+'''
+
+# what PythonFMU does not do, whatever a native FMU of the same component would
+REFUSED = (
+    *("canGetAndSetFMUState", "canSerializeFMUState", "canGetAndSetFMUstate", "canSerializeFMUstate"),
+    *("providesDirectionalDerivatives", "providesDirectionalDerivative", "providesIntermediateUpdate"),
+    *("canReturnEarlyAfterIntermediateUpdate", "hasEventMode", "mightReturnEarlyFromDoStep"),
+)
+
+
+def export(cls: type[Component], version: str, path: Path) -> Path:
+    """Write a Python-side component as an FMU that needs Python; BuildError if it cannot be one."""
+    if not issubclass(cls, PythonComponent):
+        raise BuildError(f"{cls.__name__}: needs no Python in its FMU. Export it without --needs-python.")
+    name = compiler.model_name(cls)
+    component = findable(cls, name)
+    package, base, describe = VERSIONS[version]
+    try:
+        folder = Path(str(metadata.distribution(package).locate_file(package)))
+    except metadata.PackageNotFoundError:
+        raise BuildError(f"{name}: {package} is not installed. Run `pip install {package}`.") from None
+    exposed = EXPOSE[version](cls)
+    blank = describe(cls, name, "", exposed)
+    token = f"{{{uuid.UUID(hashlib.sha256(blank + component.encode()).hexdigest()[:32])}}}"
+    script = SCRIPT.format(
+        summary=model_description_writer.summary(cls), twin=installed.version("catheter-twin"), package=package, base=base, name=name,
+        component=component, version=version,
+    )  # fmt: skip
+    files = {
+        "modelDescription.xml": honest(describe(cls, name, token, exposed)),
+        "resources/slavemodule.txt": module(name, version).encode(),
+        f"resources/{module(name, version)}.py": script.encode(),
+        **{f"resources/{package}/{one.name}": one.read_bytes() for one in sorted(folder.glob("*.py"))},
+        **binaries(folder / "resources" / "binaries", name, version),
+    }
+    compiler.put(path, archive(files))
+    return path
+
+
+def module(name: str, version: str) -> str:
+    """The module that PythonFMU imports: Python knows each name once."""
+    return f"{name}_fmi{version[0]}"
+
+
+def findable(cls: type[Component], name: str) -> str:
+    """What finds the component again in another process: its short name, or module:Class."""
+    for one in (name, f"{cls.__module__}:{cls.__qualname__}"):
+        try:
+            if catalog.component(one) is cls:
+                return one
+        except DeclarationError:
+            continue
+    raise BuildError(f"{cls.__name__}: cannot be found from another process. Put it into a module of its own.")
+
+
+def honest(document: bytes) -> bytes:
+    """The description with what holds for an FMU that needs Python."""
+    root = etree.fromstring(document)
+    interface = root.find("CoSimulation")
+    interface.set("needsExecutionTool", "true")
+    for word in REFUSED:
+        interface.attrib.pop(word, None)
+    root.set("description", f"{root.get('description')} Needs Python with catheter-twin.")
+    return model_description_writer.serialized(root)
+
+
+def binaries(folder: Path, name: str, version: str) -> dict[str, bytes]:
+    """PythonFMU's library for each platform that it has, by its place in the FMU."""
+    platforms = {FOLDERS.get(p, p) if version == "2.0" else p: one for p, one in compiler.PLATFORMS.items()}
+    found = {}
+    for place, platform in platforms.items():
+        for library in sorted((folder / place).glob(f"*{platform.suffix}")):
+            found[f"binaries/{place}/{name}{platform.suffix}"] = library.read_bytes()
+    return found

@@ -1,0 +1,74 @@
+"""What an FMU says of itself: read from its archive alone, so of any platform; nothing is unpacked or loaded."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from twin import clock
+from twin.errors import FMUError
+from twin.fmi import archive, xml_checks
+from twin.fmi.importing.unpacked import digest
+from twin.fmi.variables import variables
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from twin.coupling import MemberVariable
+    from twin.fmi.clocks.clock_declarations import Clock
+
+
+@dataclass(frozen=True)
+class Outline:
+    """`about`: its own description; `interfaces` in words; `platforms`: folders of its libraries, `C sources` if it has them."""
+
+    fmi: str
+    name: str
+    about: str
+    generator: str
+    interfaces: tuple[str, ...]
+    platforms: tuple[str, ...]
+    variables: Mapping[str, MemberVariable]
+    clocks: Mapping[str, Clock]
+
+    def kind(self, name: str) -> str:
+        """What kind of clock a variable is, for people; empty if it is none."""
+        one = self.clocks.get(name)
+        if one is None:
+            return ""
+        every = f" of {clock.text(one.interval)}" if one.interval is not None else ""
+        after = f", first after {clock.text(one.shift)}" if one.shift else ""
+        return f"clock, {one.variability}{every}{after}"
+
+
+def outline(path: str | Path) -> Outline:
+    """Read an FMU's description; FMUError in one line for what is none, or makes no sense."""
+    path = Path(path)
+    digest(path)
+    try:
+        with path.open("rb") as file, archive.open_archive(path, file) as opened:
+            entries = archive.check_entries(path, opened)
+            found = archive.read_description(path, opened, entries, "")
+        model = archive.described(path, found)
+        return Outline(
+            found.fmi,
+            found.tree.get("modelName", ""),
+            found.tree.get("description", ""),
+            model.generator,
+            tuple(text for tag, text in xml_checks.INTERFACES.items() if found.tree.find(tag) is not None),
+            platforms(entries),
+            variables(model, found.fmi, str(path), {}, {}),
+            {one.name: one for one in model.clocks.every},
+        )
+    except FMUError:
+        raise
+    except Exception as error:  # damaged archives make zipfile raise nearly anything
+        raise FMUError(f"{path}: cannot be read ({xml_checks.one_line(error)}). Get or build it once more.") from None
+
+
+def platforms(entries: Mapping[str, object]) -> tuple[str, ...]:
+    """Where its libraries run, as its folders say."""
+    folders = sorted({found[1] for name in entries if (found := re.fullmatch(r"binaries/([^/]+)/[^/]+", name))})
+    return (*folders, "C sources") if any(name.startswith("sources/") for name in entries) else tuple(folders)

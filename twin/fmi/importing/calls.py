@@ -1,0 +1,121 @@
+"""Calls of an FMU's functions by name: what they return, values of all types, who refused what."""
+
+from __future__ import annotations
+
+import ctypes
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.errors import FMUError, SimulationError
+from twin.fmi.importing import binary
+from twin.fmi.importing.c_functions import FUNCTIONS, CallError, MissingFunctionError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from twin.coupling import MemberVariable
+    from twin.fmi.importing.c_functions import Library
+    from twin.fmi.importing.unpacked import Unpacked
+
+# the part of fmi2GetXXX and fmi3GetXXX that stands for a type
+FMI2_FUNCTIONS = {"Float64": "Real", "Int32": "Integer", "Enumeration": "Integer"}
+FMI3_FUNCTIONS = {"Enumeration": "Int64"}
+
+
+class Calls:
+    """The part of a member that calls its FMU."""
+
+    name: str
+    instance: int
+    log: list[str]
+    _unpacked: Unpacked
+    _library: Library | None
+    _state: str
+
+    @property
+    def _prefix(self) -> str:
+        return "fmi2" if self._unpacked.fmi == "2.0" else "fmi3"
+
+    def _type(self, variable: MemberVariable) -> str:
+        table = FMI2_FUNCTIONS if self._unpacked.fmi == "2.0" else FMI3_FUNCTIONS
+        return table.get(variable.type, variable.type)
+
+    def _address(self, function: str) -> int:
+        try:
+            return self._loaded.address(self._prefix + function)
+        except MissingFunctionError as error:
+            raise FMUError(f"{self._unpacked.path}: {error}") from None
+
+    @property
+    def _loaded(self) -> Library:
+        if self._library is None:
+            raise SimulationError(f"{self.name}: is not instantiated. Call instantiate first.")
+        return self._library
+
+    def _call(self, function: str, *arguments: Any) -> None:
+        try:
+            self._loaded.call(function, self.instance, *arguments)
+        except CallError as error:
+            if error.status > binary.DISCARD:
+                self._state = "fatal" if error.status == binary.FATAL else "failed"
+            raise binary.failed(self.name, error.function, error.status, self.log) from None
+        except MissingFunctionError as error:
+            raise FMUError(f"{self._unpacked.path}: {error}") from None
+
+    def _move(self, verb: str, variable: MemberVariable, buffer: np.ndarray[Any, Any]) -> None:
+        function = f"{self._prefix}{verb}{self._type(variable)}"
+        reference = (ctypes.c_uint * 1)(variable.references[0])
+        pointer = ctypes.cast(ctypes.c_void_p(buffer.ctypes.data), FUNCTIONS[function][2])
+        size = () if self._unpacked.fmi == "2.0" else (buffer.size,)
+        with self._about(variable):
+            self._call(function, reference, 1, pointer, *size)
+
+    @contextmanager
+    def _about(self, variable: MemberVariable) -> Iterator[None]:
+        """Name the variable that a refused call was about."""
+        try:
+            yield
+        except SimulationError as error:
+            raise SimulationError(f"{error} It was asked for {variable.name} ({self._reference(variable)}).") from None
+
+    @staticmethod
+    def _reference(variable: MemberVariable) -> str:
+        """`value reference 5`."""
+        return f"value reference {', '.join(map(str, variable.references[:3]))}{'...' * (len(variable.references) > 3)}"
+
+    def _write(self, variable: MemberVariable, value: np.ndarray[Any, Any]) -> None:
+        if variable.connectable:
+            self._move("Set", variable, np.ascontiguousarray(value).reshape(-1))
+            return
+        reference = (ctypes.c_uint * 1)(variable.references[0])
+        size = () if self._unpacked.fmi == "2.0" else (variable.size,)
+        if variable.type == "String":
+            texts = (ctypes.c_char_p * variable.size)(*(text.encode() for text in value.flat))
+            self._call(f"{self._prefix}SetString", reference, 1, texts, *size)
+            return
+        buffers = [(ctypes.c_uint8 * max(len(data), 1)).from_buffer_copy(data or b"\0") for data in value.flat]
+        lengths = (ctypes.c_size_t * variable.size)(*(len(data) for data in value.flat))
+        pointers = (ctypes.POINTER(ctypes.c_uint8) * variable.size)(
+            *(ctypes.cast(buffer, ctypes.POINTER(ctypes.c_uint8)) for buffer in buffers)
+        )
+        self._call("fmi3SetBinary", reference, 1, lengths, pointers, *size)
+
+    def _read_objects(self, variable: MemberVariable) -> Any:
+        reference = (ctypes.c_uint * 1)(variable.references[0])
+        size = () if self._unpacked.fmi == "2.0" else (variable.size,)
+        result = np.empty(variable.size, dtype=object)
+        if variable.type == "String":
+            texts = (ctypes.c_char_p * variable.size)()
+            self._call(f"{self._prefix}GetString", reference, 1, texts, *size)
+            result[:] = [(text or b"").decode(errors="replace") for text in texts]
+        elif variable.type == "Binary":
+            lengths = (ctypes.c_size_t * variable.size)()
+            pointers = (ctypes.POINTER(ctypes.c_uint8) * variable.size)()
+            self._call("fmi3GetBinary", reference, 1, lengths, pointers, *size)
+            pairs = zip(pointers, lengths, strict=True)
+            result[:] = [ctypes.string_at(pointer, n) if pointer else b"" for pointer, n in pairs]
+        else:
+            raise SimulationError(f"{self.name}: {variable.name} is a clock. Clocks need event mode.")
+        return result.reshape(variable.shape)[()]

@@ -1,0 +1,65 @@
+"""How an FMU's derivatives and outputs change with its states and inputs: its directional derivatives, column by column."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.fmi.importing.c_functions import CallError, MissingFunctionError
+
+if TYPE_CHECKING:
+    from twin.coupling import MemberVariable
+    from twin.fmi.importing.fmu_member import FMUMember
+
+Matrix = np.ndarray[Any, Any]
+WORD, FLOAT = ctypes.POINTER(ctypes.c_uint), ctypes.POINTER(ctypes.c_double)
+
+
+def slopes(
+    member: FMUMember, inputs: list[MemberVariable], outputs: list[MemberVariable]
+) -> tuple[Matrix, Matrix, Matrix, Matrix] | None:
+    """der(x) = A x + B u, y = C x + D u in small changes, now; None if the FMU does not tell, or not here."""
+    if not member.capabilities["providesDirectionalDerivatives"]:
+        return None
+    structure = member._unpacked.description.continuous
+    if structure is None:
+        return None
+    sizes = {one.references[0]: one.size for one in member.variables.values() if len(one.references) == 1}
+    own = [(one, sizes.get(one, 1)) for one in structure.states]
+    given = [(one, size) for v in inputs for one, size in elements(v)]
+    asked = [(one, sizes.get(one, 1)) for one in structure.derivatives]
+    asked += [(one, size) for v in outputs for one, size in elements(v)]
+    unknowns = np.array([one for one, _ in asked], np.uint32)
+    rows = sum(size for _, size in asked)
+    columns = []
+    try:
+        for known, size in (*own, *given):
+            columns += [along(member, unknowns, rows, known, seed) for seed in np.eye(size)]
+    except (CallError, MissingFunctionError):
+        return None
+    whole = np.array(columns).T.reshape(rows, len(columns))
+    n = sum(size for _, size in own)
+    return whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:]
+
+
+def elements(variable: MemberVariable) -> list[tuple[int, int]]:
+    """Value references of a variable with the size of each: FMI 2.0 has one per element."""
+    if len(variable.references) == 1:
+        return [(variable.references[0], variable.size)]
+    return [(one, 1) for one in variable.references]
+
+
+def along(member: FMUMember, unknowns: Matrix, rows: int, known: int, seed: Matrix) -> Matrix:
+    """The change of all unknowns with one known value."""
+    found = np.zeros(rows)
+    reference = (ctypes.c_uint * 1)(known)
+    is_new = member.identity["fmi"] != "2.0"
+    sizes = ((len(seed),), (rows,)) if is_new else ((), ())
+    member._loaded.call(
+        f"fmi{3 if is_new else 2}GetDirectionalDerivative", member.instance,
+        unknowns.ctypes.data_as(WORD), len(unknowns), reference, 1,
+        seed.ctypes.data_as(FLOAT), *sizes[0], found.ctypes.data_as(FLOAT), *sizes[1],
+    )  # fmt: skip
+    return found

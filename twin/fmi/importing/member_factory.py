@@ -1,0 +1,62 @@
+"""Anyone's FMU as a member, by the interface that is asked for; what Model Exchange takes is imported for it alone."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from twin.errors import FMUError, nearest
+from twin.fmi.importing.fmu_member import FMUMember
+from twin.fmi.importing.unpacked import share
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+INTERFACES = {
+    "co_simulation": "CoSimulation",
+    "model_exchange": "ModelExchange",
+    "scheduled_execution": "ScheduledExecution",
+    "": "",
+}
+
+
+def member(
+    name: str,
+    path: str | Path,
+    start_values: dict[str, Any] | None = None,
+    *,
+    interface: str = "",
+    solver: str = "",
+    tolerance: float | None = None,
+    **options: Any,
+) -> FMUMember:
+    """An FMU as a member by the interface asked for, one of `INTERFACES`; else Co-Simulation if it has it.
+
+    `solver` and `tolerance`: of Model Exchange.
+    """
+    if interface not in INTERFACES:
+        raise FMUError(
+            f"interface {interface!r} is not known. {nearest(interface, [one for one in INTERFACES if one])}"
+        )
+    with share(path, INTERFACES[interface]) as unpacked:
+        if unpacked.interface == "ModelExchange":
+            from twin.fmi.model_exchange.model_exchange_member import ExchangeMember
+
+            made = ExchangeMember
+            if unpacked.description.clocks.every:
+                from twin.fmi.clocks.model_exchange_clocks import ClockedExchangeMember
+
+                made = ClockedExchangeMember
+            return made(name, path, start_values, solver=solver, tolerance=tolerance, **options)
+        if solver or tolerance:
+            word = "solver" if solver else "tolerance"
+            advice = "Use interface model_exchange" if unpacked.description.has_exchange else "Leave it out"
+            raise FMUError(f"{path}: steps by itself in Co-Simulation, without a {word}. {advice}.")
+        if unpacked.interface == "ScheduledExecution":
+            from twin.fmi.clocks.scheduled_execution import ScheduledMember
+
+            return ScheduledMember(name, path, start_values, **options)
+        if unpacked.description.clocks.every and unpacked.description.capabilities["hasEventMode"]:
+            from twin.fmi.clocks.event_mode import EventMember
+
+            return EventMember(name, path, start_values, **options)
+        return FMUMember(name, path, start_values, **options)

@@ -1,0 +1,357 @@
+"""What modelDescription.xml says that a run needs, of FMI 2.0 and 3.0 alike.
+
+Read without the schema, since many FMUs break it in places that do not matter. What nobody declared has the default of
+the standard: FMI 2.0.4, section 2.2.7; FMI 3.0.1, section 2.4.7.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Any
+
+from twin.component import unit as units
+from twin.fmi.clocks import clock_declarations as clocks
+from twin.fmi.xml_checks import FMI2_TYPES, TRUE, whole
+
+INITIAL = {  # by variability and causality
+    **{
+        (variability, causality): initial
+        for variability in ("fixed", "tunable")
+        for causality, initial in (
+            ("structuralParameter", "exact"),
+            ("parameter", "exact"),
+            ("calculatedParameter", "calculated"),
+            ("local", "calculated"),
+        )
+    },
+    **{
+        (variability, causality): initial
+        for variability in ("discrete", "continuous")
+        for causality, initial in (("input", "exact"), ("output", "calculated"), ("local", "calculated"))
+    },
+    ("constant", "output"): "exact",
+    ("constant", "local"): "exact",
+    ("continuous", "independent"): "",
+}
+FIXED = {"parameter", "calculatedParameter", "structuralParameter"}  # in FMI 3.0, unless it says otherwise
+FLOATS = {"Real", "Float64", "Float32"}
+BOUNDLESS = {"Boolean", "String", "Binary", "Clock"}
+
+CAPABILITIES = (  # of FMI 3.0, then those that FMI 2.0 alone has
+    "needsExecutionTool",
+    "canBeInstantiatedOnlyOncePerProcess",
+    "canGetAndSetFMUState",
+    "canSerializeFMUState",
+    "providesDirectionalDerivatives",
+    "providesAdjointDerivatives",
+    "providesPerElementDependencies",
+    "canHandleVariableCommunicationStepSize",
+    "canInterpolateInputs",
+    "providesIntermediateUpdate",
+    "mightReturnEarlyFromDoStep",
+    "canReturnEarlyAfterIntermediateUpdate",
+    "hasEventMode",
+    "providesEvaluateDiscreteStates",
+    "canRunAsynchronuously",
+    "canNotUseMemoryManagementFunctions",
+)
+FMI2_NAMES = {  # what FMI 2.0 calls them
+    "canGetAndSetFMUState": "canGetAndSetFMUstate",
+    "canSerializeFMUState": "canSerializeFMUstate",
+    "providesDirectionalDerivatives": "providesDirectionalDerivative",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class DeclaredType:
+    """A type definition: what its variables do not say themselves. `items`: (name, value) of an enumeration."""
+
+    unit: str = ""
+    display_unit: str = ""
+    description: str = ""
+    minimum: str | None = None
+    maximum: str | None = None
+    items: tuple[tuple[str, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Dimension:
+    """A size of an array: fixed, or the value of a structural parameter, which starts with `start`."""
+
+    start: int
+    reference: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Declared:
+    """A variable. `type` is FMI's; numbers are texts as they are written; `alias_of` is the name it is an alias of."""
+
+    name: str
+    reference: int
+    type: str
+    causality: str
+    variability: str
+    initial: str
+    start: str | None
+    unit: str
+    display_unit: str
+    description: str
+    minimum: str | None
+    maximum: str | None
+    common: DeclaredType
+    dimensions: tuple[Dimension, ...] = ()
+    alias_of: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class DeclaredUnit:
+    """A unit in base units, or by its name alone (no `factor`); display units are (name, factor, offset)."""
+
+    name: str
+    factor: float | None
+    offset: float
+    exponents: tuple[int, ...]  # of `unit.BASE`
+    displays: tuple[tuple[str, float, float], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Continuous:
+    """What Model Exchange needs: value references of the states and of their derivatives, in order, whole arrays.
+
+    `indicators`: how many event indicators, as FMI 2.0 says it; FMI 3.0 is asked. `tells_steps`: whether the FMU is to be
+    told of every step of the solver.
+    """
+
+    states: tuple[int, ...]
+    derivatives: tuple[int, ...]
+    indicators: int
+    tells_steps: bool
+
+
+@dataclass(slots=True)
+class Model:
+    """A model description. `experiment` and `fixed_step` are texts as they are written.
+
+    `dependencies`: names of the variables that an output or an initial unknown depends on, None where nothing is said.
+    """
+
+    fmi: str
+    identifier: str
+    token: str
+    generator: str
+    capabilities: dict[str, bool]
+    fixed_step: str | None
+    experiment: dict[str, str]
+    units: list[DeclaredUnit]
+    has_exchange: bool = False  # whether Model Exchange is offered
+    continuous: Continuous | None = None  # if that is the interface, or its directional derivatives are told
+    variables: list[Declared] = field(default_factory=list)
+    dependencies: dict[str, tuple[str, ...] | None] = field(default_factory=dict)
+    clocks: clocks.Clocks = field(default_factory=clocks.Clocks)
+
+
+def read(fmi: str, root: Any, tag: str = "CoSimulation") -> Model:
+    """The description from its root element, whose variables `markup.check` has seen; ValueError with the line.
+
+    `tag`: of the interface.
+    """
+    interface = root.find(tag)
+    experiment = root.find("DefaultExperiment")
+    model = Model(
+        fmi,
+        interface.get("modelIdentifier", ""),
+        root.get("guid" if fmi == "2.0" else "instantiationToken", ""),
+        root.get("generationTool", ""),
+        capabilities(fmi, interface),
+        interface.get("fixedInternalStepSize"),
+        {} if experiment is None else dict(experiment.attrib),
+        [unit(one) for one in root.iterfind("UnitDefinitions/Unit")],
+        root.find("ModelExchange") is not None,
+    )
+    types = {name: found for name, found in map(fmi2_type if fmi == "2.0" else fmi3_type, types_of(fmi, root)) if name}
+    elements = [one for one in root.find("ModelVariables") if isinstance(one.tag, str)]
+    sizes = {one.get("valueReference", "").strip(): one for one in elements} if fmi == "3.0" else {}
+    bare = [variable(fmi, one, types, sizes) for one in elements]
+    aliases = [
+        aliased(own, one) for own, element in zip(bare, elements, strict=True) for one in element.iterfind("Alias")
+    ]
+    model.variables = bare + aliases
+    model.dependencies = dependencies(fmi, root, bare)
+    if fmi == "3.0":
+        model.clocks = clocks.read(root, bare)
+    if tag == "ScheduledExecution":  # it makes no steps, and is in Event Mode when partitions run, so to speak
+        model.capabilities |= dict.fromkeys(("canHandleVariableCommunicationStepSize", "hasEventMode"), True)
+    elif tag == "ModelExchange":
+        model.capabilities["hasEventMode"] = fmi == "3.0"
+        model.continuous = continuous(fmi, root, elements, bare)
+        model.capabilities["canHandleVariableCommunicationStepSize"] = True  # a solver chooses its steps
+    elif model.capabilities["providesDirectionalDerivatives"]:
+        with suppress(ValueError):  # nobody steps with what it says there
+            model.continuous = continuous(fmi, root, elements, bare)
+    return model
+
+
+def continuous(fmi: str, root: Any, elements: list[Any], bare: list[Declared]) -> Continuous:
+    """What Model Exchange needs of ModelStructure and of the interface."""
+    interface = root.find("ModelExchange")
+    if fmi == "2.0":
+        known, key, path = dict(enumerate(bare, 1)), "index", "ModelStructure/Derivatives/Unknown"
+    else:
+        known, key, path = (
+            {one.reference: one for one in bare},
+            "valueReference",
+            "ModelStructure/ContinuousStateDerivative",
+        )
+    of = {one.name: element for one, element in zip(bare, elements, strict=True)}
+    states, derivatives = [], []
+    for element in root.iterfind(path):
+        place = f"line {element.sourceline}: <{element.tag}>, {key}"
+        derivative = named(element.get(key), known, place)
+        holder = of[derivative.name] if fmi == "3.0" else next(iter(of[derivative.name].iterfind("Real")), element)
+        states.append(named(holder.get("derivative"), known, f"{place}: {derivative.name!r}, derivative").reference)
+        derivatives.append(derivative.reference)
+    told = (
+        None
+        if interface is None
+        else interface.get("needsCompletedIntegratorStep" if fmi == "3.0" else "completedIntegratorStepNotNeeded")
+    )
+    return Continuous(
+        tuple(states), tuple(derivatives), whole(root.get("numberOfEventIndicators")) or 0,
+        (told in TRUE) == (fmi == "3.0"),
+    )  # fmt: skip
+
+
+def capabilities(fmi: str, interface: Any) -> dict[str, bool]:
+    """Capability flags under their names in FMI 3.0, whatever version says them."""
+    names = FMI2_NAMES if fmi == "2.0" else {}
+    return {name: interface.get(names.get(name, name)) in TRUE for name in CAPABILITIES}
+
+
+def types_of(fmi: str, root: Any) -> list[Any]:
+    """Elements of type definitions."""
+    found = root.iterfind("TypeDefinitions/SimpleType" if fmi == "2.0" else "TypeDefinitions/*")
+    return [one for one in found if isinstance(one.tag, str)]
+
+
+def fmi2_type(element: Any) -> tuple[str, DeclaredType]:
+    """A SimpleType: what it is stands in its first element."""
+    first = next((one for one in element if isinstance(one.tag, str)), element)
+    return element.get("name", ""), common(first, element.get("description", ""))
+
+
+def fmi3_type(element: Any) -> tuple[str, DeclaredType]:
+    """A Float64Type and the like; clocks have no types that a run needs."""
+    name = element.get("name", "") if element.tag != "ClockType" else ""
+    return name, common(element, element.get("description", ""))
+
+
+def common(element: Any, description: str) -> DeclaredType:
+    """What a type says of its variables."""
+    items = tuple((one.get("name", ""), one.get("value", "")) for one in element.findall("Item"))
+    texts = element.get("unit", ""), element.get("displayUnit", ""), description
+    return DeclaredType(*texts, element.get("min"), element.get("max"), items)
+
+
+def variable(fmi: str, element: Any, types: dict[str, DeclaredType], sizes: dict[str, Any]) -> Declared:
+    """A variable from its element."""
+    value = element if fmi == "3.0" else next(one for one in element if one.tag in FMI2_TYPES)
+    name, kind = element.get("name"), value.tag
+    place = f"line {element.sourceline}: {name!r}"
+    causality = element.get("causality", "local")
+    variability = element.get("variability") or usual(fmi, causality, kind)
+    initial = element.get("initial")
+    if initial is None:
+        initial = INITIAL.get((variability, causality))
+        if initial is None:
+            raise ValueError(f'{place} has causality="{causality}" with variability="{variability}", which FMI forbids')
+    declared_type = value.get("declaredType")
+    if declared_type is not None and declared_type not in types:
+        raise ValueError(f'{place} has declaredType="{declared_type}", which is not defined')
+    holder = element.find("Start") if kind in ("String", "Binary") and fmi == "3.0" else None
+    measures = kind in FLOATS
+    return Declared(
+        name, int(element.get("valueReference")), kind, causality, variability, initial,
+        value.get("start") if holder is None else holder.get("value"),
+        value.get("unit", "") if measures else "", value.get("displayUnit", "") if measures else "",
+        element.get("description", ""),
+        None if kind in BOUNDLESS else value.get("min"), None if kind in BOUNDLESS else value.get("max"),
+        types[declared_type] if declared_type is not None else NO_TYPE,
+        tuple(dimension(one, sizes) for one in element.iterfind("Dimension")) if fmi == "3.0" else (),
+    )  # fmt: skip
+
+
+NO_TYPE = DeclaredType()
+
+
+def usual(fmi: str, causality: str, kind: str) -> str:
+    """The variability of a variable that says none."""
+    if fmi == "2.0":
+        return "continuous"
+    if causality in FIXED:
+        return "fixed"
+    return "continuous" if kind in FLOATS else "discrete"
+
+
+def dimension(element: Any, sizes: dict[str, Any]) -> Dimension:
+    """A size; `markup.check` has seen that it is a number, or refers to a variable that starts with one."""
+    if element.get("start") is not None:
+        return Dimension(int(element.get("start")))
+    reference = element.get("valueReference").strip()
+    return Dimension(int(sizes[reference].get("start")), int(reference))
+
+
+def aliased(own: Declared, element: Any) -> Declared:
+    """The same variable by another name, which may have a display unit and a description of its own."""
+    return Declared(
+        element.get("name"), own.reference, own.type, own.causality, own.variability, own.initial, own.start,
+        own.unit, element.get("displayUnit") or own.display_unit, element.get("description") or own.description,
+        own.minimum, own.maximum, own.common, own.dimensions, own.name,
+    )  # fmt: skip
+
+
+def dependencies(fmi: str, root: Any, bare: list[Declared]) -> dict[str, tuple[str, ...] | None]:
+    """Inputs that outputs and initial unknowns depend on; None where the FMU does not say."""
+    if fmi == "2.0":
+        known = dict(enumerate(bare, 1))
+        paths, key = ("ModelStructure/Outputs/Unknown", "ModelStructure/InitialUnknowns/Unknown"), "index"
+    else:
+        known = {one.reference: one for one in bare}
+        paths, key = ("ModelStructure/Output", "ModelStructure/InitialUnknown"), "valueReference"
+    found: dict[str, tuple[str, ...] | None] = {}
+    for element in (one for path in paths for one in root.iterfind(path)):
+        told = element.get("dependencies")
+        unknown, *others = (
+            named(word, known, f"line {element.sourceline}: <{element.tag}>, {what}")
+            for what, word in ((key, element.get(key)), *(("dependencies", one) for one in (told or "").split()))
+        )
+        names = tuple(one.name for one in others if one.causality == "input")
+        found[unknown.name] = None if told is None else names
+    return found
+
+
+def named(word: str | None, known: dict[int, Declared], place: str) -> Declared:
+    """The variable that a number in ModelStructure means."""
+    number = whole(word)
+    if number not in known:
+        raise ValueError(f"{place}: there is no variable {word!r}")
+    return known[number]
+
+
+def unit(element: Any) -> DeclaredUnit:
+    """A unit with its display units."""
+    base = element.find("BaseUnit")
+    written = {} if base is None else dict(base.attrib)
+    try:
+        return DeclaredUnit(
+            element.get("name", ""),
+            None if base is None else float(written.pop("factor", 1.0)),
+            float(written.pop("offset", 0.0)),
+            tuple(int(written.get(symbol, 0)) for symbol in units.BASE),
+            tuple(
+                (one.get("name", ""), float(one.get("factor", 1.0)), float(one.get("offset", 0.0)))
+                for one in element.iterfind("DisplayUnit")
+            ),
+        )
+    except ValueError as error:
+        raise ValueError(f"line {element.sourceline}: unit {element.get('name')!r}: {error}") from None

@@ -1,0 +1,1 @@
+"""FMUs for Model Exchange: members, connected systems of equations, solvers."""

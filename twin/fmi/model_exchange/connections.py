@@ -1,0 +1,203 @@
+"""Values along the connections between members that are integrated together, at every evaluation of their equations.
+
+Sources follow inputs at once where members have direct feedthrough: they are read in that order. Where they follow each
+other in a ring, the ring is solved by Newton's method.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.coupling import Link, direct_followers
+from twin.errors import SimulationError
+from twin.graph import ordered_groups
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from twin.fmi.model_exchange.model_exchange_member import ExchangeMember, Slot
+
+Vector = np.ndarray[Any, Any]
+
+TOLERANCE = 1e-12  # relative change of a ring's values at which it counts as solved
+ITERATIONS = 20
+DIFFERENCE = 1e-7  # relative, for the Jacobian of a ring
+
+
+@dataclass(slots=True)
+class Overrides:
+    """What others see of a variable instead of its values: by element, or all of it (None)."""
+
+    values: dict[int | None, Any] = field(default_factory=dict)
+
+    def put(self, values: Vector) -> None:
+        """Put them in the place of values."""
+        for element, value in self.values.items():
+            values[slice(None) if element is None else element] = np.ravel(value)
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Where a source's values go: `part` of them, converted, to `place` of an input."""
+
+    member: ExchangeMember
+    slot: Slot
+    part: slice
+    place: slice
+    factor: float
+    offset: float
+    overrides: Overrides
+
+    def take(self, values: Vector) -> bool:
+        """Take the source's values; whether they differ from those before, which the FMU is told then."""
+        given = values[self.part]
+        if (self.factor, self.offset) != (1.0, 0.0):
+            given = given * self.factor + self.offset
+        values, applied = self.slot.values, self.slot.applied
+        values[self.place] = given
+        self.overrides.put(values)
+        if values.tobytes() == applied.tobytes():
+            return False
+        applied[:] = values
+        self.member.move(self.slot)
+        return True
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """A variable that others of the system read."""
+
+    member: ExchangeMember
+    slot: Slot
+    targets: tuple[Target, ...]
+    overrides: Overrides
+
+    def read(self) -> Vector:
+        """Its values."""
+        self.member.move(self.slot)
+        return self.slot.values
+
+    def give(self, values: Vector) -> bool:
+        """Give values to all who read them; whether one of them is told something new."""
+        if self.overrides.values:
+            values = values.copy()
+            self.overrides.put(values)
+        taken = [target.take(values) for target in self.targets]
+        return any(taken)
+
+    def move(self) -> bool:
+        """From the source to all targets."""
+        return self.give(self.read())
+
+
+class Ring:
+    """Sources that follow each other at once: their values x fulfill G(x) = x."""
+
+    def __init__(self, sources: Sequence[Source]) -> None:
+        self.sources = sources
+        self.names = ", ".join(f"{one.member.name}.{one.slot.variable.name}" for one in sources)
+        self.jacobian: Vector | None = None
+
+    def evaluate(self, x: Vector) -> Vector:
+        """G: what the sources are, if they were x."""
+        at = 0
+        for one in self.sources:
+            one.give(x[at : at + len(one.slot.values)])
+            at += len(one.slot.values)
+        return self.read()
+
+    def read(self) -> Vector:
+        """The sources' values, flat."""
+        return np.concatenate([one.read() for one in self.sources])
+
+    def move(self) -> bool:
+        """Solve; the Jacobian of the last time is taken until it does not do."""
+        before = x = self.read()
+        for iteration in range(ITERATIONS):
+            found = self.evaluate(x)
+            scale = np.maximum(np.maximum(np.abs(x), np.abs(found)), 1e-12)
+            if np.all(np.abs(found - x) <= TOLERANCE * scale):
+                return not np.array_equal(before, x)
+            if self.jacobian is None or iteration % 4 == 3:
+                self.jacobian = self.differences(x, found)
+            try:
+                x = x + np.linalg.solve(np.eye(len(x)) - self.jacobian, found - x)
+            except np.linalg.LinAlgError:
+                break
+        self.jacobian = None
+        raise SimulationError(
+            f"the algebraic loop through {self.names} has no solution that could be found. "
+            "Break it with a sampled component, or give other start values."
+        )
+
+    def differences(self, x: Vector, found: Vector) -> Vector:
+        """Jacobian of G."""
+        jacobian = np.empty((len(x), len(x)))
+        for i in range(len(x)):
+            step = DIFFERENCE * max(abs(x[i]), 1e-3)
+            moved = x.copy()
+            moved[i] += step
+            jacobian[:, i] = (self.evaluate(moved) - found) / step
+        return jacobian
+
+
+class Couplings:
+    """All connections inside of a system: those of continuous values in order, and the others."""
+
+    def __init__(self, members: Sequence[ExchangeMember], links: Sequence[Link]) -> None:
+        self.members = {one.name: one for one in members}
+        self.links = links
+        self.overrides: dict[tuple[str, str], Overrides] = {}
+        flowing = [link for link in links if is_continuous(link)]
+        catalog = {one.name: one.variables for one in members}
+        followers = direct_followers(flowing, catalog)
+        self.order: list[Source | Ring] = []
+        for keys in ordered_groups(list(followers), followers):
+            sources = [self._source(key, flowing) for key in keys]
+            is_ring = len(keys) > 1 or keys[0] in followers[keys[0]]
+            self.order.append(Ring(sources) if is_ring else sources[0])
+        held = [link for link in links if not is_continuous(link)]
+        self.held = [self._source(key, held) for key in dict.fromkeys(link.source.key for link in held)]
+
+    def _source(self, key: tuple[str, str], links: Sequence[Link]) -> Source:
+        member = self.members[key[0]]
+        targets = tuple(self._target(link) for link in links if link.source.key == key)
+        return Source(member, member.slot(key[1]), targets, self.overrides.setdefault(key, Overrides()))
+
+    def _target(self, link: Link) -> Target:
+        source, target = link.source, link.target
+        member = self.members[target.member]
+        slot = member.slot(target.variable.name)
+        slot.is_driven = target.size == target.variable.size
+        return Target(
+            member, slot,
+            slice(source.first, source.first + source.size), slice(target.first, target.first + target.size),
+            link.factor, link.offset, self.overrides.setdefault(target.key, Overrides()),
+        )  # fmt: skip
+
+    def override(self, key: tuple[str, str], value: Any, element: int | None) -> None:
+        """Let others see a value instead of a variable's own; None: no longer."""
+        if key in self.overrides:
+            known = self.overrides[key].values
+            known.pop(element, None)
+            if value is not None:
+                known[element] = value
+
+    def move(self) -> None:
+        """Continuous values, at any point."""
+        for one in self.order:
+            one.move()
+
+    def move_all(self) -> bool:
+        """All values, in Event Mode; whether one has changed."""
+        moved = [one.move() for one in (*self.held, *self.order)]
+        return any(moved)
+
+
+def is_continuous(link: Link) -> bool:
+    """Whether a connection's values change between events."""
+    ends = link.source.variable, link.target.variable
+    return all(one.variability == "continuous" and one.dtype.kind == "f" for one in ends)

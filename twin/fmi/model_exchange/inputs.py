@@ -1,0 +1,54 @@
+"""Inputs over time of a member that is integrated: continuous ones at every evaluation, jumps as time events."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from twin.fmi.csv_tables import Inputs
+    from twin.fmi.model_exchange.model_exchange_member import ExchangeMember
+
+
+class Followed:
+    """A table that a member's inputs follow. Where two rows have one time, the first holds until then."""
+
+    def __init__(self, member: ExchangeMember, inputs: Inputs) -> None:
+        self.member, self.inputs = member, inputs
+        self.linear = [column for column in inputs.columns if column.linear]
+        times = inputs.times
+        is_jump = np.zeros(len(times), np.bool_)
+        is_jump[1:] = (np.diff(times) == 0.0) & bool(self.linear)
+        for column in inputs.columns:
+            if not column.linear:
+                is_jump[1:] |= np.any(column.rows[1:] != column.rows[:-1], axis=1)
+        self.jumps = np.unique(times[is_jump])
+
+    def __call__(self, t: float) -> None:
+        """Set all inputs before the run begins at t [s]; from then on the member does."""
+        if self.member.is_initializing:
+            self.apply(t)
+
+    def apply(self, t: float) -> None:
+        """Set all inputs to what holds from t [s] on."""
+        for column in self.inputs.columns:
+            value = self.inputs.at(column, t)
+            self.member.set(column.variable.name, value if column.variable.shape else value[0])
+
+    def move_to(self, t: float) -> None:
+        """Set the continuous inputs to what holds until t [s]."""
+        place = int(np.searchsorted(self.jumps, t))
+        if place < len(self.jumps) and self.jumps[place] == t:
+            t = float(np.nextafter(t, -np.inf))
+        for column in self.linear:
+            slot = self.member.slot(column.variable.name)
+            slot.values[:] = self.inputs.at(column, t)
+            if slot.has_changed:
+                slot.applied[:] = slot.values
+                self.member.move(slot)
+
+    def due(self, t: float) -> float:
+        """The next jump after t [s]."""
+        place = int(np.searchsorted(self.jumps, t, side="right"))
+        return float(self.jumps[place]) if place < len(self.jumps) else np.inf

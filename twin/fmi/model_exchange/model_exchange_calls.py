@@ -1,0 +1,155 @@
+"""The functions of Model Exchange as methods of an FMU: modes, events, equations. FMI 2.0.4 and 3.0.1, section 3."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+
+from twin.fmi.importing import binary
+from twin.fmi.importing.c_functions import CallError, EventInfo, MissingFunctionError
+from twin.fmi.importing.fmu_member import FMUMember
+from twin.fmi.model_description import Continuous
+from twin.fmi.model_exchange.solvers import Discarded
+
+# what FMI 3.0 calls otherwise than FMI 2.0
+FMI2_WORDS = {"GetContinuousStateDerivatives": "GetDerivatives"}
+CONTINUOUS = "continuous time"  # the mode in which it is integrated
+
+
+class ContinuousFMU(FMUMember):
+    """An FMU that is told where its solver is, and asked for its equations there."""
+
+    structure: Continuous
+    states: np.ndarray[Any, Any]
+    derivatives: np.ndarray[Any, Any]
+    nominals: np.ndarray[Any, Any]
+    indicators: np.ndarray[Any, Any]
+    _time: float | None = None  # of the point that it was moved to last [s]
+
+    # events
+
+    def enter_event_mode(self) -> None:
+        """From Continuous-Time Mode."""
+        self._call(f"{self._prefix}EnterEventMode")
+        self._state = "event"
+
+    def update(self) -> tuple[bool, bool, float]:
+        """One iteration of Event Mode: whether another is needed, whether the end is wanted, when the next event is due."""
+        if self._unpacked.fmi == "2.0":
+            info = EventInfo()
+            self._call("fmi2NewDiscreteStates", ctypes.byref(info))
+            due = info.nextEventTime if info.nextEventTimeDefined else np.inf
+            return bool(info.newDiscreteStatesNeeded), bool(info.terminateSimulation), due
+        needed, terminate, nominals, states, defined = (ctypes.c_bool() for _ in range(5))
+        due = ctypes.c_double()
+        flags = (ctypes.byref(one) for one in (needed, terminate, nominals, states, defined, due))
+        self._call("fmi3UpdateDiscreteStates", *flags)
+        return needed.value, terminate.value, due.value if defined.value else np.inf
+
+    def enter_continuous_time(self) -> None:
+        """From Event Mode; the states may have changed, and how many there are is known now."""
+        self._call(f"{self._prefix}EnterContinuousTimeMode")
+        if not hasattr(self, "states"):
+            self._size()
+        self._state = CONTINUOUS
+        self.take_states()
+        self._vector("GetNominalsOfContinuousStates")
+
+    def take_states(self) -> None:
+        """Know the states that the FMU is in."""
+        self._vector("GetContinuousStates")
+
+    def _size(self) -> None:
+        count, indicators = len(self.structure.states), self.structure.indicators
+        if self._unpacked.fmi == "3.0":
+            count, indicators = (
+                self._number(f"fmi3GetNumberOf{what}") for what in ("ContinuousStates", "EventIndicators")
+            )
+        self.states, self.derivatives, self.nominals = np.zeros(count), np.zeros(count), np.ones(count)
+        self.indicators = np.zeros(indicators)
+        values = {
+            "SetContinuousStates": self.states,
+            "GetContinuousStates": self.states,
+            "GetContinuousStateDerivatives": self.derivatives,
+            "GetNominalsOfContinuousStates": self.nominals,
+            "GetEventIndicators": self.indicators,
+        }
+        pointer = ctypes.POINTER(ctypes.c_double)
+        self._arrays = {name: (one.ctypes.data_as(pointer), len(one)) for name, one in values.items()}
+
+    def _number(self, function: str) -> int:
+        answer = ctypes.c_size_t()
+        self._call(function, ctypes.byref(answer))
+        return answer.value
+
+    def complete_step(self) -> tuple[bool, bool]:
+        """Tell the FMU that the solver goes on from here: whether there is an event, whether the end is wanted."""
+        if not self.structure.tells_steps:
+            return False, False
+        kind = ctypes.c_int if self._unpacked.fmi == "2.0" else ctypes.c_bool
+        event, terminate = kind(), kind()
+        self._call(f"{self._prefix}CompletedIntegratorStep", True, ctypes.byref(event), ctypes.byref(terminate))
+        return bool(event.value), bool(terminate.value)
+
+    # the equations
+
+    def move_to(self, t: float, states: np.ndarray[Any, Any]) -> None:
+        """Be at a time [s] and in a state."""
+        self._time = t
+        self._evaluated("SetTime", t)
+        self.states[:] = states
+        self._vector("SetContinuousStates")
+
+    def differentiate(self) -> np.ndarray[Any, Any]:
+        """Derivatives of the states at the present point."""
+        self._vector("GetContinuousStateDerivatives")
+        return self.derivatives
+
+    def indicate(self) -> np.ndarray[Any, Any]:
+        """Event indicators at the present point."""
+        self._vector("GetEventIndicators")
+        return self.indicators
+
+    def _vector(self, function: str) -> None:
+        """Call one of the functions that move the values of all states or indicators."""
+        array, size = self._arrays[function]
+        if size:
+            self._evaluated(function, array, size)
+
+    def _evaluated(self, function: str, *arguments: Any) -> None:
+        """Call a function that the FMU may discard: then the solver tries a point that is nearer."""
+        name = f"fmi2{FMI2_WORDS.get(function, function)}" if self._unpacked.fmi == "2.0" else f"fmi3{function}"
+        try:
+            self._loaded.call(name, self.instance, *arguments)
+        except CallError as error:
+            if error.status == binary.DISCARD:
+                raise Discarded from None
+            self.failed(error.status)
+            raise binary.failed(self.name, error.function, error.status, self.log) from None
+
+    def direction(self, unknowns: np.ndarray[Any, Any], known: int, seed: np.ndarray[Any, Any], size: int) -> Any:
+        """Directional derivative of unknowns, with `size` values in all, along a known variable.
+
+        Time, states and inputs are set again afterwards: an FMU may take a finite difference and stay where that ended.
+        """
+        found = np.zeros(size)
+        pointer, word = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_uint)
+        references = (ctypes.c_uint * 1)(known)
+        sizes = ((), ()) if self._unpacked.fmi == "2.0" else ((len(seed),), (size,))
+        arguments = (
+            unknowns.ctypes.data_as(word), len(unknowns), references, 1,
+            seed.ctypes.data_as(pointer), *sizes[0], found.ctypes.data_as(pointer), *sizes[1],
+        )  # fmt: skip
+        try:
+            self._loaded.call(f"{self._prefix}GetDirectionalDerivative", self.instance, *arguments)
+        except (CallError, MissingFunctionError) as error:
+            raise Discarded(str(error)) from None
+        if self._state == CONTINUOUS and self._time is not None:
+            self.reset_point(self._time)
+        return found
+
+    def reset_point(self, t: float) -> None:
+        """Set time [s], states and inputs of the present point once more."""
+        self.move_to(t, self.states)

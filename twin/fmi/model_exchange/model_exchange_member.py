@@ -1,0 +1,303 @@
+"""Somebody's FMU for Model Exchange as a member: its equations are solved here, with those it is connected with.
+
+What others read of it, and what they write, lies in this process (`address`), so that the loop copies it in place. Call
+sequence of FMI 3.0.1, section 3.2, and FMI 2.0.4, section 3.2: after initialization Event Mode, then Continuous-Time Mode
+with an excursion to Event Mode at every event.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.compiler import machine
+from twin.coupling import Access, Link, Member, MemberVariable, Way
+from twin.errors import TwinError, described
+from twin.fmi.importing import binary
+from twin.fmi.importing.state_callbacks import both
+from twin.fmi.model_exchange import solvers
+from twin.fmi.model_exchange.inputs import Followed
+from twin.fmi.model_exchange.model_exchange_calls import CONTINUOUS, ContinuousFMU
+from twin.fmi.model_exchange.solvers import Discarded
+from twin.fmi.model_exchange.system import ContinuousSystem
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+    from twin.fmi.csv_tables import Inputs
+    from twin.fmi.model_exchange.sensitivity import Sensitivity
+
+
+@dataclass(slots=True)
+class Slot:
+    """A variable's values in this process, at an address. `applied`: what the FMU was told last, of an input.
+
+    `call`: moves the values between here and the FMU, in the one direction that there is for the variable.
+    """
+
+    variable: MemberVariable
+    is_input: bool
+    values: np.ndarray[Any, Any]
+    applied: np.ndarray[Any, Any]
+    place: int
+    name: str = ""
+    call: Callable[[], int] = int
+    is_driven: bool = False  # an input that has all its values from a member that it is integrated with
+
+    @property
+    def has_changed(self) -> bool:
+        """Whether an input's values from outside are not those that the FMU was told."""
+        return self.is_input and not self.is_driven and self.values.tobytes() != self.applied.tobytes()
+
+
+class ExchangeMember(ContinuousFMU):
+    """An FMU for Model Exchange. `solver`: one of `exchange_solvers.NAMES`; `tolerance`: relative, of the states.
+
+    Between communication points it is evaluated at points that the solver may reject: what the FMU itself records of its
+    evaluations is no trajectory.
+    """
+
+    interface = "ModelExchange"
+    continuous = True
+    step_name = "integration"
+
+    def __init__(
+        self,
+        name: str,
+        path: str | Path,
+        start_values: dict[str, Any] | None = None,
+        visible: bool = False,
+        logging: bool = False,
+        *,
+        solver: str = "",
+        tolerance: float | None = None,
+    ) -> None:
+        self.solver = solvers.check(solver) if solver else ""
+        super().__init__(name, path, start_values, visible, logging)
+        self.tolerance = tolerance or self.default_experiment.tolerance
+        self.identity["interface"] = "Model Exchange"
+        exact = self.tolerance or solvers.TOLERANCE
+        self.notes.append(f"is integrated by {self.solver or solvers.DEFAULT}, relative tolerance {exact:g}")
+        assert self._unpacked.description.continuous is not None
+        self.structure = self._unpacked.description.continuous
+        self.slots: dict[str, Slot] = {}
+        self.system: ContinuousSystem | None = None
+        self.failure: BaseException | None = None
+        self._given: dict[str, np.ndarray[Any, Any]] = {}  # what was set last
+        self._waiting: dict[str, Any] = {}  # what is to be set at the next event
+        self.followed: Followed | None = None
+        self.sensitivity: Sensitivity | None = None  # told along the way, of all that it is integrated with
+        self._kept: list[Any] = []  # callbacks
+        self._callback = machine.STEP(self._step)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        super().__setstate__(state)
+        self._callback = machine.STEP(self._step)
+
+    # call sequence
+
+    def _find_step(self) -> None:
+        self.step_function = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
+
+    def join(self, members: Sequence[Member], links: Sequence[Link]) -> None:
+        """Be integrated together with others, in one state, along these connections between them."""
+        joined = [one for one in members if isinstance(one, ExchangeMember)]
+        system = ContinuousSystem(joined, links)
+        for one in joined:
+            one.system = system
+
+    def exit_initialization(self) -> None:
+        super().exit_initialization()
+        self._state = "event"
+        if self.system is None:
+            self.join([self], [])
+        assert self.system is not None
+        if all(one._state == "event" for one in self.system.members):
+            self.system.start()
+
+    def enter_initialization(self, t: float, stop: float | None) -> None:
+        super().enter_initialization(t, stop)
+        self.begin = t
+
+    def _step(self, _instance: int, t: float, h: float, _: int, *flags: int) -> int:
+        _event, terminate, _early, reached = flags
+        try:
+            assert self.system is not None
+            self.system.step(t, h)
+        except BaseException as error:  # also Ctrl-C: nothing may pass through native frames
+            self.failure = error
+            self.log.append(str(error) if isinstance(error, TwinError) else described(error))
+            return binary.ERROR
+        if self.system.ended:
+            machine.write8(terminate, 1)
+            machine.write_float(reached, self.system.t)
+        return binary.OK
+
+    def check(self, status: int, what: str) -> None:
+        failure, self.failure = self.failure, None
+        if failure is not None:
+            raise failure
+        super().check(status, what)
+
+    def last_successful_time(self, reached: float) -> float | None:
+        return reached
+
+    def close(self) -> None:
+        if self._state in ("event", CONTINUOUS):
+            self._state = "stepping"
+        super().close()
+
+    def save(self) -> Any:
+        return super().save(), self._beside()
+
+    def restore(self, saved: Any) -> None:
+        super().restore(saved[0])
+        self._put_beside(saved[1])
+
+    def _beside(self) -> tuple[Any, ...]:
+        """What the FMU does not hold: values in this process, and how far the solver is."""
+        assert self.system is not None
+        values = {name: (slot.values.copy(), slot.applied.copy()) for name, slot in self.slots.items()}
+        return self.system.save(), values, self.states.copy()
+
+    def _put_beside(self, saved: tuple[Any, ...]) -> None:
+        assert self.system is not None
+        at, values, states = saved
+        for name, (current, applied) in values.items():
+            self.slots[name].values[:], self.slots[name].applied[:] = current, applied
+        self.states[:], self.failure = states, None
+        self.system.restore(at)
+
+    def way(self, count: int) -> Way:
+        """The FMU's own way back, and what is beside it."""
+        return both(super().way(count), self._beside, self._put_beside, self._kept)
+
+    # values
+
+    @property
+    def is_initializing(self) -> bool:
+        """Whether it is in Initialization Mode."""
+        return self._state == "initializing"
+
+    def override(self, name: str, value: Any, element: int | None = None) -> None:
+        if self.system is not None:
+            self.system.override((self.name, name), value, element)
+
+    def follow(self, inputs: Inputs) -> Followed:
+        self.followed = Followed(self, inputs)
+        return self.followed
+
+    def set(self, name: str, value: Any) -> None:
+        """Set a variable; while it is integrated, at the next communication point."""
+        slot = self.slots.get(name)
+        is_kept = slot is not None and slot.is_input
+        if self._state != CONTINUOUS:
+            super().set(name, value)
+            if slot is not None and is_kept:
+                slot.values[:] = slot.applied[:] = self._given[name]
+        elif slot is not None and is_kept:
+            slot.values[:] = np.ravel(value)
+        else:
+            self._waiting[name] = value
+
+    def _write(self, variable: MemberVariable, value: np.ndarray[Any, Any]) -> None:
+        super()._write(variable, value)
+        if variable.connectable and variable.causality == "input":
+            self._given[variable.name] = np.array(value, variable.dtype).reshape(-1)
+
+    def address(self, name: str) -> int:
+        variable = self.variables[name]
+        return self.slot(variable.name).place if variable.connectable else 0
+
+    def access(self, names: list[str], write: bool) -> Access:
+        if not write:
+            return super().access(names, write)
+        slots = [self.slot(name) for name in names]
+
+        def stage(_instance: int, _references: int, _count: int, values: int, _size: int) -> int:
+            for slot in slots:
+                ctypes.memmove(slot.place, values, slot.values.nbytes)
+                values += slot.values.nbytes
+                if self.is_initializing:
+                    self._write(slot.variable, slot.values)
+            return binary.OK
+
+        self._kept.append(machine.ACCESS(stage))
+        made = super().access(names, write)
+        made.function, made.takes_size = ctypes.cast(self._kept[-1], ctypes.c_void_p).value or 0, True
+        return made
+
+    def slot(self, name: str) -> Slot:
+        """Where a variable's values lie for others; they are there at once if the member is integrated."""
+        if name in self.slots:
+            return self.slots[name]
+        variable = self.variables[name]
+        values, is_input = np.zeros(variable.size, variable.dtype), variable.causality == "input"
+        slot = self.slots[name] = Slot(variable, is_input, values, values.copy(), int(values.ctypes.data))
+        access = super().access([name], write=is_input)
+        self._kept.append(access)
+        slot.name, slot.call = access.name, partial(access.call, self.instance, slot.place)
+        if is_input:
+            known = self._given.get(name, variable.start)
+            slot.values[:] = np.ravel(self.get(name) if known is None else known)
+            slot.applied[:] = slot.values
+        elif self._state == CONTINUOUS:
+            self.move(slot)
+        return slot
+
+    def move(self, slot: Slot) -> None:
+        """Tell the FMU an input's values, or take another variable's from it."""
+        status = slot.call()
+        if status == binary.DISCARD:
+            raise Discarded
+        if status > binary.WARNING:
+            super().check(status, f"{slot.name} of {slot.variable.name}")
+
+    def publish(self) -> None:
+        """Put the values of the present point where others read them."""
+        for slot in self.slots.values():
+            if not slot.is_input:
+                self.move(slot)
+
+    # events
+
+    def has_changed(self) -> bool:
+        """Whether others have written an input, or a value waits to be set."""
+        return bool(self._waiting) or any(slot.has_changed for slot in self.slots.values())
+
+    def apply(self) -> None:
+        """Tell the FMU, in Event Mode, what was changed outside."""
+        if self.followed:
+            assert self.system is not None
+            self.followed.apply(self.system.t)
+        waiting, self._waiting = self._waiting, {}
+        for name, value in waiting.items():
+            super().set(name, value)
+        for slot in self.slots.values():
+            if slot.has_changed:
+                self.move(slot)
+                slot.applied[:] = slot.values
+
+    def update(self) -> tuple[bool, bool, float]:
+        """As the FMU; a jump of the inputs that it follows is an event, too."""
+        needed, ends, due = super().update()
+        assert self.system is not None
+        return needed, ends, min(due, self.followed.due(self.system.t)) if self.followed else due
+
+    def move_to(self, t: float, states: np.ndarray[Any, Any]) -> None:
+        """Be at a time [s] and in a state, with the inputs that it follows."""
+        super().move_to(t, states)
+        if self.followed:
+            self.followed.move_to(t)
+
+    def reset_point(self, t: float) -> None:
+        """Set the continuous inputs, too."""
+        super().reset_point(t)
+        for slot in self.slots.values():
+            if slot.is_input and slot.variable.variability == "continuous":
+                self.move(slot)

@@ -1,0 +1,125 @@
+"""The Jacobian of a continuous system from its members' directional derivatives, through the connections between them.
+
+Of a member: der(x) = A x + B u, y = C x + D u in small changes, and u = K y along the connections, so that the whole has
+A + B K (1 - D K)^-1 C. Algebraic loops are part of it.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.fmi.model_exchange.connections import is_continuous
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from twin.coupling import Link
+    from twin.fmi.model_exchange.model_exchange_member import ExchangeMember
+
+Vector = np.ndarray[Any, Any]
+
+
+def offered(members: Sequence[ExchangeMember]) -> bool:
+    """Whether all members tell directional derivatives."""
+    return all(one.capabilities["providesDirectionalDerivatives"] for one in members)
+
+
+class Part:
+    """One member: which of its values are known, which are not, and where they stand in the whole."""
+
+    def __init__(self, member: ExchangeMember, links: Sequence[Link], wanted: Sequence[str] = ()) -> None:
+        self.member = member
+        inputs = [link.target.variable for link in links if link.target.member == member.name]
+        outputs = [link.source.variable for link in links if link.source.member == member.name]
+        outputs += [member.variables[name] for name in wanted]
+        self.inputs = {one.name: one for one in inputs}
+        self.outputs = {one.name: one for one in outputs}
+        sizes = {one.references[0]: one.size for one in member.variables.values()}
+        self.state_references = [(reference, sizes[reference]) for reference in member.structure.states]
+        self.input_references = [(one.references[0], one.size) for one in self.inputs.values()]
+        unknowns = [*member.structure.derivatives, *(one.references[0] for one in self.outputs.values())]
+        self.unknowns = np.array(unknowns, np.uint32)
+        self.rows = sum(sizes[int(one)] for one in self.unknowns)
+
+    def along(self, references: Sequence[tuple[int, int]]) -> Vector:
+        """Derivatives of all unknowns along each element of some knowns, as columns."""
+        columns = [
+            self.member.direction(self.unknowns, reference, seed, self.rows)
+            for reference, size in references
+            for seed in np.eye(size)
+        ]
+        return np.array(columns).T if columns else np.zeros((self.rows, 0))
+
+
+class Jacobian:
+    """Of all states' derivatives by all states; `move_to` brings the members to a point.
+
+    `wanted`: outputs of each member that are told beside those that others read.
+    """
+
+    def __init__(
+        self,
+        members: Sequence[ExchangeMember],
+        links: Sequence[Link],
+        move_to: Callable[[float, Vector], None],
+        wanted: Mapping[str, Sequence[str]] | None = None,
+    ) -> None:
+        flowing = [link for link in links if is_continuous(link)]
+        self.parts = [Part(one, flowing, (wanted or {}).get(one.name, ())) for one in members]
+        self.move_to = move_to
+        inputs = places((one.member.name, variable) for one in self.parts for variable in one.inputs.values())
+        self.outputs, count = places(
+            (one.member.name, variable) for one in self.parts for variable in one.outputs.values()
+        )
+        self.coupling = np.zeros((inputs[1], count))
+        for link in flowing:
+            row = inputs[0][link.target.key] + link.target.first
+            column = self.outputs[link.source.key] + link.source.first
+            for i in range(link.target.size):
+                self.coupling[row + i, column + i] = link.factor
+
+    def __call__(self, t: float, y: Vector) -> Vector:
+        """The Jacobian at a point."""
+        self.move_to(t, y)
+        return self.linearized()[0]
+
+    def linearized(self, by: Sequence[Vector] | None = None) -> tuple[Vector, Vector, Vector, Vector]:
+        """The whole in small changes where the members are: states' derivatives, then outputs, by states and by `by`.
+
+        `by`: derivatives of each member's unknowns by whatever else is known, such as parameters; in columns.
+        """
+        counts = [len(part.member.states) for part in self.parts]
+        by_state = [part.along(part.state_references) for part in self.parts]
+        a, c = (blocks(by_state, counts, below) for below in (False, True))
+        other = [np.zeros((part.rows, 0)) for part in self.parts] if by is None else by
+        f, g = (
+            np.concatenate([one[count:] if below else one[:count] for one, count in zip(other, counts, strict=True)])
+            for below in (False, True)
+        )
+        if not self.coupling.size:
+            return a, f, c, g
+        by_input = [part.along(part.input_references) for part in self.parts]
+        b, d = (blocks(by_input, counts, below) for below in (False, True))
+        ring = np.eye(len(c)) - d @ self.coupling
+        reach, straight = np.linalg.solve(ring, c), np.linalg.solve(ring, g)
+        through = b @ self.coupling
+        return a + through @ reach, f + through @ straight, reach, straight
+
+
+def places(variables: Any) -> tuple[dict[tuple[str, str], int], int]:
+    """Where each variable's elements begin, and how many there are in all."""
+    found, at = {}, 0
+    for member, variable in variables:
+        found[member, variable.name] = at
+        at += variable.size
+    return found, at
+
+
+def blocks(parts: Sequence[Vector], counts: Sequence[int], below: bool) -> Vector:
+    """A block-diagonal matrix of the rows above or below each part's number of states."""
+    import scipy.linalg
+
+    chosen = [part[count:] if below else part[:count] for part, count in zip(parts, counts, strict=True)]
+    return np.asarray(scipy.linalg.block_diag(*chosen))

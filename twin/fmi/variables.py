@@ -1,0 +1,165 @@
+"""What an FMU declares, from its model description to this project's words."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock
+from twin.coupling import DTYPES, MemberVariable, TerminalMember
+from twin.errors import CouplingError, FMUError
+from twin.fmi import units, values
+from twin.fmi.clocks import clock_declarations
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from twin.fmi.model_description import Declared, Model
+
+LARGEST = 1 << 27  # scalars of one variable
+
+# FMI 2.0 type -> FMI 3.0 name, type of one scalar in memory; fmi2Boolean and enumerations are C ints
+FMI2_TYPES: dict[str, tuple[str, np.dtype[Any]]] = {
+    "Real":        ("Float64",     np.dtype(np.float64)),
+    "Integer":     ("Int32",       np.dtype(np.int32)),
+    "Boolean":     ("Boolean",     np.dtype(np.int32)),
+    "Enumeration": ("Enumeration", np.dtype(np.int32)),
+    "String":      ("String",      np.dtype(object)),
+}  # fmt: skip
+
+# `clocked` moves clocks
+FMI3_TYPES = {kind: (kind, dtype) for kind, dtype in {**DTYPES, "Clock": np.dtype(object)}.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """DefaultExperiment: what the FMU's maker suggests [s], None where nothing is suggested."""
+
+    start: float | None = None
+    stop: float | None = None
+    tolerance: float | None = None
+    step_size: float | None = None
+
+
+def experiment(declared: Mapping[str, str], where: str) -> Experiment:
+    """The suggested experiment."""
+    numbers: list[float | None] = []
+    for name in ("startTime", "stopTime", "tolerance", "stepSize"):
+        text = declared.get(name)
+        try:
+            numbers.append(None if text is None else float(text))
+        except ValueError:
+            raise FMUError(f"{where}: DefaultExperiment has {name}={text!r}, expected a number [s].") from None
+    return Experiment(*numbers)
+
+
+def step_size(text: str | None, where: str) -> float | None:
+    """The step [s] from fixedInternalStepSize of FMI 3.0."""
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        raise FMUError(f"{where}: has fixedInternalStepSize={text!r}, expected a number [s].") from None
+
+
+def period(fixed: float | None, suggested: float | None, where: str) -> clock.Time:
+    """Period [ns] of an FMU whose step size must not vary; a suggestion (FMI 2.0) that is no time is left out."""
+    step = suggested if fixed is None else fixed
+    try:
+        size: clock.Time = clock.nanoseconds(step, "fixed step size") if step else 0
+    except CouplingError as error:
+        if fixed is not None:
+            raise FMUError(f"{where}: {error}") from None
+        size = 0
+    if size < 0 and fixed is not None:
+        raise FMUError(f"{where}: fixed step size {step} s is negative. Export the FMU once more.")
+    return max(size, 0)
+
+
+def items(declared: Declared, where: str) -> values.Items:
+    """Items of an enumeration; none for other types."""
+    try:
+        return {name: int(value) for name, value in declared.common.items}
+    except ValueError:
+        raise FMUError(
+            f"{where}: the items of {declared.name} have no whole numbers. Export the FMU once more."
+        ) from None
+
+
+def variable(
+    declared: Declared,
+    types: dict[str, tuple[str, np.dtype[Any]]],
+    sizes: dict[int, int],
+    depends: dict[str, tuple[str, ...] | None],
+    where: str,
+    terminals: tuple[TerminalMember, ...] = (),
+) -> MemberVariable:
+    """A variable; `sizes` are structural parameters by value reference, where they are not at their start."""
+    kind, dtype = types[declared.type]
+    shape = tuple(
+        size.start if size.reference is None else sizes.get(size.reference, size.start) for size in declared.dimensions
+    )
+    if math.prod(shape) > LARGEST:
+        by = " x ".join(map(str, shape))
+        raise FMUError(f"{where}: {declared.name} has {by} elements, more than {LARGEST}. Use a smaller size.")
+    common = declared.common
+    start = plain(kind, shape, declared.start)
+    bare = MemberVariable(
+        declared.name, declared.causality, declared.variability, kind, dtype, shape,
+        declared.unit or common.unit, declared.display_unit or common.display_unit,
+        start, declared.description or common.description,
+        depends.get(declared.alias_of or declared.name) if declared.causality == "output" else (),
+        (declared.reference,),
+        "" if declared.variability == "constant" else declared.initial, tuple(items(declared, where).items()),
+        bound(declared, "min", declared.minimum or common.minimum, where),
+        bound(declared, "max", declared.maximum or common.maximum, where), terminals,
+    )  # fmt: skip
+    return bare if start is not None else with_start(bare, declared.start, where)
+
+
+def bound(declared: Declared, side: str, text: str | None, where: str) -> float | None:
+    """The `min` or `max` of a variable; None if there is none."""
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        raise FMUError(f"{where}: {declared.name} has {side}={text!r}, expected a number.") from None
+
+
+def plain(kind: str, shape: tuple[int, ...], text: str | None) -> Any:
+    """The start value of real numbers, as nearly all are; None: somebody has to look closer, and say what is wrong."""
+    if kind != "Float64" or text is None:
+        return None
+    try:
+        numbers = [float(part) for part in (text.split() if shape else (text,))]
+    except ValueError:
+        return None
+    return np.array(numbers, np.float64).reshape(shape)[()] if len(numbers) == math.prod(shape) else None
+
+
+def with_start(bare: MemberVariable, text: str | None, where: str) -> MemberVariable:
+    """The variable with its start value; None if there is none, or it does not fit a shape that was changed."""
+    if text is None or bare.type == "Clock":
+        return bare
+    parts = text.split() if bare.shape and bare.type not in ("String", "Binary") else [text]
+    if len(parts) != bare.size:
+        return bare
+    parse = values.scalar_of(bare, {}, f"{where}: modelDescription.xml, start")
+    start = np.empty(bare.size, dtype=bare.dtype)
+    for place, part in enumerate(parts):
+        start[place] = parse(part)
+    return replace(bare, start=start.reshape(bare.shape)[()])
+
+
+def variables(
+    model: Model, fmi: str, where: str, sizes: dict[int, int], places: Mapping[str, tuple[TerminalMember, ...]]
+) -> dict[str, MemberVariable]:
+    """The variables of a description. `sizes`: structural parameters by value reference; `places`: terminals by variable."""
+    types = FMI2_TYPES if fmi == "2.0" else FMI3_TYPES
+    known = units.names(model.units)
+    found = {
+        one.name: units.named(variable(one, types, sizes, model.dependencies, where, places.get(one.name, ())), known)
+        for one in model.variables
+    }
+    return clock_declarations.shown(found, model.clocks, model.capabilities)

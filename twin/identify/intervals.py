@@ -1,0 +1,284 @@
+"""How well the unknowns are known: covariance, intervals in three ways, and which of them the data cannot tell.
+
+Covariance by the Jacobian at the best place. With a robust loss it is that of an M-estimator (Huber, Robust Statistics,
+1981, section 7.6): mean of psi^2 by the square of the mean of psi'. Residuals that follow each other count less: the
+variance grows by (1 + r) / (1 - r), r their correlation with the next one (first-order autoregression).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.identify.search import COARSE, FINE, Residuals
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from twin.identify.model import Model
+    from twin.identify.search import Found
+
+    Array = np.ndarray[Any, Any]
+    Told = Callable[[str, float], object]
+
+METHODS = ("jacobian", "profile", "bootstrap")
+TOGETHER = 0.95  # correlation beyond which a variance is over ten times what it is with the other unknown known
+SHARE = 0.3  # part of a direction from which an unknown belongs to it
+WIDEST = 0.5  # standard deviation of a combination, as part of the range, from which the data do not tell it
+NOTHING = 1e-7  # change of the residuals by an unknown, as part of that by the strongest one, that is none
+CLOSE = 0.02  # relative error of a profile's end
+TRIES = 12  # simulations of a profile's side at most, each with a search
+BETWEEN = (1 / 3, 2 / 3)  # places of a profile between the best and its end
+RESAMPLED = 100  # bootstrap samples
+FINEST = 1e-4  # difference for the covariance, as part of the range
+ROUGH = 1.5  # times that a small difference makes more of the residuals than a wide one, from which a model is rough
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Places of an unknown, and the cost above the best when all others are searched anew, as multiples of the limit."""
+
+    places: Array
+    above: Array
+
+
+@dataclass
+class Knowledge:
+    """What is known about the unknowns, all in places; `low` and `high` end their intervals, NaN where they are open."""
+
+    method: str
+    covariance: Array
+    low: Array
+    high: Array
+    singular: Array  # standard deviations of independent combinations, as parts of the ranges, the best known first
+    directions: Array  # rows: those combinations
+    effect: Array  # whether an unknown changes anything that is compared
+    rough: Array  # whether the model answers small changes of it more than wide ones
+    inflation: float = 1.0  # of the variance, by correlation of residuals
+    residual: float = 1.0  # their standard deviation by the noise that was assumed
+    profiles: dict[int, Profile] = field(default_factory=dict)
+    samples: Array | None = None
+
+    @property
+    def deviations(self) -> Array:
+        """Standard deviation of each unknown."""
+        found: Array = np.sqrt(np.diag(self.covariance))
+        return found
+
+    @property
+    def correlation(self) -> Array:
+        """Correlation of the unknowns; those without effect have none."""
+        scale = np.where(self.deviations > 0, self.deviations, 1.0)
+        found = self.covariance / np.outer(scale, scale)
+        np.fill_diagonal(found, 1.0)
+        clipped: Array = np.clip(found, -1.0, 1.0)
+        return clipped
+
+
+def psi(residuals: Array, loss: str) -> tuple[Array, Array]:
+    """Influence of each residual, and its derivative: of the loss rho(r^2) / 2."""
+    r = residuals
+    s = r * r
+    small = s <= 1
+    return {
+        "linear": (r, np.ones_like(r)),
+        "soft_l1": (r / np.sqrt(1 + s), (1 + s) ** -1.5),
+        "huber": (np.where(small, r, np.sign(r)), small.astype(float)),
+        "cauchy": (r / (1 + s), (1 - s) / (1 + s) ** 2),
+        "arctan": (r / (1 + s**2), (1 - 3 * s**2) / (1 + s**2) ** 2),
+    }[loss]
+
+
+def inflation(residuals: Residuals, values: Array) -> float:
+    """By how much correlation of successive residuals makes the variance larger."""
+    found, first = [], 0
+    for one in residuals.measured:
+        part = values[first : first + len(one)]
+        first += len(one)
+        part = part - np.mean(part)
+        power = float(np.sum(part**2))
+        r = float(np.sum(part[1:] * part[:-1])) / power if power else 0.0
+        r = min(r, 0.999) if r > 2 / np.sqrt(len(part)) else 0.0  # less than that is chance
+        found.append(((1 + r) / (1 - r), len(part)))
+    return sum(factor * count for factor, count in found) / sum(count for _, count in found)
+
+
+def known(model: Model, found: Found, method: str, seed: int, tell: Told) -> Knowledge:
+    """Covariance and intervals at the best place."""
+    residuals = Residuals(model, found.sigmas)
+    residuals.heard = lambda: tell("covariance", 0.0)
+    by_jacobian = covariance(residuals, found.places)
+    if method == "profile":
+        profiled(residuals, found.places, by_jacobian, tell)
+    elif method == "bootstrap":
+        bootstrapped(residuals, found.places, by_jacobian, seed, tell)
+    return by_jacobian
+
+
+def quantile(residuals: Residuals) -> float:
+    """Half-width of an interval by the standard deviation (Student's t)."""
+    from scipy.stats import t
+
+    problem = residuals.model.problem
+    freedom = max(problem.count - len(problem.unknowns), 1)
+    return float(t.ppf(0.5 + problem.keys.confidence / 2, freedom))
+
+
+def covariance(residuals: Residuals, places: Array) -> Knowledge:
+    """Covariance by the Jacobian, with differences about as wide as what is to be told apart."""
+    problem = residuals.model.problem
+    values = residuals(places)
+    freedom = max(problem.count - len(places), 1)
+    influence, slope = psi(values, problem.keys.loss)
+    variance = float(np.mean(influence**2)) / max(float(np.mean(slope)), 1e-3) ** 2 * problem.count / freedom
+    wider = inflation(residuals, values)
+    given = all(one.noise for one in problem.outputs)
+    factor = wider * (max(variance, 1.0) if given else variance)
+    jacobian = residuals.jacobian(places, COARSE, central=True)
+    whole, own, s, directions = inverse(jacobian, factor)
+    steps = np.clip(0.3 * np.sqrt(np.diag(whole)), FINEST, COARSE)
+    finer = residuals.jacobian(places, steps, central=True)
+    rough = np.linalg.norm(finer, axis=0) > ROUGH * np.linalg.norm(jacobian, axis=0)
+    whole, own, s, directions = inverse(np.where(rough, jacobian, finer), factor)
+    effect = np.isin(np.arange(len(places)), own)
+    deviations = np.sqrt(np.diag(whole))
+    spread = np.zeros((len(s), len(places)))
+    spread[:, own] = directions
+    width = quantile(residuals) * deviations
+    low, high = places - width, places + width
+    low[~effect], high[~effect] = np.nan, np.nan
+    return Knowledge(
+        "jacobian",
+        whole,
+        low,
+        high,
+        np.sqrt(factor) / s,
+        spread,
+        effect,
+        rough & effect,
+        wider,
+        float(np.sqrt(variance)),
+    )
+
+
+def inverse(jacobian: Array, factor: float) -> tuple[Array, Array, Array, Array]:
+    """Covariance; the unknowns that have an effect; singular values and directions of these."""
+    norms = np.linalg.norm(jacobian, axis=0)
+    own = np.flatnonzero(norms > NOTHING * max(float(np.max(norms)), 1e-300))
+    _, s, directions = np.linalg.svd(jacobian[:, own], full_matrices=False)
+    s = np.maximum(s, 1e-12 * max(float(s[0]) if len(s) else 0.0, 1e-300))
+    whole = np.zeros((len(norms), len(norms)))
+    whole[np.ix_(own, own)] = factor * (directions.T / s**2) @ directions
+    return whole, own, s, directions
+
+
+def limit(residuals: Residuals, knowledge: Knowledge) -> float:
+    """Cost above the best at the end of an interval."""
+    problem = residuals.model.problem
+    values = knowledge.inflation * knowledge.residual**2
+    if all(one.noise for one in problem.outputs):
+        values = knowledge.inflation * max(knowledge.residual, 1.0) ** 2
+    return 0.5 * values * quantile(residuals) ** 2
+
+
+def profiled(residuals: Residuals, places: Array, knowledge: Knowledge, tell: Told) -> None:
+    """Ends of the intervals where the cost, searched over all others, has risen to its limit."""
+    count = len(places)
+    height = limit(residuals, knowledge)
+    least = residuals.cost(residuals(places))
+    for i in range(count):
+        if not knowledge.effect[i]:
+            continue
+        points = {float(places[i]): 0.0}
+        for side in (-1, 1):
+            residuals.heard = lambda i=i, side=side: tell(  # type: ignore[misc]
+                f"profile of {residuals.model.problem.unknowns[i].name}", (2 * i + (side > 0)) / (2 * count)
+            )
+            end = profile_end(residuals, places, i, side, knowledge, least, height, points)
+            (knowledge.low if side < 0 else knowledge.high)[i] = end
+            last = (0.0 if side < 0 else 1.0) if np.isnan(end) else end
+            for share in BETWEEN:  # for the picture
+                place = float(places[i] + share * (last - places[i]))
+                points[place] = max(held(residuals, places, knowledge, i, place)[1] - least, 0.0) / height
+        ordered = sorted(points.items())
+        knowledge.profiles[i] = Profile(*(np.array(one) for one in zip(*ordered, strict=True)))
+    knowledge.method = "profile"
+
+
+def held(residuals: Residuals, warm: Array, knowledge: Knowledge, i: int, place: float) -> tuple[Array, float]:
+    """The best place with one unknown held somewhere, and its cost; the others begin along the ridge from `warm`."""
+    others = [k for k in range(len(warm)) if k != i]
+    begin = np.array(warm)
+    variance = float(knowledge.covariance[i, i])
+    if variance:
+        begin[others] += knowledge.covariance[others, i] / variance * (place - warm[i])
+    begin[i] = place
+    return residuals.searched(np.clip(begin, 0.0, 1.0), others, 12)
+
+
+def profile_end(
+    residuals: Residuals,
+    places: Array,
+    i: int,
+    side: int,
+    knowledge: Knowledge,
+    least: float,
+    height: float,
+    points: dict[float, float],
+) -> float:
+    """Where a profile crosses its limit on one side; NaN if it does not up to the bound. Adds to `points`."""
+    bound = 0.0 if side < 0 else 1.0
+    distance = min(max(quantile(residuals) * float(knowledge.deviations[i]), 2 * FINE), 0.25)
+    inside, outside = (float(places[i]), 0.0), None
+    warm = np.array(places)
+    for _ in range(TRIES):
+        place = min(max(places[i] + side * distance, 0.0), 1.0)
+        end, cost = held(residuals, warm, knowledge, i, float(place))
+        above = max(cost - least, 0.0) / height
+        points[float(place)] = above
+        if abs(above - 1) < CLOSE:
+            return float(place)
+        if above > 1:
+            outside = place, above
+        else:
+            inside, warm = (float(place), above), end
+            if place == bound:
+                return float("nan")
+        if outside is None:
+            distance *= 2 if above < 0.1 else 1.2 / np.sqrt(above)
+        else:  # roots of the cost are straight, about
+            low, high = np.sqrt(inside[1]), np.sqrt(outside[1])
+            share = min(max((1 - low) / (high - low), 0.05), 0.95)
+            distance = abs(inside[0] + share * (outside[0] - inside[0]) - places[i])
+    return float(inside[0] if outside is None else (inside[0] + outside[0]) / 2)
+
+
+def bootstrapped(residuals: Residuals, places: Array, knowledge: Knowledge, seed: int, tell: Told) -> None:
+    """Quantiles of searches with residuals drawn anew, in blocks that keep what follows each other together.
+
+    Moving blocks: Kuensch, Ann. Statist. 17(3), 1989; as long as the correlation makes them.
+    """
+    generator = np.random.default_rng(seed)
+    predicted = residuals.predicted(places)
+    assert predicted is not None, "the best place was simulated"
+    block = max(1, int(np.ceil(2 * knowledge.inflation))) if knowledge.inflation > 1 else 1
+    freedom = np.sqrt(residuals.model.problem.count / max(residuals.model.problem.count - len(places), 1))
+    found = []
+    for number in range(RESAMPLED):
+        drawn = []
+        for computed, measured in zip(predicted, residuals.measured, strict=True):
+            errors = (measured - computed - np.mean(measured - computed)) * freedom
+            blocks = -(-len(errors) // block)
+            begins = generator.integers(0, max(len(errors) - block, 0) + 1, blocks)
+            rows = (begins[:, None] + np.arange(block)).ravel()[: len(errors)]
+            drawn.append(computed + errors[rows])
+        again = Residuals(residuals.model, residuals.sigmas, drawn)
+        again.heard = lambda number=number: tell("bootstrap", number / RESAMPLED)  # type: ignore[misc]
+        found.append(again.searched(places, list(np.flatnonzero(knowledge.effect)), 12)[0])
+    knowledge.samples = np.array(found)
+    tail = (1 - residuals.model.problem.keys.confidence) / 2
+    ends = np.quantile(knowledge.samples, [tail, 1 - tail], axis=0)
+    knowledge.low, knowledge.high = (np.where(knowledge.effect, one, np.nan) for one in ends)
+    knowledge.method = "bootstrap"

@@ -1,0 +1,221 @@
+"""The model at other values of the unknowns, again and again: built once, and in this process.
+
+Members whose memory lies here go back to how they were made, and take the next values; nothing is compiled, loaded or read
+again. Somebody else's FMU has to be instantiated anew, from the archive that stays unpacked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from twin.coupling import CoSimulation, Memory, RecordMember, find
+from twin.errors import SimulationError
+from twin.fmi import watched
+from twin.run import run_case, silent, simulation
+from twin.scenario import Form, members
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from twin.identify.problem import Output, Problem, Recording, Unknown
+
+    Array = np.ndarray[Any, Any]
+
+BUFFER_BYTES = 1 << 20  # for rows: many short simulations
+KEPT = 24  # simulations: delays and offsets need none of their own
+
+
+class Model:
+    """Computes what the outputs would have measured. Use it with `with`: at its end all members are freed."""
+
+    def __init__(self, problem: Problem, build: Path) -> None:
+        self.problem = problem
+        self.refused = ""  # why directional derivatives are not used, where members have them
+        self.compared = self.used = False  # directional derivatives, with differences and at all
+        self._recorded: list[Simulated] = []
+        try:
+            for one in problem.recordings:
+                self._recorded.append(Simulated(one, problem.of(one), build))
+        except BaseException:
+            self.close()
+            raise
+
+    @property
+    def count(self) -> int:
+        """Simulations so far."""
+        return sum(one.count for one in self._recorded)
+
+    @property
+    def derivatives(self) -> str:
+        """What the Jacobian of a search is made of, in words."""
+        if self.used and not self.refused:
+            return "directional derivatives"
+        return f"differences, since {self.refused}" if self.refused else "differences"
+
+    def predicted(self, places: Array) -> list[Array]:
+        """What each output would have measured; SimulationError if a simulation fails or is not finite."""
+        values = self.problem.values(places)
+        found = []
+        for one in self._recorded:
+            time, signals = one.signals(values)
+            found += [sampled(output, time, signals, values) for output in one.recording.outputs]
+        if not all(np.isfinite(one).all() for one in found):
+            raise SimulationError("what is compared is not finite")
+        return found
+
+    def slopes(self, places: Array) -> dict[int, list[Array]] | None:
+        """What each output would change with each parameter that is looked for, by its number; by directional derivatives.
+
+        None where the members do not tell them along a simulation; `refused` says why, if they might have.
+        """
+        values = self.problem.values(places)
+        found: dict[int, list[Array]] = {}
+        for one in self._recorded:
+            told = None if self.refused else one.slopes(values)
+            self.refused = self.refused or one.refused
+            if told is None:
+                return None
+            for number, unknown in enumerate(self.problem.unknowns):
+                if unknown.member:
+                    nothing = [np.zeros(len(output.time)) for output in one.recording.outputs]
+                    found.setdefault(number, []).extend(told.get(unknown.name, nothing))
+        return found
+
+    def close(self) -> None:
+        """Free all members."""
+        for one in self._recorded:
+            one.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class Simulated:
+    """What happened in one recording, as the model has it at some values of `unknowns`."""
+
+    def __init__(self, recording: Recording, unknowns: Sequence[Unknown], build: Path) -> None:
+        self.recording, self._unknowns, self._build = recording, unknowns, build
+        self.count = 0  # of simulations
+        self.refused = ""  # why directional derivatives are of no use along a simulation
+        self._kept: dict[tuple[float, ...], tuple[Array, dict[str, Array]]] = {}
+        self._places = {one.name: (one.member, find(one.path, recording.catalog)) for one in unknowns}
+        used = [members.component_of(one) for one in recording.case.members.values()]
+        members.prebuild(used, Form.compiled, build, silent)
+        self._first = self._made()
+        self._saved = self._snapshot()
+
+    def _made(self, values: Mapping[str, float] | None = None) -> CoSimulation:
+        """New members, with these values among those they begin with."""
+        case = self.recording.case
+        parts = dict(case.members)
+        for one in self._unknowns:
+            if values:
+                own = {**parts[one.member].parameters, one.variable: values[one.name]}
+                parts[one.member] = replace(parts[one.member], parameters=own)
+        case = replace(case, members=parts)
+        return simulation(case, self.recording.catalog, Form.compiled, self._build, Memory(BUFFER_BYTES))
+
+    def _snapshot(self) -> dict[str, Any]:
+        """How the members were made; nothing if one of them cannot go back there."""
+        own = self._first.members
+        if (
+            all(isinstance(one, RecordMember) and one.can_restore for one in own.values())
+            and not self.recording.case.events
+        ):
+            return {name: one.save() for name, one in own.items()}
+        return {}
+
+    def _begun(self, values: Mapping[str, float]) -> CoSimulation:
+        """A co-simulation that is about to begin."""
+        first = self._first
+        if not self._saved:
+            return self._made(values)
+        for name, saved in self._saved.items():
+            first.members[name].restore(saved)
+        for name, (member, reference) in self._places.items():
+            part, variable = first.members[member], reference.variable
+            whole = np.array(part.get(variable.name))
+            whole.reshape(-1)[reference.first : reference.first + reference.size] = values[name]
+            part.set(variable.name, whole)
+        return CoSimulation(
+            first.members, first.links, first.step, first.algorithm, record=first.recorded, every=first.every,
+            build=self._build, periods=first.periods, recorder=Memory(BUFFER_BYTES), exempt=list(first.members),
+        )  # fmt: skip
+
+    def signals(self, values: Mapping[str, float]) -> tuple[Array, dict[str, Array]]:
+        """Times [s] and what the outputs' signals are; SimulationError if the simulation fails."""
+        key = tuple(values[name] for name in self._places)
+        found = self._kept.pop(key, None) or self._simulated(values)
+        self._kept[key] = found  # the last one
+        if len(self._kept) > KEPT:
+            del self._kept[next(iter(self._kept))]
+        return found
+
+    def slopes(self, values: Mapping[str, float]) -> dict[str, list[Array]] | None:
+        """Derivatives of each output by each unknown's value, at the times of measurement; None if they cannot be had."""
+        if self._saved:
+            return None  # compiled members tell no derivatives, and are quick
+        simulated = self._made(values)
+        try:
+            elements = [(name, member, one) for name, (member, one) in self._places.items()]
+            parameters = [(m, one.variable.name, one.first + i) for _, m, one in elements for i in range(one.size)]
+            sources = [find(output.signal, self.recording.catalog) for output in self.recording.outputs]
+            outputs = [
+                (output.signal.partition(".")[0], one.variable.name, one.first + output.element)
+                for output, one in zip(self.recording.outputs, sources, strict=True)
+            ]
+            told = watched(simulated.members, simulated.links, parameters, outputs)
+            if told is None or self.recording.case.events:
+                return None
+            self.count += 1
+            run_case(self.recording.case, simulated, silent)
+            self.refused = simulated.failure or told.failure
+        finally:
+            simulated.terminate()
+        if self.refused:
+            return None
+        slopes, found, column = np.array(told.slopes), {}, 0
+        for name, _, one in elements:
+            of_all = slopes[:, :, column : column + one.size].sum(2)
+            found[name] = [moved(o, told.times, of_all[:, i], values) for i, o in enumerate(self.recording.outputs)]
+            column += one.size
+        return found
+
+    def _simulated(self, values: Mapping[str, float]) -> tuple[Array, dict[str, Array]]:
+        self.count += 1
+        simulated = self._begun(values)
+        try:
+            run_case(self.recording.case, simulated, silent)
+            if simulated.finished:
+                raise SimulationError(simulated.failure)
+            recording = simulated.recording()
+        finally:
+            if not self._saved:
+                simulated.terminate()
+        return recording.time, recording.signals
+
+    def close(self) -> None:
+        """Free all members."""
+        self._first.terminate()
+
+
+def sampled(output: Output, time: Array, signals: Mapping[str, Array], values: Mapping[str, float]) -> Array:
+    """A signal at the times at which it was measured, on straight lines between communication points."""
+    name = output.signal if output.signal in signals else output.signal.rpartition("[")[0]
+    signal = signals[name].reshape(len(time), -1)[:, output.element]
+    offset = values[output.offset] if isinstance(output.offset, str) else output.offset
+    return moved(output, time, signal, values) + offset
+
+
+def moved(output: Output, time: Array | Sequence[float], signal: Array, values: Mapping[str, float]) -> Array:
+    """Values over time at the times of an output's measurements, less its delay."""
+    delay = values[output.delay] if isinstance(output.delay, str) else output.delay
+    found: Array = np.interp(output.time - delay, time, signal)
+    return found

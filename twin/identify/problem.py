@@ -1,0 +1,192 @@
+"""What is looked for, in what, from which recordings: an identify file, checked against the model and the files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.results import shown
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from twin.coupling import Catalog
+    from twin.identify.recorded_files import File
+    from twin.identify.schema import IdentifyKeys
+    from twin.scenario import Case
+
+    Array = np.ndarray[Any, Any]
+
+EDGE = 1e-3  # part of the range from a bound at which a value is at it
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A value that is looked for: a member's parameter in all recordings or in one, or the delay or offset of an output.
+
+    Inside it counts from 0 at its lower bound to 1 at its upper one, evenly or by its logarithm.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    start: float
+    is_log: bool = False
+    member: str = ""  # none: of an output
+    variable: str = ""
+    display_unit: str = ""
+    where: str = ""
+    recording: str = ""  # none: of all that have it
+
+    @property
+    def path(self) -> str:
+        """`member.parameter`, if it is one."""
+        return f"{self.member}.{self.variable}"
+
+    def value(self, place: float) -> float:
+        """The value at a place between the bounds, 0 to 1."""
+        if self.is_log:
+            return float(self.low * (self.high / self.low) ** place)
+        return float(self.low + (self.high - self.low) * place)
+
+    def place(self, value: float) -> float:
+        """The place of a value, 0 to 1 between the bounds."""
+        if self.is_log:
+            return float(np.log(value / self.low) / np.log(self.high / self.low))
+        return float((value - self.low) / (self.high - self.low))
+
+    def slope(self, place: float) -> float:
+        """Derivative of the value by the place."""
+        return self.value(place) * float(np.log(self.high / self.low)) if self.is_log else self.high - self.low
+
+    def at_bound(self, place: float) -> str:
+        """Which bound a place is at, if any."""
+        return "lower" if place < EDGE else "upper" if place > 1 - EDGE else ""
+
+    def shown(self, value: float) -> str:
+        """A value of the parameter for people."""
+        if not np.isfinite(value):
+            return "unbounded"
+        from twin.results import coherent
+
+        factor, offset = coherent(self.unit)
+        return shown(value * factor + offset, self.display_unit or self.unit)
+
+
+@dataclass(frozen=True)
+class Output:
+    """A measured column beside the signal that it measures; both in the signal's unit.
+
+    `delay` [s] and `offset` are numbers, or names of unknowns.
+    """
+
+    column: str
+    file: str
+    signal: str
+    unit: str
+    display_unit: str
+    time: Array
+    values: Array
+    delay: float | str
+    offset: float | str
+    element: int = 0  # of an array, counted from 0
+    noise: float | None = None
+    weight: float = 1.0
+    recording: str = ""
+
+    @property
+    def label(self) -> str:
+        """The column, and the recording if there are several."""
+        return named(self.column, self.recording)
+
+
+@dataclass(frozen=True)
+class Input:
+    """A measured column that drives a variable, in the variable's unit, at every communication point."""
+
+    column: str
+    file: str
+    signal: str
+    values: Array
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What was recorded at once, beside the model of what it was made with."""
+
+    name: str  # "" if there is no other
+    case: Case  # inputs replayed, members without influence left out
+    catalog: Catalog
+    outputs: tuple[Output, ...]
+    inputs: tuple[Input, ...]
+    files: tuple[File, ...]
+    model: str  # a component or a scenario with its variant
+    left_out: tuple[str, ...] = ()  # members without influence on the outputs
+    own: frozenset[str] = frozenset()  # `member.parameter` that is looked for in this recording alone
+
+
+@dataclass(frozen=True)
+class Problem:
+    """All that is needed to look for the unknowns."""
+
+    path: Path
+    keys: IdentifyKeys
+    recordings: tuple[Recording, ...]
+    unknowns: tuple[Unknown, ...]
+    notes: tuple[str, ...] = ()
+    components: dict[str, str] = field(default_factory=dict)  # member -> component, as the parameter set calls it
+
+    @property
+    def outputs(self) -> tuple[Output, ...]:
+        """What is compared in all recordings."""
+        return tuple(one for recording in self.recordings for one in recording.outputs)
+
+    @property
+    def files(self) -> tuple[File, ...]:
+        """All files, each once."""
+        return tuple({one.path: one for recording in self.recordings for one in recording.files}.values())
+
+    @property
+    def model(self) -> str:
+        """What is fitted."""
+        models = list(dict.fromkeys(one.model for one in self.recordings))
+        shown = models[0] if len(models) == 1 else f"{models[0]} and others"
+        return shown if len(self.recordings) == 1 else f"{shown}, {len(self.recordings)} recordings"
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Members that have no influence in any recording."""
+        first, *others = self.recordings
+        return tuple(one for one in first.left_out if all(one in other.left_out for other in others))
+
+    def of(self, recording: Recording) -> tuple[Unknown, ...]:
+        """Members' parameters that a recording's simulation depends on."""
+        return tuple(
+            one
+            for one in self.unknowns
+            if one.member in recording.case.members
+            and one.recording in ("", recording.name)
+            and not (one.recording == "" and one.path in recording.own)
+        )
+
+    @property
+    def title(self) -> str:
+        """Title."""
+        return self.keys.title or f"Identification of {self.model}"
+
+    @property
+    def count(self) -> int:
+        """Number of measured values."""
+        return sum(len(one.values) for one in self.outputs)
+
+    def values(self, places: Array) -> dict[str, float]:
+        """Values of the unknowns at their places."""
+        return {one.name: one.value(float(place)) for one, place in zip(self.unknowns, places, strict=True)}
+
+
+def named(what: str, recording: str) -> str:
+    """Something of one recording among several."""
+    return f"{what} in {recording}" if recording else what

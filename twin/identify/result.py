@@ -1,0 +1,218 @@
+"""What was found, as a parameter set that scenarios take: values, and below `identified` how well they are known and why.
+
+`identified` holds lists in one order: `unknowns`, their `units`, `values`, `bounds`, and the `covariance` matrix in those
+units, from which `twin.identify.read_estimate` gives a study what it draws from.
+"""
+
+from __future__ import annotations
+
+import os
+import shlex
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import yaml
+
+from twin import installed
+from twin.errors import ScenarioError, nearest
+from twin.identify.verdict import pairs, verdicts
+from twin.results import run_folder
+from twin.scenario import read
+
+if TYPE_CHECKING:
+    from datetime import datetime
+
+    from twin.identify.intervals import Knowledge
+    from twin.identify.problem import Problem
+    from twin.identify.search import Found
+
+    Array = np.ndarray[Any, Any]
+
+KEY = "identified"
+
+
+@dataclass
+class Result:
+    """An identification that is done. `intervals` in the unknowns' units, NaN at open ends."""
+
+    problem: Problem
+    found: Found
+    knowledge: Knowledge
+    predicted: list[Array]
+    command: str
+    started: datetime
+    verdicts: list[list[str]] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.verdicts = verdicts(self.problem, self.found, self.knowledge)
+
+    @property
+    def values(self) -> list[float]:
+        """Values of the unknowns in their units."""
+        return [one.value(float(x)) for one, x in zip(self.problem.unknowns, self.found.places, strict=True)]
+
+    @property
+    def intervals(self) -> list[tuple[float, float]]:
+        """Ends of the intervals in the unknowns' units."""
+        ends = zip(self.problem.unknowns, self.knowledge.low, self.knowledge.high, strict=True)
+        return [(one.value(float(low)), one.value(float(high))) for one, low, high in ends]
+
+    @property
+    def slopes(self) -> Array:
+        """Derivatives of the values by the places."""
+        return np.array([one.slope(float(x)) for one, x in zip(self.problem.unknowns, self.found.places, strict=True)])
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance of the values in their units; that of the place of a logarithm is linearized."""
+        found: Array = self.knowledge.covariance * np.outer(self.slopes, self.slopes)
+        return found
+
+    @property
+    def passed(self) -> bool:
+        """Whether every unknown is identified."""
+        return not any(self.verdicts) and not self.found.interrupted
+
+    def interval_text(self, i: int) -> str:
+        """`3.1 mm to 3.3 mm`."""
+        one, (low, high) = self.problem.unknowns[i], self.intervals[i]
+        if self.knowledge.low[i] < 0 and self.knowledge.high[i] > 1:
+            return "wider than its bounds"
+        if np.isnan(low) and np.isnan(high):
+            return "not known"
+        return f"{one.shown(low)} to {one.shown(high)}".replace("unbounded to", "open to")
+
+    def notes(self) -> list[str]:
+        """What the person has to know."""
+        own = zip(self.problem.unknowns, self.verdicts, strict=True)
+        return [*(f"{one.name}: {text}." for one, texts in own for text in texts), *self.remarks()]
+
+    def remarks(self) -> list[str]:
+        """What is to be known beside the verdicts."""
+        found, knowledge = self.found, self.knowledge
+        texts = [*self.problem.notes, *pairs(self.problem, knowledge)]
+        if found.interrupted:
+            texts.append("interrupted: the best so far, which need not be the best there is.")
+        if len(found.starts) > 1 and found.agreeing == 1:
+            texts.append(
+                f"only one of {len(found.starts)} starts came to this. Try more: --starts {4 * len(found.starts)}."
+            )
+        if "since" in found.derivatives:
+            texts.append(f"the Jacobian is made of {found.derivatives}.")
+        if found.failures:
+            texts.append(f"the model failed in {found.failures} of {found.simulations} simulations. Narrow the bounds.")
+        if rough := [
+            one.name for one, is_rough in zip(self.problem.unknowns, knowledge.rough, strict=True) if is_rough
+        ]:
+            texts.append(
+                f"{' and '.join(rough)}: small changes change the model at random, as increments of a sensor and friction in a "
+                f"closed loop do. Compare what the sensor senses, replay what the loop did as an input, and mind the starts."
+            )
+        if knowledge.inflation > 2:
+            texts.append(
+                f"residuals follow each other: the model does not explain all that was measured. The intervals are "
+                f"{np.sqrt(knowledge.inflation):.2g} times as wide for it, which is a guess."
+            )
+        if all(one.noise for one in self.problem.outputs) and knowledge.residual > 1.2:
+            texts.append(
+                f"residuals are {knowledge.residual:.2g} times the stated noise: the model or the noise is wrong."
+            )
+        return texts
+
+    def parameter_set(self, folder: Path = Path()) -> dict[str, dict[str, float]]:
+        """Component -> parameter -> value, paths as from `folder`; what changes nothing is left out."""
+        found: dict[str, dict[str, float]] = {}
+        for i, one in enumerate(self.problem.unknowns):
+            if one.member and not one.recording and self.knowledge.effect[i]:
+                component = self.problem.components[one.member]
+                name = os.path.relpath(component, folder) if Path(component).is_absolute() else component
+                found.setdefault(name, {})[one.variable] = self.values[i]
+        return found
+
+    def identified(self) -> dict[str, Any]:
+        """How it was found, as plain data."""
+        problem, found, knowledge = self.problem, self.found, self.knowledge
+        return {
+            "unknowns": [one.name for one in problem.unknowns],
+            "units": [one.unit for one in problem.unknowns],
+            "values": self.values,
+            "bounds": [[one.low, one.high] for one in problem.unknowns],
+            "covariance": [[float(one) for one in row] for row in self.covariance],
+            "confidence": problem.keys.confidence,
+            "method": knowledge.method,
+            "intervals": [[None if np.isnan(end) else float(end) for end in pair] for pair in self.intervals],
+            "remarks": [
+                f"{one.name}: {text}" for one, own in zip(problem.unknowns, self.verdicts, strict=True) for text in own
+            ],
+            "model": problem.model,
+            "residuals": [
+                {
+                    "column": one.label,
+                    "rms": float(np.sqrt(np.mean((y - one.values) ** 2))),
+                    "unit": one.unit,
+                    "noise": float(s),
+                }
+                for one, y, s in zip(problem.outputs, self.predicted, found.sigmas, strict=True)
+            ],
+            "files": [{"file": one.shown, "sha256": one.sha256} for one in problem.files],
+            "command": self.command,
+            "started": self.started.isoformat(timespec="seconds"),
+            "interrupted": found.interrupted,
+            "versions": {**run_folder.versions(), "scipy": installed.version("scipy")},
+        }
+
+    def text(self, folder: Path = Path()) -> str:
+        """The file as it lies in `folder`: first what a person reads."""
+        lines = [f"# {self.problem.title}: {self.command}, {self.started:%Y-%m-%d}"]
+        for i, one in enumerate(self.problem.unknowns):
+            remark = f"; {'; '.join(self.verdicts[i])}" if self.verdicts[i] else ""
+            lines.append(
+                f"# {one.name}: {one.shown(self.values[i])}, {self.problem.keys.confidence:.4g} confidence: "
+                f"{self.interval_text(i)} ({self.knowledge.method}){remark}"
+            )
+        own = self.parameter_set(folder)
+        body = yaml.safe_dump(own, sort_keys=False, default_flow_style=None, width=110)
+        about = yaml.safe_dump({KEY: self.identified()}, sort_keys=False, default_flow_style=None, width=110)
+        return "\n".join(lines) + "\n" + (body if own else "") + about
+
+
+def command_line(words: list[str]) -> str:
+    """What was called."""
+    return shlex.join(["twin", "identify", *words])
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Identified values with their covariance, all in `units`: what a study draws from, within `bounds`."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: Array
+    covariance: Array
+    bounds: Array  # rows: lower and upper
+
+
+def read_estimate(path: str | Path) -> Estimate:
+    """Values and covariance of a file that `twin identify` wrote. ScenarioError if it is none."""
+    tree: dict[str, Any] = read(Path(path), str(path)).plain()
+    if KEY not in tree:
+        raise ScenarioError(f"{path}: has no `{KEY}`. {nearest(KEY, tree)} Name a file that `twin identify` wrote.")
+    own = tree[KEY]
+    try:
+        values, bounds = (np.array(own[key], np.float64) for key in ("values", "bounds"))
+        matrix = np.array(own["covariance"], np.float64)
+        found = Estimate(tuple(own["unknowns"]), tuple(own["units"]), values, matrix, bounds)
+        count = len(found.names)
+        sound = (len(found.units), values.shape, matrix.shape, bounds.shape) == (
+            count,
+            (count,),
+            (count, count),
+            (count, 2),
+        )
+    except (KeyError, TypeError, ValueError):
+        sound = False
+    if not sound:
+        raise ScenarioError(f"{path}: `{KEY}` is damaged. Run `twin identify` again.")
+    return found

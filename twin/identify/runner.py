@@ -1,0 +1,62 @@
+"""An identification from its file to its result."""
+
+from __future__ import annotations
+
+import time
+from contextlib import ExitStack, nullcontext
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from twin.errors import ScenarioError
+from twin.identify.intervals import METHODS, known
+from twin.identify.loading import load
+from twin.identify.model import Model
+from twin.identify.result import Result
+from twin.identify.search import search
+from twin.process import Stop
+
+if TYPE_CHECKING:
+    from twin.identify.problem import Problem
+    from twin.identify.search import Progress
+
+
+def silent(_what: str, _part: float, _best: str) -> None:
+    """No progress shown."""
+
+
+def identify(
+    problem: Problem | str | Path,
+    *,
+    starts: int = 8,
+    seed: int = 0,
+    intervals: str = "jacobian",
+    build: Path = Path("build"),
+    progress: Progress = silent,
+    command: str = "twin.identify.identify",
+) -> Result:
+    """Fit a model to recordings. After Ctrl-C: the best until then, with intervals by the Jacobian."""
+    problem = problem if not isinstance(problem, str | Path) else load(problem)
+    if intervals not in METHODS:
+        raise ScenarioError(f"intervals: {intervals} is not known. Use {', '.join(METHODS)}.")
+    if starts < 1:
+        raise ScenarioError("starts: one at least is needed.")
+    started = datetime.now(UTC).astimezone()
+    begin = time.perf_counter()
+    with Stop() as stop, ExitStack() as stack:
+        with stop.armed():
+            model = stack.enter_context(Model(problem, build))
+            found = search(model, starts, seed, progress)
+
+        def tell(what: str, part: float) -> None:
+            progress(what, part, "")
+
+        try:
+            with nullcontext() if found.interrupted else stop.armed():
+                knowledge = known(model, found, "jacobian" if found.interrupted else intervals, seed, tell)
+        except KeyboardInterrupt:
+            found.interrupted = True
+            knowledge = known(model, found, "jacobian", seed, tell)
+        predicted = model.predicted(found.places)
+        found.simulations, found.seconds = model.count, time.perf_counter() - begin
+    return Result(problem, found, knowledge, predicted, command, started)

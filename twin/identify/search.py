@@ -1,0 +1,303 @@
+"""The search: nonlinear least squares from many starts, in a box whose sides are the unknowns' bounds.
+
+`scipy.optimize.least_squares` (trust region reflective); the Jacobian by differences of simulations.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.errors import SimulationError, TwinError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from twin.identify.model import Model
+
+    Array = np.ndarray[Any, Any]
+    Progress = Callable[[str, float, str], object]  # what is done, part of it that is done, how good the best is
+
+COARSE, FINE = 1e-2, 1e-3  # of a difference, as part of the range: first over what is rough, then to the point
+TOLERANCE = 1e-8  # relative change of cost and of places at which a search ends
+ALIKE = 0.02  # relative difference up to which directional derivatives are believed
+ITERATIONS = 60  # of a search at most
+SCREENED = 4  # places that are looked at for each start: the best of them are started from
+FAILED = 1e3  # residual of a simulation that fails, in standard deviations of the measurement
+REWEIGHTED = 6  # times that the noise is estimated anew at most
+SETTLED = 1e-2  # relative change of the estimated noise at which it is known
+GAUSS = 1.4826  # standard deviation by the median of absolute values
+REACHED = 1.01  # cost by the best cost up to which a start has found the same
+
+
+@dataclass(frozen=True)
+class Start:
+    """A search: where it began and ended, and its cost there."""
+
+    begin: Array
+    end: Array
+    cost: float
+
+
+@dataclass
+class Found:
+    """The best place: 0 at an unknown's lower bound to 1 at its upper one. `sigmas`: noise of each output."""
+
+    places: Array
+    sigmas: list[float]
+    starts: list[Start] = field(default_factory=list)
+    simulations: int = 0
+    seconds: float = 0.0
+    interrupted: bool = False
+    failures: int = 0
+    derivatives: str = "differences"  # what the Jacobian is made of
+
+    @property
+    def agreeing(self) -> int:
+        """How many of the starts came to the best cost."""
+        best = min((one.cost for one in self.starts), default=0.0)
+        return sum(one.cost <= best * REACHED for one in self.starts)
+
+
+class Residuals:
+    """Differences of model and measurement by their noise, as functions of the places."""
+
+    def __init__(self, model: Model, sigmas: Sequence[float], measured: Sequence[Array] | None = None) -> None:
+        self.model, self.sigmas = model, list(sigmas)
+        self.measured = [one.values for one in model.problem.outputs] if measured is None else list(measured)
+        self.best: tuple[float, Array] | None = None
+        self.failures: list[str] = []
+        self.heard: Callable[[], object] = lambda: None
+
+    def predicted(self, places: Array) -> list[Array] | None:
+        """What the outputs would have measured; None if the simulation fails."""
+        try:
+            return self.model.predicted(places)
+        except SimulationError as error:
+            self.failures.append(str(error))
+            return None
+
+    def weighted(self, predicted: list[Array] | None) -> Array:
+        """Residuals of a prediction, one after the other."""
+        parts = []
+        for i, measured in enumerate(self.measured):
+            weight = self.model.problem.outputs[i].weight
+            own = FAILED if predicted is None else (predicted[i] - measured) / self.sigmas[i]
+            parts.append(np.full(len(measured), FAILED) if predicted is None else weight * np.asarray(own))
+        return np.concatenate(parts)
+
+    def __call__(self, places: Array) -> Array:
+        """Residuals at a place."""
+        found = self.weighted(self.predicted(places))
+        cost = self.cost(found)
+        if self.best is None or cost < self.best[0]:
+            self.best = cost, np.array(places)
+        self.heard()
+        return found
+
+    def cost(self, residuals: Array) -> float:
+        """Half of the sum of what each residual costs."""
+        squares = residuals**2
+        rho = {
+            "linear": squares,
+            "soft_l1": 2 * (np.sqrt(1 + squares) - 1),
+            "huber": np.where(squares <= 1, squares, 2 * np.sqrt(squares) - 1),
+            "cauchy": np.log1p(squares),
+            "arctan": np.arctan(squares),
+        }[self.model.problem.keys.loss]
+        return 0.5 * float(np.sum(rho))
+
+    def jacobian(
+        self, places: Array, steps: Array | float = FINE, central: bool = False, of: Sequence[int] | None = None
+    ) -> Array:
+        """Derivatives of the residuals by the places, by differences that stay between the bounds."""
+        wanted = range(len(places)) if of is None else of
+        told = {} if central else self.told(places)
+        base = None if told.keys() >= set(wanted) else self.predicted(places)
+        columns = []
+        wide = np.broadcast_to(steps, places.shape)
+        for i in wanted:
+            if i in told:
+                columns.append(told[i])
+                continue
+            step = wide[i]
+            both = [min(places[i] + step, 1.0), max(places[i] - step, 0.0)]
+            if not central:
+                both = [both[0], places[i]] if places[i] + step <= 1 else [places[i], both[1]]
+            ends = []
+            for place in both:
+                moved = np.array(places)
+                moved[i] = place
+                ends.append((place, base if place == places[i] else self.predicted(moved)))
+            there = [(place, one) for place, one in [*ends, (places[i], base)] if one is not None]
+            first, second = there[0], there[1] if len(there) > 1 else there[0]
+            width = first[0] - second[0]
+            difference = self.weighted(first[1]) - self.weighted(second[1])
+            columns.append(difference / width if width else np.zeros_like(difference))
+            self.heard()
+        return np.stack(columns, 1)
+
+    def told(self, places: Array) -> dict[int, Array]:
+        """Columns of the Jacobian by the members' directional derivatives, as far as they tell them.
+
+        The first time they are compared with differences: a member may tell what is not so, and its start may depend on
+        what is looked for. Then the model's `refused` says so, and differences are used.
+        """
+        if (slopes := self.model.slopes(places)) is None:
+            return {}
+        problem = self.model.problem
+        found = {}
+        for number, parts in slopes.items():
+            scaled = [
+                one.weight * part / sigma for one, part, sigma in zip(problem.outputs, parts, self.sigmas, strict=True)
+            ]
+            found[number] = np.concatenate(scaled) * problem.unknowns[number].slope(float(places[number]))
+        if not self.model.compared:
+            self.model.compared = True
+            numbers = sorted(found)
+            differences = self.jacobian(places, FINE, central=True, of=numbers)
+            for number, column in zip(numbers, differences.T, strict=True):
+                off = float(np.linalg.norm(found[number] - column))
+                if off > ALIKE * float(np.linalg.norm(column)):
+                    self.model.refused = (
+                        f"directional derivatives by {problem.unknowns[number].name} are not what differences say"
+                    )
+                    return {}
+        self.model.used = True
+        return found
+
+    def searched(
+        self, begin: Array, free: Sequence[int] | None = None, iterations: int = ITERATIONS, step: float = FINE
+    ) -> tuple[Array, float]:
+        """Where a search from a place ends, and the cost there. `free`: unknowns that may change, all by default."""
+        from scipy.optimize import least_squares
+
+        own = list(range(len(begin)) if free is None else free)
+
+        def whole(part: Array) -> Array:
+            places = np.array(begin)
+            places[own] = part
+            return places
+
+        if not own:
+            return begin, self.cost(self(begin))
+        inside = np.clip(begin[own], 1e-6, 1 - 1e-6)  # the method begins inside of the bounds
+        result = least_squares(
+            lambda part: self(whole(part)), inside, lambda part: self.jacobian(whole(part), step, of=own), bounds=(0.0, 1.0),
+            loss=self.model.problem.keys.loss, ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=iterations,
+        )  # fmt: skip
+        return whole(result.x), float(result.cost)
+
+
+def first_sigmas(model: Model) -> list[float]:
+    """Noise of each output: as given, or the spread of what was measured, until residuals are known."""
+    return [one.noise or float(np.std(one.values)) or 1.0 for one in model.problem.outputs]
+
+
+def estimated(residuals: Residuals, places: Array) -> list[float]:
+    """Noise of each output from its residuals, where it is not given."""
+    predicted = residuals.predicted(places)
+    if predicted is None:
+        return residuals.sigmas
+    found = []
+    problem = residuals.model.problem
+    for one, computed, before in zip(problem.outputs, predicted, residuals.sigmas, strict=True):
+        difference = computed - one.values
+        share = 1 - len(problem.unknowns) / max(problem.count, len(problem.unknowns) + 1)
+        spread = float(np.sqrt(np.mean(difference**2) / share))
+        if problem.keys.loss != "linear":
+            spread = GAUSS * float(np.median(np.abs(difference)))
+        found.append(one.noise or spread or before)
+    return found
+
+
+def search(model: Model, count: int, seed: int, progress: Progress) -> Found:
+    """The best place of `count` searches; the first begins at the model's own values, the others somewhere."""
+    residuals = Residuals(model, first_sigmas(model))
+    found = Found(np.array([one.place(one.start) for one in model.problem.unknowns]), residuals.sigmas)
+
+    def tell(what: str, part: float) -> None:
+        best = residuals.best
+        told = (
+            "" if best is None else f"residual {np.sqrt(2 * best[0] / model.problem.count):.4g} of the noise or spread"
+        )
+        residuals.heard = lambda: progress(what, part, told)
+        residuals.heard()
+
+    try:
+        for number, place in enumerate(begun(residuals, count, seed, tell)):
+            tell(f"start {number + 1} of {count}", number / count)
+            end, cost = residuals.searched(place, step=COARSE)
+            found.starts.append(Start(place, end, cost))
+        tell("best start", 1.0)
+        found.places = residuals.searched(best_of(residuals, found))[0]
+        found.sigmas = settle(residuals, found, tell)
+    except KeyboardInterrupt:
+        found.interrupted = True
+        if residuals.best is not None:
+            found.places = residuals.best[1]
+        elif not found.starts:
+            raise
+        found.sigmas = estimated(residuals, found.places)
+    found.failures = len(residuals.failures)
+    found.simulations, found.derivatives = model.count, model.derivatives
+    return found
+
+
+def begun(residuals: Residuals, count: int, seed: int, tell: Callable[[str, float], None]) -> list[Array]:
+    """Where the searches begin: Latin hypercube, the best of some. TwinError if the model runs nowhere."""
+    from scipy.stats import qmc
+
+    first = np.array([one.place(one.start) for one in residuals.model.problem.unknowns])
+    tell("first guess", 0.0)
+    residuals(first)
+    if count == 1 and not residuals.failures:
+        return [first]
+    sampler = qmc.LatinHypercube(len(first), seed=np.random.default_rng(seed))
+    looked: list[tuple[float, int, Array]] = []
+    for place in sampler.random(SCREENED * max(count - 1, 1)):
+        tell("looking for starts", 0.0)
+        looked.append((residuals.cost(residuals(place)), len(looked), place))
+    there = [
+        place for cost, _, place in sorted(looked, key=lambda one: one[:2]) if cost < residuals.cost(failed(residuals))
+    ]
+    if residuals.cost(residuals(first)) < residuals.cost(failed(residuals)):
+        there = [first, *there]
+    if not there:
+        raise TwinError(f"the model fails wherever it was tried: {residuals.failures[0]}")
+    return there[:count]
+
+
+def failed(residuals: Residuals) -> Array:
+    """Residuals of a simulation that fails."""
+    return residuals.weighted(None)
+
+
+def best_of(residuals: Residuals, found: Found) -> Array:
+    """The end of the best search, or what was better on the way."""
+    assert residuals.best is not None
+    best = min(found.starts, key=lambda one: one.cost)
+    return best.end if best.cost <= residuals.best[0] else residuals.best[1]
+
+
+def settle(residuals: Residuals, found: Found, tell: Callable[[str, float], None]) -> list[float]:
+    """Estimate the noise and search on from the best, until both stay; what was best may change with the noise."""
+    problem = residuals.model.problem
+    sigmas = estimated(residuals, found.places)
+    for _ in range(REWEIGHTED):
+        change = max(abs(new / old - 1) for new, old in zip(sigmas, residuals.sigmas, strict=True))
+        if change < SETTLED:
+            break
+        alike = len(problem.outputs) == 1 and problem.keys.loss == "linear"
+        residuals.sigmas, residuals.best = sigmas, None
+        tell("noise", 1.0)
+        with suppress(SimulationError):
+            residuals(found.places)
+        if alike:
+            break
+        found.places = residuals.searched(found.places)[0]
+        sigmas = estimated(residuals, found.places)
+    return sigmas

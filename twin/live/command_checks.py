@@ -1,0 +1,149 @@
+"""What a person may tell the loop, checked where it is done: the page that asks is not believed."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+
+from twin import clock
+from twin.coupling import find
+from twin.errors import CouplingError, nearest
+from twin.live.recording_reader import RefusedError
+from twin.run import happen
+from twin.scenario import EventSpec, event_problems, short
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from twin.coupling import CoSimulation
+    from twin.live.catalog import Catalog, Control
+    from twin.live.operation_log import Operated
+    from twin.scenario import Case, FaultSpec
+
+WHERE = "console"  # in messages
+DEEPEST, MOST, LONGEST = 3, 10_000, 80  # of a value: lists in lists, items, letters
+
+
+def plain(value: Any, what: str, depth: int = 0) -> Any:
+    """A value of the kinds that a scenario knows, every number finite; RefusedError otherwise."""
+    if isinstance(value, bool) or (isinstance(value, str) and len(value) <= LONGEST):
+        return value
+    if isinstance(value, int) and abs(value) < 2**63:
+        return value
+    if isinstance(value, float) and isfinite(value):
+        return value
+    if isinstance(value, list) and depth < DEEPEST and len(value) <= MOST:
+        return [plain(one, what, depth + 1) for one in value]
+    raise RefusedError(f"{what}: {short(str(value))} is no value. Give a finite number, true, false or a quantity.")
+
+
+class Orders:
+    """Sets, overrides and releases at the communication point that was reached, and writes them down."""
+
+    def __init__(
+        self, case: Case, simulated: CoSimulation, catalog: Catalog, targets: set[str], file: Operated
+    ) -> None:
+        self.case, self.simulated, self.catalog, self.targets, self.file = case, simulated, catalog, targets, file
+        self.variables = {name: member.variables for name, member in simulated.members.items()}
+        self.controls: Mapping[str, Control] = {one.input: one for one in catalog.controls}
+        self.split = {one.variable for one in case.events if one.kind == "override" and "[" in one.variable}
+        self.values: dict[str, Any] = {}  # set by hand
+        self.overridden: dict[str, Any] = {}
+        self.done: list[dict[str, Any]] = []  # not told yet
+        self.count = 0
+
+    def do(self, kind: str, name: Any, value: Any = None, by_hand: bool = True) -> None:
+        """Let it happen now; RefusedError in one line if it cannot."""
+        name = self.known(name)
+        self.refuse_full()
+        given = None if kind == "release" else plain(value, name)
+        event = EventSpec(self.simulated.time, kind, name, given, WHERE)
+        if problems := event_problems(event, self.variables, self.targets):
+            raise RefusedError(problems[0].removeprefix(f"{WHERE}: "))
+        if kind == "release" and name not in self.overridden:
+            raise RefusedError(f"{name}: is not overridden: there is nothing to release.")
+        if kind == "override" and find(name, self.variables).element is not None and name not in self.split:
+            raise RefusedError(f"{name}: is one element. Override all of {name.partition('[')[0]}.")
+        self.happens(event, by_hand)
+
+    def happens(self, event: EventSpec, by_hand: bool = False) -> None:
+        """An event that is known to be sound."""
+        try:
+            happen(event, self.case, self.simulated, self.variables)
+        except CouplingError as error:
+            raise RefusedError(error.problems[0]) from None
+        if event.kind == "set":
+            self.values[event.variable] = event.value
+        elif event.kind == "override":
+            self.overridden[event.variable] = event.value
+        else:
+            self.overridden.pop(event.variable, None)
+        value = str(event.value).lower() if isinstance(event.value, bool) else short(event.value)
+        text = f"{event.kind} {event.variable}{'' if event.kind == 'release' else f' = {value}'}"
+        self.write(event, event.kind, text, by_hand)
+
+    def write(self, event: EventSpec | FaultSpec, kind: str, text: str, by_hand: bool) -> None:
+        """What was done, into the file and for whoever looks."""
+        line = self.file.add(event)
+        self.count += 1
+        self.done.append({
+            "number": self.count, "time": clock.seconds(event.time_ns), "kind": kind, "text": text, "line": line,
+            "by_hand": by_hand,
+        })  # fmt: skip
+
+    def known(self, name: Any) -> str:
+        """The name of a variable, or RefusedError."""
+        if not isinstance(name, str) or len(name) > 300:
+            raise RefusedError(f"{short(str(name))} is no name. Write member.variable.")
+        try:
+            find(name, self.variables)
+        except (CouplingError, ValueError) as error:
+            raise RefusedError(str(error)) from None
+        return name
+
+    def set(self, name: Any, value: Any) -> None:
+        """Set a tunable parameter or a free input that nobody has to hold."""
+        signal = self.catalog.signals.get(self.known(name).partition("[")[0])
+        if signal is not None and signal.held and not signal.settable:
+            raise RefusedError(f"{name}: moves only while it is held. Hold it with its control.")
+        self.do("set", name, value)
+
+    def refuse_full(self) -> None:
+        """RefusedError where no more can be written down."""
+        if self.file.is_full:
+            raise RefusedError(
+                "the record of this session is full, and what is not in it cannot run again. Reset or stop it."
+            )
+
+    def held(self, name: Any, value: Any) -> tuple[str, Any, Any]:
+        """Name, value and rest of an input that is to be held; RefusedError if it cannot be."""
+        name = self.known(name)
+        self.refuse_full()
+        signal = self.catalog.signals.get(name.partition("[")[0])
+        if signal is None or not signal.held:
+            raise RefusedError(f"{name}: is no free input. {nearest(name, list(self.controls))}")
+        control = self.controls.get(name)
+        value = plain(value, name)
+        if signal.type == "Boolean":
+            if not isinstance(value, bool):
+                raise RefusedError(f"{name}: expected true or false, not {short(value)}.")
+            return name, value, bool(control.rest) if control else bool(self.start(name))
+        if isinstance(value, bool | str | list):
+            raise RefusedError(f"{name}: expected a number in {signal.unit or '1'}, not {short(value)}.")
+        if control is not None and not control.low <= value <= control.high:
+            low, high = (one * control.factor + control.offset for one in (control.low, control.high))
+            raise RefusedError(f"{name}: is beyond its range, {low:g} to {high:g} {control.display_unit}.".rstrip(" ."))
+        event = EventSpec(self.simulated.time, "set", name, value, WHERE)
+        if problems := event_problems(event, self.variables, self.targets):
+            raise RefusedError(problems[0].removeprefix(f"{WHERE}: "))
+        return name, value, control.rest if control is not None else self.start(name)
+
+    def start(self, name: str) -> Any:
+        """What an input had at first, where it goes when nobody holds it."""
+        reference = find(name, self.variables)
+        values = self.case.values(reference.member, self.variables[reference.member])
+        value = values.get(reference.variable.name, reference.variable.start)
+        if reference.element is not None and value is not None:
+            value = value.reshape(-1)[reference.element]
+        kind = bool if reference.variable.type == "Boolean" else float if reference.variable.dtype.kind == "f" else int
+        return kind(value if value is not None else 0)

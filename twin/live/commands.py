@@ -1,0 +1,186 @@
+"""What may be asked of a session, by name; whatever a message holds, it ends in a sentence."""
+
+from __future__ import annotations
+
+import time as wall
+from math import inf, isfinite
+from typing import TYPE_CHECKING, Any
+
+from twin.errors import TwinError
+from twin.live.pacing import FASTEST, SLOWEST
+from twin.live.recording_reader import RefusedError
+from twin.scenario import EventSpec, short
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from twin.live.session import Session
+
+    Message = dict[str, Any]
+
+MOST = 10**6  # steps at once
+
+
+def do(session: Session, message: Message) -> tuple[str, bool]:
+    """Do what a message asks: why not, or nothing; and whether its answer comes later."""
+    kind = message.get("ask")
+    try:
+        call = ASKED.get(kind) if isinstance(kind, str) else None
+        if call is None:
+            raise RefusedError(f"{short(str(kind))} is nothing that can be asked for.")
+        return "", bool(call(session, message))
+    except KeyError as error:
+        return f"{kind}: {error} is missing.", False
+    except (TwinError, TypeError, ValueError, OverflowError) as error:
+        return error.problems[0] if isinstance(error, TwinError) else f"{kind}: {error}.", False
+
+
+def resume(session: Session, _: Message) -> None:
+    """Go on."""
+    refuse_ended(session, "resume")
+    session.stepped()
+    session.phase = "running"
+    session.begin_pace()
+
+
+def pause(session: Session, _: Message) -> None:
+    """Stand still."""
+    refuse_wall_clock(session, "pause")
+    session.stepped()
+    if session.phase == "running":
+        session.phase = "paused"
+
+
+def step(session: Session, message: Message) -> bool:
+    """Some communication steps, or to where all members have whole ones behind them; the answer comes at their end."""
+    if session.wall_clock:
+        raise RefusedError("step: the drives keep the time.")
+    refuse_ended(session, "step")
+    count = message.get("count", 1)
+    if isinstance(count, bool) or not isinstance(count, int) or not 0 < count <= MOST:
+        raise RefusedError(f"step: {short(str(count))} is no number of steps. Give 1 to {MOST}.")
+    if message.get("macro"):
+        count = session.left_to_common(1) + (count - 1) * session.macro
+    session.stepped()
+    session.phase = "paused"
+    session.left, session.stepping = count, message.get("number")
+    return True
+
+
+def pace(session: Session, message: Message) -> None:
+    """Another rate."""
+    if session.wall_clock:
+        raise RefusedError("pace: the drives keep the time.")
+    session.rate = session.pace.rate = checked_rate(message.get("rate"))
+    session.begin_pace()
+
+
+def checked_rate(rate: Any) -> float:
+    """A rate that is kept; RefusedError otherwise."""
+    if isinstance(rate, bool) or not isinstance(rate, int | float) or not (SLOWEST <= rate <= FASTEST or rate == inf):
+        raise RefusedError(
+            f"pace: {short(str(rate))} is no rate. Give {SLOWEST:g} to {FASTEST:g}, or inf: as fast as possible."
+        )
+    return float(rate)
+
+
+def reset(session: Session, _: Message) -> None:
+    """From the start again, in a new folder."""
+    refuse_wall_clock(session, "reset")
+    session.ending = session.again = True
+    session.running = False
+
+
+def stop(session: Session, _: Message) -> None:
+    """The end."""
+    session.ending = True
+
+
+def set_value(session: Session, message: Message) -> None:
+    """Set a parameter, or an input that nobody has to hold."""
+    session.orders.set(message["name"], message["value"])
+
+
+def override(session: Session, message: Message) -> None:
+    """Override a variable."""
+    refuse_by_hand(session)
+    session.orders.do("override", message["name"], message["value"])
+
+
+def release(session: Session, message: Message) -> None:
+    """End an override."""
+    refuse_by_hand(session)
+    session.orders.do("release", message["name"])
+
+
+def trigger(session: Session, message: Message) -> None:
+    """An event that the scenario has prepared."""
+    key = message["key"]
+    if not isinstance(key, str) or key not in session.prepared:
+        raise RefusedError(f"there is no event {short(str(key))}.")
+    refuse_by_hand(session)
+    event = session.prepared[key][1]
+    if isinstance(event, EventSpec) and event.kind == "set":
+        session.orders.set(event.variable, event.value)  # what a person holds is not set, by whatever way
+    elif isinstance(event, EventSpec):
+        session.orders.do(event.kind, event.variable, event.value)
+    else:
+        session.orders.refuse_full()
+        session.strike(event)
+
+
+def hold(session: Session, message: Message) -> None:
+    """A renewal of somebody who holds an input; it goes to rest if the value is refused."""
+    name, press, instant = message["name"], message["press"], message["instant"]
+    if isinstance(press, bool) or not isinstance(press, int) or not 0 <= press < 2**63:
+        raise RefusedError(f"hold: {short(str(press))} is no number of a press.")
+    if isinstance(instant, bool) or not isinstance(instant, int | float) or not isfinite(instant):
+        raise RefusedError("hold: its age is no number of seconds.")
+    try:
+        name, value, rest = session.orders.held(name, message["value"])
+    except RefusedError:
+        if isinstance(name, str):
+            session.hands.let_go(name)
+        raise
+    now = wall.monotonic()  # the clock of all processes of a machine
+    session.hands.hold(name, value, rest, press, now - instant, now)
+
+
+def let_go(session: Session, message: Message) -> None:
+    """To rest: one input, or all."""
+    name = message.get("name")
+    session.hands.let_go(name if isinstance(name, str) else "")
+
+
+def refuse_ended(session: Session, what: str) -> None:
+    """RefusedError where a member has ended the simulation."""
+    if session.phase == "ended":
+        raise RefusedError(f"{what}: the simulation has ended. Reset it.")
+
+
+def refuse_wall_clock(session: Session, what: str) -> None:
+    """RefusedError where drives keep the time, once they have begun."""
+    if session.wall_clock and session.begun_to_go:
+        raise RefusedError(f"{what}: the drives keep the time. Stop the session instead.")
+
+
+def refuse_by_hand(session: Session) -> None:
+    """RefusedError where it would move drives that nobody holds."""
+    if session.wall_clock:
+        raise RefusedError("with drives nothing is overridden or triggered by hand: inputs move while they are held.")
+
+
+ASKED: dict[str, Callable[[Session, Message], object]] = {
+    "resume":   resume,
+    "pause":    pause,
+    "step":     step,
+    "pace":     pace,
+    "reset":    reset,
+    "stop":     stop,
+    "set":      set_value,
+    "override": override,
+    "release":  release,
+    "trigger":  trigger,
+    "hold":     hold,
+    "let_go":   let_go,
+}  # fmt: skip

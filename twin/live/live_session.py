@@ -1,0 +1,364 @@
+"""A session as the process that shows it has it in hand: what it knows, and what it may ask for."""
+
+from __future__ import annotations
+
+import atexit
+import itertools
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time as wall
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as LateError
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Self
+
+from twin.errors import SimulationError, TwinError
+from twin.live.catalog import Catalog
+from twin.live.channel import Channel, ClosedError
+from twin.live.operation_log import NAME
+from twin.live.recording_reader import Reading, RefusedError, Samples
+
+ANSWER = 30.0  # the loop answers in this time, one long step of a member included [s]
+SOON = 0.5  # a stop in this time [s]: longer than any block
+KEPT = 50  # sentences
+OVER = ("stopped", "failed")
+
+
+@dataclass(frozen=True)
+class State:
+    """How a session stands. Times in seconds; `lag`: behind the plan; `jitter`: 99 of 100 blocks began nearer to theirs.
+
+    `phase`: starting, running, paused, ended (by a member), finishing, stopped or failed.
+    """
+
+    phase: str = "starting"
+    time: float = 0.0
+    rate: float = 1.0
+    achieved: float = 0.0
+    lag: float = 0.0
+    jitter: float = 0.0
+    epoch: int = 0
+    folder: str = ""
+    held: Mapping[str, Any] = field(default_factory=dict)
+    values: Mapping[str, Any] = field(default_factory=dict)
+    overridden: Mapping[str, Any] = field(default_factory=dict)
+    message: str = ""
+    messages: tuple[tuple[int, float, str], ...] = ()
+    hardware: dict[str, Any] | None = None
+
+
+@dataclass(frozen=True)
+class Done:
+    """What was done at a communication point [s], and its line in operated.yaml; `by_hand`: not by the scenario itself."""
+
+    number: int
+    time: float
+    kind: str
+    text: str
+    line: str
+    by_hand: bool = True
+
+
+class Live:
+    """A scenario that runs in a process of its own. Safe to use from several threads."""
+
+    def __init__(self, process: subprocess.Popen[bytes], end: socket.socket, asked: dict[str, Any]) -> None:
+        self.process = process
+        self.catalog: Catalog | None = None
+        self.state = State(rate=asked["rate"])
+        self.done: tuple[Done, ...] = ()
+        self._problems: list[str] = []
+        self._ends = False  # whether the process was sent a signal to end
+        self._said: deque[tuple[int, float, str]] = deque(maxlen=KEPT)
+        self._numbers = itertools.count(1)
+        self._answers: dict[int, Future[str]] = {}
+        self._lock = threading.Lock()
+        self._changed = threading.Condition()
+        self._reading: Reading | None = None
+        self._channel = Channel(end)
+        self._send(**asked)
+        self._listener = threading.Thread(target=self._listen, name="live", daemon=True)
+        self._listener.start()
+        atexit.register(self.close)
+
+    @classmethod
+    def start(
+        cls,
+        scenario: Path | str,
+        *,
+        variant: str | None = None,
+        seed: int | None = None,
+        overrides: Sequence[str] = (),
+        rate: float = 1.0,
+        running: bool = False,
+        hardware: Path | str | None = None,
+        arm: bool = False,
+        record: Sequence[str] = (),
+        form: str = "fmu",
+        runs: Path | str = "runs",
+        build: Path | str = "build",
+        report: bool = False,
+        wait: bool = True,
+    ) -> Self:
+        """Start the process of the loop; with `wait` return when it is ready, TwinError if it cannot be.
+
+        `record`: more patterns than the scenario's; `running`: not paused at first; `hardware`, `arm`: as of `twin run`.
+        """
+        if os.name == "nt":
+            raise TwinError("live: hands a socket to another process, which Windows does not do. Use `twin run` there.")
+        if os.name != "posix":
+            raise TwinError(
+                "a live session: needs Linux or macOS, where a process can be given a socket. Use `twin run`."
+            )
+        ours, theirs = socket.socketpair()
+        with theirs:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "twin.live.worker", str(theirs.fileno())],
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                start_new_session=True,  # Ctrl-C is for whoever shows the session, who ends it
+                env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            )
+        asked = {
+            "scenario": str(scenario), "variant": variant, "seed": seed, "overrides": list(overrides), "rate": rate,
+            "running": running, "hardware": str(hardware) if hardware else None, "arm": arm, "record": list(record),
+            "form": form, "runs": str(runs), "build": str(build), "report": report,
+        }  # fmt: skip
+        live = cls(process, ours, asked)
+        if wait:
+            live.wait()
+        return live
+
+    def wait(self, timeout: float | None = None) -> None:
+        """Until the session is ready; TwinError if it cannot be."""
+        with self._changed:
+            self._changed.wait_for(lambda: self.catalog is not None or self.state.phase in OVER, timeout)
+        if self.catalog is None:
+            if self.state.phase in OVER:
+                self.close()
+            raise TwinError(self._problems or ["the session is not ready yet."])
+
+    # ---------------------------------------------------------------------------------------------------- listening
+
+    def _listen(self) -> None:
+        """Take what the loop tells until it is gone."""
+        try:
+            while True:
+                for message in self._channel.receive(None):
+                    with self._changed:
+                        for kind, content in message.items():
+                            if kind in TOLD:
+                                TOLD[kind](self, content, message)
+                        self._changed.notify_all()
+        except ClosedError:
+            self._gone()
+
+    def _gone(self) -> None:
+        """The loop's process has ended."""
+        code = self.process.wait()
+        self._channel.end.close()
+        with self._changed:
+            if self.state.phase != "failed":
+                self.state = replace(self.state, phase="stopped", achieved=0.0, lag=0.0, held={})
+            if code and not self._problems and not self._ends:
+                how = f"signal {-code}" if code < 0 else f"code {code}"
+                text = f"the process of the loop has died ({how})."
+                if self.state.folder:
+                    text += f" What was recorded is kept: twin recover {self.state.folder}"
+                self._problems = [text]
+                self._say([len(self._said) + 1, wall.time(), text])
+                self.state = replace(self.state, phase="failed")
+            for one in list(self._answers.values()):
+                one.set_result("the session is over.")
+            self._answers.clear()
+            self._changed.notify_all()
+
+    def _tell_state(self, told: dict[str, Any], _message: dict[str, Any]) -> None:
+        self.state = replace(self.state, **told)
+
+    def _tell_catalog(self, told: dict[str, Any], message: dict[str, Any]) -> None:
+        self.catalog, self.done = Catalog.of(told), ()
+        self.state = replace(self.state, folder=message["folder"], epoch=message["epoch"], message="")
+
+    def _tell_done(self, told: list[dict[str, Any]], _message: dict[str, Any]) -> None:
+        self.done = (*self.done, *(Done(**one) for one in told))
+
+    def _say(self, told: Sequence[Any], _message: dict[str, Any] | None = None) -> None:
+        number, instant, text = told
+        self._said.append((number, instant, text))
+        self.state = replace(self.state, message=text, messages=tuple(self._said))
+
+    def _tell_progress(self, told: str, _message: dict[str, Any]) -> None:
+        self.state = replace(self.state, message=told)
+
+    def _tell_phase(self, told: str, _message: dict[str, Any]) -> None:
+        self.state = replace(self.state, phase=told)
+
+    def _tell_hardware(self, told: dict[str, Any], _message: dict[str, Any]) -> None:
+        self.state = replace(self.state, hardware=told)
+
+    def _tell_failed(self, told: list[str], _message: dict[str, Any]) -> None:
+        self._problems = told
+        self.state = replace(self.state, phase="failed", message=told[0] if told else "")
+
+    def _tell_answer(self, number: int, message: dict[str, Any]) -> None:
+        if (waiting := self._answers.pop(number, None)) is not None:
+            waiting.set_result(message.get("refused", ""))
+
+    # ------------------------------------------------------------------------------------------------------ reading
+
+    def _rows(self) -> Reading:
+        """The rows of the present run."""
+        with self._lock:
+            folder, epoch = self.state.folder, self.state.epoch
+            if not folder:
+                raise RefusedError("nothing is recorded yet.")
+            if self._reading is None or self._reading.epoch != epoch:
+                if self._reading is not None:
+                    self._reading.close()
+                self._reading = Reading(Path(folder), epoch)
+            return self._reading
+
+    def read(self, names: Sequence[str], since: float | None = None, until: float | None = None) -> Samples:
+        """Rows with since < time <= until [s]; they are there 30 ms after the loop made them. RefusedError if not recorded."""
+        return self._rows().read(names, since, until)
+
+    def latest(self, names: Sequence[str]) -> Samples:
+        """The last row; none before the first."""
+        return self._rows().latest(names)
+
+    def scenario_text(self) -> str:
+        """operated.yaml as of now: a scenario that does all this again."""
+        return (Path(self.state.folder) / NAME).read_text(encoding="utf-8")
+
+    # ------------------------------------------------------------------------------------------------------- asking
+
+    def _send(self, **message: Any) -> None:
+        with self._lock, suppress(ClosedError):
+            self._channel.send(**message)
+
+    def _ask(self, kind: str, timeout: float | None = ANSWER, **more: Any) -> None:
+        """Ask and wait; RefusedError says why not."""
+        number, answer = next(self._numbers), Future[str]()
+        self._answers[number] = answer
+        if self.state.phase in OVER and self.process.poll() is not None:
+            self._answers.pop(number, None)
+            raise RefusedError(f"{kind}: the session is over.")
+        self._send(ask=kind, number=number, **more)
+        try:
+            refused = answer.result(timeout)
+        except LateError:
+            raise SimulationError(
+                f"{kind}: the loop has not answered for {timeout:g} s: one step takes long."
+            ) from None
+        if refused:
+            raise RefusedError(refused)
+
+    def resume(self) -> None:
+        """Go on."""
+        self._ask("resume")
+
+    def pause(self) -> None:
+        """Stand still."""
+        self._ask("pause")
+
+    def step(self, count: int = 1) -> None:
+        """So many communication steps, and pause."""
+        self._ask("step", count=count)
+
+    def step_macro(self, count: int = 1) -> None:
+        """To the next communication point of the slowest member."""
+        self._ask("step", count=count, macro=True)
+
+    def pace(self, rate: float) -> None:
+        """Simulated over wall-clock time: 0.1 to 10, or inf."""
+        self._ask("pace", rate=rate)
+
+    def reset(self) -> None:
+        """From the start again, paused, in a new folder; the one before is finished."""
+        before = self.state.epoch
+        self._ask("reset")
+        with self._changed:
+            self._changed.wait_for(lambda: self.state.epoch > before or self.state.phase == "failed")
+        if self.state.epoch == before:
+            raise TwinError(self._problems or ["reset: failed."])
+
+    def set(self, name: str, value: Any) -> None:
+        """Set a tunable parameter or a free input that nobody has to hold, from now on."""
+        self._ask("set", name=name, value=value)
+
+    def override(self, name: str, value: Any) -> None:
+        """From now on all see this value instead of an output's or input's own."""
+        self._ask("override", name=name, value=value)
+
+    def release(self, name: str) -> None:
+        """End an override."""
+        self._ask("release", name=name)
+
+    def trigger(self, key: str) -> None:
+        """Let an event of the catalog happen now."""
+        self._ask("trigger", key=key)
+
+    def hold(self, name: str, value: Any, press: int, age: float = 0.0) -> None:
+        """Renew what is held, `age` [s] ago; it goes to rest if this does not come again within `HOLD`. Does not wait.
+
+        `press`: greater at each new press. What is refused is told in `state.messages`.
+        """
+        self._send(ask="hold", name=name, value=value, press=press, instant=wall.monotonic() - age)
+
+    def let_go(self, name: str = "") -> None:
+        """To rest at once, one input or all. Does not wait."""
+        self._send(ask="let_go", name=name)
+
+    def stop(self) -> Path:
+        """End the session, drives by the one stop path, and finish its folder; TwinError if it has failed."""
+        if self.process.poll() is None:
+            try:
+                self._ask("stop", SOON)
+            except SimulationError:  # it builds, brings drives up, or makes a long step: the same path by a signal
+                self._ends = True
+                self.process.terminate()
+            except RefusedError:
+                pass
+            with self._changed:
+                if self.state.phase not in OVER:
+                    self.state = replace(self.state, phase="finishing")
+        self.process.wait()
+        self._listener.join()
+        atexit.unregister(self.close)
+        if self._problems:
+            raise TwinError(self._problems)
+        return Path(self.state.folder)
+
+    def close(self) -> None:
+        """The same without an error. Safe to call twice."""
+        with suppress(TwinError):
+            self.stop()
+        if self._reading is not None:
+            self._reading.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+TOLD: dict[str, Callable[[Live, Any, dict[str, Any]], object]] = {
+    "state":    Live._tell_state,
+    "catalog":  Live._tell_catalog,
+    "done":     Live._tell_done,
+    "said":     Live._say,
+    "progress": Live._tell_progress,
+    "phase":    Live._tell_phase,
+    "hardware": Live._tell_hardware,
+    "failed":   Live._tell_failed,
+    "answer":   Live._tell_answer,
+}  # fmt: skip

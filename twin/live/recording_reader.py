@@ -1,0 +1,114 @@
+"""Signals of a session while it runs: rows of its recording, read from the file that the loop's process writes."""
+
+from __future__ import annotations
+
+import mmap
+import os
+from bisect import bisect_right
+from dataclasses import dataclass
+from math import prod
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.errors import TwinError
+from twin.results import stream
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+Array = np.ndarray[Any, Any]
+WORD = 8
+DTYPES = {"f": np.dtype(np.float64), "i": np.dtype(np.int64), "u": np.dtype(np.uint64)}
+
+
+class RefusedError(TwinError):
+    """What was asked for is not done; one line says why."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Rows of some signals. `epoch`: number of the reset that they follow; `time` [s]."""
+
+    epoch: int
+    time: Array
+    values: dict[str, Array]
+
+
+class Reading:
+    """The rows of one run, as they grow; they stay readable when the run is finished and its recording removed."""
+
+    def __init__(self, run: Path, epoch: int) -> None:
+        recorded = stream.read(run)
+        part = recorded.parts[-1]
+        self.epoch, layout = epoch, part.rows
+        self.width = int(layout["words"])
+        self.begin, self.step, self.per_second = layout["begin"], layout["step"], layout["per_second"]
+        self.columns = {name: (first, tuple(shape), kind) for name, first, shape, kind, *_ in layout["columns"]}
+        self._file = os.open(recorded.folder / f"{part.number}.rows", os.O_RDONLY)
+        self._words: Array = np.zeros((0, self.width), np.int64)
+
+    def rows(self) -> Array:
+        """All rows until now, as words."""
+        count = os.fstat(self._file).st_size // (WORD * self.width)
+        if count > len(self._words):
+            mapped = mmap.mmap(self._file, count * WORD * self.width, access=mmap.ACCESS_READ)
+            self._words = np.frombuffer(mapped, np.int64).reshape(count, self.width)
+        return self._words
+
+    def read(self, names: Sequence[str], since: float | None, until: float | None) -> Samples:
+        """Rows with since < time <= until [s]; None: from the first, to the last."""
+        words = self.rows()
+        first = 0 if since is None else self.behind(words, since)
+        last = len(words) if until is None else self.behind(words, until)
+        return self.samples(words[first:last], names)
+
+    def behind(self, words: Array, time: float) -> int:
+        """The first row behind a time [s]."""
+        return bisect_right(range(len(words)), time, key=lambda row: self.time(int(words[row, 0])))
+
+    def time(self, tick: int) -> float:
+        """Of a communication point [s]."""
+        return float((self.begin + tick * self.step) / self.per_second)
+
+    def latest(self, names: Sequence[str]) -> Samples:
+        """The last row, if there is one."""
+        return self.samples(self.rows()[-1:], names)
+
+    def samples(self, words: Array, names: Sequence[str]) -> Samples:
+        """Some signals of some rows."""
+        time = (self.begin + words[:, 0] * self.step) / self.per_second
+        return Samples(self.epoch, np.asarray(time, np.float64), {name: self.column(words, name) for name in names})
+
+    def column(self, words: Array, name: str) -> Array:
+        """A signal, or an element of one, `member.variable[2]`; RefusedError if it is not recorded."""
+        place, index = self.columns.get(name), ""
+        if place is None and name.endswith("]"):
+            whole, _, index = name[:-1].rpartition("[")
+            place = self.columns.get(whole)
+        if place is None:
+            raise RefusedError(f"{name}: is not recorded. Name it in `record` when the session begins.")
+        first, shape, kind = place
+        if index:
+            first, shape = first + self.element(name, index, shape), ()
+        block = np.ascontiguousarray(words[:, first : first + prod(shape)])
+        values = block != 0 if kind == "b" else block.view(DTYPES.get(kind, DTYPES["i"]))
+        return values.reshape(len(words), *shape)
+
+    def element(self, name: str, index: str, shape: tuple[int, ...]) -> int:
+        """Place of an element in its array, counted from 0."""
+        try:
+            places = tuple(int(one) - 1 for one in index.split(","))
+            if any(one < 0 for one in places):
+                raise ValueError  # noqa: TRY301
+            return int(np.ravel_multi_index(places, shape))
+        except ValueError:
+            size = " x ".join(map(str, shape))
+            raise RefusedError(f"{name}: there is no such element. Its size is {size}, counted from 1.") from None
+
+    def close(self) -> None:
+        """Close the file; what was mapped stays until nobody holds it."""
+        if self._file >= 0:
+            os.close(self._file)
+            self._file = -1

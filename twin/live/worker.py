@@ -1,0 +1,153 @@
+"""The process of the loop: `python -m twin.live.worker FD`, started by `Live`; FD is its end of a socket pair."""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import socket
+import sys
+import threading
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+from twin import clock, installed
+from twin.errors import DeclarationError, TwinError, described
+from twin.live.catalog_builder import recorded_names
+from twin.live.channel import Channel, ClosedError
+from twin.live.commands import checked_rate
+from twin.live.operation_log import event_lines, moment
+from twin.live.session import Session
+from twin.process import Link
+from twin.run import Hardware, prepare, run_scenario
+from twin.scenario import Form, load_scenario, parse_scenario, single_case_yaml
+
+if TYPE_CHECKING:
+    from twin.live.session import Drives
+    from twin.scenario import Case, Scenario
+
+NOTICED = 0.1  # the loop notices by itself that nobody is there in this time, while its steps are short [s]
+LONGEST = 1_000_000 * clock.NANOSECONDS  # a session [ns]: a person ends it before
+
+
+class Process:
+    """Runs one session after another, until nobody wants more."""
+
+    def __init__(self, channel: Channel, asked: dict[str, Any]) -> None:
+        self.channel, self.asked = channel, asked
+        self.session = Session(channel, checked_rate(asked["rate"]), asked["running"])
+        self.hardware: Hardware | None = None
+        self.said = ""
+
+    def prepare(self) -> Scenario:
+        """The scenario of the session: one variant with one seed, with all that can be seen in its recording."""
+        asked, session = self.asked, self.session
+        scenario = load_scenario(asked["scenario"], asked["overrides"])
+        variant = asked["variant"] or scenario.variants[0].variant
+        seeds = scenario.seeds[0] if asked["seed"] is None else asked["seed"]
+        case = scenario.cases([variant], [seeds])[0]
+        names = recorded_names(case, prepare(scenario)[variant], tuple(asked["record"]))
+        if asked["hardware"]:
+            self.hardware = load_drives(Path(asked["hardware"]), asked["arm"], Path(asked["build"]))
+            session.drives = cast("Drives", self.hardware)
+            there = prepare(self.hardware.apply(scenario))[variant]  # a drive has no locals of what it stands for
+            names = [one for one in names if one.partition(".")[2] in there[one.partition(".")[0]]]
+        session.begun, session.variant, session.head = scenario, variant, single_case_yaml(scenario, case, names)
+        own = endless(session.head, case, scenario.path)
+        session.own = own
+        return own
+
+    def work(self) -> None:
+        """Sessions, each begun by a reset of the one before."""
+        asked, session = self.asked, self.session
+        own = self.prepare()
+        while True:
+            link = Link()
+            outcome = run_scenario(
+                own,
+                Form(asked["form"]),
+                root=Path(asked["runs"]),
+                build=Path(asked["build"]),
+                progress=self.progress,
+                report=asked["report"],
+                hardware=self.hardware,
+                link=link,
+                course=session.course,
+            )
+            reason = "" if outcome.run.status == "completed" else outcome.run.reason
+            if session.gone or not (session.again or (reason and self.wants_more())):
+                return
+
+    def wants_more(self) -> bool:
+        """After a failure: whether a person resets it, or has enough."""
+        self.session.enter("failed")
+        while True:
+            for message in self.channel.receive(None):
+                more = message.get("ask") == "reset" and not self.session.wall_clock
+                if more or message.get("ask") == "stop":
+                    self.session.enter("starting" if more else "finishing")
+                    self.session.send(answer=message.get("number"))
+                    self.session.running = False
+                    return more
+                if message.get("number") is not None:
+                    self.session.send(answer=message["number"], refused="the simulation has failed. Reset it.")
+
+    def progress(self, name: str, _part: float) -> None:
+        """What is built before the first step, each once."""
+        if self.session.phase == "starting" and name != self.said:
+            self.said = name
+            self.session.send(progress=name)
+
+
+def endless(head: str, case: Case, path: Path) -> Scenario:
+    """The scenario of a session without an end, with the events that its case has by itself."""
+    end = case.start_ns + LONGEST // case.step_ns * case.step_ns
+    own = parse_scenario(f"stop_time: {moment(end)}\n{head}", path)
+    only = replace(own.variants[0], events=case.events, faults=case.faults)
+    text = f"stop_time: {moment(case.stop_ns)}\n{head}events:\n{event_lines(case.events)}"
+    return replace(own, variants=(only,), text=text)
+
+
+def load_drives(file: Path, arm: bool, build: Path) -> Hardware:
+    """Read a hardware file with the package that knows about drives: an entry point of the group `twin.hardware`."""
+    points = list(installed.entry_points("twin.hardware").values())
+    if not points:
+        raise DeclarationError("hardware: no installed package knows about drives. Run `pip install -e .` again.")
+    hardware: Hardware = points[0].load()(file, arm, build)
+    return hardware
+
+
+def look_out(end: socket.socket) -> None:
+    """End this process as a signal would where nobody is there any more and the loop has not noticed: one step is long."""
+    gone = select.poll()
+    gone.register(end, getattr(select, "POLLRDHUP", 0) | select.POLLHUP)  # the first is Linux's own
+    gone.poll()
+    time.sleep(NOTICED)
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def main() -> None:
+    """Serve the end of a socket pair that the first argument names."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started this process ends it
+    end = socket.socket(fileno=int(sys.argv[1]))
+    channel = Channel(end)
+    threading.Thread(target=look_out, args=[end], name="look out", daemon=True).start()
+    try:
+        asked = next(iter(channel.receive(None)))
+        try:
+            Process(channel, asked).work()
+        except TwinError as error:
+            channel.send(failed=error.problems)
+        except ClosedError:
+            raise
+        except Exception as error:
+            channel.send(failed=[described(error)])
+            raise
+    except ClosedError:
+        pass
+
+
+if __name__ == "__main__":
+    main()

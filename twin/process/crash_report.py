@@ -1,0 +1,117 @@
+"""How a process ended that did not end by itself, and where it was."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Self
+
+if TYPE_CHECKING:
+    from twin import clock
+
+ENGINE = str(Path(__file__).parents[1])
+FRAME = re.compile(r'  File "(?P<file>.+)", line (?P<line>\d+)(?: in (?P<function>.+))?')
+CALLERS = tuple(os.path.join(ENGINE, room) for room in ("coupling", "fmi", "conformance", "run", "cli"))  # noqa: PTH118
+LINES = 5
+KILL = 9  # SIGKILL, where there is one
+
+
+@dataclass
+class Death:
+    """What is known of the end of a process. `member` and `function` were at work in the step from `time_ns`."""
+
+    signal: int = 0
+    exit: int | None = None
+    silent: float = 0.0  # killed since nothing had happened for this time [s]
+    asked: int = 0  # signal that had asked it to stop
+    tick: int = 0  # communication points done
+    at: int = 0  # address of the loop's row that was at work, or 0
+    note: str = ""  # what it was at outside of the loop
+    member: str = ""
+    function: str = ""
+    time_ns: clock.Time | None = None
+    log: dict[str, list[str]] = field(default_factory=dict)  # last lines of each member; of stderr under an empty name
+    stack: list[str] = field(default_factory=list)  # of Python, the innermost frame first
+
+    def told(self) -> dict[str, Any]:
+        """As plain data."""
+        return asdict(self)
+
+    @classmethod
+    def of(cls, told: dict[str, Any]) -> Self:
+        """From plain data."""
+        return cls(**{key: told[key] for key in cls.__dataclass_fields__ if key in told})
+
+    @property
+    def from_outside(self) -> bool:
+        """Whether somebody, or the system for want of memory, ended it: then nothing else is to be begun."""
+        return bool(self.asked) or (self.signal == KILL and not self.silent)
+
+    @property
+    def how(self) -> str:
+        """What happened, in words."""
+        if self.silent:
+            return f"did not return for {self.silent:g} s"
+        if self.asked and self.signal == KILL:
+            return f"did not stop after {name(self.asked)}, and was killed"
+        if self.signal == KILL:
+            return "was killed (SIGKILL) by somebody, or by the system for want of memory"
+        if self.signal:
+            return f"crashed with {name(self.signal)} ({signal.strsignal(self.signal)})"
+        return f"ended the process with exit code {self.exit}"
+
+    @property
+    def place(self) -> str:
+        """The line of somebody's Python code that was at work: `model.py:12`."""
+        for found in filter(None, map(FRAME.match, self.stack)):
+            if found["file"].startswith(CALLERS):
+                break  # what called native code
+            if not found["file"].startswith((ENGINE, "<")) and not library(found["file"]):
+                return f"{found['file']}:{found['line']}"
+        return ""
+
+    def text(self) -> str:
+        """The whole in one line."""
+        from twin import clock
+
+        when = (
+            ""
+            if self.time_ns is None
+            else f", {'in the step from' if self.at else 'at'} t = {clock.text(self.time_ns)}"
+        )
+        function = f" in {self.function}" if self.function else ""
+        where = f", at {self.place}" if self.place else ""
+        lines = [*self.log.get(self.member or self.note.partition(":")[0], []), *self.log.get("", [])]
+        log = f" Last log: {' | '.join(lines[-LINES:])}" if lines else ""
+        if self.from_outside:
+            work = f", {self.member} at work" if self.member else ""
+            return f"the run {self.how}{when}{work}{function}{where}.{log}"
+        return f"{self.member or self.note or 'the run'}: {self.how}{function}{when}{where}.{log}"
+
+
+def library(file: str) -> bool:
+    """Whether a file is Python's own or an installed package's."""
+    return "site-packages" in file or file.startswith(str(Path(os.__file__).parent))
+
+
+def name(number: int) -> str:
+    """`SIGSEGV`."""
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"
+
+
+def innermost(text: str) -> list[str]:
+    """The frames of the thread that a dump of Python's stacks is about, the innermost first."""
+    _, _, current = text.rpartition("Current thread")
+    body = current.partition("\n")[2]
+    frames = []
+    for line in body.splitlines():
+        if not FRAME.match(line):
+            break
+        frames.append(line)
+    return frames

@@ -1,0 +1,58 @@
+"""Scenarios and studies found by their names: those of the folder where one works, then those that came with the project."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from twin.errors import ScenarioError, nearest
+
+FOLDERS = {"scenario": "scenarios", "study": "scenarios/studies"}
+SHARE = "share/catheter-twin"  # where the wheel puts what is no code, below the prefix
+
+
+def folders(kind: str) -> list[Path]:
+    """Folders of one of `FOLDERS`: of the current directory, of the checkout this code is in, of the installed wheel."""
+    import sysconfig
+
+    roots = (Path(), Path(__file__).parents[2], Path(sysconfig.get_path("data"), SHARE))
+    return [place for root in roots if (place := root / FOLDERS[kind]).is_dir()]
+
+
+def scenarios(kind: str = "scenario") -> dict[str, Path]:
+    """Path of each scenario, or study, by its name, sorted; the first folder counts."""
+    found: dict[str, Path] = {}
+    for folder in folders(kind):
+        for path in sorted(folder.glob("*.yaml")):
+            found.setdefault(path.stem, path)
+    return dict(sorted(found.items()))
+
+
+def title(path: Path) -> str:
+    """What a scenario calls itself, or that it cannot be read; what it extends is not looked at."""
+    from twin.scenario import yaml_reader
+
+    try:
+        entries = yaml_reader.read(path, path.name).entries
+    except ScenarioError as error:
+        return error.problems[0]
+    return str(next((entries[key].value for key in ("title", "description") if key in entries), ""))
+
+
+def located(what: str | Path, kind: str = "scenario") -> Path:
+    """A path as it is; a bare name that is no file here stands for the scenario or study of this name.
+
+    ScenarioError for an unknown name, and for a file that is not there where its name is known.
+    """
+    path = Path(what)
+    if path.suffix and not path.exists() and path.stem in scenarios(kind):
+        raise ScenarioError(
+            f"{path}: is not there. There is a {kind} of this name elsewhere: give the name alone, {path.stem}."
+        )
+    if path.suffix or len(path.parts) != 1 or path.is_file():
+        return path
+    known = scenarios(kind)
+    if path.name not in known and path.exists():  # a folder, or what is no file: whoever reads it says so
+        return path
+    if path.name not in known:
+        raise ScenarioError(f"There is no {kind} {path.name!r}, and no file of this name. {nearest(path.name, known)}")
+    return known[path.name]

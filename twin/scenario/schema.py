@@ -1,0 +1,394 @@
+"""Shape of a scenario file: keys, their types and what they mean. Names and units are checked in `check`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PlainValidator, model_validator
+
+from twin import clock
+from twin.coupling import Algorithm
+from twin.errors import CouplingError, ScenarioError
+from twin.results import Expression, expression
+from twin.scenario.quantities import duration, nanoseconds, number, raw, short
+from twin.scenario.variable_names import nearest
+
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
+REFERENCE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\.[^\s>*]+")
+RATIOS = ("smoothing", "agreement", "tolerance", "correction")  # options of algorithms
+PATTERN = re.compile(r"[A-Za-z_*][A-Za-z0-9_*]*\.[^\s>]+|\*")
+
+
+def positive(value: Any) -> clock.Time:
+    """A time above zero [ns]."""
+    if (time := duration(value)) <= 0:
+        raise ValueError(f"expected a time above zero, not {short(value)}")
+    return time
+
+
+def period(value: Any) -> int:
+    """The same in whole nanoseconds."""
+    positive(value)
+    return nanoseconds(value)
+
+
+def text(value: Any) -> Any:
+    """Text; YAML reads a title such as `8` as a number."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return str(value)
+    return value
+
+
+def reference(value: Any) -> str:
+    """member.variable, whatever letters the variable has."""
+    if not isinstance(value, str) or not REFERENCE.fullmatch(value):
+        raise ValueError(f"expected member.variable, not `{short(value)}`")
+    return value
+
+
+def pattern(value: Any) -> str:
+    """The same, or with `*` for any text."""
+    if not isinstance(value, str) or not PATTERN.fullmatch(value):
+        raise ValueError(f"expected member.variable or member.*, not `{short(value)}`")
+    return value
+
+
+def parsed(value: Any) -> Expression:
+    """A parsed expression."""
+    try:
+        return expression.parse(value)
+    except ScenarioError as error:
+        raise ValueError(str(error)) from None
+
+
+def fraction(value: Any) -> float:
+    """A ratio, from `20 %` or 0.2."""
+    try:
+        ratio = number(value, "", "tolerance") if not str(value).rstrip().endswith("%") else percent(value)
+    except (ValueError, CouplingError):
+        raise ValueError(f"expected a ratio such as 20 % or 0.2, not {short(value)}") from None
+    if not 0 <= ratio <= 10:
+        raise ValueError(f"expected a ratio between 0 and 10, such as 20 % or 0.2, not {short(value)}")
+    return ratio
+
+
+def percent(value: str) -> float:
+    """The ratio that `20 %` means."""
+    return float(value.rstrip().removesuffix("%")) / 100
+
+
+def algorithm(value: Any) -> Algorithm | None:
+    """An algorithm from its name, or from its name and options."""
+    if value is None:
+        return None
+    if not isinstance(value, str | dict):
+        raise ValueError(  # noqa: TRY004 - pydantic's way
+            f"expected a name such as jacobi, or its name and options, not {short(value)}"
+        )
+    given = {"name": value} if isinstance(value, str) else {"name": "jacobi", **value}
+    if given["name"] not in (known := [one.name for one in Algorithm]):
+        raise ValueError(f"`{short(given['name'])}` is not known.{nearest(str(given['name']), known)}")
+    readers: dict[str, Callable[[Any], Any]] = {
+        **dict.fromkeys(RATIOS, fraction),
+        "smallest": positive,
+        "scales": sizes,
+    }
+    try:
+        return Algorithm({key: readers.get(key, raw)(one) for key, one in given.items()})  # type: ignore[no-any-return]
+    except CouplingError as error:
+        raise ValueError(str(error).removeprefix("algorithm: ")) from None
+
+
+def sizes(value: Any) -> dict[str, Any]:
+    """Values of variables, as they are written."""
+    if not isinstance(value, dict):
+        raise ValueError(f"expected scales such as {{wall.force: 0.2 N}}, not {short(value)}")  # noqa: TRY004
+    return {reference(name): raw(one) for name, one in value.items()}
+
+
+def published(value: Any) -> Any:
+    """One figure, or one for each variant."""
+    if isinstance(value, dict):
+        return {name: raw(item, 4) for name, item in value.items()}
+    return raw(value, 4)
+
+
+def one_or_more(value: Any) -> Any:
+    """A list, also of one."""
+    return value if isinstance(value, list) else [value]
+
+
+Time = Annotated[int, BeforeValidator(nanoseconds)]
+Period = Annotated[int, BeforeValidator(period)]
+Moment = Annotated[clock.Time, PlainValidator(duration)]  # of the simulation: any ratio, such as 1/30 s
+Step = Annotated[clock.Time, PlainValidator(positive)]
+Text = Annotated[str, BeforeValidator(text)]
+Reference = Annotated[str, BeforeValidator(reference)]
+Pattern = Annotated[str, BeforeValidator(pattern)]
+Value = Annotated[Any, BeforeValidator(raw)]
+Signal = Annotated[Any, BeforeValidator(parsed)]
+Seed = Annotated[int, Field(strict=True, ge=0, lt=2**31)]
+Method = Annotated[Any, BeforeValidator(algorithm)]
+
+
+class Keys(BaseModel):
+    """A group of keys; anything not named in it is an error."""
+
+    model_config = ConfigDict(extra="forbid", arbitrary_types_allowed=True, populate_by_name=False)
+
+
+class MemberKeys(Keys):
+    """`servo: {component: servomotor, parameters: {mass: 0.65 kg}, period: 1 ms}`; in a variant all are optional.
+
+    `period`: what it samples at. `communication_step`: how often it takes inputs and publishes. `finite`: whether a
+    value that is not finite ends the run. `isolate`: whether it gets a process of its own. `interface` of FMI; of Model
+    Exchange `solver` and its relative `solver_tolerance`.
+    """
+
+    component: Text | None = None
+    parameters: dict[str, Value] = {}
+    period: Step | None = None
+    communication_step: Step | None = None
+    finite: bool = True
+    isolate: bool = False
+    interface: Literal["", "co_simulation", "model_exchange", "scheduled_execution"] = ""
+    solver: Text = ""
+    solver_tolerance: Annotated[float, Field(gt=0.0, lt=1.0)] | None = None
+    description: Text = ""
+
+
+class ConnectionKeys(Keys):
+    """`servo.position -> sheath.gripper_position`; from `null` disconnects what a patch inherits.
+
+    `factor`, `offset`: target = factor * source + offset, after units are converted, unless `convert` is false. `bond`:
+    the name of the power bond that this connection and one back are. `hold`: the input is held over each step.
+    """
+
+    source: Reference | None = Field(alias="from")
+    target: Reference = Field(alias="to")
+    factor: Annotated[float, Field(allow_inf_nan=False)] = 1.0
+    offset: Annotated[float, Field(allow_inf_nan=False)] = 0.0
+    convert: bool = True
+    bond: Text = ""
+    hold: bool = False
+
+
+class EventKeys(Keys):
+    """What happens at a communication point, or a fault of the hardware: its keys are the hardware's own."""
+
+    at: Moment
+    set: dict[Reference, Value] = {}
+    override: dict[Reference, Value] = {}
+    release: Annotated[list[Reference], BeforeValidator(one_or_more)] = []
+    fault: dict[str, Any] | None = None
+    description: Text = ""
+
+    @model_validator(mode="before")
+    @classmethod
+    def apart(cls, value: Any) -> Any:
+        """Leave the keys of a fault to those who know faults."""
+        if not isinstance(value, dict) or "fault" not in value:
+            return value
+        if others := [key for key in ("set", "override", "release") if key in value]:
+            raise ValueError(f"`fault` and `{others[0]}` in one event. Make two events of them")
+        own = {key: item for key, item in value.items() if key in ("at", "description")}
+        return own | {"fault": {key: item for key, item in value.items() if key not in own}}
+
+
+class RecordKeys(Keys):
+    """Variables to record, with `*` for any text, and how often; nothing: all outputs at every step."""
+
+    every: Step | None = None
+    variables: list[Pattern] = []
+
+
+class WindowKeys(Keys):
+    """A part of the run."""
+
+    start: Moment | None = Field(None, alias="from")
+    stop: Moment | None = Field(None, alias="to")
+
+
+class MetricKeys(WindowKeys):
+    """One number per run; `paper` is one value, or one for each variant."""
+
+    signal: Signal
+    reduce: Literal["mean", "std", "rms", "max_abs", "min", "max", "final", "peak_to_peak"]
+    unit: Text = ""
+    paper: Annotated[Any, BeforeValidator(published)] = None
+    tolerance: Annotated[float, BeforeValidator(fraction)] | None = None
+    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+    description: Text = ""
+
+
+class ExpectKeys(WindowKeys):
+    """A limit that must hold in every run, an order of variants by a metric's mean, or how runs end on hardware."""
+
+    name: Text = ""
+    metric: str | None = None
+    signal: Signal | None = None
+    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+    at_least: Value | None = None
+    at_most: Value | None = None
+    within: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
+    ordered: Annotated[list[Text], Field(min_length=2)] | None = None
+    descending: bool = True
+    margin: Value | None = None
+    mean: bool = False
+    nominal: bool = False  # holds for the file's own parameters alone
+    ends: Literal["stopped", "completed"] | None = None
+    unit: Text = ""
+
+
+class AnalysisKeys(WindowKeys):
+    """A function of recorded signals; see `twin.analysis`."""
+
+    function: Text
+    inputs: Annotated[dict[str, Signal], Field(min_length=1)]
+    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+    description: Text = ""
+
+
+class CurveKeys(Keys):
+    """A line of a plot, over time or over `x`."""
+
+    signal: Signal
+    x: Signal | None = None
+    label: Text = ""
+
+
+def curve(value: Any) -> Any:
+    """A line of a plot, also if only its signal is given."""
+    return {"signal": value} if isinstance(value, str) else value
+
+
+class PlotKeys(WindowKeys):
+    """A figure of the report: signals over time, or `xy: [x, y]` for a loop."""
+
+    title: Text
+    signals: list[Annotated[CurveKeys, BeforeValidator(curve)]] = []
+    xy: Annotated[list[Signal], Field(min_length=2, max_length=2)] | None = None
+    label: Text = ""
+    unit: Text = ""
+    x_label: Text = ""
+    x_unit: Text = ""
+    per: Literal["variant"] | None = None
+    points: bool = False
+    variants: list[Text] = []
+    band: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
+    lines: Annotated[list[Value], BeforeValidator(one_or_more)] = []
+
+
+class SceneLineKeys(Keys):
+    """Points in a row, such as an instrument's shape; `width` is the instrument's."""
+
+    signal: Reference
+    label: Text = ""
+    width: Value | None = None
+
+
+class ScenePointKeys(Keys):
+    """Points of an array, or one place `along` the environment's path."""
+
+    signal: Reference | None = None
+    along: Signal | None = None
+    label: Text = ""
+
+
+class SceneArrowKeys(Keys):
+    """Vectors that begin at points."""
+
+    signal: Reference
+    at: Reference
+    label: Text = ""
+
+
+class SceneKeys(WindowKeys):
+    """A moving picture of a run: what moves between the walls of an environment, and curves beside it."""
+
+    title: Text
+    environment: Text = ""
+    motions: dict[str, Signal] = {}
+    lines: Annotated[list[Annotated[SceneLineKeys, BeforeValidator(curve)]], BeforeValidator(one_or_more)] = []
+    points: Annotated[list[Annotated[ScenePointKeys, BeforeValidator(curve)]], BeforeValidator(one_or_more)] = []
+    arrows: Annotated[list[SceneArrowKeys], BeforeValidator(one_or_more)] = []
+    signals: Annotated[list[Annotated[CurveKeys, BeforeValidator(curve)]], BeforeValidator(one_or_more)] = []
+    unit: Text = ""
+    axes: Annotated[list[Literal["x", "y", "z"]], Field(min_length=2, max_length=2)] | None = None
+    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+
+
+class ControlKeys(Keys):
+    """What a person at the console moves an input by, and how far: at full deflection `range`, let go `rest`.
+
+    `along`: inputs that get a value while it is held. `stick`: an axis of the joystick on the screen; `keys`: towards the
+    upper end and towards the lower one, as the browser names them (`KeyboardEvent.code`); `axis`, `reverse`, `buttons`: of a
+    gamepad.
+    """
+
+    input: Reference
+    label: Text = ""
+    description: Text = ""
+    range: Value | None = None
+    rest: Value | None = None
+    dead_zone: Annotated[float, BeforeValidator(fraction), Field(lt=1.0)] = 0.0
+    along: dict[Reference, Value] = {}
+    stick: Literal["", "x", "y", "x2", "y2"] = ""
+    keys: Annotated[list[Text], BeforeValidator(one_or_more), Field(max_length=2)] = []
+    axis: Annotated[int, Field(strict=True, ge=0, lt=32)] | None = None
+    reverse: bool = False
+    buttons: Annotated[
+        list[Annotated[int, Field(strict=True, ge=0, lt=64)]], BeforeValidator(one_or_more), Field(max_length=2)
+    ] = []
+    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+
+
+class RunKeys(Keys):
+    """What a variant may change."""
+
+    title: Text = ""
+    stop_time: Moment | None = None
+    step: Step | None = None
+    algorithm: Method = None
+    members: dict[str, MemberKeys | None] = {}
+    connections: list[ConnectionKeys] = []
+    events: list[EventKeys] | None = None
+    parameter_sets: list[dict[Text, dict[str, Value]]] = []
+
+
+class ValidityKeys(Keys):
+    """The latest stop time for which a scenario is valid, and why."""
+
+    stop_time: Moment
+    reason: Annotated[str, Field(min_length=1)]
+
+
+class MutationKeys(Keys):
+    """How many deliberate faults the expectations were tried with, and which they do not notice, each with the reason."""
+
+    tried: Annotated[int, Field(strict=True, ge=0)]
+    unnoticed: dict[Text, Text] = {}
+
+
+class ScenarioKeys(RunKeys):
+    """A scenario file."""
+
+    description: Text = ""
+    source: Text = ""
+    extends: Text = ""
+    start_time: Moment = 0
+    seeds: Annotated[list[Seed], Field(min_length=1)] = [0]
+    seed: Seed | None = None
+    variants: dict[str, RunKeys | None] = {}
+    record: RecordKeys = RecordKeys()
+    analyses: dict[str, AnalysisKeys] = {}
+    metrics: dict[str, MetricKeys] = {}
+    expect: list[ExpectKeys] = []
+    plots: list[PlotKeys] = []
+    scenes: list[SceneKeys] = []
+    groups: dict[str, Annotated[list[Text], BeforeValidator(one_or_more), Field(min_length=1)]] = {}
+    console: list[ControlKeys] = []
+    valid_until: ValidityKeys | None = None
+    mutations: MutationKeys | None = None

@@ -1,0 +1,147 @@
+"""What pydantic finds, as one line each: file and line, what, what was expected, what to do."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from twin.scenario.quantities import short
+from twin.scenario.schema import ScenarioKeys
+from twin.scenario.variable_names import nearest
+from twin.scenario.yaml_node import Node
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+Path = tuple[str | int, ...]
+Steps = dict[str | int | None, "Steps"]
+
+EXAMPLES = {
+    "from": "from: servo.position",
+    "to": "to: sheath.gripper_position",
+    "at": "at: 5 s",
+    "signal": "signal: sensor.force",
+    "reduce": "reduce: std",
+    "title": "title: Contact force",
+}
+
+KINDS = {
+    "string_type": "text",
+    "list_type": "a list",
+    "dict_type": "a group of `key: value` lines",
+    "model_type": "a group of `key: value` lines",
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+}
+
+
+def validate(root: Node, model: Any = ScenarioKeys) -> tuple[Any, Node, list[str]]:
+    """The keys of a file, those of a scenario by default, the tree they were read from, and every problem found.
+
+    What is wrong is left out of keys and tree, so that names and units in the rest can be checked in the same run.
+    """
+    problems: list[str] = []
+    for attempt in range(12):
+        try:
+            return model.model_validate(root.plain()), root, problems
+        except ValidationError as error:
+            found = error.errors(include_url=False)
+            if attempt == 0:
+                problems += [line(root, one, model) for one in found]
+            root = dropped(root, steps(one["loc"][: -1 if one["type"] == "missing" else None] for one in found))
+    return model(), Node({}, root.place), problems
+
+
+def steps(paths: Iterable[Path]) -> Steps:
+    """Paths nested by their steps; what ends at a step has the key None there, and so has what is a wrong key."""
+    found: Steps = {}
+    for path in paths:
+        below = found
+        for step in path:
+            below = below.setdefault(None if step == "[key]" else step, {})
+        below[None] = {}
+    return found
+
+
+def dropped(node: Node, wrong: Steps) -> Node:
+    """The tree without what is at some paths."""
+    if isinstance(node.value, dict):
+        kept = {
+            key: dropped(item, wrong.get(key, {})) for key, item in node.value.items() if None not in wrong.get(key, {})
+        }
+        return Node(kept, node.place) if wrong else node
+    if isinstance(node.value, list):
+        items = [dropped(item, wrong.get(i, {})) for i, item in enumerate(node.value) if None not in wrong.get(i, {})]
+        return Node(items, node.place) if wrong else node
+    return node
+
+
+def line(root: Node, error: Any, model: Any = ScenarioKeys) -> str:
+    """One problem as one line."""
+    path: Path = tuple(step for step in error["loc"] if step != "[key]")
+    place = root.find(path).place
+    what = dotted(path)
+    kind, given = error["type"], error["input"]
+    if kind == "extra_forbidden":
+        outer = f"{dotted(path[:-1])}: " if path[:-1] else ""
+        return f"{place}: {outer}unknown key `{path[-1]}`.{nearest(str(path[-1]), keys_at(path[:-1], model))}"
+    if kind == "missing":
+        example = EXAMPLES.get(str(path[-1]), f"{path[-1]}: ...")
+        return f"{place}: {dotted(path[:-1])}: `{path[-1]}` is missing. Add it, such as `{example}`."
+    if kind == "value_error":
+        text = error["msg"].removeprefix("Value error, ").rstrip(".")
+        return f"{place}: {what}: {text}{'' if text.endswith('?') else '.'}"
+    if kind == "literal_error":
+        choices = error["ctx"]["expected"].replace(" or ", ", ").replace("'", "").split(", ")
+        return f"{place}: {what}: `{short(given)}` is not known.{nearest(str(given), choices)}"
+    if path[0] == "connections" and isinstance(given, str):
+        return f"{place}: {what}: {quoted(given)} is no connection. {arrow(given)}"
+    if kind in KINDS:
+        return f"{place}: {what}: expected {KINDS[kind]}, not {quoted(given)}."
+    return f"{place}: {what}: {error['msg'][0].lower()}{error['msg'][1:]}, not {quoted(given)}."
+
+
+def arrow(text: str) -> str:
+    """How a connection is written, from what somebody wrote."""
+    ends = [end.strip() for end in re.split(r"\s*(?:[-=]+\s*>|<\s*[-=]+|→|>)\s*", text)]
+    if "<" in text:
+        ends.reverse()
+    good = len(ends) == 2 and all(re.fullmatch(r"\w+\.[\w.\[\],]+", end) for end in ends)
+    return f"Write `{' -> '.join(ends) if good else 'servo.position -> sheath.gripper_position'}`."
+
+
+def quoted(value: Any) -> str:
+    """A value for a message, text in backquotes."""
+    return f"`{short(value)}`" if isinstance(value, str) else short(value)
+
+
+def dotted(path: Path) -> str:
+    """`metrics.force.reduce`; items of lists by their number: `events[2].at`."""
+    text = ""
+    for step in path:
+        text += f"[{step + 1}]" if isinstance(step, int) else f".{step}"
+    return text.removeprefix(".")
+
+
+def keys_at(path: Path, model: Any = ScenarioKeys) -> list[str]:
+    """The keys that a group may have."""
+    for step in path:
+        if not (isinstance(model, type) and issubclass(model, BaseModel)):
+            continue
+        fields = {field.alias or name: field.annotation for name, field in model.model_fields.items()}
+        model = inner(fields.get(str(step))) or model  # a name or a number in between: the group is the same
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def inner(annotation: Any) -> Any:
+    """The model inside `dict[str, Model]`, `list[Model]` or `Model | None`, or `dict` steps in between."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for argument in get_args(annotation):
+        if (found := inner(argument)) is not None:
+            return found
+    return None

@@ -1,0 +1,173 @@
+"""A YAML file as a tree that knows where every value stands, so that an error can give file and line.
+
+Plain scalars are read by the rules of YAML 1.2: `1e-3` is a number, `on` and `12:30` are text. Tags and `<<` are
+refused, aliases count as the nodes they stand for, and size and depth are limited: no file can exhaust memory.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+from twin.errors import ScenarioError
+from twin.scenario.yaml_node import Node, Place
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+MAX_BYTES = 20_000_000  # an hour in somebody's hands, 30 events a second
+MAX_NODES = 1_000_000
+MAX_DEPTH = 24
+
+FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+INTEGER = re.compile(r"[-+]?[0-9]{1,20}")  # as many digits as 64 bits have
+SPECIAL: dict[str, Any] = {"": None, "~": None, "null": None, "true": True, "false": False}
+SPECIAL |= {".inf": float("inf"), "-.inf": float("-inf"), ".nan": float("nan")}
+
+Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # only its parser is used: events, nothing constructed
+
+
+def scalar(text: str) -> Any:
+    """Value of a plain scalar."""
+    if text in SPECIAL:
+        return SPECIAL[text]
+    if text.lower() in SPECIAL and text in (text.upper(), text.title()):
+        return SPECIAL[text.lower()]
+    if INTEGER.fullmatch(text):
+        return int(text)
+    return float(text) if FLOAT.fullmatch(text) else text
+
+
+def read(path: Path, shown: str, problems: list[str] | None = None) -> Node:
+    """Read a file; `shown` is how messages call it. What does not keep it from being read goes to `problems`, if given."""
+    try:
+        if path.is_dir():
+            raise ScenarioError(f"{shown}: is a folder. Name a file in it, such as {shown}/contact.yaml.")
+        if path.exists() and not path.is_file():
+            raise ScenarioError(f"{shown}: is a pipe, a socket or a device. Give a regular file.")
+        with path.open("rb") as file:
+            data = file.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        raise ScenarioError(f"{shown}: cannot be read ({getattr(error, 'strerror', None) or error}).") from None
+    if data.startswith(b"PK\x03\x04"):
+        raise ScenarioError(f"{shown}: {archive(path)}")
+    if len(data) > MAX_BYTES:
+        raise ScenarioError(f"{shown}: is larger than {MAX_BYTES // 1_000_000} MB. Such files have a few kilobytes.")
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        byte = data[error.start]
+        raise ScenarioError(f"{shown}:{line}: byte 0x{byte:02x} is not UTF-8 text. Save the file as UTF-8.") from None
+    return parse(text, shown, problems)
+
+
+def archive(path: Path) -> str:
+    """What to do with an archive that was given as a text."""
+    if path.suffix == ".fmu":
+        return "is an FMU, not a scenario. Run it with `twin simulate`, or name it as a member's component."
+    if path.suffix == ".ssp":
+        return "is an SSP, which is no text. Name it where a scenario is named."
+    return "is a zip archive, not a text. Name the scenario in it."
+
+
+def parse(text: str, shown: str, problems: list[str] | None = None) -> Node:
+    """The tree of a YAML text. Keys that are given twice go to `problems`, if given."""
+    try:
+        return Composer(shown, problems).document(yaml.parse(text, Loader=Loader))
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = f":{mark.line + 1}" if mark else ""
+        what = " ".join(str(part) for part in (error.problem, error.context) if part)
+        # a trap of YAML: inside { } and [ ], plain text ends at the bracket of `sheath.x[3]`
+        element = mark is not None and re.search(r"[A-Za-z_0-9]\[", text.split("\n")[min(mark.line, text.count("\n"))])
+        advice = "Put names like x[3] in quotes" if element else "Check indentation, quotes and brackets"
+        raise ScenarioError(f"{shown}{line}: not YAML: {what}. {advice} there.") from None
+    except yaml.reader.ReaderError as error:
+        line = f":{text.count(chr(10), 0, error.position) + 1}" if 0 <= error.position <= len(text) else ""
+        raise ScenarioError(f"{shown}{line}: not YAML: {error.reason}. Remove that character.") from None
+
+
+class Composer:
+    """Builds the tree of one document from the parser's events."""
+
+    def __init__(self, shown: str, problems: list[str] | None) -> None:
+        self.shown = shown
+        self.count = 0
+        self.anchors: dict[str, tuple[Node, int]] = {}  # with the number of nodes it stands for
+        self.raises = problems is None
+        self.problems = [] if problems is None else problems
+
+    def place(self, event: Any) -> Place:
+        """Where an event begins."""
+        return Place(self.shown, event.start_mark.line + 1, event.start_mark.column + 1)
+
+    def document(self, events: Iterator[Any]) -> Node:
+        """The only document of the stream; every duplicate key is listed."""
+        root: Node | None = None
+        for event in events:
+            if isinstance(event, yaml.DocumentStartEvent):
+                if root is not None:
+                    raise ScenarioError(f"{self.place(event)}: a second document begins. Use one file for each.")
+                root = self.node(next(events), events, 0)
+        if root is None or root.value is None:
+            raise ScenarioError(f"{self.shown}: is empty. Write it, or name another file.")
+        if self.raises and self.problems:
+            raise ScenarioError(self.problems)
+        return root
+
+    def node(self, event: Any, events: Iterator[Any], depth: int) -> Node:
+        """The node that begins with `event`."""
+        place = self.place(event)
+        before = self.count
+        self.add(1, place)
+        if depth > MAX_DEPTH:
+            raise ScenarioError(f"{place}: nested more than {MAX_DEPTH} deep. A scenario needs six levels.")
+        if isinstance(event, yaml.AliasEvent):
+            if event.anchor not in self.anchors:
+                raise ScenarioError(f"{place}: nothing is called &{event.anchor} above this line. Define it first.")
+            target, count = self.anchors[event.anchor]
+            self.add(count, place)
+            return target
+        if event.tag not in (None, "!"):
+            raise ScenarioError(f"{place}: the tag {event.tag} is not supported. Write the plain value.")
+        if isinstance(event, yaml.ScalarEvent):
+            node = Node(scalar(event.value) if event.implicit[0] else event.value, place)
+        elif isinstance(event, yaml.SequenceStartEvent):
+            node = Node(list(self.sequence(events, depth)), place)
+        else:
+            node = Node(self.mapping(events, depth), place)
+        if event.anchor:
+            self.anchors[event.anchor] = node, self.count - before
+        return node
+
+    def sequence(self, events: Iterator[Any], depth: int) -> Iterator[Node]:
+        """The items until the list ends."""
+        while not isinstance(event := next(events), yaml.SequenceEndEvent):
+            yield self.node(event, events, depth + 1)
+
+    def mapping(self, events: Iterator[Any], depth: int) -> dict[str, Node]:
+        """The entries until the mapping ends."""
+        entries: dict[str, Node] = {}
+        while not isinstance(event := next(events), yaml.MappingEndEvent):
+            place = self.place(event)
+            if not isinstance(event, yaml.ScalarEvent):
+                raise ScenarioError(
+                    f"{place}: a key must be a name. Put {{ }} or [ ] in quotes if it is meant as text."
+                )
+            if event.value == "<<":
+                raise ScenarioError(f"{place}: `<<` is not supported. Use `extends` or `variants`.")
+            if event.value in entries:
+                first = entries[event.value].place.line
+                self.problems.append(f"{place}: `{event.value}` is given twice, first on line {first}. Keep one.")
+            entries[event.value] = Node(self.node(next(events), events, depth + 1).value, place)
+        return entries
+
+    def add(self, count: int, place: Place) -> None:
+        """Count nodes, those behind aliases as often as they are used."""
+        self.count += count
+        if self.count > MAX_NODES:
+            raise ScenarioError(f"{place}: more than {MAX_NODES} values, aliases counted. Make the scenario smaller.")

@@ -1,0 +1,114 @@
+"""The answers of a study: as plain data for answers.json, as text for the terminal and the page."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.study.answers import clusters as failing
+from twin.study.answers import sensitivity, statistics
+from twin.study.design import SAMPLED
+
+if TYPE_CHECKING:
+    from twin.study.answers.clusters import Cluster
+    from twin.study.answers.sensitivity import Change, Drivers
+    from twin.study.answers.statistics import Share, Spread
+    from twin.study.design import KeepKeys
+    from twin.study.execution.case_table import Cases
+
+    Array = np.ndarray[Any, Any]
+
+
+class Answers:
+    """All that is told of the cases of a study."""
+
+    def __init__(self, cases: Cases) -> None:
+        self.cases, self.study = cases, cases.study
+        self.spreads: list[Spread] = statistics.spreads(cases)
+        self.shares: list[Share] = statistics.shares(cases)
+        self.clusters: list[Cluster] = failing.clusters(cases)
+        self.drivers: list[Drivers] = sensitivity.drivers(cases)
+        self.changes: list[Change] = sensitivity.changes(cases)
+
+    @property
+    def failed(self) -> int:
+        """Cases that did not come to their end."""
+        return statistics.failures(self.cases)
+
+    def metric(self, name: str, value: float) -> str:
+        """A value of a metric in its unit."""
+        return self.study.scenario.metrics[name].shown(value) if np.isfinite(value) else "-"
+
+    def between(self, name: str, low: float, high: float) -> str:
+        """`0.031 to 0.034 N`; an end that is not known is open."""
+        ends = [self.metric(name, one) if np.isfinite(one) else "open" for one in (low, high)]
+        unit = ends[1].partition(" ")[2]
+        first = ends[0].removesuffix(f" {unit}") if unit and ends[0].endswith(f" {unit}") else ends[0]
+        return f"{first} to {ends[1]}"
+
+    def interval(self, one: Share) -> str:
+        """Wilson's interval; nothing where the cases are no sample of anything."""
+        is_listed = self.study.design.method in ("one_at_a_time", "grid")
+        return "" if is_listed else f"{percent(one.low)} to {percent(one.high)}"
+
+    def change(self, one: Change) -> str:
+        """`sleeve.friction_coefficient 0.2`, `friction x 2`."""
+        (factor,) = (f for f in self.study.factors if f.name == one.factor)
+        value = f"x {one.value:g}" if factor.scales else factor.shown(one.value)
+        several = len(self.study.variants) > 1
+        return f"{one.factor} {value}" + (f", {one.variant}" if several else "")
+
+    def plain(self) -> dict[str, Any]:
+        """For a file: SI, nothing that is no number."""
+        found: dict[str, Any] = cleaned(
+            {
+                "cases": len(self.cases.rows),
+                "failed": self.failed,
+                "metrics": [{**vars(one), "quantiles": [vars(item) for item in one.quantiles]} for one in self.spreads],
+                "expectations": [{**vars(one), "failing": one.failing[:20], "part": one.part} for one in self.shares],
+                "clusters": [{**vars(one), "marks": [vars(item) for item in one.marks]} for one in self.clusters],
+                "drivers": [{**vars(one), "effects": [vars(item) for item in one.effects]} for one in self.drivers],
+                "changes": [vars(one) for one in self.changes],
+            }
+        )
+        return found
+
+
+def cleaned(value: Any) -> Any:
+    """Plain data without NaN and infinities, which JSON has not."""
+    if isinstance(value, dict):
+        return {key: cleaned(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [cleaned(item) for item in value]
+    if isinstance(value, np.generic):
+        return cleaned(value.item())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def percent(part: float) -> str:
+    """A part of one for people: never 100 % where it is less."""
+    if not np.isfinite(part):
+        return "-"
+    text = f"{100 * part:.3g}"
+    if text == "100" and part < 1.0:
+        text = f"{math.floor(1e4 * part) / 100:g}"
+    return f"{text} %"
+
+
+def noteworthy(cases: Cases, keep: KeepKeys) -> list[int]:
+    """Numbers of the cases of which the study keeps everything: some that fail, and the worst of each metric and variant."""
+    study = cases.study
+    found: list[int] = []
+    if keep.failed:
+        for one in failing.clusters(cases):
+            found += one.cases[: keep.failed]
+    if keep.worst:
+        for name in study.metrics:
+            values = cases.metric(name)
+            for variant in study.variants:
+                places = [i for i in cases.where(SAMPLED, variant) if np.isfinite(values[i])]
+                places.sort(key=lambda i: -abs(values[i]))
+                found += [cases.requests[i].number for i in places[: keep.worst]]
+    return list(dict.fromkeys(found))

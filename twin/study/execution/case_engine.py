@@ -1,0 +1,227 @@
+"""Many cases of a scenario in one process: members are made once for each variant, and taken back to that for each case.
+
+No import, build, check or file per case. What cannot go back, Python-side members and somebody else's FMUs, is made anew.
+The bits do not depend on which cases ran before, nor in which process.
+"""
+
+from __future__ import annotations
+
+import base64
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.coupling import CoSimulation, Memory, RecordMember
+from twin.errors import SimulationError, TwinError
+from twin.results import Signals, evaluate, expression
+from twin.run import analyzed, prepare, run_case, signals, silent, simulation
+from twin.scenario import Form, load_scenario, member_seed
+from twin.study.design import Assignment, Factor, Request
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from twin.coupling import Catalog
+    from twin.results import Expression
+    from twin.scenario import Case, RecordSpec, Scenario
+
+    Array = np.ndarray[Any, Any]
+
+BUFFER_BYTES = 1 << 20
+DONE, FAILED = "done", "failed"
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a process has to know of a study: told once, before its first case. All of it can be pickled.
+
+    `scenario`: path of the frozen file, `options`: those that made it what it is. `bands`: expressions of which samples are kept every `every_ns`.
+    """
+
+    scenario: Path
+    options: tuple[str, ...]
+    factors: tuple[Factor, ...]
+    bands: tuple[tuple[str, str], ...]
+    every_ns: int
+    build: Path
+
+
+@dataclass
+class Row:
+    """What came out of a case. `metrics`: SI, None without a value; `holds`: of each expectation, None if it does not apply.
+
+    `bands`: samples of signals, Float32 in base64. `seconds` and `process` are the only ones that another run will not repeat.
+    """
+
+    number: int
+    status: str
+    why: str
+    metrics: tuple[float | None, ...]
+    holds: tuple[bool | None, ...]
+    seconds: float = 0.0
+    bands: tuple[str, ...] = ()
+    tries: int = 1
+
+
+class Engine:
+    """The scenario in this process, with the members of the variants that have run."""
+
+    def __init__(self, job: Job) -> None:
+        self.job = job
+        self.scenario = load_scenario(job.scenario, job.options)
+        self.catalogs = prepare(self.scenario)
+        self.bands = [expression.parse(text) for _, text in job.bands]
+        self._cells: dict[str, Cell] = {}
+
+    def cell(self, variant: str) -> Cell:
+        """The members of a variant, made when it is asked for first."""
+        if variant not in self._cells:
+            (case,) = (one for one in self.scenario.variants if one.variant == variant)
+            catalog = self.catalogs[variant]
+            slim = replace(case, record=needed(self.scenario, self.bands, case, catalog))
+            self._cells[variant] = Cell(slim, catalog, self.job.factors, self.job.build)
+        return self._cells[variant]
+
+    def row(self, request: Request) -> Row:
+        """Run a case and judge it."""
+        begin = time.perf_counter()
+        recorded: Signals | None = None
+        status, why = DONE, ""
+        try:
+            recorded = self.cell(request.variant).run(request)
+        except (TwinError, ArithmeticError, ValueError, LookupError) as error:  # of analyses too
+            if isinstance(error.__cause__, MemoryError):
+                raise MemoryError from error  # noqa: TRY004 - of this process, not of the case
+            status, why = FAILED, str(error)
+        row = self.judged(request, recorded, status, why)
+        row.seconds = time.perf_counter() - begin
+        return row
+
+    def judged(self, request: Request, recorded: Signals | None, status: str, why: str) -> Row:
+        """Metrics, verdicts and samples of what was recorded."""
+        metrics, expectations = self.scenario.metrics, self.scenario.expectations
+        if recorded is None:
+            own = [request.variant in (one.variants or (request.variant,)) for one in expectations]
+            alone = [not (one.ordered or one.mean or one.ends or one.nominal) for one in expectations]
+            lost = tuple(False if a and b else None for a, b in zip(own, alone, strict=True))
+            return Row(request.number, status, why, (None,) * len(metrics), lost)
+        recorded = analyzed(self.scenario, request.variant, recorded)
+        found = evaluate(metrics, expectations, {(request.variant, request.seed): recorded}, paper_applies=False)
+        values = {one.metric.name: one.values[request.seed] for one in found.figures}
+        verdicts: list[bool | None] = []
+        for one, outcome in zip(expectations, found.outcomes, strict=True):
+            is_alone = not (one.ordered or one.mean or one.ends) and outcome.verdict != "skipped"
+            verdicts.append(outcome.verdict == "pass" if is_alone else None)
+            if is_alone and outcome.verdict == "fail" and not why:
+                why = f"{outcome.name}: {outcome.detail}"
+        bands = tuple(self.sampled(one, recorded) for one in self.bands)
+        return Row(request.number, status, why, tuple(values.get(one) for one in metrics), tuple(verdicts), bands=bands)
+
+    def sampled(self, one: Expression, recorded: Signals) -> str:
+        """A signal at multiples of the study's period, as text; empty if this variant has not got it."""
+        if not recorded.has(one) or (found := recorded.evaluate(one)) is None:
+            return ""
+        when, values = found
+        every = self.job.every_ns * 1e-9
+        places = np.arange(np.ceil(when[0] / every - 1e-9), np.floor(when[-1] / every + 1e-9) + 1) * every
+        kept = np.asarray(values)[np.minimum(np.searchsorted(when, places - 1e-9), len(when) - 1)]
+        return base64.b64encode(kept.astype(np.float32).tobytes()).decode()
+
+    def close(self) -> None:
+        """Free all members."""
+        for one in self._cells.values():
+            one.close()
+        self._cells.clear()
+
+
+class Cell:
+    """A variant's members, and how they were made."""
+
+    def __init__(self, case: Case, catalog: Catalog, factors: Sequence[Factor], build: Path) -> None:
+        self.case, self.catalog, self.build = case, catalog, build
+        self.assignment = Assignment(case, catalog, factors)
+        self._seeds = seeded(case, catalog)
+        self._first: CoSimulation | None = simulation(case, catalog, Form.compiled, build, Memory(BUFFER_BYTES))
+        own = self._first.members
+        self._saved: dict[str, Any] = {}
+        if all(isinstance(one, RecordMember) and one.can_restore for one in own.values()):
+            self._saved = {name: one.save() for name, one in own.items()}
+        else:
+            self._first.terminate()
+            self._first = None
+
+    @property
+    def is_quick(self) -> bool:
+        """Whether members go back instead of being made anew."""
+        return self._first is not None
+
+    def run(self, request: Request) -> Signals:
+        """What the case records; SimulationError if it fails."""
+        values = self.assignment.values(request.all_values)
+        simulated = self._again(values, request.seed) if self._first else self._anew(values, request.seed)
+        try:
+            run_case(self.case, simulated, silent)
+            if simulated.finished:
+                raise SimulationError(simulated.failure)
+            recorded = signals(simulated, complete=True)
+            if spell := simulated.watch.spell([(recorded.time, recorded.values)]):
+                raise SimulationError(spell)
+        finally:
+            if self._first is None:
+                simulated.terminate()
+        return recorded
+
+    def _again(self, values: Mapping[tuple[str, str], Any], seed: int) -> CoSimulation:
+        """The members as they were made, with other values."""
+        first = self._first
+        assert first is not None
+        for name, saved in self._saved.items():
+            first.members[name].restore(saved)
+            first.members[name].log.clear()
+        for (name, variable), owner in self._seeds.items():
+            first.members[name].set(variable, member_seed(seed, owner))
+        for (name, variable), value in values.items():
+            first.members[name].set(variable, value)
+        return CoSimulation(
+            first.members, first.links, first.step, first.algorithm, record=first.recorded, every=first.every,
+            build=self.build, periods=first.periods, split=first._split, recorder=Memory(BUFFER_BYTES),
+            exempt=[name for name, spec in self.case.members.items() if not spec.finite],
+        )  # fmt: skip
+
+    def _anew(self, values: Mapping[tuple[str, str], Any], seed: int) -> CoSimulation:
+        """New members with these values."""
+        members = dict(self.case.members)
+        for (name, variable), value in values.items():
+            own = {**members[name].parameters, variable: np.asarray(value).tolist()}
+            members[name] = replace(members[name], parameters=own)
+        case = replace(self.case, members=members, seed=seed)
+        return simulation(case, self.catalog, Form.compiled, self.build, Memory(BUFFER_BYTES))
+
+    def close(self) -> None:
+        """Free the members."""
+        if self._first is not None:
+            self._first.terminate()
+
+
+def seeded(case: Case, catalog: Catalog) -> dict[tuple[str, str], str]:
+    """(member, variable) -> whose seed it is, of all that follow the case's seed."""
+    found = {}
+    for name in case.members:
+        one, other = (replace(case, seed=seed).values(name, catalog[name]) for seed in (0, 1))
+        for variable in one:
+            if variable.rpartition(".")[2] == "seed" and one[variable] != other[variable]:
+                found[name, variable] = f"{name}.{variable}".removesuffix(".seed")
+    return found
+
+
+def needed(scenario: Scenario, bands: Sequence[Expression], case: Case, catalog: Catalog) -> RecordSpec:
+    """What metrics, expectations, analyses and bands read: nothing else is recorded."""
+    expressions = [one.signal for one in scenario.metrics.values()]
+    expressions += [one.signal for one in scenario.expectations if one.signal]
+    expressions += [one for analysis in scenario.analyses for one in analysis.inputs.values()]
+    names = dict.fromkeys(signal.name for one in (*expressions, *bands) for signal in one.signals)
+    first = next(iter(case.record.select(catalog)), "")
+    return replace(case.record, patterns=tuple(names) or (first,), needed=())  # no pattern would be everything

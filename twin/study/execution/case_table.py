@@ -1,0 +1,153 @@
+"""cases.parquet: a row per case with its inputs, seed, metrics, verdicts, status and time; bands.parquet: samples of signals."""
+
+from __future__ import annotations
+
+import base64
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from twin.study.design import Request, Study
+    from twin.study.execution.case_engine import Row
+    from twin.study.execution.journal import Journal
+
+    Array = np.ndarray[Any, Any]
+
+NAME, BANDS = "cases.parquet", "bands.parquet"
+HOLDS = "holds: "
+CHUNK = 1000  # rows
+
+
+@dataclass
+class Cases:
+    """All cases of a study that are done, as columns: the same order whoever ran them. Metrics (n, m) in SI, NaN without."""
+
+    study: Study
+    requests: list[Request]
+    rows: list[Row]
+
+    @property
+    def values(self) -> Array:
+        """Values of the factors and knobs, (n, k)."""
+        return np.array([one.all_values for one in self.requests], np.float64).reshape(
+            len(self.requests), len(self.study.all_factors)
+        )
+
+    @property
+    def metrics(self) -> Array:
+        """Metrics, (n, m), in the order of the scenario."""
+        names = list(self.study.scenario.metrics)
+        found = np.full((len(self.rows), len(names)), np.nan)
+        for i, row in enumerate(self.rows):
+            for k, value in enumerate(row.metrics):
+                found[i, k] = np.nan if value is None else value
+        return found
+
+    def metric(self, name: str) -> Array:
+        """One metric, (n,)."""
+        return np.asarray(self.metrics[:, list(self.study.scenario.metrics).index(name)])
+
+    @property
+    def holds(self) -> list[tuple[bool | None, ...]]:
+        """Verdicts of each case; a case without an end holds nothing."""
+        count = len(self.study.scenario.expectations)
+        return [row.holds or (False,) * count for row in self.rows]
+
+    def where(self, part: str, variant: str = "") -> list[int]:
+        """Places of the cases of a part of the study, of one variant."""
+        return [i for i, one in enumerate(self.requests) if one.part == part and variant in ("", one.variant)]
+
+
+def together(study: Study, requests: Sequence[Request], journal: Journal) -> Cases:
+    """What is done, by number."""
+    done = sorted((one for one in requests if one.number in journal.rows), key=lambda one: one.number)
+    return Cases(study, done, [journal.rows[one.number] for one in done])
+
+
+def columns(cases: Cases) -> list[tuple[str, Any, Any, str]]:
+    """Name, values, type and unit of each column."""
+    import pyarrow as pa
+
+    study, requests, rows = cases.study, cases.requests, cases.rows
+    found: list[tuple[str, Any, Any, str]] = [
+        ("case", [one.number for one in requests], pa.int64(), ""),
+        ("part", [one.part for one in requests], pa.string(), ""),
+        ("sample", [one.sample for one in requests], pa.int64(), ""),
+        ("variant", [one.variant for one in requests], pa.string(), ""),
+        ("seed", [one.seed for one in requests], pa.int64(), ""),
+    ]
+    values = cases.values
+    for i, factor in enumerate(study.all_factors):
+        scenario_s = [None if np.isnan(one) else float(one) for one in values[:, i]]
+        found.append((factor.name, scenario_s, pa.float64(), factor.unit))
+    metrics = cases.metrics
+    for i, metric in enumerate(study.scenario.metrics.values()):
+        own = [None if np.isnan(one) else float(one) for one in metrics[:, i]]
+        found.append((metric.name, own, pa.float64(), f"SI, shown in {metric.unit}" if metric.unit else ""))
+    holds = cases.holds
+    for i, one in enumerate(study.scenario.expectations):
+        found.append((f"{HOLDS}{one.name or one.metric or i + 1}", [row[i] for row in holds], pa.bool_(), ""))
+    return [
+        *found,
+        ("status", [one.status for one in rows], pa.string(), ""),
+        ("why", [one.why for one in rows], pa.string(), ""),
+        ("tries", [one.tries for one in rows], pa.int64(), ""),
+        ("seconds", [one.seconds for one in rows], pa.float64(), "s"),
+    ]
+
+
+def write(folder: Path, cases: Cases) -> None:
+    """Write cases.parquet, beside its place first."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    own = columns(cases)
+    fields = [pa.field(name, kind, metadata={"unit": unit} if unit else None) for name, _, kind, unit in own]
+    table = pa.table([pa.array(values, kind) for _, values, kind, _ in own], schema=pa.schema(fields))
+    parquet.write_table(table, folder / f"{NAME}.part")
+    (folder / f"{NAME}.part").replace(folder / NAME)
+
+
+def write_bands(folder: Path, names: Sequence[str], journal: Journal) -> None:
+    """Write bands.parquet, some cases in memory at a time."""
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    schema = pa.schema([("case", pa.int64()), *((name, pa.list_(pa.float32())) for name in names)])
+    with parquet.ParquetWriter(folder / f"{BANDS}.part", schema) as writer:
+        chunk: list[dict[str, Any]] = []
+        for number, texts in journal.bands():
+            samples = {name: decoded(text) for name, text in zip(names, texts, strict=False)}
+            chunk.append({"case": number, **samples})
+            if len(chunk) == CHUNK:
+                writer.write_table(pa.Table.from_pylist(chunk, schema))
+                chunk = []
+        writer.write_table(pa.Table.from_pylist(chunk, schema))
+    (folder / f"{BANDS}.part").replace(folder / BANDS)
+
+
+def decoded(text: str) -> Array:
+    """Samples from their text."""
+    return np.frombuffer(base64.b64decode(text), np.float32)
+
+
+def single(folder: Path, number: int) -> dict[str, Any]:
+    """One row of cases.parquet. ScenarioError if there is none of that number."""
+    from pyarrow import parquet
+
+    path = folder / NAME
+    if not path.exists():
+        raise ScenarioError(f"{path}: is not there. Run the study to its end, or go on with --resume.")
+    rows = parquet.read_table(path, filters=[("case", "=", number)]).to_pylist()
+    if not rows:
+        count = parquet.read_metadata(path).num_rows
+        raise ScenarioError(f"{path}: has no case {number}. There are {count}.")
+    found: dict[str, Any] = rows[0]
+    return found

@@ -1,0 +1,252 @@
+"""Processes on this machine that run cases; one that dies, hangs or runs out of memory costs its case a retry."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import queue
+import subprocess
+import sys
+import tempfile
+import threading
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, Protocol, Self
+
+from twin.errors import ScenarioError, SimulationError
+from twin.study.execution.case_engine import FAILED, Row
+from twin.study.execution.worker import NO_MEMORY
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from twin.study.design import Request
+    from twin.study.execution.case_engine import Job
+
+TRIES = 2
+AHEAD = 2  # requests per process that are taken
+FIRST_PATIENCE = 600.0  # for a process to begin, and for its first case [s]
+PATIENCE = 60.0  # for the others at least [s]
+LONGER = 20.0  # and so many times the longest until now
+SHARE = 0.9  # of the machine's memory that all processes together may have
+TAIL = 400  # letters of what a dead process said last
+
+
+class LostError(SimulationError):
+    """A process was lost with its case."""
+
+
+class NotReadyError(ScenarioError):
+    """A process cannot begin: no other one would."""
+
+
+class Runner(Protocol):
+    """What runs requests and gives rows, in any order."""
+
+    def run(self, requests: Iterable[Request]) -> Iterator[Row]:
+        """Rows as they come."""
+
+    def close(self) -> None:
+        """End what it has started; twice does no harm."""
+
+
+class Process:
+    """One process that runs one case after the other; started anew when it was lost."""
+
+    def __init__(self, job: Job, memory: int, timeout: float = 0.0) -> None:
+        self.job, self.memory, self.timeout = job, memory, timeout
+        self._process: subprocess.Popen[bytes] | None = None
+        self._longest = 0.0
+        self._is_first = True
+        self._hung = self._closed = False
+        self._said = tempfile.TemporaryFile()  # noqa: SIM115 - as long as this object
+
+    def _begun(self) -> subprocess.Popen[bytes]:
+        if self._closed:
+            raise LostError("closed")
+        if self._process is None:
+            self._said.seek(0)
+            self._said.truncate()
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "twin.study.execution.worker"],
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._said,
+            )  # fmt: skip
+            self._is_first = True
+            self._send((self.job, self.memory))
+        return self._process
+
+    def _send(self, what: Any) -> None:
+        assert self._process is not None
+        assert self._process.stdin is not None
+        with suppress(BrokenPipeError):  # heard when the answer is missing
+            pickle.dump(what, self._process.stdin)
+            self._process.stdin.flush()
+
+    @property
+    def patience(self) -> float:
+        """How long a case may take [s]."""
+        return self.timeout or (FIRST_PATIENCE if not self._longest else max(PATIENCE, LONGER * self._longest))
+
+    def ask(self, request: Request) -> Row:
+        """Run a case; LostError if the process does not come back from it."""
+        process = self._begun()
+        if self._is_first and (trouble := self._answer(process, FIRST_PATIENCE)):
+            raise NotReadyError(trouble)
+        self._is_first = False
+        self._send(request)
+        row: Row = self._answer(process, self.patience)
+        self._longest = max(self._longest, row.seconds)
+        return row
+
+    def _answer(self, process: subprocess.Popen[bytes], patience: float) -> Any:
+        """What the process says within some time."""
+        assert process.stdout is not None
+        self._hung = False
+        watch = threading.Timer(patience, self._give_up)
+        watch.daemon = True
+        watch.start()
+        try:
+            return pickle.load(process.stdout)  # noqa: S301 - of our own process
+        except (EOFError, pickle.UnpicklingError, OSError, ValueError):
+            raise LostError("closed" if self._closed else self._ended(patience)) from None
+        finally:
+            watch.cancel()
+
+    def _give_up(self) -> None:
+        self._hung = True
+        self.kill()
+
+    def _ended(self, patience: float) -> str:
+        """How the process ended, in words."""
+        process, self._process = self._process, None
+        code = shut(process)
+        if self._hung:
+            return f"hung: no end of the case within {patience:.3g} s"
+        if code == NO_MEMORY:
+            return f"ran out of memory ({self.memory / 1e9:.3g} GB)"
+        said = self._last_words()
+        if code < 0:
+            import signal
+
+            with suppress(ValueError):
+                killer = signal.Signals(-code).name
+                return f"its process was killed by {killer}{said}"
+        return f"its process ended with exit code {code}{said}"
+
+    def _last_words(self) -> str:
+        size = self._said.seek(0, os.SEEK_END)
+        self._said.seek(max(0, size - TAIL))
+        lines = self._said.read().decode(errors="replace").split("\n")
+        last = [line.strip() for line in lines if line.strip()]
+        return f": {last[-1]}" if last else ""
+
+    def row(self, request: Request) -> Row:
+        """Run a case, once more if its process is lost, and then give a row that says so."""
+        for attempt in range(1, TRIES + 1):
+            try:
+                row = self.ask(request)
+            except LostError as error:
+                last = str(error)
+                if self._closed:
+                    break
+                continue
+            row.tries = attempt
+            return row
+        return Row(request.number, FAILED, f"lost {TRIES} times, last: {last}", (), (), tries=TRIES)
+
+    def kill(self) -> None:
+        """End the process at once."""
+        if self._process is not None:
+            self._process.kill()
+
+    def close(self) -> None:
+        """End the process."""
+        self.stop()
+        shut(self._process)
+        self._process = None
+        self._said.close()
+
+    def stop(self) -> None:
+        """Kill the process and start none again; whoever waits for it goes on."""
+        self._closed = True
+        self.kill()
+
+
+def shut(process: subprocess.Popen[bytes] | None) -> int:
+    """Wait for a process's end, and close what led to it; its exit code."""
+    if process is None:
+        return 0
+    code = process.wait()
+    for pipe in (process.stdin, process.stdout):
+        with suppress(OSError):
+            pipe.close()  # type: ignore[union-attr]
+    return code
+
+
+class Pool:
+    """Several processes, each with a thread here that waits for it."""
+
+    def __init__(self, job: Job, workers: int, memory: int, timeout: float = 0.0) -> None:
+        self._processes = [Process(job, memory, timeout) for _ in range(workers)]
+        # simple queues: a signal that interrupts one that waits leaves no lock behind
+        self._wanted: queue.SimpleQueue[Request | None] = queue.SimpleQueue()
+        self._rows: queue.SimpleQueue[Row | NotReadyError] = queue.SimpleQueue()
+        self._threads = [threading.Thread(target=self._work, args=(one,), daemon=True) for one in self._processes]
+        for one in self._threads:
+            one.start()
+
+    def _work(self, process: Process) -> None:
+        while (request := self._wanted.get()) is not None:
+            try:
+                self._rows.put(process.row(request))
+            except NotReadyError as error:
+                self._rows.put(error)
+
+    def run(self, requests: Iterable[Request]) -> Iterator[Row]:
+        """Rows as they come; few requests are taken ahead."""
+        left, waiting, more = iter(requests), 0, True
+        while more or waiting:
+            while more and waiting < AHEAD * len(self._processes):
+                if (request := next(left, None)) is None:
+                    more = False
+                else:
+                    self._wanted.put(request)
+                    waiting += 1
+            if waiting:
+                row = self._rows.get()
+                if isinstance(row, NotReadyError):
+                    raise row
+                waiting -= 1
+                yield row
+
+    def close(self) -> None:
+        """End all processes, whatever they are at."""
+        if not self._threads:
+            return
+        with suppress(queue.Empty):
+            while True:
+                self._wanted.get_nowait()
+        for process in self._processes:
+            self._wanted.put(None)
+            process.stop()
+        while self._threads:
+            self._threads.pop().join()
+        for process in self._processes:
+            process.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def memory_of_each(workers: int) -> int:
+    """What a process may have of the machine's memory [byte]; 0 where that is not known."""
+    with suppress(ValueError, OSError, AttributeError):
+        return int(SHARE * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / workers)
+    return 0

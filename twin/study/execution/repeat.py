@@ -1,0 +1,112 @@
+"""One case of a study again, with all its signals: `twin run --case STUDY:713`. It repeats to the bit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from twin.errors import ScenarioError
+from twin.run import prepare, run_scenario
+from twin.scenario import Form, load_scenario
+from twin.study.design import Assignment, Distribution, Factor
+from twin.study.execution import case_table, manifest
+from twin.study.execution.case_engine import DONE
+
+if TYPE_CHECKING:
+    from twin.run import Outcome
+
+STUDY_FILES = (".yaml", ".yml")
+
+
+@dataclass(frozen=True)
+class Single:
+    """A case of a study as a scenario file with options."""
+
+    number: int
+    file: Path
+    options: tuple[str, ...]
+    variant: str
+    seed: int
+    row: dict[str, Any]
+
+    def different(self, run: Outcome) -> list[str]:
+        """Metrics of a run that are not those of the study to the bit, with both values."""
+        found = []
+        for figure in run.evaluation.figures:
+            name, value = figure.metric.name, figure.values.get(self.seed)
+            before = self.row.get(name)
+            if before != value:
+                found.append(f"{name} {figure.metric.shown(value)}, in the study {figure.metric.shown(before)}")
+        return found
+
+    def compared(self, run: Outcome) -> str:
+        """Whether a run did what the study did, in one line."""
+        if not run.evaluation.figures and self.row["status"] == DONE:
+            return f"case {self.number}: no metric, unlike in the study"
+        if different := self.different(run):
+            return f"case {self.number}: not as in the study: {'; '.join(different)}"
+        return f"case {self.number}: metrics as in the study, to the bit"
+
+
+def place_of(text: str, root: Path) -> tuple[Path, int]:
+    """Folder and number that `STUDY:713` names: a study's folder, its file, or the name of one that has run."""
+    where, colon, digits = text.rpartition(":")
+    if not colon or not digits.isdigit() or not where:
+        raise ScenarioError(f"--case {text}: expected STUDY:NUMBER, such as thousand_patients:713.")
+    path = Path(where)
+    if (path / manifest.NAME).exists():
+        return path, int(digits)
+    name = path.stem if path.suffix in STUDY_FILES else path.name
+    found = sorted(one.parent for one in (root / name).glob(f"*/{case_table.NAME}"))
+    if not found:
+        raise ScenarioError(f"--case {text}: no study {name} has run in {root}. Name its folder, or run it first.")
+    return found[-1], int(digits)
+
+
+def kept(text: str, root: Path) -> Path:
+    """Folder of the run of a case that a study has kept with its signals; ScenarioError if it has not."""
+    folder, number = place_of(text, root)
+    runs = manifest.read(folder).get("runs", {})
+    if str(number) not in runs:
+        known = f"Kept: {', '.join(runs)}. " if runs else ""
+        raise ScenarioError(
+            f"{text}: the study did not keep this case's signals. {known}Run it again: twin run --case {text}"
+        )
+    return folder / str(runs[str(number)])
+
+
+def single(folder: Path, number: int) -> Single:
+    """A case as a scenario with the options that make it what it was."""
+    row = case_table.single(folder, number)
+    told = manifest.read(folder)
+    file, made = folder / told["frozen"], tuple(told["options"])
+    frozen = load_scenario(file, made)
+    variant = str(row["variant"])
+    (case,) = (one for one in frozen.variants if one.variant == variant)
+    factors = factors_of(told)
+    values = [float("nan") if row[one.name] is None else float(row[one.name]) for one in factors]
+    own = Assignment(case, prepare(frozen)[variant], factors).options(values)
+    return Single(number, file, (*made, *own), variant, int(row["seed"]), row)
+
+
+def factors_of(told: dict[str, Any]) -> list[Factor]:
+    """What varied, as the manifest tells it."""
+    unknown = Distribution("values", (0.0,))
+    return [
+        Factor(one["name"], tuple(one["sets"]), tuple(one["scales"]), unknown, one["unit"], "", one["source"])
+        for one in told["factors"]
+    ]
+
+
+def repeat(folder: Path, number: int, *, root: Path = Path("runs"), build: Path = Path("build")) -> Outcome:
+    """Run a case again, with everything that `twin run` writes."""
+    one = single(folder, number)
+    return run_scenario(
+        load_scenario(one.file, one.options),
+        Form.compiled,
+        variants=[one.variant],
+        seeds=[one.seed],
+        root=root,
+        build=build,
+    )

@@ -1,0 +1,333 @@
+"""A study from its file to its folder: samples, then what is searched, then what is told of them."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from contextlib import ExitStack, closing
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from twin.errors import ScenarioError, SimulationError, TwinError
+from twin.process import Stop
+from twin.results import run_folder, write_text
+from twin.run import silent
+from twin.scenario import Form, members
+from twin.study.design import SAMPLED, Request, Study, load_study, wanted
+from twin.study.execution import case_table, manifest
+from twin.study.execution.case_engine import DONE, Job
+from twin.study.execution.journal import NAME as JOURNAL
+from twin.study.execution.journal import Journal
+from twin.study.execution.process_pool import Pool, cores, memory_of_each
+from twin.study.execution.tuning import Tuned, tune
+from twin.study.execution.worst_case_search import Found, search_worst
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from twin.study.execution.case_engine import Row
+    from twin.study.execution.process_pool import Runner
+
+COPY = "study.yaml"
+
+
+@dataclass(frozen=True)
+class StudyProgress:
+    """How far a study is: cases done and in all, those that failed, cases per second, seconds left."""
+
+    part: str
+    done: int
+    count: int
+    failed: int
+    rate: float
+    left: float
+
+
+class Listener(Protocol):
+    """Hears how far it is."""
+
+    def __call__(self, progress: StudyProgress, /) -> object:
+        """Take note."""
+
+
+def unheard(_progress: StudyProgress) -> None:
+    """Nobody listens."""
+
+
+@dataclass
+class StudyOutcome:
+    """What a study gave."""
+
+    study: Study
+    folder: Path
+    cases: case_table.Cases
+    status: str
+    seconds: float
+    worst: Found | None = None
+    tuned: Tuned | None = None
+    runs: dict[int, str] = field(default_factory=dict)  # number of a case -> its folder, as from the study's
+    before: int = 0  # cases that were done when it went on
+
+
+class Teller:
+    """Counts rows and tells how far it is."""
+
+    def __init__(self, journal: Journal, count: int, listen: Listener) -> None:
+        self.journal, self.count, self.listen = journal, count, listen
+        self.part = SAMPLED
+        self.failed = sum(row.status != DONE for row in journal.rows.values())
+        self._begin = time.perf_counter()
+        self._new = 0
+
+    def take(self, row: Row) -> None:
+        """One more row."""
+        self._new += 1
+        self.failed += row.status != DONE
+        done = len(self.journal.rows)
+        rate = self._new / max(time.perf_counter() - self._begin, 1e-9)
+        try:
+            self.listen(StudyProgress(self.part, done, self.count, self.failed, rate, max(self.count - done, 0) / rate))
+        except BrokenPipeError:
+            raise
+        except OSError:  # a terminal that is closed, or a full disk: the cases are what counts
+            pass
+
+
+class Cases:
+    """Runs what the journal does not have yet."""
+
+    def __init__(self, runner: Runner, journal: Journal, teller: Teller, stop: Stop) -> None:
+        self.runner, self.journal, self.teller, self.stop = runner, journal, teller, stop
+        self.requests: list[Request] = []
+
+    def run(self, requests: Iterable[Request], part: str) -> list[Row]:
+        """Rows of requests, in their order."""
+        wanted = list(requests)
+        self.requests += wanted
+        self.teller.part = part
+        rows = self.runner.run(one for one in wanted if one.number not in self.journal.rows)
+        while True:
+            with self.stop.armed():
+                row = next(rows, None)
+            if row is None:
+                break
+            self.journal.add(row)
+            self.teller.take(row)
+        return [self.journal.rows[one.number] for one in wanted]
+
+    def known(self, request: Request) -> Row:
+        """The row of a request that was run."""
+        return self.journal.rows[request.number]
+
+
+def run_study(
+    study: Study | str | Path,
+    *,
+    root: Path = Path("runs"),
+    build: Path = Path("build"),
+    workers: int = 0,
+    scheduler: str = "",
+    timeout: float = 0.0,
+    memory: int = 0,
+    resume: Path | None = None,
+    listen: Listener = unheard,
+    command: str = "twin.study.run_study",
+    report: bool = True,
+) -> StudyOutcome:
+    """Run a study. After Ctrl-C what is done is kept; `resume`: the folder of one that goes on.
+
+    `workers`: processes on this machine, by default one per core; `scheduler`: address of a dask scheduler instead.
+    `memory`: of each process [byte], by default an equal part of the machine's; `timeout`: of a case [s].
+    """
+    study = load_study(study) if isinstance(study, str | Path) else study
+    begun = time.perf_counter()
+    workers = workers or cores()
+    with Stop() as stop, ExitStack() as stack:
+        folder, told = placed(study, root, resume, command)
+        journal = stack.enter_context(Journal(folder))
+        outcome = StudyOutcome(study, folder, case_table.together(study, [], journal), "completed", 0.0)
+        outcome.before, requests = len(journal.rows), list[Request]()
+        outcome.runs = {int(number): run for number, run in told.get("runs", {}).items() if (folder / run).is_dir()}
+        try:
+            with stop.armed():
+                job = prepared(study, folder / told["frozen"], build)
+            with closing(
+                started(job, study.variants, scheduler, workers, memory or memory_of_each(workers), timeout)
+            ) as runner:
+                cases = Cases(runner, journal, Teller(journal, expected(study), listen), stop)
+                requests = cases.requests
+                every_part(outcome, cases)
+        except KeyboardInterrupt:
+            outcome.status = "interrupted"
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            raise SimulationError(unwritten(folder, len(journal.rows), error)) from error
+        outcome.cases = case_table.together(study, requests or list(study.requests()), journal)
+        outcome.seconds = time.perf_counter() - begun
+        finish(outcome, journal, {**told, **ended(outcome, workers, scheduler)}, build, stop, report)
+        if outcome.status == "completed":  # else it goes on from there
+            (folder / JOURNAL).unlink()
+    return outcome
+
+
+def finish(
+    outcome: StudyOutcome, journal: Journal, told: dict[str, Any], build: Path, stop: Stop, report: bool
+) -> None:
+    """Write tables, manifest and report, and the runs that are kept; SimulationError if they cannot be written."""
+    folder = outcome.folder
+    try:
+        write_tables(outcome, journal)
+        manifest.write(folder, **told)
+        if report:
+            if outcome.status == "completed":
+                keep_runs(outcome, build, stop)
+                manifest.write(folder, **{**told, "status": outcome.status, "runs": outcome.runs})
+            from twin.study.answers import write_report
+
+            write_report(outcome)
+    except OSError as error:
+        raise SimulationError(unwritten(folder, len(journal.rows), error)) from error
+
+
+def unwritten(folder: Path, count: int, error: OSError) -> str:
+    """Why a study cannot be written, and what to do, in one line."""
+    why = os.strerror(error.errno) if error.errno else " ".join(str(error).split())
+    return f"{folder}: cannot be written ({why}). {count} cases are kept: free some space, then go on with --resume."
+
+
+def placed(study: Study, root: Path, resume: Path | None, command: str) -> tuple[Path, dict[str, Any]]:
+    """The study's folder with its files and its manifest, which is given too."""
+    told = about(study, command)
+    if resume is not None:
+        folder = resume
+        known = manifest.refuse_changed(folder, told["inputs"])
+        told |= {"started": known["started"], "runs": known.get("runs", {})}
+    else:
+        folder = run_folder.folder(root, study.name)
+        write_text(folder / COPY, study.path.read_text(encoding="utf-8"))
+    write_text(folder / told["frozen"], study.scenario.frozen())
+    manifest.write(folder, **{**told, "status": "running"})
+    return folder, told
+
+
+def prepared(study: Study, frozen: Path, build: Path) -> Job:
+    """What a process has to know; what the members are made of is built."""
+    used = [members.component_of(spec) for case in chosen(study) for spec in case.members.values()]
+    members.prebuild(used, Form.compiled, build, silent)
+    bands = tuple((name, one.text) for name, one in study.bands.items())
+    options, every = study.scenario.overrides, study.keys.keep.every
+    return Job(frozen.resolve(), options, study.all_factors, bands, every, build.resolve())
+
+
+def every_part(outcome: StudyOutcome, cases: Cases) -> None:
+    """The samples, then the worst case, then the tuning."""
+    study = outcome.study
+    cases.run(study.requests(), SAMPLED)
+    number = study.count
+    if study.keys.worst is not None:
+        outcome.worst = search_worst(study, cases, number)
+        number = outcome.worst.last
+    if study.keys.tune is not None:
+        outcome.tuned = tune(study, cases, number)
+
+
+def expected(study: Study) -> int:
+    """Cases in all, as far as that is known before."""
+    count = study.count
+    if study.keys.worst is not None:
+        count += study.keys.worst.evaluations
+    if study.keys.tune is not None:
+        count += (study.keys.tune.trials + 1) * len(study.design.values) * len(study.seeds(1))
+    return count
+
+
+def chosen(study: Study) -> list[Any]:
+    """The variants that are run."""
+    return [one for one in study.scenario.variants if one.variant in study.variants]
+
+
+def started(job: Job, variants: tuple[str, ...], scheduler: str, workers: int, memory: int, timeout: float) -> Runner:
+    """Processes here, or on a cluster."""
+    if not scheduler:
+        return Pool(job, workers, memory, timeout)
+    wanted("distributed", "--scheduler")
+    from twin.study.execution.cluster import Cluster
+
+    return Cluster(job, scheduler, timeout, variants)
+
+
+def about(study: Study, command: str) -> dict[str, Any]:
+    """What is known of a study before its first case."""
+    return {
+        "study": study.name,
+        "title": study.title,
+        "file": str(study.path.resolve()),
+        "scenario": str(study.scenario.path.resolve()),
+        "frozen": f"{study.scenario.name}_of_study.yaml",
+        "options": list(study.scenario.overrides),
+        "command": command,
+        "started": datetime.now(UTC).astimezone().isoformat(timespec="seconds"),
+        "inputs": manifest.inputs(study),
+        "versions": manifest.versions(),
+        "samples": len(study.design.values),
+        "cases": study.count,
+        "factors": [
+            {"name": one.name, "sets": one.sets, "scales": one.scales, "unit": one.unit, "source": one.source}
+            for one in study.all_factors
+        ],
+    }
+
+
+def ended(outcome: StudyOutcome, workers: int, scheduler: str) -> dict[str, Any]:
+    """What is known after the last one."""
+    rows = outcome.cases.rows
+    return {
+        "status": outcome.status,
+        "done": len(rows),
+        "failed": sum(row.status != DONE for row in rows),
+        "seconds": outcome.seconds,
+        "engine": scheduler or f"{workers} processes",
+    }
+
+
+def write_tables(outcome: StudyOutcome, journal: Journal) -> None:
+    """The table of cases, and samples of signals."""
+    if not outcome.cases.rows:
+        return
+    case_table.write(outcome.folder, outcome.cases)
+    if outcome.study.bands:
+        case_table.write_bands(outcome.folder, list(outcome.study.bands), journal)
+
+
+def keep_runs(outcome: StudyOutcome, build: Path, stop: Stop) -> None:
+    """Run those cases again with all their signals that are worth looking at: the bits are the same."""
+    from twin.study.answers import noteworthy
+    from twin.study.execution.repeat import repeat
+
+    for number in noteworthy(outcome.cases, outcome.study.keys.keep):
+        if number in outcome.runs:  # of a study that goes on
+            continue
+        if stop.number:
+            outcome.status = "interrupted"
+            return
+        try:
+            again = repeat(outcome.folder, number, root=outcome.folder / "cases", build=build)
+        except TwinError:  # its folder cannot be written, say: the study is there all the same
+            continue
+        if again.run.status == "interrupted":
+            outcome.status = "interrupted"
+            shutil.rmtree(again.folder, ignore_errors=True)
+            return
+        outcome.runs[number] = str(again.folder.relative_to(outcome.folder))
+
+
+def latest(root: Path, name: str) -> Path:
+    """The newest folder of a study. ScenarioError if there is none."""
+    found = sorted(one.parent for one in (root / name).glob(f"*/{manifest.NAME}"))
+    if not found:
+        raise ScenarioError(f"{root / name}: there is no study to go on with. Run it without --resume first.")
+    return found[-1]

@@ -1,0 +1,158 @@
+"""Tuning: the best values of some parameters over all samples, by an objective and limits. Optuna proposes, the engine runs.
+
+A study that goes on asks and tells again what it has; what Optuna proposes follows from its seed and what it was told.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.scenario import member_seed
+from twin.study.design import SAMPLED, Assignment, Request, Study, design, wanted
+
+if TYPE_CHECKING:
+    from twin.study.design import Limit
+    from twin.study.execution.case_engine import Row
+    from twin.study.execution.worst_case_search import Runs
+
+TUNE, UNSEEN = "tune", "unseen"
+STATISTICS: dict[str, Any] = {"mean": np.mean, "median": np.median, "max": np.max, "min": np.min}
+BAD = 1e6  # what an objective without a value counts
+
+
+@dataclass
+class Trial:
+    """Values of the knobs, the objective in SI, and by how much each limit is broken: above zero it is."""
+
+    knobs: tuple[float, ...]
+    objective: float
+    broken: tuple[float, ...]
+    part: str
+    index: int
+
+    @property
+    def is_feasible(self) -> bool:
+        """Whether all limits are kept."""
+        return all(one <= 0.0 for one in self.broken) and np.isfinite(self.objective)
+
+
+@dataclass
+class Tuned:
+    """The trials, the first with the scenario's own values; best and own judged again on samples that no trial has seen."""
+
+    trials: list[Trial]
+    best: Trial | None
+    unseen: list[Trial]  # of the scenario's own values, then of the best
+    last: int
+
+
+def tune(study: Study, cases: Runs, number: int) -> Tuned:
+    """Tune; numbers of cases go on from `number`."""
+    optuna = wanted("optuna", "tune")
+    keys = study.keys.tune
+    assert keys is not None
+    variant = keys.variant or study.variants[0]
+    sign = 1.0 if keys.goal == "min" else -1.0
+    first = judged(
+        study, [cases.known(one) for one in study.requests() if one.variant == variant], own(study, variant), SAMPLED, 0
+    )
+    trials = [first]
+    last = number
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Optuna tells that constraints are experimental
+        optuna.logging.set_verbosity(optuna.logging.ERROR)
+        sampler = optuna.samplers.TPESampler(
+            seed=keys.seed, constraints_func=lambda trial: trial.user_attrs["broken"] or (0.0,)
+        )
+        asked = optuna.create_study(direction="minimize", sampler=sampler)
+        if all(one.low <= value <= one.high for one, value in zip(study.knobs, first.knobs, strict=True)):
+            asked.enqueue_trial({one.factor.name: value for one, value in zip(study.knobs, first.knobs, strict=True)})
+        for index in range(1, keys.trials + 1):
+            proposed = asked.ask()
+            knobs = tuple(
+                proposed.suggest_float(one.factor.name, one.low, one.high, log=one.is_log) for one in study.knobs
+            )
+            if knobs == first.knobs:
+                trial = Trial(knobs, first.objective, first.broken, TUNE, index)
+            else:
+                requests = asked_for(study, variant, knobs, study.design.values, TUNE, index, last)
+                last += len(requests)
+                trial = judged(study, cases.run(requests, TUNE), knobs, TUNE, index)
+                trials.append(trial)
+            proposed.set_user_attr("broken", list(trial.broken))
+            asked.tell(proposed, sign * trial.objective if np.isfinite(trial.objective) else BAD)
+    good = [one for one in trials if one.is_feasible]
+    best = min(good, key=lambda one: sign * one.objective) if good else None
+    unseen = []
+    for k, one in enumerate([first, best] if best is not None else [first]):
+        requests = asked_for(study, variant, one.knobs, fresh(study), UNSEEN, k, last)
+        last += len(requests)
+        unseen.append(judged(study, cases.run(requests, UNSEEN), one.knobs, UNSEEN, k))
+    return Tuned(trials, best, unseen, last)
+
+
+def own(study: Study, variant: str) -> tuple[float, ...]:
+    """What the scenario has for the knobs."""
+    (case,) = (one for one in study.scenario.variants if one.variant == variant)
+    assignment = Assignment(case, study.catalogs[variant], [one.factor for one in study.knobs])
+    return tuple(assignment.nominal(one.factor) for one in study.knobs)
+
+
+def fresh(study: Study) -> Any:
+    """As many samples from another seed."""
+    samples = study.keys.samples
+    seed = member_seed(samples.seed, "unseen")
+    return design(samples.method, samples.count, seed, study.factors, study.correlation).values
+
+
+def asked_for(
+    study: Study, variant: str, knobs: tuple[float, ...], values: Any, part: str, index: int, number: int
+) -> list[Request]:
+    """The cases of a trial: every sample with the seed that it has in all trials."""
+    found: list[Request] = []
+    for sample, row in enumerate(values, 1):
+        seeds = study.seeds(sample) if part == TUNE else [member_seed(one, UNSEEN) for one in study.seeds(sample)]
+        for seed in seeds:
+            number += 1
+            found.append(Request(number, f"{part} {index}", sample, variant, seed, tuple(map(float, row)), knobs))
+    return found
+
+
+def judged(study: Study, rows: list[Row], knobs: tuple[float, ...], part: str, index: int) -> Trial:
+    """A trial from its rows."""
+    keys = study.keys.tune
+    assert keys is not None
+    objective = statistic(values(study, rows, keys.metric), keys.of, keys.quantile)
+    return Trial(knobs, objective, tuple(excess(study, rows, one) for one in study.limits), part, index)
+
+
+def values(study: Study, rows: list[Row], metric: str) -> Any:
+    """A metric of rows, infinite where a case failed."""
+    place = list(study.scenario.metrics).index(metric)
+    found = [row.metrics[place] if row.metrics else None for row in rows]
+    return np.array([np.inf if one is None else one for one in found])
+
+
+def statistic(found: Any, of: str, quantile: float) -> float:
+    """What a metric's values come to."""
+    if of == "quantile":
+        return float(np.quantile(found, quantile, method="higher"))
+    return float(STATISTICS[of](found))
+
+
+def excess(study: Study, rows: list[Row], one: Limit) -> float:
+    """By how much a limit is broken; what is not above zero keeps it."""
+    if one.expectation:
+        place = [e.name for e in study.scenario.expectations].index(one.expectation)
+        holds = [row.holds[place] if row.holds else False for row in rows]
+        found = float(np.mean([bool(item) for item in holds if item is not None] or [False]))
+    else:
+        found = statistic(values(study, rows, one.metric), one.statistic, one.quantile)
+    over = found - one.at_most if one.at_most is not None else -np.inf
+    under = one.at_least - found if one.at_least is not None else -np.inf
+    worst = max(over, under)
+    return float(worst) if np.isfinite(worst) else BAD

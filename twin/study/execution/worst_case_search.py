@@ -1,0 +1,107 @@
+"""The worst case within the factors' distributions, by differential evolution: chance rarely meets it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from twin.scenario import member_seed
+from twin.study.design import Request, Study, valued
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from twin.study.execution.case_engine import Row
+
+    Array = np.ndarray[Any, Any]
+
+WORST = "worst"
+FAILED_VALUE = 1e300  # what a case without a value counts: nothing is worse
+MEMBERS = (8, 40)  # of a generation, at least and at most
+GENERATIONS = 8  # at least, as long as `evaluations` allows
+
+
+class Runs(Protocol):
+    """Runs cases, those that are not done yet."""
+
+    def run(self, requests: Iterable[Request], part: str) -> list[Row]:
+        """Rows in the order of the requests."""
+
+    def known(self, request: Request) -> Row:
+        """The row of a request that was run."""
+
+
+@dataclass
+class Found:
+    """The worst case: its number, what the metric is there (SI), and the worst of the samples beside it."""
+
+    metric: str
+    variant: str
+    goal: str
+    number: int
+    value: float
+    values: tuple[float, ...]
+    sampled: float
+    evaluations: int
+    last: int
+
+
+def search_worst(study: Study, cases: Runs, number: int) -> Found:
+    """Look for the worst case; numbers go on from `number`. Every evaluation has the same seed."""
+    from scipy.optimize import differential_evolution
+
+    keys = study.keys.worst
+    assert keys is not None
+    variant = keys.variant or study.variants[0]
+    place = list(study.scenario.metrics).index(keys.metric)
+    sign = -1.0 if keys.goal == "max" else 1.0
+    seed = member_seed(keys.seed, f"{study.name}, worst")
+    edge = (1.0 - keys.inside) / 2.0
+    size = min(max(keys.evaluations // GENERATIONS, MEMBERS[0]), MEMBERS[1])
+    generations = max(1, keys.evaluations // size)
+    tried: list[tuple[float, Request]] = []
+
+    def value(row: Row) -> float:
+        found = row.metrics[place] if row.metrics else None
+        return -FAILED_VALUE if found is None else sign * found
+
+    def evaluate(parts: Array) -> Array:
+        values = valued(parts.T, study.factors, study.correlation)
+        first = number + len(tried) + 1
+        nothing = (float("nan"),) * len(study.knobs)
+        requests = [
+            Request(first + i, WORST, len(tried) + i + 1, variant, seed, tuple(map(float, row)), nothing)
+            for i, row in enumerate(values)
+        ]
+        rows = cases.run(requests, WORST)
+        found = [value(row) for row in rows]
+        tried.extend(zip(found, requests, strict=True))
+        return np.array(found)
+
+    generator = np.random.default_rng(keys.seed)
+    begin = edge + (1.0 - 2.0 * edge) * latin(size, len(study.factors), generator)
+    differential_evolution(
+        evaluate, [(edge, 1.0 - edge)] * len(study.factors), maxiter=generations - 1, init=begin, polish=False,
+        rng=generator, vectorized=True, updating="deferred", tol=0.0,
+    )  # fmt: skip
+    best, request = min(tried, key=lambda one: one[0])
+    known = [sign * row for row in sampled(study, cases, variant, place)]
+    return Found(
+        keys.metric, variant, keys.goal, request.number, np.nan if abs(best) >= FAILED_VALUE else sign * best, request.values,
+        sign * min(known) if known else np.nan, len(tried), number + len(tried),
+    )  # fmt: skip
+
+
+def latin(size: int, count: int, generator: np.random.Generator) -> Array:
+    """A Latin hypercube to begin with."""
+    from scipy.stats import qmc
+
+    return np.asarray(qmc.LatinHypercube(count, rng=generator).random(size))
+
+
+def sampled(study: Study, cases: Runs, variant: str, place: int) -> list[float]:
+    """The metric in the samples of a variant."""
+    rows = [cases.known(one) for one in study.requests() if one.variant == variant]
+    return [value for row in rows if row.metrics and (value := row.metrics[place]) is not None]

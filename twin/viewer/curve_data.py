@@ -1,0 +1,127 @@
+"""What a page draws of a curve: the extremes of what is in the window, a spectrum of it, or one quantity over another."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.errors import TwinError
+from twin.results import plotting
+from twin.viewer.runs import Curve, at
+
+if TYPE_CHECKING:
+    from twin.viewer.runs import Runs, Samples
+
+    Array = np.ndarray[Any, Any]
+
+LEAST = 16  # samples that a spectrum is of
+SEGMENTS = 2  # of Welch's method, with one between them: what repeats is to be a sharp peak, noise may be rough
+EVEN = 0.01  # part by which distances of samples may differ before they are interpolated
+
+
+@dataclass(frozen=True)
+class Line:
+    """Points to be drawn. `count`: samples that they stand for; `unit`, `x_unit`: of the axes."""
+
+    x: Array
+    y: Array
+    unit: str
+    x_unit: str = "s"
+    count: int = 0
+    is_real: bool = True
+    is_truth: bool = False
+
+
+def inside(time: Array, window: tuple[float, float]) -> slice:
+    """The samples in a window, and one more on both sides, so that a line goes to the edge."""
+    begin, end = np.searchsorted(time, window[0], side="left"), np.searchsorted(time, window[1], side="right")
+    return slice(max(int(begin) - 1, 0), min(int(end) + 1, len(time)))
+
+
+def over_time(runs: Runs, curve: Curve, window: tuple[float, float], points: int) -> Line:
+    """At most `points` points over time; where there are more samples, the smallest and the largest of every part."""
+    samples = runs.samples(curve)
+    part = inside(samples.time, window)
+    time, y = samples.time[part], samples.y[part]
+    x, shown = thin(time, y, points)
+    return Line(x, samples.shown(shown), samples.unit, "s", len(time), samples.is_real, samples.is_truth)
+
+
+def thin(x: Array, y: Array, points: int) -> tuple[Array, Array]:
+    """A line of at most `points` with the extremes of every part; what is not a number, or infinite, is a gap."""
+    if len(x) > points:
+        x, y = plotting.envelope(x, y, points)
+    if y.dtype.kind == "f" and np.isinf(y).any():
+        y = np.where(np.isinf(y), np.nan, y)
+    return x, y
+
+
+def over_another(runs: Runs, curve: Curve, window: tuple[float, float], points: int) -> Line:
+    """A quantity over another of the same case, as many samples as can be seen."""
+    y, x = runs.samples(curve), runs.samples(curve, curve.x)
+    part = inside(y.time, window)
+    time = y.time[part]
+    own = slice(None, None, max(-(-len(time) // points), 1))
+    across = x.shown(x.y[part][own]) if len(x.time) == len(y.time) else at(time[own], x)
+    return Line(across, y.shown(y.y[part][own]), y.unit, x.unit, len(time))
+
+
+def spectrum(runs: Runs, curve: Curve, window: tuple[float, float], points: int) -> Line:
+    """One-sided power spectral density by Welch's method with Hann windows, mean taken off. IEEE Trans. AU-15, 1967.
+
+    What is as narrow as a distance of its frequencies has a height that depends on the window's length.
+    """
+    from scipy import signal
+
+    samples = runs.samples(curve)
+    part = inside(samples.time, window)
+    time, y = even(samples, part)
+    if len(y) < LEAST:
+        raise TwinError(f"{curve.signal}: {len(y)} samples in view, a spectrum needs {LEAST}. Show more time.")
+    length = max(LEAST, min(len(y), 2 * len(y) // (SEGMENTS + 1)))
+    frequency, density = signal.welch(y, fs=(len(time) - 1) / (time[-1] - time[0]), nperseg=length, detrend="constant")
+    x, power = thin(frequency[1:], density[1:], points)
+    return Line(x, power, squared(samples.unit), "Hz", len(y))
+
+
+def squared(unit: str) -> str:
+    """The unit of a density: `N²/Hz`."""
+    whole = unit if unit.isalpha() or not unit else f"({unit})"
+    return f"{whole}²/Hz" if whole else "1/Hz"
+
+
+def even(samples: Samples, part: slice) -> tuple[Array, Array]:
+    """Times with one distance, and the shown values there; what is not a number is bridged by a line."""
+    time, y = samples.time[part], samples.shown(samples.y[part])
+    there = np.isfinite(y)
+    time, y = time[there], y[there]
+    if len(time) < 2:
+        return time, y
+    steps = np.diff(time)
+    typical = float(np.median(steps))
+    if typical > 0 and np.max(np.abs(steps - typical)) <= EVEN * typical:
+        return time, y
+    count = int(min((time[-1] - time[0]) / max(typical, 1e-12), 4 * len(time))) + 1
+    times = np.linspace(time[0], time[-1], count)
+    return times, np.interp(times, time, y)
+
+
+KINDS = {"time": over_time, "xy": over_another, "spectrum": spectrum}
+
+
+def valued(runs: Runs, curve: Curve, times: list[float]) -> list[float | None]:
+    """The values of a curve at some times, none where it was not recorded."""
+    samples = runs.samples(curve)
+    if not len(samples.time):
+        return [None] * len(times)
+    found = at(np.array(times, np.float64), samples)
+    first, last = samples.time[0], samples.time[-1]
+    return [
+        float(value) if first <= time <= last and np.isfinite(value) else None
+        for time, value in zip(times, found, strict=True)
+    ]
+
+
+__all__ = ["KINDS", "Line", "valued"]

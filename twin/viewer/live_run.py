@@ -1,0 +1,168 @@
+"""A run that goes on, as far as its recording is: `Unfinished` stands for a `Run`, `Growing` for its signals.parquet."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin.component import unit as units
+from twin.errors import TwinError
+from twin.results import Recorded, column_of, evaluate, rows, run_folder, stream
+from twin.scenario import examine
+from twin.viewer.recording import Columns, Room
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    Array = np.ndarray[Any, Any]
+
+RUNNING, OPEN = "running", "open"  # status of a run, verdict of an expectation
+
+
+def goes_on(folder: Path) -> bool:
+    """Whether a folder is that of a run that has begun and not ended."""
+    return not (folder / "summary.json").is_file() and stream.has_begun(folder)
+
+
+class Unfinished:
+    """A run of which there is a recording, and no summary yet."""
+
+    def __init__(self, folder: Path) -> None:
+        if stream.abandoned(folder):
+            raise TwinError(f"{folder}: its process is gone. Finish the run with: twin recover {folder}")
+        self.folder = folder
+        told = stream.read(folder).about
+        self.summary: dict[str, Any] = {
+            "scenario": {key: told[key] for key in ("name", "title", "description", "source", "path")},
+            "status": RUNNING, "started": told["started"], "overrides": told["overrides"], "reason": "", "metrics": {},
+            "cases": [{"variant": variant, "seed": seed, "complete": False} for variant, seed in told["cases"]],
+            "expectations": expected(folder),
+        }  # fmt: skip
+
+
+def expected(folder: Path) -> list[dict[str, str]]:
+    """What nobody has judged yet, by the names that the summary will have."""
+    try:
+        scenario, _ = examine(folder / "scenario.yaml", imports=False)
+    except TwinError:  # told where the scenario is read for its limits
+        return []
+    names = [one.name for one in evaluate(scenario.metrics, scenario.expectations, {}).outcomes]
+    return [{"name": name, "verdict": OPEN, "detail": "the run goes on"} for name in names]
+
+
+class Growing(Columns):
+    """The rows that a run has written until `refresh` was called last; all of its cases, also those that have not begun."""
+
+    def __init__(self, folder: Path, room: Room) -> None:
+        super().__init__(folder / stream.FOLDER, room)
+        self.folder = folder
+        self._read = stream.read(folder)
+        whole = [column_of(one) for one in self._read.about["columns"]]
+        self._scalars = {one.label: one for one in run_folder.flat(whole)}
+        self.variables = {
+            one.name: Recorded(
+                one.name,
+                tuple(part.label for part in run_folder.flat([one])),
+                one.shape,
+                one.unit,
+                one.display_unit,
+                one.description,
+            )
+            for one in whole
+        }
+        self.places = {name: place for place, name in enumerate(["variant", "seed", "time", *self._scalars])}
+        self._counts: dict[tuple[str, int], int] = {}
+        self.refresh()
+
+    @property
+    def cases(self) -> list[tuple[str, int]]:
+        """All of the run, in order."""
+        return self._read.cases
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the recording has become a signals.parquet."""
+        return (self.folder / "summary.json").is_file()
+
+    def refresh(self) -> bool:
+        """Look again; whether there is more than before."""
+        try:
+            self._read = stream.read(self.folder)
+        except TwinError:
+            return False  # it ends just now
+        counts = {self.cases[part.number]: self._rows(part.number).count for part in self._read.parts if part.rows}
+        grown = counts != self._counts
+        if grown:
+            self._counts = counts
+            self.room.forget(self.path)
+        return grown
+
+    def _part(self, case: tuple[str, int]) -> dict[str, Any]:
+        """How the rows of a case lie; nothing if it has not begun."""
+        number = self.cases.index(case)
+        return self._read.parts[number].rows if number < len(self._read.parts) else {}
+
+    def _rows(self, number: int) -> rows.Rows:
+        part = self._read.parts[number]
+        last = part.end["last"] if part.end else None
+        width = part.rows["words"]
+        return rows.Rows(self.path / f"{number}.rows", width, stream.LARGE, stream.SLICE, last)
+
+    def samples(self, case: tuple[str, int]) -> int:
+        """How many there are until now."""
+        return self._counts.get(case, 0)
+
+    def span(self, case: tuple[str, int]) -> tuple[float, float]:
+        """First and last time of a case [s] until now."""
+        count, part = self.samples(case), self._part(case)
+        if not count:
+            return 0.0, 0.0
+        own = self._rows(self.cases.index(case))
+        edges = [rows.times(own.read(row, row + 1), *scale_of(part))[0] for row in (0, count - 1)]
+        return float(edges[0]) + 0.0, float(edges[1]) + 0.0
+
+    def has(self, case: tuple[str, int], name: str) -> bool:
+        """Whether a case records a column; until it has begun, whether some case may."""
+        return name in self._scalars and (not self._part(case) or self._lies(case, name) is not None)
+
+    def _lies(self, case: tuple[str, int], name: str) -> tuple[rows.Place, str] | None:
+        """Where a column is in the rows of a case, and its unit there; None if it is not."""
+        one = self._scalars[name]
+        for whole, first, shape, kind, unit, *_ in self._part(case).get("columns", ()):
+            if whole == one.name and len(shape) == len(one.index) and all(map(int.__lt__, one.index, shape)):
+                place = first + int(np.ravel_multi_index(one.index, shape)) if shape else first
+                return rows.Place(place, (), kind), unit
+        return None
+
+    def column(self, case: tuple[str, int], name: str) -> Array:
+        """The values of a column in one case until now, (n,); Booleans as 0 and 1."""
+
+        def read() -> tuple[Array, ...]:
+            part, count = self._part(case), self.samples(case)
+            if not count:
+                return (np.zeros(0),)
+            words: Any = np.memmap(
+                self.path / f"{self.cases.index(case)}.rows", np.int64, "r", shape=(count, part["words"])
+            )
+            if name == "time":
+                return (rows.times(words, *scale_of(part)),)
+            lies = self._lies(case, name)
+            assert lies is not None
+            values = lies[0].of(words)
+            factor, offset = units.conversion(lies[1], self._scalars[name].unit, name)
+            if (factor, offset) != (1.0, 0.0):
+                values = values * factor + offset  # another variant has it in another unit
+            return (values.view(np.uint8) if values.dtype == bool else values,)
+
+        (values,) = self.room.take((self.path, case, name), read)
+        return values
+
+    def is_truth(self, name: str) -> bool:
+        """Whether a column has Booleans."""
+        return self._scalars[name].dtype == bool
+
+
+def scale_of(part: dict[str, Any]) -> tuple[int, int, int]:
+    """What makes times of ticks."""
+    return part["begin"], part["step"], part["per_second"]

@@ -1,0 +1,66 @@
+"""What a page knows of the runs before it draws: cases, signals by member, expectations, events, plots."""
+
+from __future__ import annotations
+
+from string import ascii_uppercase
+from typing import TYPE_CHECKING, Any
+
+from twin.component import unit as units
+from twin.viewer.verdicts import Verdicts
+
+if TYPE_CHECKING:
+    from twin.viewer.runs import Runs
+
+SIGNALS = 20_000  # names in a tree
+
+
+def about(runs: Runs) -> dict[str, Any]:
+    """All of it as JSON has it; times in seconds."""
+    verdicts = [Verdicts(one) for one in runs.runs]
+    numbers = {(case.run, *case.key): number for number, case in enumerate(runs.cases)}
+    return {
+        "runs": [
+            {
+                "letter": ascii_uppercase[number],
+                "name": one.summary["scenario"]["name"],
+                "title": one.summary["scenario"]["title"] or one.summary["scenario"]["name"],
+                "folder": one.folder.resolve().name,
+                "started": one.summary["started"],
+                "status": one.summary["status"],
+                "overrides": list(one.summary["overrides"]),
+                "trouble": verdicts[number].trouble,
+            }
+            for number, one in enumerate(runs.runs)
+        ],
+        "growing": bool(runs.growing),
+        "cases": [vars(case) | {"told": runs.told(case)} for case in runs.cases],
+        "signals": signals(runs),
+        "expectations": [
+            vars(one)
+            | {
+                "run": number,
+                "spans": {str(numbers[number, *case]): spans for case, spans in (one.spans or {}).items()},
+            }
+            for number, verdict in enumerate(verdicts)
+            for one in verdict.expectations()
+        ],
+        "events": [one | {"run": number} for number, verdict in enumerate(verdicts) for one in verdict.events()],
+        # those of runs of one scenario are the same: the last run's, if it was changed
+        "plots": list({one["title"]: one for verdict in verdicts for one in verdict.plots()}.values()),
+    }
+
+
+def signals(runs: Runs) -> list[dict[str, Any]]:
+    """Every column, with the cases that recorded it: `all`, or their numbers."""
+    found: dict[str, dict[str, Any]] = {}
+    for number, case in enumerate(runs.cases):
+        viewed = runs.of(case)
+        for variable in viewed.variables.values():
+            for name in variable.columns:
+                if name not in found and len(found) < SIGNALS:
+                    unit = units.shown(variable.display_unit or variable.unit)
+                    found[name] = {"name": name, "unit": unit, "about": variable.description, "cases": []}
+                if name in found and viewed.recording.has(case.key, name):
+                    found[name]["cases"].append(number)
+    whole = list(range(len(runs.cases)))
+    return [one | {"cases": "all" if one["cases"] == whole else one["cases"]} for one in found.values() if one["cases"]]

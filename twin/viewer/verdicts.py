@@ -1,0 +1,215 @@
+"""What a run's scenario says of its signals: expectations with where they failed, events, plots. Its components need not be there."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from twin import clock
+from twin.errors import ScenarioError, TwinError, UnknownNameError
+from twin.results import Signals, Window, coherent, dimension, evaluate, expression, failures
+from twin.run import events
+from twin.scenario import examine
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from twin.results import Event, Expectation, Expression, Failure, Plot
+    from twin.scenario import Scenario
+    from twin.viewer.runs import Viewed
+
+    Key = tuple[str, int]
+
+AGAIN = 0.2  # between settings of one variable that belong together [s]
+SPANS = 400  # of one expectation in one case: more cannot be told apart
+
+
+@dataclass(frozen=True)
+class Judged:
+    """An expectation. `low`, `high`: limits in the unit that `signal` is shown in; `spans`: where it failed [s], by case.
+
+    `signal` is the expression as Python writes it, so that it can be compared; nothing if no signal shows it.
+    """
+
+    name: str
+    verdict: str
+    detail: str
+    signal: str = ""
+    low: float | None = None
+    high: float | None = None
+    begin: float | None = None
+    end: float | None = None
+    variants: tuple[str, ...] = ()
+    spans: dict[Key, list[tuple[float, float]]] | None = None
+
+
+class Verdicts:
+    """Expectations, events and plots of a run. `trouble`: why there are none."""
+
+    def __init__(self, viewed: Viewed) -> None:
+        self.viewed = viewed
+        self.scenario: Scenario | None = None
+        self.trouble = ""
+        # of a session by hand, the scenario with all that was done in it
+        files = (viewed.folder / name for name in ("operated.yaml", "scenario.yaml"))
+        file = next((one for one in files if one.exists()), viewed.folder / "scenario.yaml")
+        try:
+            self.scenario, _ = examine(file, imports=False)
+        except TwinError as error:
+            self.trouble = f"{file}: cannot be read; events and limits are not shown. {error.problems[0]}"
+
+    def expectations(self) -> list[Judged]:
+        """All that was expected, in the order of the summary; what failed is looked for in the signals."""
+        outcomes = self.viewed.summary["expectations"]
+        wanted = self.scenario.expectations if self.scenario else ()
+        if len(wanted) != len(outcomes):  # another version of the scenario, or one of hardware alone
+            return [Judged(one["name"], one["verdict"], one["detail"]) for one in outcomes]
+        bad = [one for one, outcome in zip(wanted, outcomes, strict=True) if outcome["verdict"] == "fail"]
+        found = {one.name: one for one in self._failures(bad)}
+        return [
+            self._judged(one, outcome, found.get(outcome["name"]) if outcome["verdict"] == "fail" else None)
+            for one, outcome in zip(wanted, outcomes, strict=True)
+        ]
+
+    def _judged(self, one: Expectation, outcome: Mapping[str, Any], failure: Failure | None) -> Judged:
+        told = (outcome["name"], outcome["verdict"], outcome["detail"])
+        metric = self.scenario.metrics.get(one.metric) if self.scenario and one.metric else None
+        signal = one.signal or (metric.signal if metric else None)
+        if signal is None or not self._has(signal):
+            return Judged(*told)
+        window = one.window if one.signal is not None else metric.window if metric else Window()
+        low, high = (one.at_least, one.at_most) if one.signal is not None else (None, None)
+        if failure is not None:
+            low, high = failure.low, failure.high
+        begin, end = seconds(window)
+        return Judged(
+            *told, ast.unparse(signal.tree), self._shown(signal, low), self._shown(signal, high), begin, end,
+            one.variants, None if failure is None else self._spans(failure),
+        )  # fmt: skip
+
+    def _has(self, signal: Expression) -> bool:
+        return all(one.name in self.viewed.variables for one in signal.signals)
+
+    def _shown(self, signal: Expression, value: float | None) -> float | None:
+        """A limit [SI] in the unit that a signal is shown in."""
+        if value is None:
+            return None
+        factor, offset = coherent(self.viewed.unit(signal), dimension.is_difference(signal))
+        return (value - offset) / factor
+
+    def _failures(self, bad: list[Expectation]) -> list[Failure]:
+        """Where expectations failed; nothing is read where none did."""
+        if not bad or self.scenario is None:
+            return []
+        metrics = {one.metric: self.scenario.metrics[one.metric] for one in bad if one.metric in self.scenario.metrics}
+        wanted = [*(one.signal for one in bad if one.signal), *(one.signal for one in metrics.values())]
+        tables = self._tables(wanted)
+        return failures(bad, evaluate(metrics, bad, tables), tables)
+
+    def _tables(self, wanted: Iterable[Expression]) -> dict[Key, Signals]:
+        """The signals that some expressions are made of."""
+        recording, variables = self.viewed.recording, self.viewed.variables
+        names = dict.fromkeys(one.name for signal in wanted for one in signal.signals if one.name in variables)
+        complete = {(one["variant"], one["seed"]): one["complete"] for one in self.viewed.summary["cases"]}
+        return {
+            case: Signals(
+                recording.column(case, "time"),
+                {
+                    name: recording.values(case, name)
+                    for name in names
+                    if recording.has(case, variables[name].columns[0])
+                },
+                {name: variables[name].unit for name in names},
+                complete.get(case, False),
+            )
+            for case in recording.cases
+        }
+
+    def _spans(self, failure: Failure) -> dict[Key, list[tuple[float, float]]]:
+        """From when to when each case failed; of a metric over many samples, what it is taken over."""
+        found = {}
+        for case in failure.cases:
+            pair = self._tables([failure.signal])[case].evaluate(failure.signal, failure.window)
+            if pair is None or not len(pair[0]):
+                continue
+            time, value = pair
+            if failure.over_time:
+                found[case] = [(float(time[0]), float(time[-1]))]
+            else:
+                found[case] = spans(time, failure.bad(case, time, value))
+        return found
+
+    def events(self) -> list[dict[str, Any]]:
+        """What happens when: events and faults of the scenario."""
+        if self.scenario is None:
+            return []
+        return together([row.mark for row in events(self.scenario.variants)])
+
+    def plots(self) -> list[dict[str, Any]]:
+        """The scenario's plots, of signals that were recorded."""
+        plots = self.scenario.plots if self.scenario else ()
+        return [found for one in plots if (found := self._plot(one))]
+
+    def _plot(self, plot: Plot) -> dict[str, Any] | None:
+        curves = [one for one in plot.curves if self._has(one.signal) and (one.x is None or self._has(one.x))]
+        try:
+            for one in curves:
+                self.viewed.parsed(one.signal.text)
+            lines = [self._shown(curves[0].signal, value) for value in plot.lines] if curves else []
+            band = [self._shown(curves[0].signal, value) for value in plot.band] if curves and plot.band else []
+        except (ScenarioError, UnknownNameError):
+            return None
+        if not curves:
+            return None
+        across = curves[0].x
+        return {
+            "title": plot.title,
+            "signals": [one.signal.text for one in curves],
+            "x": across.text if across is not None else "",
+            "lines": lines, "band": band, "window": seconds(plot.window), "variants": list(plot.variants),
+        }  # fmt: skip
+
+
+def together(marks: Iterable[Event]) -> list[dict[str, Any]]:
+    """Events as a page has them; what is set again and again, as by a joystick, is one with its number."""
+    found: list[dict[str, Any]] = []
+    last: dict[tuple[str, tuple[str, ...]], tuple[dict[str, Any], float, int]] = {}
+    for mark in marks:
+        name = mark.name.removeprefix("set ")
+        key = (name.partition(" =")[0], mark.variants)
+        if key in last and mark.time - last[key][1] < AGAIN:
+            one, _, count = last[key]
+            one["name"] = f"{key[0]}, {count + 1} times until {mark.time:g} s"
+            last[key] = one, mark.time, count + 1
+            continue
+        found.append({"time": mark.time, "name": name, "variants": list(mark.variants)})
+        last[key] = found[-1], mark.time, 1
+    return found
+
+
+def seconds(window: Window) -> tuple[float | None, float | None]:
+    """A window [s]."""
+    begin, end = (None if one is None else clock.seconds(one) for one in (window.start_ns, window.stop_ns))
+    return begin, end
+
+
+def spans(time: Any, bad: Any) -> list[tuple[float, float]]:
+    """Where samples are bad, those that follow each other together; of very many, the nearest ones too."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(np.int8)))
+    begins, ends = time[edges[::2]], time[edges[1::2] - 1]
+    if len(begins) > SPANS:
+        gaps = begins[1:] - ends[:-1]
+        kept = np.sort(np.argpartition(gaps, -(SPANS - 1))[-(SPANS - 1) :])
+        begins, ends = begins[np.append(0, kept + 1)], ends[np.append(kept, len(ends) - 1)]
+    return [(float(begin), float(end)) for begin, end in zip(begins, ends, strict=True)]
+
+
+def normal(text: str) -> str:
+    """An expression as `Judged.signal` writes it, or as it is if it is none."""
+    try:
+        return ast.unparse(expression.parse(text).tree)
+    except ScenarioError:
+        return text
