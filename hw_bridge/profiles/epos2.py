@@ -1,6 +1,7 @@
 """maxon EPOS2 (50/5) with an EC-i 40, from the facts of its public EDS.
 
-It has no cyclic synchronous modes and no 6071h, 6077h, 605Ah, 6080h, 60FEh and 1029h. What runs is profile position (a target in each
+It has no cyclic synchronous modes and no 6071h, 6077h, 605Ah, 6080h, 60FDh, 60FEh and 1029h: a closed limit switch (2071h) is
+not named. What runs is profile position (a target in each
 cycle, with its acknowledge) and profile velocity. Its own modes (position -1, velocity -2, current -3, at 2062h, 206Bh and
 2030h) and interpolated position (7, a buffer of its own at 20C1h and 20C4h) are not used. 60C2h belongs to mode 7.
 """
