@@ -6,23 +6,29 @@ import io
 import struct
 from configparser import Error
 from dataclasses import replace
+from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from canopen import objectdictionary
 from canopen.objectdictionary import ODRecord, ODVariable, eds
 
 from hw_bridge.dictionary import TEXT, TYPES, Abort, Dictionary, Entry, NodeId, Value
+from hw_bridge.profiles import GENERIC, GivenUnits, generic
+from hw_bridge.profiles import profile as profile_of
 from twin.errors import DeclarationError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
-    from pathlib import Path
 
     from hw_bridge.profiles import Device, Profile
 
 ACCESS = ("ro", "wo", "rw", "const")
 VENDORS = range(0x2000, 0x6000)  # objects that each vendor has as he likes
 PDOS = range(0x1400, 0x1C00)
+MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
+NO_UNITS = GivenUnits()
+NEEDED = (0x1000, 0x6040, 0x6041, 0x6060, 0x6064)  # of every drive of CiA 402
 LONGEST = 160  # characters of what a parser says
 DATED = {"CreationDate": "01-01-2026", "CreationTime": "12:00AM", "EdsVersion": "4.0"}
 DATED |= {"ModificationDate": DATED["CreationDate"], "ModificationTime": DATED["CreationTime"]}  # same in, same out
@@ -82,7 +88,7 @@ def load(path: Path, own: Iterable[Entry] = ()) -> tuple[Entry, ...]:
         if not data.strip():
             raise ValueError("it is empty")  # noqa: TRY301 - as all else that is wrong with the file
         whole = eds.import_eds(source, None)
-        return tuple(
+        return _with_correct_counts(
             _entry(variable, title, known.get((variable.index, variable.subindex)))
             for title, variable in _variables(whole)
         )
@@ -93,12 +99,51 @@ def load(path: Path, own: Iterable[Entry] = ()) -> tuple[Entry, ...]:
         raise DeclarationError(f"{path}: is not an EDS file: {what[:LONGEST]}. {advice}") from error
 
 
+def _with_correct_counts(entries: Iterable[Entry]) -> tuple[Entry, ...]:
+    """The entries, with mappings that count no more objects than they name: an EPOS2's file counts an empty one."""
+    found = {(one.index, one.sub): one for one in entries}
+    for (index, sub), one in found.items():
+        if sub or not any(index in mapping for mapping in MAPPINGS) or not isinstance(one.default, int):
+            continue
+        named = 0
+        while named < one.default and (entry := found.get((index, named + 1))) is not None and entry.default:
+            named += 1
+        found[index, sub] = replace(one, default=named)
+    return tuple(found.values())
+
+
 def _text(data: bytes) -> str:
     """Vendors' tools write UTF-8 or Windows' code page."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
         return data.decode("cp1252", errors="strict")
+
+
+def load_profile(name: str, path: str = "", given: GivenUnits = NO_UNITS) -> Profile:
+    """The profile of this name, with the dictionary of an EDS file where there is one. `given`: units, for a generic one.
+
+    DeclarationError if the file is none of such a drive.
+    """
+    if not path and name not in GENERIC:
+        return profile_of(name)
+    file = Path(path)
+    changed = file.stat().st_mtime_ns if path and file.exists() else 0
+    return _load_profile(name, path, given, changed)
+
+
+@cache
+def _load_profile(name: str, path: str, given: GivenUnits, _changed: int) -> Profile:
+    if name not in GENERIC:
+        return adopt(profile_of(name), Path(path))[0]
+    if not path:
+        raise DeclarationError(f"{name}: which drive is it? Name its EDS file: eds: FILE, of its vendor.")
+    found = generic(load(Path(path)), given, f"{Path(path).name} (CiA 402)")
+    if missing := [f"{index:04X}h" for index in NEEDED if index not in Dictionary(found.objects, 1)]:
+        raise DeclarationError(
+            f"{path}: is no drive of CiA 402: {', '.join(missing)} missing. Use the file of the drive."
+        )
+    return found
 
 
 def adopt(profile: Profile, path: Path) -> tuple[Profile, list[str]]:

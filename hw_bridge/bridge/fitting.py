@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from hw_bridge.device import uneven
 from hw_bridge.dictionary import Mode
 from hw_bridge.hardware import ContactKeys, overloaded, plausible
-from hw_bridge.profiles import profile
 from hw_bridge.session import targets
 from twin.component import Boolean, Role, catalog
 from twin.coupling import READABLE, find
@@ -67,7 +66,7 @@ class Fitting:
             elif node.contact is None and node.watch_contact and self.retracts:
                 found += self._find_contact(name, case)
             told = case.members[name].parameters.get("mode_of_operation")
-            if isinstance(told, int) and (problem := targets.unknown_mode(told, profile(node.profile), known)):
+            if isinstance(told, int) and (problem := targets.unknown_mode(told, node.drive, known)):
                 where = case.members[name].places.get("mode_of_operation", case.members[name].where)
                 found.append(f"{where}: {name} is a drive: {problem}")
             found += self._sampling(name, case.members[name])
@@ -109,9 +108,7 @@ class Fitting:
     def forced(self, case: Case) -> set[str]:
         """Members that are told a force, on drives that follow one."""
         follow = [
-            name
-            for name, node in self.keys.nodes.items()
-            if Mode.CST in profile(node.profile).modes and name in case.members
+            name for name, node in self.keys.nodes.items() if Mode.CST in node.drive.modes and name in case.members
         ]
         connected = connected_inputs(case) if follow else set()
         return {name for name in follow if targets.told_force(name, case, connected)}

@@ -105,7 +105,7 @@ def drive(node: Node, master: Master) -> dict[str, Any]:
     return {
         "node": node.number, "profile": node.profile.title, "state": str(node.state), "word": node.word,
         "statusword": words.statusword(node.word, int(node.own_mode)), "mode": words.mode(int(node.own_mode)),
-        "errors": [f"{told.coded(node, code)}. {words.remedy(code)}" for _, code in node.emergencies if code],
+        "errors": [f"{told.message(node, one)}. {words.remedy(one.code)}" for one in node.emergencies if one.code],
         "rotary": node.rotary, "position": node.position, "velocity": node.velocity, "force": node.force,
         "following_error": node.following_error,
         "limits": [
@@ -121,7 +121,7 @@ def module(node: ModuleNode, master: Master) -> dict[str, Any]:
     """One I/O module."""
     return {
         "node": node.number, "profile": node.profile.title, "outputs": node.outputs,
-        "errors": [told.coded(node, code) for _, code in node.emergencies if code],
+        "errors": [told.message(node, one) for one in node.emergencies if one.code],
         "heartbeat_age": (master.network.now - node.heard_at) / 1e9,
         "heartbeat_limit": node.keys.heartbeat.lost_after / 1e9, "lost": node.lost, "late": node.late,
     }  # fmt: skip

@@ -71,7 +71,7 @@ class Bus:
         for port in self._ports:
             if port.station is station:
                 port.online = False
-        self._ports = [port for port in self._ports if port.online]
+        self._ports = [port for port in self._ports if port.station is not station]
 
     def advance(self, time: int) -> None:
         """Let everything on the bus happen until `time` [ns]."""

@@ -13,7 +13,7 @@ import click
 from hw_bridge.bus import NEVER
 from hw_bridge.dictionary import cia301, cia401
 from hw_bridge.fault import LARGEST, MEANINGS, Cause, Fault
-from hw_bridge.profiles import DEVICES, MODULES, MOTORS, device, profile
+from hw_bridge.profiles import DEVICES, GENERIC, MODULES, MOTORS, device, profile
 from twin.cli import say
 from twin.files import write_atomically
 from twin.process import SIGNALS
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 
 @click.group("drive", invoke_without_command=True, short_help="a simulated CANopen drive on any CAN interface")
-@click.option("--profile", "-p", "name", type=click.Choice([*MODULES, *DEVICES]),
-              help="The vendor's drive, or cia401: an I/O module.")  # fmt: skip
+@click.option("--profile", "-p", "name", type=click.Choice([*MODULES, *GENERIC, *DEVICES]),
+              help="The vendor's drive, cia402: any drive by its --eds, or cia401: an I/O module.")  # fmt: skip
 @click.option("--node", "-n", type=click.IntRange(1, cia301.UNCONFIGURED), default=1, show_default=True,
               help="Its node-ID, 1 to 127; 255: none, it waits for one by LSS.")  # fmt: skip
 @click.option("--interface", "-i", help="python-can's interface: socketcan, slcan, udp_multicast, ...")
@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 @click.option(
     "--write-eds", type=click.Path(dir_okay=False, path_type=Path), help="Write the profile's EDS file and end."
 )
+@click.option("--unit", "sizes", multiple=True, metavar="KIND=SIZE", help="With cia402: what a unit is that its EDS file does not tell, "
+              "such as position='1 um'; repeat.")  # fmt: skip
 @click.option("--motor", type=click.Choice(list(MOTORS)), help="The motor that it moves, and that it is set up for.")
 @click.option("--factory", is_flag=True, help="As delivered, not set up for its motor: an MCLM has a pitch of 18 mm and software "
               "limits of +-9 996 um.")  # fmt: skip
@@ -67,6 +69,7 @@ def command(
     options: tuple[str, ...],
     eds: Path | None,
     write_eds: Path | None,
+    sizes: tuple[str, ...],
     motor: str | None,
     factory: bool,
     store: Path | None,
@@ -93,8 +96,11 @@ def command(
     from hw_bridge.profiles import Profile
 
     if name is None:
-        raise click.UsageError(f"Name --profile: {', '.join([*MODULES, *DEVICES])}.")
-    chosen = profile(name) if name in MODULES else device(name)
+        raise click.UsageError(f"Name --profile: {', '.join([*MODULES, *GENERIC, *DEVICES])}.")
+    if name in GENERIC:
+        chosen: Profile | Device = generic_drive(name, eds, sizes)
+    else:
+        chosen = profile(name) if name in MODULES else device(name)
     if 127 < node < cia301.UNCONFIGURED:
         raise click.UsageError(
             f"--node {node}: expected 1 to 127, or {cia301.UNCONFIGURED} for a device without a node-ID."
@@ -106,7 +112,7 @@ def command(
         return
     if interface is None or channel is None:
         raise click.UsageError("Name --interface and --channel, such as -i socketcan -c vcan0, or use --write-eds.")
-    if eds is not None:
+    if eds is not None and name not in GENERIC:
         if isinstance(chosen, Profile):
             chosen, warnings = files.adopt(chosen, eds)
         else:
@@ -115,7 +121,7 @@ def command(
         for warning in warnings:
             say(f"warning: {warning}", err=True)
     if isinstance(chosen, Profile) and motor is not None:
-        if chosen.name not in MOTORS[motor].scaling:
+        if name in MODULES and chosen.name not in MOTORS[motor].scaling:
             raise click.UsageError(f"--motor {motor}: no values of it are known for {chosen.title}.")
         chosen = replace(chosen, motor_name=motor)
     closing = parse_switches(switches, chosen.motor.unit) if isinstance(chosen, Profile) else None
@@ -123,6 +129,28 @@ def command(
         chosen = replace(chosen, extrapolation=extrapolate)
     is_set_up = not factory and (eds is None or motor is not None)
     serve(chosen, node, interface, channel, bitrate, build, control, store, named(options), is_set_up, closing)
+
+
+def generic_drive(name: str, eds: Path | None, sizes: tuple[str, ...]) -> Profile:
+    """A drive by its EDS file, in the units of `--unit` where the file does not tell them."""
+    from pydantic import ValidationError
+
+    from hw_bridge.dictionary import Dictionary
+    from hw_bridge.eds import load_profile
+    from hw_bridge.hardware import UnitKeys
+    from hw_bridge.profiles import GivenUnits, unknown_units
+
+    if eds is None:
+        raise click.UsageError(f"--profile {name}: name the drive's --eds FILE.")
+    try:
+        units = UnitKeys.model_validate({kind: size for kind, _, size in (one.partition("=") for one in sizes)})
+    except ValidationError as error:
+        raise click.UsageError(f"--unit: {error.errors()[0]['msg'].removeprefix('Value error, ')}.") from None
+    given = GivenUnits(units.position, units.velocity, units.acceleration, units.current)
+    found = load_profile(name, str(eds), given)
+    if missing := unknown_units(Dictionary(found.objects, 1), given):
+        raise click.UsageError(f"{'; '.join(missing)}. Add --unit, such as --unit velocity='1 mm/s'.")
+    return found
 
 
 WIDTH = max(map(len, Cause))
@@ -245,15 +273,17 @@ def serve(
     """Run the drive on an interface until a signal ends it. `is_set_up`: it holds the values of its motor."""
     from hw_bridge.command.control import Control
     from hw_bridge.device import Drive, Module, Store
-    from hw_bridge.plant import set_up_for
+    from hw_bridge.plant import brake_as_it_accelerates, set_up_for
     from hw_bridge.wire import Wire, left, link, opened, refuse_if_taken, settle
 
     control: Control | None = None
     slave = made(chosen, node, build)
     if store is not None:
         slave.remember(Store(store, chosen.name, node))
-    if is_set_up and isinstance(slave, Drive):
-        set_up_for(slave, MOTORS[slave.profile.motor_name])
+    if isinstance(slave, Drive):
+        brake_as_it_accelerates(slave)
+        if is_set_up:
+            set_up_for(slave, MOTORS[slave.profile.motor_name])
     if switches is not None and isinstance(slave, Drive):
         slave.axis.switches = switches
     bus = opened(interface, channel, bitrate, options or {})

@@ -17,7 +17,7 @@ from twin.cli import say
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Mapping
 
     from hw_bridge.hardware import HardwareKeys
     from hw_bridge.master import Master, ModuleNode, Node
@@ -91,8 +91,9 @@ def check(file: Path, build: Path) -> None:
     Exit code 1 if anything differs.
     """
     keys = load(file)
-    problems = differences(keys, build, {name: axis(file, keys, name).rotary for name in keys.nodes})
-    for names, rows in limit_effects.grouped(keys):
+    absent: dict[str, Collection[int]] = {}
+    problems = differences(keys, build, {name: axis(file, keys, name).rotary for name in keys.nodes}, absent)
+    for names, rows in limit_effects.grouped(keys, absent):
         say(f"{', '.join(names)}: where the limits act")
         table(rows, 2)
     for problem in problems:
@@ -102,8 +103,16 @@ def check(file: Path, build: Path) -> None:
     say("The bus is as the hardware file says.")
 
 
-def differences(keys: HardwareKeys, build: Path, rotary: Mapping[str, bool] | None = None) -> list[str]:
-    """Everything on the bus that is not as the hardware file says. `rotary`: which members turn."""
+def differences(
+    keys: HardwareKeys,
+    build: Path,
+    rotary: Mapping[str, bool] | None = None,
+    absent: dict[str, Collection[int]] | None = None,
+) -> list[str]:
+    """Everything on the bus that is not as the hardware file says. `rotary`: which members turn.
+
+    `absent` gets, by drive, the objects of a run that it was found not to have.
+    """
     from hw_bridge.master import Master, active_drives
 
     network = bench_network(keys, build)
@@ -126,6 +135,8 @@ def differences(keys: HardwareKeys, build: Path, rotary: Mapping[str, bool] | No
             else:
                 differing = master.compare(node)
                 problems += differing or unready(master, node)
+        if absent is not None:
+            absent |= {name: drive.absent for name, drive in master.nodes.items()}
         answering = [node for node in master.nodes.values() if node.number in found and not node.doubled]
         problems += active_drives(answering, master.wait)
         strangers = [number for number in found if number not in expected]
@@ -149,6 +160,8 @@ def unready(master: Master, station: Node | ModuleNode) -> list[str]:
     rows = planned_rows(plan)
     say(f"{station.name}: a run writes {len(rows)} objects, and restores them at its end:")
     table([("object", "name", "before", "after", "why"), *rows], 2, head=True)
+    for text in plan.notes:
+        say(f"note: {text}")
     problems = [*plan.refused, *plan.problems]
     if not isinstance(station, Node):
         return problems

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.commission.objects import shown
 from hw_bridge.hardware import plausible, without_unit
-from hw_bridge.profiles import profile
 from twin.errors import CouplingError, SimulationError, nearest
 from twin.scenario import number, read
 
@@ -70,4 +69,4 @@ def axis(path: Path, keys: HardwareKeys, word: str) -> Axis:
         raise SimulationError(
             f"{path}: nodes.{name}: some of its quantities are of a line, others of a turn. Use one kind."
         )
-    return Axis(name, own, turns and (not moves or profile(own.profile).motor.unit == "rad"))
+    return Axis(name, own, turns and (not moves or own.drive.motor.unit == "rad"))

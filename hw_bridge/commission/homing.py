@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hw_bridge.commission import words
-from hw_bridge.profiles import profile
 
 if TYPE_CHECKING:
     from hw_bridge.hardware import NodeKeys
@@ -14,4 +13,4 @@ if TYPE_CHECKING:
 def explained(keys: NodeKeys) -> list[str]:
     """What the drive will do, move by move."""
     assert keys.homing is not None
-    return words.homing(profile(keys.profile).homing[keys.homing.method])
+    return words.homing(keys.drive.homing[keys.homing.method])

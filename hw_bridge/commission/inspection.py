@@ -5,6 +5,7 @@ Nothing of it is written unless the hardware file asks for it under `objects`.
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.commission.objects import UNIT, meant, shown
@@ -19,10 +20,10 @@ if TYPE_CHECKING:
 Address = tuple[int, int]
 GROUPS: dict[str, tuple[Address, ...]] = {
     "homing": (
-        (0x6098, 0), (0x607C, 0), (0x30B0, 0), (0x30B1, 0), (0x30B2, 0), (0x2324, 2), (0x2350, 0), (0x2351, 0),
+        (0x6098, 0), (0x607C, 0), (0x30B0, 0), (0x30B1, 0), (0x30B2, 0), (0x2080, 0), (0x2081, 0), (0x2324, 2), (0x2350, 0), (0x2351, 0),
     ),
     "current": (
-        (0x6072, 0), (0x60E0, 0), (0x60E1, 0), (0x6075, 0), (0x3001, 1), (0x3001, 2), (0x2333, 1), (0x2333, 2),
+        (0x6072, 0), (0x60E0, 0), (0x60E1, 0), (0x6075, 0), (0x3001, 1), (0x3001, 2), (0x2333, 1), (0x2333, 2), (0x6410, 1), (0x6410, 2),
         (0x2329, 1), (0x2329, 2), (0x2329, 3),
     ),
     "stop": (
@@ -98,8 +99,8 @@ def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
     """What of it does not fit the hardware file, or is to be known."""
     name, homing = node.name, node.keys.homing
     limit, constant = node.own.file.force, constant_of(node.keys)
-    rated = values.get((0x6075, 0), 0) / 1e3
-    currents = [values[0x30B2, 0] / 1e3] if (0x30B2, 0) in values else []
+    rated = (values.get((0x6075, 0)) or values.get((0x2329, 1), 0)) / 1e3
+    currents = [values[address] / 1e3 for address in ((0x30B2, 0), (0x2080, 0)) if address in values]
     currents += [values[address] * rated / 1e3 for address in ((0x2350, 0), (0x2351, 0)) if address in values and rated]
     newton = "N*m" if node.rotary else "N"
     if homing is not None and homing.method in BLOCK_METHODS:
@@ -108,10 +109,12 @@ def _notes(node: Node, values: dict[Address, int]) -> Iterator[str]:
         elif max(currents) * constant > limit:
             yield (
                 f"{name}: homing pushes against the end stop with {shown(max(currents) * constant, newton)}, above "
-                f"limits.force {shown(limit, newton)}. Lower it under `objects` (30B2h, or 2350h and 2351h)."
+                f"limits.force {shown(limit, newton)}. Lower it under `objects` (30B2h or 2080h, or 2350h and 2351h)."
             )
     peak = node.profile.currents(node.mirror).peak * constant
-    if peak > limit:
+    if not isfinite(peak):
+        yield f"{name}: no object tells the drive's own limit of the current. limits.force is watched by this program alone."
+    elif peak > limit:
         yield (
             f"{name}: the drive's own currents allow {shown(peak, newton)}, limits.force is {shown(limit, newton)}: only this program "
             f"watches it. Lower them under `objects` or in the drive, so that the drive holds it too."

@@ -6,18 +6,19 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import Mode
 from hw_bridge.master import OLDEST
-from hw_bridge.profiles import profile
 
 if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping
+
     from hw_bridge.hardware import HardwareKeys, NodeKeys
 
 WATCHED = "each cycle, else it stops"
 
 
-def rows(keys: HardwareKeys, node: NodeKeys) -> list[tuple[str, str]]:
-    """Name of a limit and where it acts, for one drive."""
-    chosen = profile(node.profile)
-    has = {one.index for one in chosen.objects}
+def rows(keys: HardwareKeys, node: NodeKeys, absent: Collection[int] = ()) -> list[tuple[str, str]]:
+    """Name of a limit and where it acts, for one drive. `absent`: objects that it was found not to have."""
+    chosen = node.drive
+    has = {one.index for one in chosen.objects}.difference(absent)
     position, velocity = ("csp", "csv") if Mode.CSP in chosen.modes else ("pp", "pv, instead of csp and csv")
 
     def own(*indices: int) -> str:
@@ -25,11 +26,15 @@ def rows(keys: HardwareKeys, node: NodeKeys) -> list[tuple[str, str]]:
         return f"; the drive's {', '.join(found)}" if found else ""
 
     cst = Mode.CST in chosen.modes
+    force = f"{'targets of cst, to 80 %; ' if cst else ''}{WATCHED}; while it homes too"
     oldest = node.limits.actual_value_age or max(round(OLDEST * keys.cycle), keys.late_cycle.at_most or 0)
     return [
         ("position", f"{WATCHED}{own(0x607D)}, a tenth beyond"),
         ("velocity", f"targets of {velocity}, to 80 %; {WATCHED}{own(0x607F, 0x6080)}"),
-        ("force", f"{'targets of cst, to 80 %; ' if cst else ''}{WATCHED}; while it homes too"),
+        (
+            "force",
+            force if node.watch_force else "nowhere in this program: watch_force is false, the drive tells no current",
+        ),
         ("following_error", f"{WATCHED}{own(0x6065)}"),
         (
             "acceleration",
@@ -42,11 +47,11 @@ def rows(keys: HardwareKeys, node: NodeKeys) -> list[tuple[str, str]]:
     ]
 
 
-def grouped(keys: HardwareKeys) -> list[tuple[list[str], list[tuple[str, str]]]]:
-    """These rows once for all drives that have the same, with their names."""
+def grouped(keys: HardwareKeys, absent: Mapping[str, Collection[int]]) -> list[tuple[list[str], list[tuple[str, str]]]]:
+    """These rows once for all drives that have the same, with their names. `absent`: by drive, as for `rows`."""
     found: list[tuple[list[str], list[tuple[str, str]]]] = []
     for name, node in keys.nodes.items():
-        own = rows(keys, node)
+        own = rows(keys, node, absent.get(name, ()))
         names = next((names for names, other in found if other == own), None)
         if names is None:
             found.append(([name], own))

@@ -9,7 +9,7 @@ from hw_bridge.commission.words import told_fault
 from hw_bridge.dictionary import NmtState, State, cia301, state_of
 from hw_bridge.hardware import ModuleKeys, NodeKeys
 from hw_bridge.master import Node, SdoClient, Station
-from hw_bridge.profiles import DEVICES, MODULES, Device, Rules, device, profile
+from hw_bridge.profiles import DEVICES, GENERIC, MODULES, Device, Rules, device, profile
 from twin.errors import SimulationError, nearest
 
 if TYPE_CHECKING:
@@ -79,12 +79,13 @@ class Line:
         if not chosen:
             client = self.client(number)
             chosen = recognized(client.number(0x1018, 1), client.number(0x1018, 2), client.number(0x1000))
-        if chosen in MODULES:
+        if chosen in MODULES or (keys is not None and chosen == keys.profile and chosen in GENERIC):
             own = keys if isinstance(keys, NodeKeys) else NodeKeys.model_validate({"node": number, "profile": chosen})
-            made: Node | Station = Node(name, own, profile(chosen), self.network, self.wait)
+            described = own.drive if own.profile == chosen else profile(chosen)
+            made: Node | Station = Node(name, own, described, self.network, self.wait)
         else:
-            described = device(chosen) if chosen in DEVICES else UNKNOWN
-            made = Station(name, ModuleKeys.model_construct(node=number), described, self.network, self.wait)
+            other = device(chosen) if chosen in DEVICES else UNKNOWN
+            made = Station(name, ModuleKeys.model_construct(node=number), other, self.network, self.wait)
         self.clients[number] = made.sdo
         return made
 

@@ -12,7 +12,7 @@ from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.commission.hand import Hand
 from hw_bridge.device import Drive, Motor
 from hw_bridge.plant import set_up_for
-from hw_bridge.profiles import motor_parameters, profile
+from hw_bridge.profiles import motor_parameters
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -71,7 +71,7 @@ def response(hand: Hand, step: float) -> Response:
 def simulated(keys: HardwareKeys, name: str, step: float, build: Path, gains: dict[str, float]) -> Response:
     """The same of the profile's drive in simulated time; `gains`: times those of its motor's component."""
     own = keys.nodes[name]
-    chosen = profile(own.profile)
+    chosen = own.drive
     parameters = motor_parameters(chosen, own.motor)
     motor = Motor(parameters.model, build=build)
     drive = set_up_for(Drive(chosen, own.node, motor), parameters)

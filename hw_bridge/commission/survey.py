@@ -11,7 +11,7 @@ from hw_bridge.bus import MILLISECOND, Frame
 from hw_bridge.commission.line import BOOT
 from hw_bridge.commission.words import told_fault
 from hw_bridge.dictionary import State, cia301, state_of
-from hw_bridge.profiles import DEVICES, MODULES, UNFIT, identity, profile
+from hw_bridge.profiles import DEVICES, MODULES, identity, profile, profile_for, unfit
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def looked_at(line: Line, number: int) -> Found:
         line.wait(PATIENCE)
         if len(line.answers) > 1:
             return Found(number, problem=f"{len(line.answers)} {TWICE}")
-        title = known(vendor, product) or KINDS.get(device & 0xFFFF, f"device type {device:08X}h")
+        title = known(vendor, product, device) or KINDS.get(device & 0xFFFF, f"device type {device:08X}h")
         state = str(line.states[number].name.capitalize().replace("_", "-")) if number in line.states else ""
         fault = ""
         if device & 0xFFFF == DRIVE:
@@ -102,25 +102,20 @@ def looked_at(line: Line, number: int) -> Found:
 
 def recognized(vendor: int, product: int, device_type: int) -> str:
     """The name of the profile for what a node says of itself, or nothing. An unknown product gets its vendor's."""
-    if (vendor, product) in UNFIT:
+    if unfit(vendor, product, device_type) is not None:
         return ""
     own = {name: identity(name) for name in MODULES}
-    exact = [name for name, one in own.items() if (one[1], one[2]) == (vendor, product)]
+    exact = [name] if (name := profile_for(vendor, product)) else []
     alike = [name for name, one in own.items() if one[1] == vendor] if device_type & 0xFFFF == DRIVE else []
     modules = [name for name in DEVICES if name == f"cia{device_type & 0xFFFF}"]
     return next(iter([*exact, *alike, *modules]), "")
 
 
-def known(vendor: int, product: int) -> str:
+def known(vendor: int, product: int, device_type: int = 0) -> str:
     """The title of the profile with this identity; the vendor alone if the product is another one."""
-    if (vendor, product) in UNFIT:
-        return f"{UNFIT[vendor, product]}, which no profile fits"
-    titles = []
-    for name in MODULES:
-        chosen = profile(name)
-        own = identity(name)
-        if own[1] == vendor:
-            titles.append(chosen.title)
-            if own[2] == product:
-                return chosen.title
+    if (other := unfit(vendor, product, device_type)) is not None:
+        return f"{other.title}, which no profile fits. {other.advice}"
+    if exact := profile_for(vendor, product):
+        return profile(exact).title
+    titles = [profile(name).title for name in MODULES if identity(name)[1] == vendor]
     return f"perhaps {' or '.join(titles)}" if titles else ""

@@ -14,12 +14,14 @@ COMMANDS: dict[str, frozenset[int]] = {
     "faulhaber_v3": frozenset({0x2400}),  # bit rate
     "mclm": frozenset({0x2400, 0x257A}),  # bit rate; target position in increments
     "epos4": frozenset({0x2001, 0x31E4}),  # bit rate; recorder control
+    "epos2": frozenset({0x2000, 0x2001, 0x2030, 0x2062, 0x206B, 0x20C1}),  # node-ID, bit rate; targets of its own modes
 }
 # valves, brakes, fault pins
 OUTPUTS: dict[str, frozenset[int]] = {
     COMMON: frozenset({cia402.OUTPUTS, cia401.OUTPUTS, 0x6202, 0x6300, 0x6411}),
     "faulhaber_v3": frozenset({0x2311, 0x2315}),  # digital outputs, function of the fault pin; recalled
     "mclm": frozenset({0x2315}),  # function of the fault pin
+    "epos2": frozenset({0x2078, 0x2079}),  # state and function of outputs
     "epos4": frozenset({0x3150, 0x3151}),  # polarity and function of outputs, also the one of a brake
 }
 VENDORS_OWN = range(0x2000, 0x6000)

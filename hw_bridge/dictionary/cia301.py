@@ -20,6 +20,15 @@ UNCONFIGURED = 255  # node-ID of a device that has none (CiA 305)
 INVALID, NO_REMOTE, EXTENDED = 1 << 31, 1 << 30, 1 << 29
 
 
+# bits of the error register 1001h
+REGISTER = ("generic", "current", "voltage", "temperature", "communication", "device profile", "bit 6", "manufacturer")
+
+
+def error_register(value: int) -> str:
+    """The bits of error register 1001h."""
+    return ", ".join(name for bit, name in enumerate(REGISTER) if value >> bit & 1) or "none"
+
+
 class NmtState(IntEnum):
     """NMT states with their code in the heartbeat; the code of Initializing is that of the boot-up message."""
 

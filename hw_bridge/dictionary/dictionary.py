@@ -49,6 +49,11 @@ class Dictionary:
     def __contains__(self, index: int) -> bool:
         return index in self.objects
 
+    def remove(self, index: int) -> None:
+        """Take out an object that a device turned out not to have, with its values."""
+        for sub in self.objects.pop(index, {}):
+            self.values.pop((index, sub), None)
+
     def entry(self, index: int, subindex: int = 0) -> Entry:
         """The entry, or the abort that says what is missing."""
         found = self.objects.get(index)

@@ -23,8 +23,9 @@ SENDS = (0x080, 0x180, 0x280, 0x380, 0x480, 0x580, 0x700)  # identifiers of a sl
 TO_BUS_OFF = 32  # destroyed frames in a row: 8 each to 256
 
 # what the vendors call these; the MCLM does not notice its encoder
-OVERCURRENT = {"epos4": 0x2310, "mclm": 0x2310, "faulhaber_v3": 0x5410}
-ENCODER = {"epos4": 0x7320, "faulhaber_v3": 0x7300}
+OVERCURRENT = {"faulhaber_v3": 0x5410}
+OVERCURRENT_OF_CIA = 0x2310
+ENCODER = {"epos4": 0x7320, "epos2": 0x7320, "faulhaber_v3": 0x7300, "cia402": 0x7305}
 
 
 class Motor(Protocol):
@@ -116,7 +117,7 @@ def _emcy(fault: Fault, drive: Drive) -> None:
 
 
 def _overcurrent(fault: Fault, drive: Drive) -> None:
-    drive.inject(OVERCURRENT[drive.profile.name], fault.lasting)
+    drive.inject(OVERCURRENT.get(drive.profile.name, OVERCURRENT_OF_CIA), fault.lasting)
 
 
 def _encoder(fault: Fault, drive: Drive) -> None:

@@ -13,8 +13,9 @@ from hw_bridge.hardware.keys import (
     ModuleKeys,
     NodeKeys,
     ShadowKeys,
-    without_unit,
+    UnitKeys,
 )
+from hw_bridge.hardware.quantities import without_unit
 
 __all__ = [
     "ContactKeys",
@@ -26,6 +27,7 @@ __all__ = [
     "ModuleKeys",
     "NodeKeys",
     "ShadowKeys",
+    "UnitKeys",
     "late",
     "load",
     "overloaded",

@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from hw_bridge.bus import Frame, bit_count
-from hw_bridge.dictionary import cia402
+from hw_bridge.dictionary import Mode, cia402
 from hw_bridge.fault import Cause, problem
 from hw_bridge.hardware import plausible
 from hw_bridge.hardware.keys import (
@@ -24,16 +24,19 @@ from hw_bridge.hardware.keys import (
     ModuleKeys,
     NodeKeys,
     ShadowKeys,
+    UnitKeys,
 )
-from hw_bridge.profiles import MODULES, profile
-from twin.errors import ScenarioError, nearest
+from hw_bridge.profiles import GENERIC, MODULES, units_without_object
+from twin.errors import DeclarationError, ScenarioError, nearest
 from twin.scenario import Keys, Node, dotted, quoted, read
 
 BENCHES = Path(__file__).parents[1] / "benches"
 PROCESS_DATA = (4, 7, 7, 8, 1)  # bytes of a drive's frames in a cycle: two RPDOs, two TPDOs, a heartbeat
+SET_POINT = (7, 2, 2)  # of a drive without csp: the controlword once more, and its statusword as it rises and falls
 BESIDE = 4  # bytes of digital outputs or a velocity offset in the first RPDO, or in one more
 IN_AND_OUT = (4, 1, 1)  # of a module: outputs, inputs, a heartbeat
 FORCE_DATA = 2  # bytes of one more RPDO, for a drive that is told a force
+UNIT_EXAMPLES = {"position": "1 um", "velocity": "1 mm/s", "acceleration": "1 mm/s^2", "current": "1 mA"}
 FULL = 0.8  # more leaves no room for what is repeated
 
 
@@ -50,7 +53,8 @@ def process_data(node: NodeKeys) -> tuple[int, ...]:
     """Bytes of a drive's frames in a cycle."""
     beside = bool(node.outputs) + node.offset
     first = PROCESS_DATA[0] + min(beside, 1) * BESIDE
-    return (first, *PROCESS_DATA[1:], *[BESIDE] * (beside - 1))
+    handshake = () if Mode.CSP in node.drive.modes else SET_POINT
+    return (first, *PROCESS_DATA[1:], *[BESIDE] * (beside - 1), *handshake)
 
 
 def overloaded(keys: HardwareKeys, forces: int = 0) -> str:
@@ -77,9 +81,48 @@ def load(path: Path) -> HardwareKeys:
         keys = HardwareKeys.model_validate(root.plain())
     except ValidationError as error:
         raise ScenarioError([line(root, one) for one in error.errors(include_url=False)]) from None
+    keys = resolve_eds_paths(keys, path)
+    if problems := eds_problems(keys, root):
+        raise ScenarioError(problems)
     if problems := check(keys, root) + check_outputs(keys, root) + plausible.check(keys, root):
         raise ScenarioError(problems)
     return keys
+
+
+def resolve_eds_paths(keys: HardwareKeys, path: Path) -> HardwareKeys:
+    """EDS files by their whole paths: they lie beside the hardware file."""
+    nodes = {
+        name: one.model_copy(update={"eds": str(path.parent / one.eds)}) if one.eds else one
+        for name, one in keys.nodes.items()
+    }
+    return keys.model_copy(update={"nodes": nodes})
+
+
+def eds_problems(keys: HardwareKeys, root: Node) -> list[str]:
+    """Drives whose dictionary, or units, are not known."""
+    problems = []
+    for name, node in keys.nodes.items():
+        place = root.find(("nodes", name, "eds" if node.eds else "profile")).place
+        try:
+            chosen = node.drive
+        except DeclarationError as error:
+            problems.append(f"{place}: nodes.{name}.eds: {error}")
+            continue
+        given = node.units.model_fields_set
+        if node.profile not in GENERIC:
+            problems += [f"{place}: nodes.{name}.units: {chosen.title} has its own. Leave them out."] if given else []
+            continue
+        problems += [
+            f"{place}: nodes.{name}.units.{kind}: neither the EDS file tells it ({objects}) nor this file. Add it, such as "
+            f"units: {{{kind}: {UNIT_EXAMPLES[kind]}}}."
+            for kind, objects in units_without_object(chosen.objects).items()
+            if kind not in given
+        ]
+        if node.force_constant is None:
+            problems.append(
+                f"{place}: nodes.{name}.force_constant: is missing, and no profile knows the motor. Add it, such as 0.05 N*m/A."
+            )
+    return problems
 
 
 def check(keys: HardwareKeys, root: Node) -> list[str]:
@@ -141,7 +184,7 @@ def fault_problem(one: FaultKeys, keys: HardwareKeys) -> str:
     known = [*keys.nodes, *keys.modules, MASTER]
     if one.node not in known:
         return f"no node {one.node!r}. {nearest(one.node, known)}"
-    chosen = profile(keys.nodes[one.node].profile) if one.node in keys.nodes else None
+    chosen = keys.nodes[one.node].drive if one.node in keys.nodes else None
     text = problem(one.made(), chosen, master=one.node == MASTER)
     return f"{text}." if text else ""
 
@@ -153,7 +196,7 @@ def check_outputs(keys: HardwareKeys, root: Node) -> list[str]:
         if not node.outputs:
             continue
         where = f"{root.find(('nodes', name, 'outputs')).place}: nodes.{name}.outputs"
-        chosen = profile(node.profile)
+        chosen = node.drive
         if not any(entry.index == cia402.OUTPUTS and entry.sub and entry.mappable for entry in chosen.objects):
             problems.append(f"{where}: {chosen.title} has no digital outputs 60FEh.1. Use those of another drive.")
         if node.safe_outputs is None:
@@ -174,7 +217,7 @@ def line(root: Node, error: Any, model: type[Keys] | None = None) -> str:
         begin = f"{what}: " if what else ""
         return f"{place}: {begin}expected keys with values, such as `node: 1`, not {quoted(given)}. Correct it."
     if kind == "literal_error" and path[-1] == "profile":
-        return f"{place}: {what}: {quoted(given)} is no drive profile. {nearest(str(given), list(MODULES))}"
+        return f"{place}: {what}: {quoted(given)} is no drive profile. {nearest(str(given), [*MODULES, *GENERIC])}"
     if kind == "literal_error" and path[-1] == "fault":
         return f"{place}: {what}: {quoted(given)} is no fault. {nearest(str(given), [str(one) for one in Cause])}"
     text = error["msg"].removeprefix("Value error, ").rstrip(".")
@@ -192,6 +235,7 @@ KEYS: dict[str, type[Keys]] = {
     "contact": ContactKeys,
     "faults": FaultKeys,
     "shadow": ShadowKeys,
+    "units": UnitKeys,
     "modules": ModuleKeys,
 }
 

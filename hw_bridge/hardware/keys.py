@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -11,82 +10,30 @@ from pydantic import BeforeValidator, Field
 
 from hw_bridge.bus import NEVER
 from hw_bridge.fault import Cause, Fault, inject
-from hw_bridge.profiles import DEVICES, MODULES, MOTORS
-from twin.errors import CouplingError
-from twin.scenario import Keys, Period, Reference, Text, Time, nanoseconds, number, reference, short
+from hw_bridge.hardware.quantities import (
+    LARGEST,
+    MILLISECOND,
+    Acceleration,
+    Distance,
+    Force,
+    ForceConstant,
+    Lapse,
+    Milliseconds,
+    Place,
+    Speed,
+    quantity,
+    sized,
+)
+from hw_bridge.profiles import DEVICES, GENERIC, MODULES, MOTORS, GivenUnits, profile
+from twin.scenario import Keys, Period, Reference, Text, Time, reference, short
 
 if TYPE_CHECKING:
     from hw_bridge.bus import Device, Medium
+    from hw_bridge.profiles import Profile
 
 SOFTWARE = ("virtual", "udp_multicast")  # interfaces of python-can without any hardware
-MILLISECOND = 1_000_000
 MASTER = "master"  # this program, where a fault names a node
 BITS = 32  # digital outputs
-LARGEST = 1e6  # of any quantity, in SI: more is a mistake, and no drive could count it
-
-
-EXAMPLES = {"m": "30 mm", "m/s": "300 mm/s", "m/s^2": "10 m/s^2", "N": "15 N", "N/A": "11.64 N/A", "A": "60 mA",
-            "1/s": "50 1/s", "N/m": "200 N/m"}  # fmt: skip
-
-
-def without_unit(value: Any) -> bool:
-    """Whether a value is a bare number, which could be meant in any unit; zero is zero in all of them."""
-    try:
-        return not isinstance(value, bool) and isfinite(float(value)) and float(value) != 0.0
-    except (TypeError, ValueError):
-        return False
-
-
-def quantity(*symbols: str) -> Any:
-    """A type of key that converts text such as `5 mm` to SI, of the first kind that fits; a bare number is refused."""
-
-    def convert(value: Any) -> float:
-        if without_unit(value):
-            raise ValueError(f"{short(value)} has no unit. Write it with one, such as {EXAMPLES[symbols[0]]}")
-        problems = []
-        for symbol in symbols:
-            try:
-                found = number(value, symbol, "")
-            except CouplingError as error:
-                problems.append(str(error).removeprefix(": "))
-                continue
-            if not abs(found) <= LARGEST:  # not a number, too
-                raise ValueError(f"expected a number of at most {LARGEST:g}, not {short(value)}")
-            return found
-        raise ValueError(problems[0])
-
-    return BeforeValidator(convert)
-
-
-def timed(value: Any) -> int:
-    """A time above zero [ns]; a bare number is refused, as it is of a quantity: 60 would be a minute."""
-    if without_unit(value):
-        raise ValueError(f"{short(value)} has no unit. Write it with one, such as 60 ms")
-    time = nanoseconds(value)
-    if time <= 0:
-        raise ValueError(f"expected a time above zero, such as 60 ms, not {short(value)}")
-    return time
-
-
-def whole_milliseconds(value: Any) -> int:
-    """A time in whole milliseconds, which is what drives count in [ns]."""
-    if without_unit(value):
-        raise ValueError(f"{short(value)} has no unit. Write it with one, such as 60 ms")
-    time = nanoseconds(value)
-    if time <= 0 or time % MILLISECOND:
-        raise ValueError(f"expected whole milliseconds above zero, such as 5 ms, not {short(value)}")
-    return time
-
-
-# of a linear axis, or of one that turns
-Place = Annotated[float, quantity("m", "rad")]
-Distance = Annotated[float, quantity("m", "rad"), Field(gt=0)]
-Speed = Annotated[float, quantity("m/s", "rad/s"), Field(gt=0)]
-Acceleration = Annotated[float, quantity("m/s^2", "rad/s^2"), Field(gt=0)]
-Force = Annotated[float, quantity("N", "N*m"), Field(gt=0)]
-ForceConstant = Annotated[float, quantity("N/A", "N*m/A"), Field(gt=0)]
-Milliseconds = Annotated[int, BeforeValidator(whole_milliseconds)]
-Lapse = Annotated[int, BeforeValidator(timed)]
 
 
 def catalogued(value: Any) -> int:
@@ -275,9 +222,21 @@ class FaultKeys(Keys):
         )
 
 
+class UnitKeys(Keys):
+    """What one unit of a generic drive is, at the motor, where the drive does not tell it. `current`: of 6077h or 6078h."""
+
+    position: Annotated[tuple[float, str] | None, sized("m", "rad")] = None
+    velocity: Annotated[tuple[float, str] | None, sized("m/s", "rad/s")] = None
+    acceleration: Annotated[tuple[float, str] | None, sized("m/s^2", "rad/s^2")] = None
+    current: Annotated[tuple[float, str] | None, sized("A")] = None
+
+
 class NodeKeys(Keys):
     """The drive that stands for a member. `motor`: the parameter set of the motor that is wired to it; without one a
     simulated drive moves that of its profile, or with `member` the member's own.
+
+    `eds`: the drive's own EDS file, beside the hardware file; a generic profile needs one. `units`: of a generic drive, where
+    it does not tell them. `watch_force`: false for a drive that tells no current, so that `limits.force` cannot be watched.
 
     `keep`: objects that stay as a run wrote them, `all` or a list. `scaling`: values of objects that lengths follow from,
     where the drive does not tell them.
@@ -287,7 +246,9 @@ class NodeKeys(Keys):
     """
 
     node: Annotated[int, Field(strict=True, ge=1, le=126)]
-    profile: Literal[tuple(MODULES)]  # type: ignore[valid-type]
+    profile: Literal[(*MODULES, *GENERIC)]  # type: ignore[valid-type]
+    eds: Text = ""
+    units: UnitKeys = UnitKeys()
     motor: Literal[("profile", "member", *MOTORS)] = "profile"  # type: ignore[valid-type]
     product: Unsigned32 | None = None
     serial: Unsigned32 | None = None
@@ -300,6 +261,7 @@ class NodeKeys(Keys):
     follow: FollowKeys = FollowKeys()
     contact: ContactKeys | None = None
     watch_contact: bool = True
+    watch_force: bool = True
     shadow: ShadowKeys | None = None
     outputs: Annotated[dict[int, str], BeforeValidator(output_bits)] = Field(default={})
     safe_outputs: Unsigned32 | None = None
@@ -307,6 +269,18 @@ class NodeKeys(Keys):
     keep: Annotated[Literal["all"] | frozenset[tuple[int, int | None]], BeforeValidator(object_names)] = frozenset()
     scaling: Annotated[dict[tuple[int, int], int], BeforeValidator(object_name)] = Field(default={})
     description: Text = ""
+
+    @property
+    def drive(self) -> Profile:
+        """The profile, with the dictionary of its EDS file where the hardware file names one. DeclarationError if it is none."""
+        if not self.eds and self.profile in MODULES:
+            return profile(self.profile)
+        from hw_bridge.eds import load_profile  # canopen, which a hardware file without an EDS file does not need
+
+        units = self.units
+        return load_profile(
+            self.profile, self.eds, GivenUnits(units.position, units.velocity, units.acceleration, units.current)
+        )
 
     @property
     def offset(self) -> bool:

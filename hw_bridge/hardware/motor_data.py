@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hw_bridge.profiles import EFFORT, motor_parameters, profile
+from hw_bridge.profiles import EFFORT, motor_parameters
 from twin.component import catalog
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ def check(node: NodeKeys) -> list[tuple[tuple[str, ...], str]]:
     """Every limit of a file that is absurd, with both numbers. The member's own motor is not known here."""
     if node.motor == "member":
         return []
-    model = motor_parameters(profile(node.profile), node.motor).model
+    model = motor_parameters(node.drive, node.motor).model
     unit = "rad" if model.unit == "rad" else "m"
     newton = "N*m" if unit == "rad" else "N"
     limits = node.limits
@@ -46,7 +46,7 @@ def check(node: NodeKeys) -> list[tuple[tuple[str, ...], str]]:
 
 def peak(node: NodeKeys) -> float:
     """Force [N] or torque [N m] of the peak current of its profile's motor, at the member."""
-    model = motor_parameters(profile(node.profile), node.motor).model
+    model = motor_parameters(node.drive, node.motor).model
     return reached(model)["current"] * (node.force_constant or model.force_constant / node.scale)
 
 

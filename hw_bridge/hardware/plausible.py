@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import Mode, acting, cia402
 from hw_bridge.hardware import motor_data
-from hw_bridge.profiles import MOTORS, profile
+from hw_bridge.profiles import MOTORS
 from twin.errors import CouplingError
 from twin.scenario import number
 
@@ -72,7 +72,7 @@ def _late(keys: HardwareKeys, root: Node) -> list[str]:
 
 def _node(node: NodeKeys, simulated: bool) -> list[tuple[tuple[str, ...], str]]:
     """Problems of one node, each with the key that it is about."""
-    chosen = profile(node.profile)
+    chosen = node.drive
     found: list[tuple[tuple[str, ...], str]] = []
     if node.homing is not None and node.homing.method not in chosen.homing:
         known = ", ".join(map(str, sorted(chosen.homing)))
@@ -136,7 +136,7 @@ def _object(chosen: Profile, index: int, sub: int, value: int, simulated: bool) 
 
 def gearing(node: NodeKeys, rotary: bool) -> str:
     """That nobody said what turns a rotary motor into a linear axis, or the other way round; or nothing."""
-    chosen = profile(node.profile)
+    chosen = node.drive
     turns = chosen.motor.unit == "rad"
     if turns is rotary or "scale" in node.model_fields_set:
         return ""

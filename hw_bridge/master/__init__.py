@@ -11,12 +11,11 @@ from hw_bridge.master.plan import PlannedWrite, WritePlan
 from hw_bridge.master.reference import Reference
 from hw_bridge.master.sdo import SdoClient, SdoError, SilentError
 from hw_bridge.master.station import Station
-from hw_bridge.master.vendor import SPEED, TRANSMIT, VENDORS, receive
+from hw_bridge.master.vendor import PDOS, VENDORS, process_data, takes_set_points
 
 __all__ = [
     "OLDEST",
-    "SPEED",
-    "TRANSMIT",
+    "PDOS",
     "VENDORS",
     "Master",
     "ModuleNode",
@@ -30,10 +29,11 @@ __all__ = [
     "WritePlan",
     "active_drives",
     "constant_of",
-    "receive",
+    "process_data",
     "refusal",
     "restoration",
     "setup",
     "stoppable",
+    "takes_set_points",
     "words",
 ]

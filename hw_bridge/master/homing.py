@@ -15,7 +15,6 @@ from hw_bridge.master.limits import HOMING_FORCE_REASON, LoweredLimit, lowered_f
 from hw_bridge.master.node import AT_REST
 from hw_bridge.master.reference import Reference
 from hw_bridge.master.sdo import SdoError
-from hw_bridge.profiles import profile
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -34,7 +33,7 @@ RAMP_UP = 2_000_000_000  # longest time to Operation enabled, and back [ns]
 def search_direction(keys: NodeKeys) -> int:
     """Way of the search for an end of the rail, in the member's direction: 1, -1, or 0 where the method searches none."""
     assert keys.homing is not None
-    moves = profile(keys.profile).homing.get(keys.homing.method, ())
+    moves = keys.drive.homing.get(keys.homing.method, ())
     found = next((one.direction for one in moves if one.until in ENDS), 0)
     return -found if keys.inverted else found
 

@@ -32,6 +32,8 @@ LIMITS: dict[Address, str] = {
     (0x2333, 2): "",
     (0x3001, 1): "",
     (0x3001, 2): "",
+    (0x6410, 1): "",
+    (0x6410, 2): "",
 }
 
 SHARE = 0.8  # of limits.force that the drive's own limit is lowered to while it homes: it overshoots
@@ -40,6 +42,7 @@ RATED, MILLIAMPERE = 0.0, 1e-3  # unit of an object: as 6077h counts, or [A]
 HOMING_FORCE: dict[str, tuple[tuple[int, int, float], ...]] = {
     "faulhaber_v3": ((0x60E0, 0, RATED), (0x60E1, 0, RATED), (0x2350, 0, RATED), (0x2351, 0, RATED)),
     "epos4": ((0x30B2, 0, MILLIAMPERE),),
+    "epos2": ((0x2080, 0, MILLIAMPERE),),
 }
 HOMING_FORCE_REASON = "limits.force while it homes; as before when it is homed"
 

@@ -21,7 +21,7 @@ from hw_bridge.master.sdo import SilentError
 from hw_bridge.master.stop import ALONE, SILENT_CYCLES, Stop
 from hw_bridge.master.timing import Timing
 from hw_bridge.master.undisturbed import undisturbed
-from hw_bridge.profiles import device, profile
+from hw_bridge.profiles import device
 from twin.errors import SimulationError
 
 if TYPE_CHECKING:
@@ -55,13 +55,12 @@ class Master:
     def __init__(self, keys: HardwareKeys, network: Network, forced: AbstractSet[str] = frozenset()) -> None:
         self.keys, self.network = keys, network
         self.cycle = keys.cycle
-        self.nodes = {
-            name: Node(name, one, profile(one.profile), network, self.wait) for name, one in keys.nodes.items()
-        }
+        self.nodes = {name: Node(name, one, one.drive, network, self.wait) for name, one in keys.nodes.items()}
         for node in self.nodes.values():
             node.measure_age(self.cycle)
         for name in forced:
             self.nodes[name].told_force = True
+            self.nodes[name].use_process_data()
         self.modules = {
             name: ModuleNode(name, one, device(one.profile), network, self.wait) for name, one in keys.modules.items()
         }
@@ -102,6 +101,9 @@ class Master:
         node = self._by_number.get(frame.id & 0x7F)
         if node is not None and frame.id > 0x7F and not frame.remote:
             node.heard(frame, self.network.now)
+            if isinstance(node, Node):
+                for answer in node.acknowledge():
+                    self.network.send(answer)
 
     def wait(self, duration: int, done: Condition = never) -> None:
         """Let time pass, hear frames and tell that this program lives."""
@@ -302,10 +304,9 @@ class Master:
 
     def _unwell(self, node: Node | ModuleNode) -> str:
         now = self.network.now
-        for _, code in node.emergencies:
-            fault = node.profile.faults.get(code)
-            if code and code >> 8 != 0:
-                return f"{node.name}: EMCY {code:04X}h{f', {fault.meaning}' if fault else ''}."
+        for said in node.emergencies:
+            if said.code >> 8 != 0:
+                return f"{node.name}: EMCY {words.message(node, said, ', ')}."
         if now - node.heard_at > node.keys.heartbeat.lost_after:
             return f"{node.name}: no heartbeat for {(now - node.heard_at) / 1e6:.0f} ms. Check its power and the bus."
         if node.silent >= self.patience:
@@ -329,6 +330,8 @@ class Master:
                 f"{node.name}: its actual values are {age / 1e6:.4g} ms old, more than {oldest / 1e6:.4g} ms: SYNC or "
                 f"process data come late. Check the bus and the adapter, or set limits.actual_value_age."
             )
+        if text := node.unable or node.disobeys(self.patience):
+            return text
         if node.state is not State.ENABLED:
             return f"{node.name}: left Operation enabled: {node.state}."
         low, high = node.position_limits
@@ -393,7 +396,10 @@ class Master:
                 "oldest_actual_value": node.oldest / 1e9,
                 "late_pdos": node.late,
                 "lost_pdos": node.lost,
-                "emergencies": [f"{c:04X}" for _, c in node.emergencies],
+                "emergencies": [f"{one.code:04X}" for one in node.emergencies],
+                "emergency_messages": [
+                    f"{one.time / 1e9:.3f} s: {words.message(node, one)}" for one in node.emergencies
+                ],
             }
             for name, node in self.stations.items()
         }

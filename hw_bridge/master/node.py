@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING
 
 from hw_bridge.bus import Frame
 from hw_bridge.dictionary import Mode, State, cia402, state_of
+from hw_bridge.master import vendor
 from hw_bridge.master.acceleration import AccelerationLimit
 from hw_bridge.master.age import ValueAge
 from hw_bridge.master.limits import OwnLimits
+from hw_bridge.master.set_points import SetPoints
 from hw_bridge.master.station import Station
-from hw_bridge.master.vendor import SUBSTITUTES, VENDORS, current_unit
-from hw_bridge.profiles import MOTORS, motor_parameters, profile
+from hw_bridge.master.vendor import ProcessData
+from hw_bridge.profiles import MOTORS, motor_parameters
 
 if TYPE_CHECKING:
     from hw_bridge.bus import Network
@@ -23,8 +25,8 @@ if TYPE_CHECKING:
     from hw_bridge.master.station import Waiting
     from hw_bridge.profiles import Profile
 
-TARGET_PDO, CONTROL_PDO, FORCE_PDO, LEVELS_PDO = 0x200, 0x300, 0x400, 0x500
-STATE_PDO, SPEED_PDO = 0x180, 0x280
+RECEIVE_PDOS = (0x200, 0x300, 0x400, 0x500)
+STATE_PDO, SPEED_PDO, ACKNOWLEDGE_PDO = 0x180, 0x280, 0x380
 ASKED = itemgetter(0)  # of a way
 WINDOW = 1.0  # time over which the way that was driven is compared with the way that was asked for [s]: what stands
 # against an end stop is noticed at a speed of the limit over this time
@@ -47,11 +49,12 @@ DOWN = {  # on the way to a standstill
     State.QUICK_STOP: 0x02,
 }  # fmt: skip
 AT_REST = cia402.AT_REST
+CONTROLWORD = 0x60400010
 
 
 def constant_of(keys: NodeKeys) -> float:
     """Force [N] or torque [N*m] on the member of one ampere: as the hardware file has it, or the profile's motor."""
-    return keys.force_constant or motor_parameters(profile(keys.profile), keys.motor).model.force_constant / keys.scale
+    return keys.force_constant or motor_parameters(keys.drive, keys.motor).model.force_constant / keys.scale
 
 
 class Node(Station):
@@ -62,12 +65,14 @@ class Node(Station):
 
     def __init__(self, name: str, keys: NodeKeys, profile: Profile, network: Network, wait: Waiting) -> None:
         super().__init__(name, keys, profile, network, wait)
-        self.vendor = VENDORS[profile.name]
+        self.vendor = vendor.VENDORS[profile.name]
         self.own = OwnLimits(keys.limits)
         self.sign = -keys.scale if keys.inverted else keys.scale
         self.acceleration = AccelerationLimit(keys.limits.acceleration, keys.limits.velocity)
         self.identity: list[int] = []  # vendor, product and serial number that it told
         self.rotary = False  # whether positions are angles
+        self.absent: frozenset[int] = frozenset()  # objects of a run that the drive was found not to have
+        self._process_data: ProcessData | None = None
         self.has_reference = False  # whether this run has homed it, or proven that it counts from its reference
         self._origin = 0.0
         self.entered_from: float | None = None  # where homing ended, on the way to where the scenario begins [m]
@@ -83,6 +88,11 @@ class Node(Station):
         self.word, self.word_at = 0, 0  # the last statusword, and when it came [ns], also by SDO
         self.velocity_at = 0  # when the last velocity came [ns]
         self.raw_position = self.raw_velocity = self.raw_current = 0
+        self.shown_mode: int | None = None  # 6061h of the last process data
+        self.was_remote = False  # whether its statusword told in this run that it obeys the bus
+        self.strange_mode = 0  # cycles in a row in which it was in another mode than it was told
+        self._last_values: dict[int, int] = {}  # values of the last frames, by index
+        self.set_points = SetPoints()
         # parts of the last target and offset that rounding left over [device units]
         self.carried = self.offset_carried = 0.0
         self.ways: deque[tuple[float, float]] = deque()  # asked for and driven, one for each cycle [m]
@@ -94,9 +104,26 @@ class Node(Station):
         """Take over units after the drive's scaling is known."""
         units = self.profile.units(self.mirror, MOTORS[self.keys.motor].pitch if self.keys.motor in MOTORS else None)
         self.units = units
-        self.ampere = current_unit(self.vendor, units)
+        self.ampere = vendor.current_unit(self.process_data, units)
         self.force_constant = constant_of(self.keys)
-        self.form = "<i" if self.vendor.current & 0xFF == 32 else "<h"
+
+    @property
+    def process_data(self) -> ProcessData:
+        """What is exchanged in each cycle, of what the drive has as far as it is known."""
+        if self._process_data is None:
+            self.use_process_data()
+        assert self._process_data is not None
+        return self._process_data
+
+    def use_process_data(self) -> None:
+        """Take over process data after it is known what the drive has, and whether it is told a force."""
+        data = self._process_data = vendor.process_data(self.mirror, self.vendor, self.keys, self.told_force)
+        self._received = [
+            (base + self.number, vendor.layout(words), words)
+            for base, words in zip(RECEIVE_PDOS, data.receive, strict=True)
+            if words
+        ]
+        self._state, self._speed = vendor.layout(data.transmit[0]), vendor.layout(data.transmit[1])
 
     @property
     def origin(self) -> float:
@@ -213,8 +240,35 @@ class Node(Station):
         """The wanted mode, or what stands for it where the drive has it not."""
         if self.homing:
             return Mode.HM
-        offered = self.mirror.get(0x6502)
-        return self.mode if offered >> (self.mode - 1) & 1 else SUBSTITUTES[self.mode]
+        wanted = (self.mode, vendor.SUBSTITUTES.get(self.mode, self.mode), Mode.CSP, Mode.PP)
+        return next((mode for mode in wanted if self.offers(mode)), self.mode)
+
+    def offers(self, mode: Mode) -> bool:
+        """Whether it has a mode, by 6502h."""
+        return bool(self.mirror.get(0x6502) >> (mode - 1) & 1)
+
+    @property
+    def unable(self) -> str:
+        """That it has no mode for what it is told, or nothing."""
+        if self.homing or self.offers(self.mode) or self.offers(vendor.SUBSTITUTES.get(self.mode, self.mode)):
+            return ""
+        return f"{self.name}: has no mode for {self.mode.name.lower()}: 6502h is {self.mirror.get(0x6502):X}h."
+
+    def disobeys(self, patience: int) -> str:
+        """That it obeys another program, or for more than `patience` cycles takes no mode or set-point; or nothing."""
+        if self.strange_mode > patience:
+            return (
+                f"{self.name}: is in mode {self.shown_mode} (6061h), not in {self.own_mode.name.lower()}: another program sets it, "
+                f"perhaps the vendor's over USB. End that program."
+            )
+        if self.was_remote and not self.word & cia402.REMOTE:
+            return (
+                f"{self.name}: does not obey the bus any more (6041h, bit 9 is 0): it is operated locally, perhaps by the vendor's "
+                f"program over USB. End that program."
+            )
+        if self.set_points.unacknowledged > patience:
+            return f"{self.name}: does not acknowledge set-points (6041h, bit 12). Look at its statusword and limits."
+        return ""
 
     @property
     def follows(self) -> bool:
@@ -240,6 +294,8 @@ class Node(Station):
     def frames(self) -> list[Frame]:
         """Target and controlword of this cycle. Until the drive is enabled the targets are its actual values."""
         mode, state, follows = self.own_mode, self.state, self.follows
+        strange = follows and self.shown_mode not in (None, mode)
+        self.strange_mode = self.strange_mode + 1 if strange else 0
         places = mode in (Mode.CSP, Mode.PP)
         position = self.device_position(self.acceleration.position) if follows and places else self.raw_position
         velocity = torque = 0
@@ -248,23 +304,38 @@ class Node(Station):
         elif follows and not places:
             velocity = self.rounded(self.acceleration.velocity / (self.sign * self.units.velocity))
         word = self.controlword(state)
-        control = [word]
-        if mode is Mode.PP and follows:  # each target is a new set-point, on a rising edge of bit 4
-            control = [word | cia402.CHANGE_IMMEDIATELY, word | cia402.CHANGE_IMMEDIATELY | cia402.NEW_SET_POINT]
-        data, last = struct.pack("<i", position), []
-        if self.keys.offset:  # in other modes it would be added to the speed
-            offset = self.offset if follows and mode is Mode.CSP else 0.0
-            data += struct.pack("<i", self.rounded_offset(offset / (self.sign * self.units.velocity)))
-        if self.keys.outputs:  # they keep what they hold until the drive stands
-            levels = struct.pack("<I", self.safe_outputs if self.goal is State.DISABLED else self.outputs)
-            if self.keys.offset:
-                last = [Frame(LEVELS_PDO + self.number, levels)]
-            else:
-                data += levels
-        target = Frame(TARGET_PDO + self.number, data)
-        pdo = CONTROL_PDO + self.number
-        force = [Frame(FORCE_PDO + self.number, struct.pack("<h", torque))] if self.told_force else []
-        return [target, *(Frame(pdo, struct.pack("<Hbi", one, mode, velocity)) for one in control), *force, *last]
+        if mode is Mode.PP and follows:
+            word |= self._set_point()
+        else:
+            self.set_points.reset()
+        offset = self.offset if follows and mode is Mode.CSP else 0.0  # in other modes it would be added to the speed
+        values = {
+            0x607A: position,
+            0x6040: word,
+            0x6060: mode,
+            0x60FF: velocity,
+            0x6071: torque,
+            0x60FE: self.safe_outputs if self.goal is State.DISABLED else self.outputs,  # until the drive stands
+        }
+        if self.keys.offset:
+            values[0x60B1] = self.rounded_offset(offset / (self.sign * self.units.velocity))
+        self._last_values = values
+        return vendor.encode_frames(self._received, values)
+
+    def _set_point(self) -> int:
+        """Bits of the controlword in pp. An edge in another mode would be lost, and bit 12 means something else there."""
+        shown = self._last_values.get(0x6060) if self.shown_mode is None else self.shown_mode
+        if shown == Mode.PP:
+            return self.set_points.control_bits(self.word)
+        self.set_points.reset()
+        return cia402.CHANGE_IMMEDIATELY
+
+    def acknowledge(self) -> list[Frame]:
+        """After a statusword: bit 4 falls as soon as a set-point is acknowledged, so that the next one can be given."""
+        if not self.follows or not self.set_points.acknowledge(self.word):
+            return []
+        values = {**self._last_values, 0x6040: self._last_values[0x6040] & ~cia402.NEW_SET_POINT}
+        return vendor.encode_frames([one for one in self._received if CONTROLWORD in one[2]], values)
 
     def controlword(self, state: State) -> int:
         """The next step towards the goal."""
@@ -282,14 +353,18 @@ class Node(Station):
         base = frame.id - self.number
         if base in self.ages:
             self.ages[base].received(now)
-        if base == STATE_PDO and len(frame.data) == 7:
-            self.word, _, self.raw_position = struct.unpack("<Hbi", frame.data)
+        if base == STATE_PDO and len(frame.data) == self._state.size:
+            self.word, *shown, self.raw_position = self._state.unpack(frame.data)
             self.word_at = now
+            self.was_remote |= bool(self.word & cia402.REMOTE)
             self.answered, self.answered_at = self.answered + 1, now
-        elif base == SPEED_PDO and len(frame.data) >= 6:
-            self.raw_velocity = struct.unpack_from("<i", frame.data)[0]
+            self.shown_mode = shown[0] if shown else None
+        elif base == SPEED_PDO and len(frame.data) == self._speed.size:
+            self.raw_velocity, *current = self._speed.unpack(frame.data)
             self.velocity_at = now
-            self.raw_current = struct.unpack_from(self.form, frame.data, 4)[0]
+            self.raw_current = current[0] if current else 0
+        elif base == ACKNOWLEDGE_PDO and self.process_data.transmit[2] == vendor.ACKNOWLEDGE and len(frame.data) == 2:
+            self.word, self.word_at = struct.unpack("<H", frame.data)[0], now
         else:
             super().heard(frame, now)
 
@@ -309,6 +384,8 @@ class Node(Station):
     def forget(self) -> None:
         """A run begins: what happened before does not count."""
         super().forget()
+        self.strange_mode = 0
+        self.was_remote = False
         self.ways.clear()
         self.acceleration.forget()
 

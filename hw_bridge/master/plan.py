@@ -17,9 +17,10 @@ from hw_bridge.master.limits import (
     lowered_for_homing,
     narrow,
 )
+from hw_bridge.master.presence import learn_objects
 from hw_bridge.master.scaling import learn_scaling, unknown_scale, wrong_motor
 from hw_bridge.master.sdo import SdoError
-from hw_bridge.master.vendor import SPEED, TRANSMIT, receive
+from hw_bridge.master.vendor import PDOS, takes_set_points
 from hw_bridge.master.writes import before_of, encoded, limited, number
 from twin.errors import SimulationError
 
@@ -30,7 +31,12 @@ if TYPE_CHECKING:
 Address = tuple[int, int]
 ACCELERATIONS, PROFILE_VELOCITY = (0x6083, 0x6084, 0x6085), 0x6081
 MODE = 0x6060
-HOMING_OFFSETS = (0x607C, 0x30B0, 0x30B1)  # home offset, of an EPOS4 home position and the way after it
+HOMING_OFFSETS = (
+    0x607C,
+    0x30B0,
+    0x30B1,
+    0x2081,
+)  # home offset; home position of an EPOS4, and the way after it; of an EPOS2
 NARROWED = ("velocity", "acceleration", "following_error")  # of the limits, beside positions
 OWN = "; the drive's own is narrower and counts"
 
@@ -55,6 +61,7 @@ class WritePlan:
         self.before: dict[Address, bytes] = {}
         self.refused: list[str] = []
         self.problems: list[str] = []  # why it cannot be moved
+        self.notes: list[str] = []  # what it has not, and what acts instead
         self._present: dict[Address, int] = {}
 
     def holds(self, index: int, sub: int = 0) -> int | None:
@@ -124,9 +131,25 @@ def plan_drive(node: Node, period: int, master: int) -> WritePlan:
     `period` [ns]: of interpolation; 0: none, and no watch on late targets where a drive has one.
     """
     plan = WritePlan(node)
+    found = learn_objects(node)
+    plan.notes += found.notes
+    plan.problems += found.problems
     learn_scaling(node)
+    plan.notes += [
+        f"{node.name}: has no {index:04X}h, by which its profile scales: another object of it tells that."
+        for index in dict.fromkeys(index for index, _ in node.profile.scaling)
+        if index not in node.mirror
+    ]
     _own_limits(plan, node)
     for index, sub, value in node.vendor.setup:
+        entry = node.mirror.objects.get(index, {}).get(sub)
+        if entry is None:
+            continue
+        if limited(entry, value) != value or not entry.writable:  # by its EDS file
+            plan.notes.append(
+                f"{node.name}: {index:04X}h.{sub} {entry.name} stays as it is, it cannot become {value:X}h."
+            )
+            continue
         plan.add(index, sub, value, node.vendor.reasons[index, sub])
         _overlay(node, index, sub, value)
     for (index, sub), value in node.keys.objects.items():
@@ -137,7 +160,7 @@ def plan_drive(node: Node, period: int, master: int) -> WritePlan:
     node.use_units()
     plan.problems += filter(None, [wrong_motor(node), unknown_scale(node), *_homing_offsets(plan, node)])
     narrow(node)
-    if 0x60C2 in node.mirror.objects:
+    if 0x60C2 in node.mirror and not takes_set_points(node.mirror):
         plan.add(0x60C2, 1, period // MILLISECOND, "period of targets, on which the drive interpolates")
         plan.add(0x60C2, 2, -3, "in milliseconds")
     for index in cia402.OFFSETS:
@@ -187,6 +210,8 @@ def _overlay(node: Node, index: int, sub: int, value: int) -> None:
 
 def _outputs(plan: WritePlan, node: Node) -> None:
     """Digital outputs as the hardware file wants them when nothing moves; then the mask lets the bits act."""
+    if cia402.OUTPUTS not in node.mirror:
+        return
     if node.keys.safe_outputs is not None:
         plan.add(cia402.OUTPUTS, cia402.LEVELS, node.keys.safe_outputs, "safe_outputs, also after the run")
     if node.keys.outputs and cia402.MASK in node.mirror.objects[cia402.OUTPUTS]:
@@ -218,7 +243,7 @@ def _ramps(plan: WritePlan, node: Node) -> None:
 def _positions(plan: WritePlan, node: Node) -> None:
     """What is written once a drive has its reference: methods and speeds of homing, software limits, mode."""
     keys, homing = node.keys, node.keys.homing
-    if homing is not None:
+    if homing is not None and 0x6098 in node.mirror:
         speed = max(round(homing.speed / (keys.scale * node.units.velocity)), 1)
         plan.add(0x6098, 0, homing.method, "homing.method", later=True)
         for sub, value in ((1, speed), (2, max(speed // 2, 1))):
@@ -247,25 +272,34 @@ def plan_heartbeat(plan: WritePlan, master: int) -> None:
     """Both directions: the node tells that it lives, and stops when this program does not."""
     times = plan.node.keys.heartbeat
     watch = master << 16 | times.lost_after // MILLISECOND
-    if plan.holds(0x1016, 1) != watch:  # an entry that is in use may not be changed
-        plan.add(0x1016, 1, 0, "heartbeat.lost_after")
-    plan.add(0x1016, 1, watch, "heartbeat.lost_after")
-    plan.add(0x1017, 0, times.every // MILLISECOND, "heartbeat.every")
+    if 0x1016 in plan.node.mirror:
+        if plan.holds(0x1016, 1) != watch:  # an entry that is in use may not be changed
+            plan.add(0x1016, 1, 0, "heartbeat.lost_after")
+        plan.add(0x1016, 1, watch, "heartbeat.lost_after")
+    if 0x1017 in plan.node.mirror:
+        plan.add(0x1017, 0, times.every // MILLISECOND, "heartbeat.every")
 
 
 def _process_data(plan: WritePlan, node: Node) -> None:
     """The remap procedure for four PDOs each way: one controlword in all, everything at SYNC, the others off."""
-    # a drive without interpolation gets several set-points in a cycle: they act when they come
-    kind = 1 if 0x60C2 in node.mirror else 255
-    received = receive(bool(node.keys.outputs), node.told_force, node.keys.offset)
-    transmit: tuple[tuple[int, ...], ...] = (TRANSMIT, (SPEED, node.vendor.current), (), ())
-    for number_ in range(4):
-        plan_pdo(plan, 0x1400 + number_, 0x200 + 0x100 * number_ + node.number, received[number_], kind)
-        plan_pdo(plan, 0x1800 + number_, 0x180 + 0x100 * number_ + node.number, transmit[number_], 1)
+    # set-points act when they come, and their acknowledge is told when it changes
+    waits = takes_set_points(node.mirror)
+    kinds = (1, 1, 255 if waits else 1, 1)
+    data = node.process_data
+    for number_ in PDOS:
+        for start, base, words, kind in (
+            (0x1400, 0x200, data.receive[number_], 255 if waits else 1),
+            (0x1800, 0x180, data.transmit[number_], kinds[number_]),
+        ):
+            if start + number_ in node.mirror and start + number_ + 0x200 in node.mirror:
+                plan_pdo(plan, start + number_, base + 0x100 * number_ + node.number, words, kind)
 
 
 def plan_pdo(plan: WritePlan, index: int, identifier: int, words: tuple[int, ...], kind: int) -> None:
     """Take a PDO out of use, map it anew, and use it again if it has anything to carry."""
+    communication = plan.node.mirror.objects[index].get(1)
+    if communication is None or not communication.writable:
+        return
     reason = "process data of the run" if words else "not used by the run: the controlword comes once"
     flags = (plan.holds(index, 1) or 0) & 0x40000000
     plan.add(index, 1, cia301.INVALID | flags | identifier, reason)

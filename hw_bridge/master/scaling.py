@@ -12,8 +12,11 @@ if TYPE_CHECKING:
     from hw_bridge.master.node import Node
 
 # what units, and what is told of currents, follow from
-SCALING = (0x2350, 0x3000, 0x3001, 0x3010, 0x608F, 0x6075, 0x6091, 0x6092, 0x60A9)
+SCALING = (
+    0x2210, 0x2329, 0x2350, 0x3000, 0x3001, 0x3010, 0x6075, 0x6089, 0x608B, 0x608F, 0x6091, 0x6092, 0x60A8, 0x60A9, 0x60AA,
+)  # fmt: skip
 OPTIONAL = {"epos4": ((0x3000, 5),)}  # of newer firmware, by profile
+RATED_CURRENTS = ((0x6075, 0), (0x2329, 1))  # of CiA 402; of a FAULHABER V3.0, whose EDS has the first one not
 
 
 def learn_scaling(node: Node) -> None:
@@ -32,6 +35,8 @@ def learn_scaling(node: Node) -> None:
             except SdoError:
                 if address in node.keys.scaling:
                     node.mirror.values[address] = node.keys.scaling[address]
+                elif address in RATED_CURRENTS and _has_other_current(node, address):
+                    node.mirror.remove(index)
                 elif address in node.profile.scaling:
                     node.own.assumed.append(
                         f"{index:04X}h.{entry.sub} {entry.name} does not answer, {node.mirror.get(*address)} is assumed"
@@ -50,6 +55,17 @@ def learn_scaling(node: Node) -> None:
         zero = [address for address in node.profile.scaling if not node.mirror.get(*address)]
         names = ", ".join(f"{index:04X}h.{sub}" for index, sub in zero)
         node.own.assumed.append(f"{names} is 0")
+
+
+def _has_other_current(node: Node, address: tuple[int, int]) -> bool:
+    """Whether the drive tells its rated current in another object than this one."""
+    for other in RATED_CURRENTS:
+        if other != address and other[1] in node.mirror.objects.get(other[0], {}):
+            try:
+                return int.from_bytes(ask(node, *other), "little") > 0
+            except SdoError:
+                continue
+    return False
 
 
 def wrong_motor(node: Node) -> str:

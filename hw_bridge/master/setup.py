@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import Mode, State, cia402, state_of
+from hw_bridge.dictionary import State, cia402, state_of
 from hw_bridge.journal import ObjectChange
 from hw_bridge.master.limits import software_limits
 from hw_bridge.master.plan import WritePlan, plan_drive
@@ -13,8 +13,7 @@ from hw_bridge.master.scaling import SCALING, learn_scaling
 from hw_bridge.master.sdo import SdoError
 from hw_bridge.master.words import coded
 from hw_bridge.master.writes import ask, put, read, write
-from hw_bridge.profiles import MODULES, UNFIT, identity
-from twin.errors import SimulationError
+from hw_bridge.profiles import profile_for, unfit
 
 if TYPE_CHECKING:
     from hw_bridge.master.node import Node
@@ -42,7 +41,6 @@ __all__ = [
 
 DRIVE = 402  # device profile: the lower half of 1000h
 IDENTITY = {1: "vendor", 2: "product code", 3: "revision", 4: "serial number"}
-KNOWN = {(one[1], one[2]) for one in map(identity, MODULES)}  # vendor and product code of each profile
 
 
 def identify(node: Node) -> list[str]:
@@ -53,13 +51,13 @@ def identify(node: Node) -> list[str]:
         return [f"{name}: node {node.number} is no drive: 1000h is {device:08X}h. Check the node-ID."]
     found = {sub: node.sdo.number(0x1018, sub) for sub in IDENTITY}
     node.identity = [found[1], found[2], found[4]]
-    if (title := UNFIT.get((found[1], found[2]))) is not None:
-        text = f"{name}: node {node.number} is a {title}, another device than {node.profile.title}, with another dictionary."
-        return [f"{text} No profile fits it. Use another drive."]
-    expected = {1: node.mirror.get(0x1018, 1)}
+    if (other := unfit(found[1], found[2], device)) is not None:
+        return [f"{name}: node {node.number} is a {other.title}. No profile fits it. {other.advice}"]
+    vendor = node.mirror.get(0x1018, 1)
+    expected = {1: vendor} if vendor else {}  # an EDS file may leave it open
     if keys.product is not None:
         expected[2] = keys.product
-    elif (found[1], found[2]) in KNOWN - {(expected[1], node.mirror.get(0x1018, 2))}:
+    elif profile_for(found[1], found[2]) not in ("", keys.profile):
         expected[2] = node.mirror.get(0x1018, 2)  # any product, but not that of another profile
     expected |= {4: keys.serial} if keys.serial is not None else {}
     return [
@@ -106,11 +104,6 @@ def configure(node: Node, period: int, master: int) -> None:
 
     What is written, and what it held before, is in the node's journal before the first write. `period` as in `plan_drive`.
     """
-    offered = read(node, 0x6502)
-    if node.told_force and not offered >> (Mode.CST - 1) & 1:
-        raise SimulationError(
-            f"{node.name}: is told a force, but has no cst: 6502h is {offered:X}h. Use another drive."
-        )
     plan = plan_drive(node, period, master)
     plan.raise_problems()
     node.sdo.write(0x6040, 0, b"\0\0")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.dictionary import Dictionary, NmtState
 from hw_bridge.journal import Journal
@@ -22,6 +22,15 @@ if TYPE_CHECKING:
 
         def __call__(self, duration: int, done: Condition = ...) -> None:
             """Wait at most `duration` [ns]."""
+
+
+class EmergencyMessage(NamedTuple):
+    """An EMCY message. `register`: 1001h, `vendor`: the five bytes after it, as they came."""
+
+    time: int  # [ns]
+    code: int
+    register: int = 0
+    vendor: bytes = b""
 
 
 NMT_STATES = {int(one): one for one in NmtState}
@@ -44,7 +53,7 @@ class Station:
         self.sdo = SdoClient(keys.node, network.send, wait)
         self.heard_at = 0  # last heartbeat [ns]
         self.alive = False  # whether it was heard beside answers to SDO
-        self.emergencies: list[tuple[int, int]] = []  # time [ns], code
+        self.emergencies: list[EmergencyMessage] = []
         self.boots, self.booted_at = 0, 0  # boot-up messages heard, and when the last one came [ns]
         self.started = False  # whether it was told to be Operational, with the mapping of this program
         self.nmt_state: NmtState | None = None  # of its last heartbeat
@@ -60,7 +69,8 @@ class Station:
         if base == 0x580:
             self.sdo.heard(frame.data)
         elif base == 0x80 and len(frame.data) >= 2:
-            self.emergencies.append((now, struct.unpack_from("<H", frame.data)[0]))
+            code, register = struct.unpack_from("<HB", frame.data.ljust(3, b"\0"))
+            self.emergencies.append(EmergencyMessage(now, code, register, frame.data[3:]))
         elif base == 0x700 and frame.data:
             self.heard_at = now
             if frame.data[0] == 0:

@@ -4,26 +4,43 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hw_bridge.dictionary import State
+from hw_bridge.dictionary import State, cia301
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from hw_bridge.master.node import Node
-    from hw_bridge.master.station import Station
+    from hw_bridge.master.station import EmergencyMessage, Station
 
 LAST = 4  # so many EMCY messages are told
 
 
-def coded(station: Station, code: int) -> str:
+def coded(station: Station, code: int, separator: str = " ") -> str:
     """An error code with its meaning, where the profile knows it."""
     fault = station.profile.faults.get(code)
-    return f"{code:04X}h" + (f" {fault.meaning}" if fault else "")
+    return f"{code:04X}h" + (f"{separator}{fault.meaning}" if fault else "")
+
+
+def message(station: Station, emergency: EmergencyMessage, separator: str = " ") -> str:
+    """An EMCY message in full: code with its meaning, and what else it tells."""
+    return f"{coded(station, emergency.code, separator)}{details(station, emergency)}"
+
+
+def details(station: Station, emergency: EmergencyMessage) -> str:
+    """What an EMCY message tells beside its code: bits of 1001h, the vendor's bytes, and what the profile knows of them."""
+    register, vendor = emergency.register, emergency.vendor
+    text = f"1001h {register:02X}h {cia301.error_register(register)}"
+    if any(vendor):
+        word = int.from_bytes(vendor[:2], "little")
+        known = {fault.vendor: fault.meaning for fault in station.profile.faults.values() if fault.vendor}
+        found = ", ".join(dict.fromkeys(meaning for bit, meaning in known.items() if word & bit))
+        text += f"; vendor's bytes {vendor.hex(' ').upper()}{f', 2320h {found}' if found else ''}"
+    return f" ({text})"
 
 
 def emergencies(stations: Iterable[Station]) -> str:
     """The EMCY messages that came, or nothing; 0000h tells the end of an error."""
-    found = [f"{one.name} {coded(one, code)}" for one in stations for _, code in one.emergencies if code]
+    found = [f"{one.name} {message(one, said)}" for one in stations for said in one.emergencies if said.code]
     return f"EMCY: {', '.join(found[-LAST:])}." if found else ""
 
 

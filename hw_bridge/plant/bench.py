@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from hw_bridge.bus import Bus, SimulatedNetwork
 from hw_bridge.device import Drive, Module, Motor
 from hw_bridge.plant.plant import Plant, beginning, set_up_for
-from hw_bridge.profiles import device, motor_parameters, profile
+from hw_bridge.profiles import device, motor_parameters
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -36,7 +36,7 @@ def bench_network(keys: HardwareKeys, build: Path) -> Network:
         return wire(keys)
     bus = Bus(keys.bit_rate)
     for node in keys.nodes.values():
-        vendor = profile(node.profile)
+        vendor = node.drive
         motor = motor_parameters(vendor, node.motor)
         bus.attach(set_up_for(Drive(vendor, node.node, Motor(motor.model, build=build)), motor))
     for module in keys.modules.values():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from typing import NamedTuple
 
 from hw_bridge.profiles.description import Device, Profile
 from twin.errors import DeclarationError, nearest
@@ -11,12 +12,39 @@ MODULES = {
     "faulhaber_v3": "FAULHABER Motion Control V3.0 (MC 5005 and relatives) with a linear motor LM 2070",
     "mclm":         "FAULHABER MCLM 300x, Motion Control V2, with a linear motor LM 2070",
     "epos4":        "maxon EPOS4 with an EC-i 40",
+    "epos2":        "maxon EPOS2 in profile position and profile velocity, with an EC-i 40",
 }  # fmt: skip
+
+GENERIC = {"cia402": "any drive of CiA 402, by its EDS file"}
 
 DEVICES = {"cia401": "a generic I/O module with digital inputs and outputs (CiA 401)"}
 
-# devices of these vendors that no profile fits, by vendor and product code
-UNFIT = {(0xFB, 0x68500000): "maxon EPOS4 Micro 24/5"}
+# other products that these profiles fit, by vendor and product code, of public EDS files
+RELATED = {(0xFB, 0x65510000): "epos4"}  # EPOS4 50/15
+
+
+class Unfit(NamedTuple):
+    """A device that no profile fits. `device_type`: 1000h, where others have the same product code; 0: any."""
+
+    vendor: int
+    product: int
+    device_type: int
+    title: str
+    advice: str
+
+
+UNFIT = (
+    Unfit(0xFB, 0x68500000, 0, "maxon EPOS4 Micro 24/5", "It has another dictionary than an EPOS4. Use another drive."),
+    Unfit(
+        327,
+        3150,
+        0x00020192,
+        "FAULHABER MCLM 300x CF",
+        "Its process data are fixed (targets only as the vendor's own commands, 2301h), it watches no heartbeat (no 1016h) and "
+        "tells no current (no 6077h, 6078h): nothing would stop it when this program dies, and no force could be watched. An MCLM "
+        "300x CO (1000h 00420192h) or a Motion Control V3.0 works.",
+    ),
+)
 
 # bit of the statusword, by profile, that tells whether positions count from a reference since power-on; recalled
 REFERENCED = {"epos4": 15}
@@ -24,7 +52,19 @@ REFERENCED = {"epos4": 15}
 
 def listed() -> dict[str, str]:
     """What there is, for `twin list`."""
-    return {**MODULES, **DEVICES}
+    return {**MODULES, **GENERIC, **DEVICES}
+
+
+def unfit(vendor: int, product: int, device_type: int) -> Unfit | None:
+    """The known device without a profile that this identity is of, if it is one."""
+    found = (one for one in UNFIT if (one.vendor, one.product) == (vendor, product))
+    return next((one for one in found if one.device_type in (0, device_type)), None)
+
+
+def profile_for(vendor: int, product: int) -> str:
+    """The name of the profile of exactly this product, or nothing."""
+    exact = (name for name in MODULES if (own := identity(name))[1] == vendor and own[2] == product)
+    return next(exact, RELATED.get((vendor, product), ""))
 
 
 def device(name: str) -> Device:

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 HOMING = {n: METHODS[n] for n in (1, 2, 7, 11, 17, 18, 23, 27, 33, 34, 37)} | BLOCKS_MAXON
 MODES = (Mode.PP, Mode.PV, Mode.HM, Mode.CSP, Mode.CSV, Mode.CST)
+UNDERVOLTAGE, OVERVOLTAGE = 8000, 58000  # [mV]
 MAIN_SENSOR = (0x3000, 5)  # increments of a turn, as newer firmware computes them; not in the EDS of 2021
 
 COMMUNICATION = joined(
@@ -77,8 +78,8 @@ VENDOR = joined(
     var(0x2000, "Node-ID", U8, "ro", NodeId(0)),
     var(0x2001, "CAN bit rate", U8, "rw", 0, 0, 9),
     record(0x2200, "Power supply", sub(1, "Power supply voltage [0.1 V]", U16, "ro", 240, pdo=True)),
-    record(0x2201, "Voltage limits", sub(1, "Undervoltage limit [mV]", U32, "rw", 8000),
-           sub(2, "Overvoltage limit [mV]", U32, "rw", 58000)),
+    record(0x2201, "Voltage limits", sub(1, "Undervoltage limit [mV]", U32, "rw", UNDERVOLTAGE),
+           sub(2, "Overvoltage limit [mV]", U32, "rw", OVERVOLTAGE)),
     record(0x3000, "Axis configuration", sub(1, "Sensors", U32, "rw", 0x00100001),
            sub(2, "Control structure", U32, "rw", 0x00010111), sub(3, "Commutation sensors", U32, "rw", 0x31),
            sub(4, "Miscellaneous", U32, "rw", 0)),
@@ -291,7 +292,8 @@ def currents(dictionary: Dictionary) -> Currents:
 
 def supply(dictionary: Dictionary) -> tuple[float, float]:
     """Voltage limits."""
-    return dictionary.get(0x2201, 1) / 1000.0, dictionary.get(0x2201, 2) / 1000.0
+    get = dictionary.get  # firmware 0110h has no such object
+    return get(0x2201, 1, missing=UNDERVOLTAGE) / 1000.0, get(0x2201, 2, missing=OVERVOLTAGE) / 1000.0
 
 
 GAINS = {

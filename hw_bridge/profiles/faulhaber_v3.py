@@ -1,7 +1,13 @@
 """FAULHABER Motion Control V3.0 (MC 3001, 3603, 5004, 5005, 5010, MCS) with a linear motor LM 2070-080-11.
 
-From the communications manual 7000.05050 and public code. Recalled, not found: the default PDO map, the product code
-of the MC 5005, and every default marked so in the table.
+From the communications manual 7000.05050 and public code. Recalled, not found: the product code of the MC 5005, and every
+default marked so in the table.
+
+Two public EDS files of this family (605.0131.01-M of MC 5004 and 5005, 605.0141.01-L of the MC3 stamp) were compared with the
+table. They have the same default RPDOs, 2329h, 2344h, 6007h = 1, 605Ah = 2, 605Bh = 0, 605Ch = 1, 605Dh = 1, 605Eh = 2, 60B0h
+to 60B2h and 60E0h, 60E1h = 6000. TPDO 1 is {6041h, 6064h} and TPDO 2 {6077h, 606Ch} by default. They have four objects a PDO, not eight; no 603Fh, 6075h (2329h.1 instead), 607Fh, 60C2h (a
+2332h of unknown unit instead), 60FEh (2311h.4 instead) and 6402h; 6072h cannot be written; 2321h.2, which errors trip, is 0;
+60C5h, 60C6h and 6096h are there. No file that has the objects of this table was found. The drive is asked what it has.
 """
 
 from __future__ import annotations
@@ -36,6 +42,7 @@ if TYPE_CHECKING:
 MODES = (Mode.PP, Mode.PV, Mode.HM, Mode.CSP, Mode.CSV, Mode.CST)
 PITCH = MOTORS["lm2070"].pitch
 FAR = 2_000_000_000
+NO_LIMIT = 6000  # of a torque, in thousandths of the rated one
 
 COMMUNICATION = joined(
     var(0x1000, "Device type", U32, "const", 0x00420192),
@@ -77,6 +84,9 @@ APPLICATION = joined(
     record(0x2325, "Voltages", sub(7, "Motor supply [10 mV]", U16, "ro", 2400, pdo=True)),
     record(0x2326, "Temperatures", sub(1, "CPU [degC]", I16, "ro", 35), sub(2, "Power stage [degC]", I16, "ro", 35),
            sub(3, "Winding [degC]", I16, "ro", 30)),
+    # of this motor; a drive that was not set up has 0
+    record(0x2329, "Motor and application data", sub(1, "Rated current [mA]", U16, "rw", 790),
+           sub(2, "Continuous current [mA]", U16, "rw", 790), sub(3, "Peak current [mA]", U16, "rw", 2370)),
     # 2342h and 2343h act on nothing; types as of 2344h, defaults assumed
     record(0x2342, "Torque control", sub(1, "Gain", U32, "rw", 1000), sub(2, "Integral time [us]", U16, "rw", 150)),
     record(0x2343, "Flux control", sub(1, "Gain", U32, "rw", 1000), sub(2, "Integral time [us]", U16, "rw", 150)),
@@ -181,7 +191,12 @@ def units(dictionary: Dictionary, pitch: float | None = None) -> Units:
     if pitch is None:
         pitch = _pitch_in_micrometers(dictionary) or PITCH
     position = pitch * _pitches(dictionary)
-    return Units(position, 1000.0 * position, 1000.0 * position, dictionary.get(0x6075) * 1e-6)
+    return Units(position, 1000.0 * position, 1000.0 * position, rated(dictionary) * 1e-6)
+
+
+def rated(dictionary: Dictionary) -> int:
+    """Rated current [mA]: 6075h where a drive has it, else 2329h.1, as the vendor's EDS files have it."""
+    return dictionary.get(0x6075) if 0x6075 in dictionary else dictionary.get(0x2329, 1)
 
 
 def _pitches(dictionary: Dictionary) -> float:
@@ -199,18 +214,20 @@ def _pitch_in_micrometers(dictionary: Dictionary) -> float:
 
 def unsure(dictionary: Dictionary, named: bool) -> list[str]:
     """Why lengths may be others: no object tells the motor's magnetic pitch. `named`: the hardware file does."""
+    lost = [] if rated(dictionary) else ["no object tells the rated current (6075h, 2329h.1)"]
     if named or _pitch_in_micrometers(dictionary):
-        return []
+        return lost
     return [
-        f"a magnetic pitch is {1.0 / _pitches(dictionary):g} user units (608Fh, 6091h, 6092h), that of no known motor in um"
+        *lost,
+        f"a magnetic pitch is {1.0 / _pitches(dictionary):g} user units (608Fh, 6091h, 6092h), that of no known motor in um",
     ]
 
 
 def currents(dictionary: Dictionary) -> Currents:
     """Rated current, and the torque limits as a multiple of it."""
-    rated = dictionary.get(0x6075) / 1000.0
-    peak = min(dictionary.get(0x6072), dictionary.get(0x60E0), dictionary.get(0x60E1)) / 1000.0
-    return Currents(rated, peak * rated, 15.0)  # the winding's time constant of the LM 2070 [s], estimate
+    current = rated(dictionary) / 1000.0
+    peak = min(dictionary.get(index, missing=NO_LIMIT) for index in (0x6072, 0x60E0, 0x60E1)) / 1000.0
+    return Currents(current, peak * current, 15.0)  # the winding's time constant of the LM 2070 [s], estimate
 
 
 def deviation(dictionary: Dictionary) -> tuple[float, int]:

@@ -78,7 +78,7 @@ MOTORS = {
                 load="load_torque",
                 ratio=GEAR,
             ),
-            scaling={"epos4": {(0x3010, 1): PULSES}},
+            scaling={"epos4": {(0x3010, 1): PULSES}, "epos2": {(0x2210, 1): PULSES}},
         ),
     )
 }  # fmt: skip

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import Mode
-from hw_bridge.profiles import profile
 from hw_bridge.session import targets
 from hw_bridge.session.outputs import levels
 from twin.errors import SimulationError
@@ -85,7 +84,7 @@ class Orders:
         """What a member is told in each cycle."""
         views = self.axes[name].views
         wanted = int(views["mode_of_operation"]) if "mode_of_operation" in views else Mode.CSV
-        if problem := targets.unknown_mode(wanted, profile(self.keys.nodes[name].profile), views):
+        if problem := targets.unknown_mode(wanted, self.keys.nodes[name].drive, views):
             raise SimulationError(f"{name}: {problem} All drives stop.")
         mode = targets.CYCLIC[wanted]
         if mode is Mode.CST and self.begun and name not in self.forced:

@@ -66,7 +66,7 @@ class Shadow:
             return
         drive = self._advance(time)
         if frame.id == cia301.SYNC:
-            word, get = self.node.vendor.current, drive.dictionary.get
+            word, get = self.node.process_data.current, drive.dictionary.get
             self.raw = (get(0x6064), get(0x606C), get(word >> 16, word >> 8 & 0xFF))
         drive.receive(frame)
 

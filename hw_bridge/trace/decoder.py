@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from hw_bridge.dictionary import cia301, state_of
-from hw_bridge.profiles import MODULES, identity, profile
+from hw_bridge.profiles import profile, profile_for
 from hw_bridge.trace import names
 from hw_bridge.trace.party import Party, Route
 from hw_bridge.trace.transfer import Transfer
@@ -54,10 +54,7 @@ class Decoder:
         cls, keys: HardwareKeys, brief: bool = False, objects: Mapping[int, tuple[Entry, ...]] = MappingProxyType({})
     ) -> Decoder:
         """A decoder that knows the drives and modules of a hardware file. `objects`: of EDS files, by node-ID."""
-        made = [
-            Party(one.node, profile(one.profile), one, name, objects.get(one.node, ()))
-            for name, one in keys.nodes.items()
-        ]
+        made = [Party(one.node, one.drive, one, name, objects.get(one.node, ())) for name, one in keys.nodes.items()]
         modules = (Party(one.node, name=name, objects=objects.get(one.node, ())) for name, one in keys.modules.items())
         return cls([*made, *modules], brief)
 
@@ -118,7 +115,7 @@ class Decoder:
         code, register = struct.unpack_from("<HB", frame.data)
         fault = party.profile.faults.get(code) if party.profile is not None else None
         meaning = fault.meaning if fault is not None else f"{names.emergency(code)} (class of CiA 301)"
-        text = f"{party.name}: {code:04X}h {'no error' if not code else meaning}; register {names.register(register)}"
+        text = f"{party.name}: {code:04X}h {'no error' if not code else meaning}; register {cia301.error_register(register)}"
         if any(frame.data[3:]):
             text += f"; vendor {frame.data[3:].hex(' ').upper()}"
         return Line(time, frame, party.node, "EMCY", text, {"code": code, "register": register}, notable=True)
@@ -144,11 +141,8 @@ class Decoder:
         if party.profile is not None or not party.learned.issuperset(IDENTITY):
             return
         seen = tuple(party.dictionary.get(*one) for one in IDENTITY)
-        for name in MODULES:
-            chosen = profile(name)
-            own = identity(name)
-            if (own[1], own[2]) == seen:
-                party.adopt(chosen)
+        if name := profile_for(*seen):
+            party.adopt(profile(name))
 
     def _process(self, time: int, frame: Frame, party: Party, route: Route) -> Line:
         title = f"{party.name} {route.title}: "

@@ -28,8 +28,6 @@ EMERGENCIES = {  # classes of CiA 301 by the high byte of the code; the longer m
     "90": "external", "F0": "additional functions", "FF": "device specific",
 }  # fmt: skip
 
-REGISTER = ("generic", "current", "voltage", "temperature", "communication", "device profile", "bit 6", "manufacturer")
-
 FLAGS = {  # of the statusword beside its state
     cia402.WARNING: "warning",
     cia402.TARGET_REACHED: "target reached",
@@ -49,11 +47,6 @@ def emergency(code: int) -> str:
     """The class of an EMCY code."""
     digits = f"{code:04X}"[:2]
     return EMERGENCIES.get(digits) or EMERGENCIES.get(f"{digits[0]}0", "unknown")
-
-
-def register(value: int) -> str:
-    """The bits of error register 1001h."""
-    return ", ".join(name for bit, name in enumerate(REGISTER) if value >> bit & 1) or "none"
 
 
 def statusword(word: int) -> str:

@@ -6,7 +6,7 @@ from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
 from hw_bridge.dictionary import Abort, Dictionary, Entry, Mode, Value, cia301
-from hw_bridge.master import SPEED, TRANSMIT, VENDORS, receive
+from hw_bridge.master import PDOS, VENDORS, process_data
 from hw_bridge.profiles import DEVICES, MODULES, MOTORS, device, profile
 from hw_bridge.trace import names
 
@@ -23,7 +23,6 @@ WORDS = {0x6040: names.controlword, 0x6041: names.statusword, 0x6060: names.mode
 BITS = {0x6040: "04X", 0x6041: "04X", 0x603F: "04X", 0x1001: "02X"}
 SAVE, PROFILE_AREA = 0x1010, 0x2000
 STATUSWORD = 0x6041
-PDOS = 4
 
 
 class Route(NamedTuple):
@@ -106,16 +105,12 @@ class Party:
         assert self.keys is not None
         values, vendor = self.dictionary.values, VENDORS[self.profile.name]
         forces = Mode.CST in self.profile.modes  # if the drive can be told one
-        received = receive(bool(self.keys.outputs), forces, self.keys.offset)
+        data = process_data(self.dictionary, vendor, self.keys, forces)
         for index, sub, value in vendor.setup:
             values[index, sub] = value
         values.update(self.keys.objects)
-        for base, start, maps in (
-            (0x200, 0x1400, received),
-            (0x180, 0x1800, (TRANSMIT, (SPEED, vendor.current))),
-        ):
-            for number in range(PDOS):
-                words = maps[number] if number < len(maps) else ()
+        for base, start, maps in ((0x200, 0x1400, data.receive), (0x180, 0x1800, data.transmit)):
+            for number, words in enumerate(maps):
                 flags = 0 if words else cia301.INVALID
                 values[start + number, 1] = flags | base + 0x100 * number + self.node
                 values[start + number + 0x200, 0] = len(words)
@@ -161,7 +156,7 @@ class Party:
         """PDOs in use by identifier."""
         found = {}
         for letter, start in (("R", 0x1400), ("T", 0x1800)):
-            for number in range(PDOS):
+            for number in PDOS:
                 identifier = self.dictionary.get(start + number, 1, missing=cia301.INVALID)
                 if identifier & cia301.INVALID:
                     continue

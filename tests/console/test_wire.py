@@ -4,6 +4,8 @@ import json
 
 import pytest
 
+from hw_bridge import eds
+from hw_bridge.profiles import profile
 from tests.console.served import CARRIAGE, console
 
 INPUT = "command.live_speed[1]"
@@ -128,3 +130,12 @@ def test_anybody_may_stop_and_the_end_is_told(tmp_path, build):
         json.loads((next((tmp_path / "runs").glob("*/*")) / "summary.json").read_text())["scenario"]["name"]
         == "carriage"
     )
+
+
+def test_the_page_is_there_beside_a_drive_with_an_eds_file(tmp_path, build):
+    """canopen, which reads the file, leaves an object whose class NiceGUI could not look at."""
+    (tmp_path / "drive.eds").write_text(eds.export(profile("faulhaber_v3")))
+    bench = tmp_path / "bench.yaml"
+    bench.write_text("simulated: true\nnodes:\n  servomotor: {node: 1, profile: faulhaber_v3, eds: drive.eds}\n")
+    with console("heart_wall_force", "--hardware", bench, runs=tmp_path / "runs", build=build) as served:
+        assert served.get()[0] == 200

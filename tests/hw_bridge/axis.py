@@ -5,6 +5,7 @@ from pathlib import Path
 from fmus.servomotor.model import Servomotor
 
 from hw_bridge.bridge.hardware import Hardware
+from hw_bridge.device import Drive
 from hw_bridge.hardware import HardwareKeys
 
 MILLISECOND = 1_000_000
@@ -15,13 +16,19 @@ def node(profile="faulhaber_v3", number=1, **more):
     return {"node": number, "profile": profile, **more}
 
 
+def wire_other_drive(monkeypatch, module, profile):
+    """Let a bench of `module` (hw_bridge.plant.plant or bench) have a simulated drive that is not what the file says."""
+    monkeypatch.setattr(module, "Drive", lambda _, number, motor: Drive(profile, number, motor))
+
+
 class Rig:
     """Axes of one simulated bench, all stepped together by 1 ms."""
 
     def __init__(self, build, nodes, member=Servomotor, **more):
-        keys = HardwareKeys.model_validate({"simulated": True, "nodes": nodes, **more})
+        known = isinstance(nodes, HardwareKeys)
+        keys = nodes if known else HardwareKeys.model_validate({"simulated": True, "nodes": nodes, **more})
         self.hardware = Hardware(Path("bench.yaml"), keys, build=build)
-        self.axes = {name: self.hardware._component(name, member)() for name in nodes}
+        self.axes = {name: self.hardware._component(name, member)() for name in keys.nodes}
         self.session = self.hardware.present
         self.t = 0
         for axis in self.axes.values():

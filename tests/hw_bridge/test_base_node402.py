@@ -114,8 +114,8 @@ def test_quick_stop(node, name):
 
 
 def test_identity_and_abort(node, name):
-    assert node.sdo[0x1018][1].raw == (0xFB if name == "epos4" else 327)
+    assert node.sdo[0x1018][1].raw == (0xFB if name.startswith("epos") else 327)
     with pytest.raises(canopen.SdoAbortedError) as found:
         node.sdo.download(0x6041, 0, b"\0\0")
     assert found.value.code == 0x06010002
-    assert node.sdo.upload(0x1008, 0).decode() in ("EPOS4", "MC5005", "MCLM300x")  # segmented where it is long
+    assert node.sdo.upload(0x1008, 0).decode() in ("EPOS2", "EPOS4", "MC5005", "MCLM300x")  # segmented where it is long

@@ -11,7 +11,7 @@ from hw_bridge.command import drive
 from hw_bridge.dictionary import OCTETS, NodeId, State
 from hw_bridge.plant import plant
 from hw_bridge.profiles import MODULES, profile
-from tests.hw_bridge.axis import Rig
+from tests.hw_bridge.axis import Rig, wire_other_drive
 from tests.hw_bridge.bridge.test_bridge import NODES
 from twin.errors import DeclarationError
 
@@ -63,7 +63,7 @@ def test_baud_rates_stand_in_order():
 
 
 def test_an_unknown_profile():
-    with pytest.raises(DeclarationError, match="Did you mean 'epos4'"):
+    with pytest.raises(DeclarationError, match="Did you mean 'epos2' or 'epos4'"):
         profile("epos5")
 
 
@@ -171,7 +171,7 @@ def test_a_vendors_file_is_taken_as_it_is(tmp_path, build, name, types, named, m
     assert found[0x5FFF, 0].default == -2
     assert found[0x5FFE, 0].type is OCTETS
     assert found[0x6041, 0].type is own[0x6041, 0].type  # the drive computes with it
-    monkeypatch.setattr(plant, "profile", lambda _: changed)
+    wire_other_drive(monkeypatch, plant, changed)
     rig = Rig(build, {"servomotor": NODES[name]})
     rig.set(target_velocity=0.02)
     rig.go(100)

@@ -6,6 +6,7 @@ What is asked for: pages, which `register` adds with NiceGUI's decorators before
 from __future__ import annotations
 
 import asyncio
+import gc
 import logging
 import signal
 import socket
@@ -112,6 +113,8 @@ class Site:
         self.said(address)
         if self.opened:
             webbrowser.open(address)
+        # NiceGUI asks every object of the collector for its class, which one of canopen answers with an exception
+        gc.freeze()
         with suppress(KeyboardInterrupt):  # uvicorn hands the signal on when it has ended
             server = _stopping(self.stop)(config)
             for one in SIGNALS:  # uvicorn itself handles SIGINT and SIGTERM alone

@@ -50,13 +50,10 @@ def direction_command(bus: BusChoice, node: str, by_hand: bool, within: float, s
         look(bus, axis, within)
         return
     from hw_bridge.commission import direction
-    from hw_bridge.profiles import profile
 
     keys = axis.keys
-    if not direction.can_push(profile(keys.profile)):
-        raise SimulationError(
-            f"{profile(keys.profile).title} has no cst to push with. Use --by-hand, then a short jog."
-        )
+    if not direction.can_push(keys.drive):
+        raise SimulationError(f"{keys.drive.title} has no cst to push with. Use --by-hand, then a short jog.")
     with hand(bus, axis, arm, forced=True) as held:
         found = direction.pushes(held, share * keys.limits.force)
         unit = "N m" if held.node.rotary else "N"

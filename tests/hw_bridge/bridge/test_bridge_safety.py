@@ -213,7 +213,9 @@ def test_digital_outputs_are_safe_before_and_after(build):
     rig.axis.close()
     assert outputs.get(0x60FE, 1) == 5
     rig = Rig(build, {"servomotor": node("mclm", safe_outputs=5)})
-    with pytest.raises(SimulationError, match=r"60FEh\.1: refused with 06020000h, no object"):
+    with pytest.raises(
+        SimulationError, match="servomotor: it has no 60FEh Digital outputs: leave outputs and safe_outputs out"
+    ):
         rig.go(1)
 
 

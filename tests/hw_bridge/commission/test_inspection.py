@@ -46,6 +46,7 @@ EXPECTED = {
     "mclm": {"607Ch.0", "2333h.1", "2333h.2", "1029h.1", "60FDh.0"},
     "epos4": {"30B0h.0", "30B1h.0", "30B2h.0", "3001h.1", "3001h.2", "605Ah.0", "605Bh.0", "605Ch.0", "605Eh.0", "6007h.0",
               "1029h.1", "6066h.0", "3142h.1", "3158h.1", "3202h.1", "60FEh.1"},
+    "epos2": {"607Ch.0", "605Bh.0", "605Ch.0", "605Eh.0", "6007h.0", "6065h.0"},
 }  # fmt: skip
 
 
@@ -113,7 +114,7 @@ def test_check_shows_the_list_and_writes_nothing(build, name, monkeypatch, capsy
         assert held(drive) == before
 
 
-@pytest.mark.parametrize("name", MODULES)
+@pytest.mark.parametrize("name", sorted(MODULES.keys() - {"epos2"}))  # which has no 60FDh
 def test_a_counter_of_sync_and_closed_limit_switches_are_told(build, name):
     bench = Bench(name, build, values={(0x1019, 0): 10}, more=var(0x1019, "x", U8, "rw"))
     assert any("1019h is 10: it takes SYNC with a counter only" in note for note in bench.found.notes)

@@ -105,7 +105,10 @@ def test_a_failure_on_the_way_ends_in_the_one_stop(hand):
             held.drive.port.agenda.at(held.network.now + 100_000_000, lambda: held.drive.inject(0x7300))
             held.move(10e-3, 20e-3, 1.0)
 
-    with pytest.raises(SimulationError, match=r"EMCY 7300h, encoder\. It stops\. .* 603Fh: 7300h encoder"):
+    with pytest.raises(
+        SimulationError,
+        match=r"EMCY 7300h, encoder \(1001h 21h generic, device profile; .*\)\. It stops\. .* 603Fh: 7300h encoder",
+    ):
         move()
     assert held.drive.state is State.FAULT
     assert not held.master.running

@@ -60,7 +60,7 @@ def test_the_command(build, tmp_path):
     assert "half of limits.following_error" in str(CliRunner().invoke(hil.command, [*words, "--by", "3 mm"]).exception)
 
 
-@pytest.mark.parametrize("name", ["epos4", "faulhaber_v3", "mclm"])
+@pytest.mark.parametrize("name", ["epos2", "epos4", "faulhaber_v3", "mclm"])
 def test_the_step_of_a_bench_file_keeps_to_its_limits(build, tmp_path, name):
     """The one that is taken where nothing is said; a larger one that would not is refused before anything moves."""
     text = Path(f"hw_bridge/benches/can0_{name}.yaml").read_text().replace("bit_rate", "simulated: true\nbit_rate")

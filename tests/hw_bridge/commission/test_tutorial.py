@@ -25,6 +25,7 @@ SAVED = re.search(r"Save this as `([^`]+)`:\n\n```yaml\n(.*?)^```$", PAGE, re.MU
 OTHERWISE = {
     "faulhaber_v3": {"--by-hand": (0, "the hardware file is right")},
     "epos4": {"--by-hand": (0, "the hardware file is right")},
+    "epos2": {"direction servomotor -f": (1, "no cst to push with"), "--by-hand": (0, "the hardware file is right")},
     "mclm": {"direction servomotor -f": (1, "no cst to push with"), "--by-hand": (0, "the hardware file is right")},
 }
 TOLD = {
@@ -101,7 +102,9 @@ def held(start, folder):
 def test_the_page_runs(profile, build, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with drive_process(profile, build, 46000 + os.getpid() % 4000) as drive:
-        drive.pushed = "0.5" if profile == "epos4" else "0.02"  # by hand [rad, m], within the drive's own limits
+        drive.pushed = (
+            "0.5" if profile.startswith("epos") else "0.02"
+        )  # by hand [rad, m], within the drive's own limits
         bench = (ROOT / f"hw_bridge/benches/can0_{profile}.yaml").read_text()
         place = f"interface: udp_multicast\nchannel: {drive.channel}\noptions: {{port: {drive.port}}}\n"
         assert "interface: socketcan\nchannel: can0\n" in bench

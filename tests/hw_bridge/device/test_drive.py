@@ -19,7 +19,7 @@ def test_only_the_vendors_modes(bench):
         elif mode:
             bench.write(0x6060, mode)
             assert bench.read(0x6061) == mode
-    assert offered == (0x25 if bench.profile.name == "mclm" else 0x3A5)
+    assert offered == (0x25 if bench.profile.name in ("mclm", "epos2") else 0x3A5)
     with pytest.raises(AbortedError):
         bench.write(0x6060, 7)  # interpolated position
 

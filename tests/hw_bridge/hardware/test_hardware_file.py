@@ -278,7 +278,13 @@ def test_the_command_runs_a_scenario_on_drives(tmp_path, build, monkeypatch):
     assert case["cycles"] == 30
     servomotor = case["nodes"]["servomotor"]
     assert 0.004 < servomotor.pop("oldest_actual_value") <= 0.006  # the first cycle waits for one of the drive's, 1 ms
-    assert servomotor == {"limited_targets": 0, "late_pdos": 0, "lost_pdos": 0, "emergencies": []}
+    assert servomotor == {
+        "limited_targets": 0,
+        "late_pdos": 0,
+        "lost_pdos": 0,
+        "emergencies": [],
+        "emergency_messages": [],
+    }
     assert 0.05 < case["bus_load"] < 0.3
     assert summary["hardware"]["simulated"] is True
 

@@ -59,7 +59,7 @@ def rig(request, tmp_path, build, monkeypatch):
         bench = tmp_path / "bench.yaml"
         scale = (
             "scale: 1.5915e-3, limits: {force: 250 N, velocity: 50 mm/s, following_error: 3 mm}"
-            if profile == "epos4"
+            if profile.startswith("epos")
             else "scale: 1"
         )
         bench.write_text(BENCH.format(channel=channel, port=benchmark.PORT, profile=profile, scale=scale))

@@ -15,7 +15,7 @@ METHODS = [*range(1, 15), *range(17, 31)]
 
 
 @pytest.mark.parametrize("inverted", [False, True])
-@pytest.mark.parametrize("name", NODES)
+@pytest.mark.parametrize("name", sorted(NODES.keys() - {"epos2"}))  # which has no 60FDh
 def test_a_run_into_a_limit_switch_says_so(build, name, inverted):
     rig = Rig(build, {"servomotor": {**NODES[name], "inverted": inverted}})
     rig.go(5)

@@ -146,7 +146,7 @@ def test_an_epos4_whose_firmware_tells_the_resolution(build):
 
 @pytest.mark.parametrize(
     ("name", "place"),
-    [("mclm", (0x2350, 4)), ("mclm", (0x6092, 1)), ("faulhaber_v3", (0x6075, 0)), ("epos4", (0x60A9, 0))],
+    [("mclm", (0x2350, 4)), ("mclm", (0x6092, 1)), ("faulhaber_v3", (0x6092, 1)), ("epos4", (0x60A9, 0))],
 )
 def test_an_object_that_does_not_answer_is_assumed_and_told(build, name, place):
     bench = Bench(name, build)

@@ -9,7 +9,7 @@ from hw_bridge.dictionary import I16, U8, U16, U32
 from hw_bridge.hardware import HardwareKeys
 from hw_bridge.plant import bench, plant
 from hw_bridge.profiles import profile
-from tests.hw_bridge.axis import Rig, node
+from tests.hw_bridge.axis import Rig, node, wire_other_drive
 from tests.hw_bridge.bridge.test_bridge import NODES
 from twin.errors import SimulationError
 
@@ -32,7 +32,7 @@ def other(name, **types):
     ],
 )
 def test_other_sizes_than_in_the_profile(build, monkeypatch, name, types):
-    monkeypatch.setattr(plant, "profile", lambda _: other(name, **types))
+    wire_other_drive(monkeypatch, plant, other(name, **types))
     rig = Rig(build, {"servomotor": NODES[name]})
     rig.set(target_velocity=0.02)
     rig.go(500)
@@ -42,14 +42,14 @@ def test_other_sizes_than_in_the_profile(build, monkeypatch, name, types):
 
 
 def test_a_value_that_does_not_fit_is_refused(build, monkeypatch):
-    monkeypatch.setattr(plant, "profile", lambda _: other("mclm", _2321_2={"type": U8}))
+    wire_other_drive(monkeypatch, plant, other("mclm", _2321_2={"type": U8}))
     rig = Rig(build, {"servomotor": node("mclm")})
     with pytest.raises(SimulationError, match=r"2321h\.2 cannot hold 31710: it has 1 bytes, unsigned"):
         rig.go(1)
 
 
 def test_a_negative_number_keeps_its_sign(build, monkeypatch):
-    monkeypatch.setattr(plant, "profile", lambda _: other("mclm", _607D_1={"type": I16}, _607D_2={"type": I16}))
+    wire_other_drive(monkeypatch, plant, other("mclm", _607D_1={"type": I16}, _607D_2={"type": I16}))
     rig = Rig(build, {"servomotor": node("mclm", limits={"position": ["-20 mm", "20 mm"]})})
     rig.go(1)
     assert rig.drive.dictionary.get(0x607D, 1) == -24000
@@ -76,7 +76,7 @@ def unsized(answer):
 
 def test_the_check_tells_sizes_and_what_is_refused(build, monkeypatch, capsys):
     keys = HardwareKeys.model_validate({"simulated": True, "nodes": {"servomotor": node("mclm", objects={"2FFFh": 1})}})
-    monkeypatch.setattr(bench, "profile", lambda _: other("mclm", _2338_2={"type": U32}))
+    wire_other_drive(monkeypatch, bench, other("mclm", _2338_2={"type": U32}))
     found = hil.differences(keys, build)
     assert "note: servomotor: 2338h.2 has 4 bytes, in the profile 2." in capsys.readouterr().out
     assert len(found) == 1
@@ -92,8 +92,14 @@ def test_sizes_of_the_mclm_are_those_of_its_vendor():
 
 @pytest.mark.parametrize("more", [{}, {"product": 0x68500000}])
 def test_an_epos4_micro_is_another_drive(build, monkeypatch, more):
-    monkeypatch.setattr(plant, "profile", lambda _: other("epos4", _1018_2={"default": 0x68500000}))
+    wire_other_drive(monkeypatch, plant, other("epos4", _1018_2={"default": 0x68500000}))
     rig = Rig(build, {"servomotor": {**NODES["epos4"], **more}})
-    with pytest.raises(SimulationError, match=r"node 1 is a maxon EPOS4 Micro 24/5, another device than maxon EPOS4"):
+    with pytest.raises(
+        SimulationError,
+        match=r"node 1 is a maxon EPOS4 Micro 24/5\. No profile fits it\. It has another dictionary than an EPOS4",
+    ):
         rig.go(1)
-    assert hil.known(0xFB, 0x68500000) == "maxon EPOS4 Micro 24/5, which no profile fits"
+    assert (
+        hil.known(0xFB, 0x68500000)
+        == "maxon EPOS4 Micro 24/5, which no profile fits. It has another dictionary than an EPOS4. Use another drive."
+    )

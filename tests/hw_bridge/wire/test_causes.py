@@ -33,7 +33,10 @@ def test_a_fault_while_it_moves(bus, build):
         with pytest.raises(SimulationError) as failure:
             axis.go(2000)
         words = r"servomotor: is in Fault, 603Fh: 7300h encoder; 1003h: 7300h encoder."
-        assert str(failure.value) == f"servomotor: EMCY 7300h, encoder. All drives stop. {words}"
+        assert str(failure.value) == (
+            "servomotor: EMCY 7300h, encoder (1001h 21h generic, device profile; vendor's bytes 40 00 00 00 00, 2320h encoder). All drives "
+            f"stop. {words}"
+        )
         assert axis.session.account.ending().reason == str(failure.value)
         assert axis.session.account.unsafe == []
         assert wire.slave.state is State.FAULT

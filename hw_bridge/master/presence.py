@@ -1,0 +1,176 @@
+"""Which of the objects that a run uses a drive really has: what it can do without is left out and said, what not is refused.
+
+A profile, or an EDS file, is a claim. The drive is asked; what it answers with "no such object" counts as missing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from hw_bridge.dictionary import Code, Mode, supported
+from hw_bridge.master.sdo import SdoError
+from hw_bridge.master.vendor import CONTROL, FORCE, OFFSET, PDOS, SUBSTITUTES, takes_set_points
+from hw_bridge.master.writes import ask
+
+if TYPE_CHECKING:
+    from hw_bridge.master.node import Node
+
+MISSING = (Code.NO_OBJECT, Code.NO_SUBINDEX)
+ABORT_OPTION, MODES_OFFERED, CURRENT_NAMES = 0x6007, 0x6502, "6077h, 6078h"
+ALONE = "is watched by this program in each cycle, and by nothing in the drive"
+
+
+class Need(NamedTuple):
+    """An object of a run: the subindex that is asked for, its name, and what follows where it is missing."""
+
+    sub: int
+    name: str
+    consequence: str
+
+
+OPTIONAL = {
+    ABORT_OPTION: Need(0, "Abort connection option code", "what it does when this program's heartbeat stays away is its own choice: try it"),
+    0x603F: Need(0, "Error code", "errors are told by EMCY and 1003h"),
+    0x6061: Need(0, "Modes of operation display", "that another program changed its mode is not noticed"),
+    0x6065: Need(0, "Following error window", f"limits.following_error {ALONE}"),
+    0x607D: Need(1, "Software position limit", f"limits.position {ALONE}"),
+    0x607F: Need(0, "Max profile velocity", "limits.velocity acts on targets and is watched by this program"),
+    0x6080: Need(0, "Max motor speed", "limits.velocity acts on targets and is watched by this program"),
+    0x6081: Need(0, "Profile velocity", "limits.velocity does not bound set-points of profile position in the drive"),
+    0x6083: Need(0, "Profile acceleration", "its ramps of profile modes are its own"),
+    0x6084: Need(0, "Profile deceleration", "its ramps of profile modes are its own"),
+    0x6085: Need(0, "Quick stop deceleration", "how it brakes at a stop is its own choice: try it at low speed"),
+    0x60C2: Need(1, "Interpolation time period", "whether it interpolates between targets in csp is not known"),
+    0x60FE: Need(1, "Digital outputs", "a run can switch none of its outputs"),
+    MODES_OFFERED: Need(0, "Supported drive modes", "the modes of its profile are taken for its own"),
+}  # fmt: skip
+REQUIRED = {
+    0x1016: Need(1, "Consumer heartbeat time", "nothing would stop it when this program dies (node guarding is not supported)"),
+    0x1017: Need(0, "Producer heartbeat time", "that it is gone could not be noticed"),
+    0x6040: Need(0, "Controlword", "it cannot be enabled or stopped"),
+    0x6041: Need(0, "Statusword", "its state is not known"),
+    0x6060: Need(0, "Modes of operation", "its mode cannot be set"),
+    0x6064: Need(0, "Position actual value", "limits.position cannot be watched"),
+    0x606C: Need(0, "Velocity actual value", "limits.velocity cannot be watched"),
+    0x607A: Need(0, "Target position", "it cannot be held or moved by positions"),
+}  # fmt: skip
+HOMING = {
+    0x6098: Need(0, "Homing method", "it cannot home: leave `homing` out"),
+    0x6099: Need(1, "Homing speeds", "how fast it would search is not known: leave `homing` out"),
+}
+MAPPED = (0x6040, 0x6041, 0x6060, 0x6064, 0x606C, 0x607A)  # have to go with process data
+
+
+class Findings(NamedTuple):
+    """`notes`: what is left out, and what acts instead; `problems`: why it cannot be run."""
+
+    notes: list[str]
+    problems: list[str]
+
+
+def learn_objects(node: Node) -> Findings:
+    """Ask a drive for what a run uses; what it has not is taken out of `node.mirror`. Only reads."""
+    notes = []
+    required = REQUIRED | (HOMING if node.keys.homing is not None else {})
+    absent = {index for index, need in (OPTIONAL | required).items() if not _has(node, index, need.sub)}
+    for number in PDOS:
+        for index, sub in ((0x1400 + number, 1), (0x1600 + number, 0), (0x1800 + number, 1), (0x1A00 + number, 0)):
+            _has(node, index, sub)
+    words = (*CONTROL, *FORCE, *OFFSET, *(word for word, _ in node.vendor.currents))
+    for word in words:  # process data
+        _has(node, word >> 16, word >> 8 & 0xFF)
+    _learn_modes(node)
+    node.absent = frozenset(absent)
+    if node.unable:  # until it is told something, it holds its place
+        node.mode = Mode.CSP
+    for index, need in OPTIONAL.items():
+        needless = index == 0x60C2 and takes_set_points(node.mirror)
+        if index in absent and not needless:
+            notes.append(f"{node.name}: has no {index:04X}h {need.name}: {need.consequence}.")
+    problems = [
+        f"{node.name}: has no {index:04X}h {need.name}: {need.consequence}."
+        for index, need in required.items()
+        if index in absent
+    ]
+    if ABORT_OPTION in absent and not node.vendor.trips and node.keys.follow.mode != "csp":
+        problems.append(
+            f"{node.name}: has no 6007h Abort connection option code: in csv and pv it may go on when this program dies. Add "
+            f"`follow: {{mode: csp}}`, with which it stands at its last target."
+        )
+    node.use_process_data()
+    more = _mode_findings(node)
+    return Findings(notes + more.notes, problems + more.problems + _process_data_problems(node, absent))
+
+
+def _has(node: Node, index: int, sub: int) -> bool:
+    """Whether the drive has an object; else it is forgotten."""
+    if sub not in node.mirror.objects.get(index, {}):
+        return False
+    try:
+        ask(node, index, sub)
+    except SdoError as error:
+        if error.code in MISSING:
+            node.mirror.remove(index)
+            return False
+    return True
+
+
+def _learn_modes(node: Node) -> None:
+    """6502h as the drive tells it; the profile's modes where it does not."""
+    if MODES_OFFERED in node.mirror:
+        data = ask(node, MODES_OFFERED)
+        node.mirror.values[MODES_OFFERED, 0] = int.from_bytes(data, "little")
+    else:
+        node.mirror.values[MODES_OFFERED, 0] = supported(*node.profile.modes)
+
+
+def _mode_findings(node: Node) -> Findings:
+    """Modes that it has not, nor what stands for them."""
+    offered = f"6502h is {node.mirror.get(MODES_OFFERED):X}h"
+    notes, problems = [], []
+    if not node.offers(Mode.CSP) and not node.offers(SUBSTITUTES[Mode.CSP]):
+        problems.append(f"{node.name}: has neither csp nor pp ({offered}): it cannot be held at a position.")
+    if not node.offers(Mode.CSV) and not node.offers(SUBSTITUTES[Mode.CSV]):
+        notes.append(
+            f"{node.name}: has neither csv nor pv ({offered}): a member that is told speeds needs `follow: {{mode: csp}}`, and a "
+            f"contact ends a run without a retraction."
+        )
+    elif 0x60FF not in node.mirror:
+        problems.append(f"{node.name}: has no 60FFh Target velocity: its velocity modes ({offered}) cannot be used.")
+    if node.told_force and not node.offers(Mode.CST):
+        problems.append(f"{node.name}: is told a force, but has no cst: {offered}. Use another drive.")
+    if node.keys.homing is not None and not node.offers(Mode.HM):
+        problems.append(f"{node.name}: has no homing mode ({offered}): leave `homing` out.")
+    return Findings(notes, problems)
+
+
+def _process_data_problems(node: Node, absent: set[int]) -> list[str]:
+    """Why process data cannot be exchanged as a run needs them."""
+    data, found, mirror = node.process_data, [], node.mirror
+    for index in MAPPED:
+        if index not in absent and index in mirror and not mirror.objects[index][0].mappable:
+            found.append(f"{index:04X}h cannot be mapped to process data")
+    for kind, start, maps in (("RPDO", 0x1400, data.receive), ("TPDO", 0x1800, data.transmit)):
+        for number, words in enumerate(maps):
+            if words:
+                found += _pdo_problems(node, f"{kind} {number + 1}", start + number, len(words))
+    if not data.current and node.keys.watch_force:
+        found.append(
+            f"it tells no current ({CURRENT_NAMES}): limits.force cannot be watched. Add `watch_force: false` if something else "
+            f"bounds the force"
+        )
+    wanted = node.keys.outputs or node.keys.safe_outputs is not None
+    if wanted and 0x60FE not in mirror:
+        found.append("it has no 60FEh Digital outputs: leave outputs and safe_outputs out")
+    return [f"{node.name}: {text}." for text in found]
+
+
+def _pdo_problems(node: Node, title: str, index: int, count: int) -> list[str]:
+    mirror = node.mirror
+    if index not in mirror or index + 0x200 not in mirror:
+        return [f"it has no {title} ({index:04X}h), which a run needs"]
+    entries = mirror.objects[index + 0x200]
+    fixed = [one for one in (mirror.objects[index].get(1), entries.get(0), entries.get(1)) if one and not one.writable]
+    if fixed:
+        return [f"{title} is fixed ({index:04X}h, {index + 0x200:04X}h cannot be written)"]
+    return [f"{title} has room for {len(entries) - 1} objects, a run needs {count}"] if len(entries) - 1 < count else []
