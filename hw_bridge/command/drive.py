@@ -86,7 +86,7 @@ def command(
     twin drive --profile epos4 --node 3 --interface socketcan --channel vcan0
     twin drive -p faulhaber_v3 -n 1 -i udp_multicast -c 239.74.163.2
     twin drive -p cia401 -n 9 -i udp_multicast -c 239.74.163.2
-    twin drive -p mclm -n 1 -i socketcan -c vcan0 --switch negative=-35mm --switch home=4mm:6mm
+    twin drive -p mclm --switch negative=-35mm --switch home=4mm:6mm
     twin drive -p mclm --write-eds mclm.eds
     """
     if context.invoked_subcommand is not None:
