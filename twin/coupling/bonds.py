@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from twin.coupling.system import Link
 
 POWER, ENERGY = "W", "J"
-MEANT = (POWER, ENERGY)  # the second with a displacement in the place of its velocity
+PRODUCT_UNITS = (POWER, ENERGY)  # the second with a displacement in the place of its velocity
 
 
 def bonds(links: Iterable[Link]) -> dict[str, list[Link]]:
@@ -48,16 +48,16 @@ def fault(links: list[Link]) -> str:
         [link for link in links if link.source.member == side and is_real(link.target.variable)] for side in sides
     )
     if not any(is_power(a, b) for a, b in product(there, back)):
-        units = " and ".join(shown(one) for one in links[:2])
+        units = " and ".join(link_label(link) for link in links[:2])
         return f"{units} give no power. Declare it at a force and a velocity, a torque and an angle, a pressure and a flow."
     return ""
 
 
-def is_power(a: Link, b: Link, meant: tuple[str, ...] = MEANT) -> bool:
+def is_power(a: Link, b: Link, units: tuple[str, ...] = PRODUCT_UNITS) -> bool:
     """Whether the product of what two connections bring is a power or an energy; angles count for nothing."""
-    both = [unit.describe(one.target.variable.unit).exponents for one in (a, b)]
-    found = [x + y for x, y in zip(*both, strict=True)][:-1]
-    return any(found == list(unit.describe(one).exponents)[:-1] for one in meant)
+    factors = [unit.describe(link.target.variable.unit).exponents for link in (a, b)]
+    exponents = [x + y for x, y in zip(*factors, strict=True)][:-1]
+    return any(exponents == list(unit.describe(symbol).exponents)[:-1] for symbol in units)
 
 
 def powers(links: Iterable[Link]) -> list[list[tuple[Link, Link, float]]]:
@@ -65,10 +65,10 @@ def powers(links: Iterable[Link]) -> list[list[tuple[Link, Link, float]]]:
 
     CouplingError for a declared bond that has none: with a place instead of a velocity the product is an energy.
     """
-    found = []
+    result = []
     for name, own in bonds(links).items():
         first = own[0].source.member
-        sides = product(*([one for one in own if (one.source.member == first) is there] for there in (True, False)))
+        sides = product(*([link for link in own if (link.source.member == first) is there] for there in (True, False)))
         pairs = [
             (a, b, in_watt(a) * in_watt(b))
             for a, b in sides
@@ -79,8 +79,8 @@ def powers(links: Iterable[Link]) -> list[list[tuple[Link, Link, float]]]:
                 f"bond {name}: has a force and a place, but no velocity, so it tells an energy and no power. "
                 "Declare it at the velocity, too, or use predictive or step_doubling."
             )
-        found += [pairs] if pairs else []
-    return found
+        result += [pairs] if pairs else []
+    return result
 
 
 def in_watt(link: Link) -> float:
@@ -88,6 +88,6 @@ def in_watt(link: Link) -> float:
     return unit.describe(link.target.variable.unit).factor
 
 
-def shown(link: Link) -> str:
+def link_label(link: Link) -> str:
     """`servo.position [m]`."""
     return f"{link.source.member}.{link.source.variable.name} [{link.target.variable.unit or '1'}]"

@@ -27,12 +27,12 @@ def declared_variables(cls: type[Component]) -> dict[str, MemberVariable]:
     """The variables of a component as its members show them."""
     feedthrough = dependencies(cls)
     continuous = evaluation(cls) is not None
-    places: dict[str, list[TerminalMember]] = {}
+    memberships: dict[str, list[TerminalMember]] = {}
     for name, terminal in cls.terminals.items():
         for member, variable in terminal.members.items():
-            places.setdefault(variable.name, []).append(TerminalMember(name, member, terminal.rule))
+            memberships.setdefault(variable.name, []).append(TerminalMember(name, member, terminal.rule))
     return {
-        v.name: declared(v, continuous, feedthrough.get(v.name, ()), tuple(places.get(v.name, ())))
+        v.name: declared(v, continuous, feedthrough.get(v.name, ()), tuple(memberships.get(v.name, ())))
         for v in cls.variables
     }
 
@@ -70,7 +70,7 @@ def importable(cls: type[Component]) -> tuple[type[Component], int]:
     return (cls.__mro__[1] if "sampled_as" in vars(cls) else cls), cls.period_ns
 
 
-def _made_again(
+def _recreate(
     name: str,
     base: type[Component],
     period_ns: int,
@@ -118,8 +118,8 @@ class RecordMember(Member):
     def __reduce__(self) -> tuple[Any, ...]:
         """Not yet initialized, for another process, which calls `load` next."""
         part = self.component
-        values = {one.name: np.array(part.views[one.name]) for one in type(part).variables}
-        return _made_again, (self.name, *importable(type(part)), values, bool(self.code), self.log, self.identity)
+        values = {variable.name: np.array(part.views[variable.name]) for variable in type(part).variables}
+        return _recreate, (self.name, *importable(type(part)), values, bool(self.code), self.log, self.identity)
 
     def load(self, build: Path) -> None:
         """Find the compiled code once more, where there was some."""

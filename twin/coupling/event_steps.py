@@ -45,7 +45,7 @@ class EventSteps:
         self.now: clock.Time | None = None  # where the step was cut that is at work
         self.target: clock.Time | None = None  # where the part of it ends that is at work
         self.is_part = False
-        self.rigid = [name for name, one in members.items() if one.period_ns or periods[name] != step]
+        self.rigid = [name for name, member in members.items() if member.period_ns or periods[name] != step]
         events.steps = self
 
     @property
@@ -69,7 +69,7 @@ class EventSteps:
             before = int((due - self.begin) // self.step)
             self.state["stop"] = min(int(self.state["stop"]), max(before, int(self.state["tick"]) + 1))
             return
-        names = ", ".join(one.name for one in self.events.order if one.due == due)
+        names = ", ".join(member.name for member in self.events.order if member.due == due)
         raise SimulationError(
             f"{names}: a clock ticks at t = {clock.text(due)}, between communication points of {clock.text(self.step)}, "
             f"and {', '.join(self.rigid)} cannot make a shorter step. "
@@ -91,17 +91,17 @@ class EventSteps:
         self.target = due if due is not None and now < due < end else end
         is_last = self.target == end
         self.is_part = not is_last
-        tick, kept = int(state["tick"]), {name: int(state[name]) for name in TIMES}
+        tick, saved = int(state["tick"]), {name: int(state[name]) for name in TIMES}
         lengths = self._lengths()
-        whole, at = lengths.copy(), Fraction(now) / clock.NANOSECONDS
+        saved_lengths, at = lengths.copy(), Fraction(now) / clock.NANOSECONDS
         state["begin_ns"], state["step_ns"], state["per_second"] = at.numerator, 0, at.denominator
-        state["every"], state["stop"] = kept["every"] if is_last else NEVER, tick + 1
+        state["every"], state["stop"] = saved["every"] if is_last else NEVER, tick + 1
         lengths[lengths != 0] = bits(clock.seconds(self.target - now))
         try:
             result = run()
         finally:
-            lengths[:] = whole
-            for name, value in kept.items():
+            lengths[:] = saved_lengths
+            for name, value in saved.items():
                 state[name] = value
         if result in (loop.DONE, loop.NOTICED):
             self.now = None if is_last else self.target

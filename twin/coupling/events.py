@@ -137,18 +137,18 @@ class Events:
     """
 
     def __init__(self, members: Mapping[str, Member], links: list[Link], wires: list[Link]) -> None:
-        self.members: dict[str, Clocked] = {name: one for name, one in members.items() if one.clocked}  # type: ignore[misc]
+        self.members: dict[str, Clocked] = {name: member for name, member in members.items() if member.clocked}  # type: ignore[misc]
         self.index = list(members).index(next(iter(self.members))) if self.members else 0
         self.links = [link for link in links if link.target.member in self.members]
         inside = [link for link in self.links + wires if link.source.member in self.members]
-        catalog = {name: one.variables for name, one in members.items() if name in self.members}
+        catalog = {name: member.variables for name, member in members.items() if name in self.members}
         self.order = [self.members[name] for name in stepping_order(list(self.members), inside, catalog)]
         self.wires: dict[tuple[str, str], list[tuple[str, str]]] = {}
         for link in wires:
             self.wires.setdefault(link.source.key, []).append(link.target.key)
         self._rows: dict[str, list[tuple[str, int]]] = {}
         self._objects = [link for link in inside if not link.source.variable.connectable]
-        self._callback = machine.ACCESS(self._called)
+        self._callback = machine.ACCESS(self._call)
         self.address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
         self.failure: BaseException | None = None
         self.now: clock.Time = 0  # of the last event [ns]
@@ -162,25 +162,25 @@ class Events:
         for link in self.links:
             rows = plan.rows_at_events(link.target.key)
             own = self._rows[link.target.member]
-            own += [one for one in rows if one not in own]
+            own += [row for row in rows if row not in own]
 
     @property
     def due(self) -> clock.Time | None:
         """When the next clock ticks [ns]."""
-        return min((due for one in self.order if (due := one.due) is not None), default=None)
+        return min((due for member in self.order if (due := member.due) is not None), default=None)
 
     @property
     def upcoming(self) -> clock.Time | None:
         """When the next event is due, be it a tick or what a member has announced [ns]."""
-        announced = (one.event_time for one in self.order)
+        announced = (member.event_time for member in self.order)
         return min((time for time in (self.due, *announced) if time is not None), default=None)
 
     @property
     def ended(self) -> str:
         """The member that wants the end; none: empty."""
-        return next((one.name for one in self.order if one.ended), "")
+        return next((member.name for member in self.order if member.ended), "")
 
-    def _called(self, *_: int) -> int:
+    def _call(self, *_: int) -> int:
         try:
             self.look(self.steps.time())
         except BaseException as error:  # also Ctrl-C: nothing may pass through native frames
@@ -190,20 +190,20 @@ class Events:
 
     def look(self, now: clock.Time) -> None:
         """Where all members have come to: is there an event?"""
-        for one in self.order:
+        for member in self.order:
             if not self.goes_on:
-                one.rest()
-            self._move(one)
+                member.rest()
+            self._move(member)
         self.goes_on = self.steps.is_part
         due = self.due
-        if (due is not None and due <= now) or any(one.has_news(now) for one in self.order):
+        if (due is not None and due <= now) or any(member.has_news(now) for member in self.order):
             self.react(now)
 
     def interfere(self, now: clock.Time) -> None:
         """An event from outside, behind a communication point: its ticks belong to the next step."""
         if not self.goes_on:
-            for one in self.order:
-                one.rest()
+            for member in self.order:
+                member.rest()
         self.goes_on = True
         self.react(now)
 
@@ -219,15 +219,15 @@ class Events:
         self.steps.check(now)
 
     def _iterate(self, now: clock.Time) -> None:
-        for one in self.order:
-            one.enter_events(now)
+        for member in self.order:
+            member.enter_events(now)
         needed = True  # fmi3UpdateDiscreteStates comes once at least
         for _ in range(INSTANTS):
-            told = self._tick(now)
-            if not (self._settle(now) or told or needed):
+            has_ticked = self._tick(now)
+            if not (self._settle(now) or has_ticked or needed):
                 break
-            wishes = [one.finish(now) for one in self.order]
-            needed = any(wishes)
+            requests = [member.finish(now) for member in self.order]
+            needed = any(requests)
             if self.ended:
                 break
         else:
@@ -235,51 +235,53 @@ class Events:
                 f"{', '.join(self.members)}: the event at t = {clock.text(now)} has no end after {INSTANTS} instants. "
                 "Look for clocks that let each other tick, and values that switch each other."
             )
-        for one in self.order:
-            one.leave_events()
+        for member in self.order:
+            member.leave_events()
 
     def _tick(self, now: clock.Time) -> bool:
         """Let the clocks tick that are due, with those that are connected to them."""
-        ticked = [self._tick_one(one, name, now) for one in self.order for name in one.due_clocks(now)]
+        ticked = [self._tick_clock(member, name, now) for member in self.order for name in member.due_clocks(now)]
         return any(ticked)
 
-    def _tick_one(self, one: Clocked, name: str, now: clock.Time) -> bool:
-        return one.tick(name, now) | self._wire(one, name, now)
+    def _tick_clock(self, member: Clocked, name: str, now: clock.Time) -> bool:
+        return member.tick(name, now) | self._wire(member, name, now)
 
-    def _wire(self, one: Clocked, name: str, now: clock.Time) -> bool:
-        ticked = [self._tick_one(self.members[to], own, now) for to, own in self.wires.get((one.name, name), ())]
+    def _wire(self, member: Clocked, name: str, now: clock.Time) -> bool:
+        ticked = [self._tick_clock(self.members[to], own, now) for to, own in self.wires.get((member.name, name), ())]
         return any(ticked)
 
     def _settle(self, now: clock.Time) -> bool:
         """One instant: until nothing changes; whether anything did."""
-        any_told = False
+        any_changed = False
         for _ in range(SWEEPS):
-            told = False
-            for one in self.order:
-                self._move(one)
-                told = one.evaluate(now) or told
-                for name in one.found():
-                    told = self._wire(one, name, now) or told
-            if not told:
-                return any_told
-            any_told = True
+            has_changed = False
+            for member in self.order:
+                self._move(member)
+                has_changed = member.evaluate(now) or has_changed
+                for name in member.found():
+                    has_changed = self._wire(member, name, now) or has_changed
+            if not has_changed:
+                return any_changed
+            any_changed = True
         raise SimulationError(
             f"{', '.join(self.members)}: values and clocks at t = {clock.text(now)} change each other without end, "
             f"{SWEEPS} times. Break the loop."
         )
 
-    def _move(self, one: Clocked) -> None:
+    def _move(self, member: Clocked) -> None:
         """What is connected to a member goes to where it reads it."""
-        for table, row in self._rows.get(one.name, ()):
+        for table, row in self._rows.get(member.name, ()):
             array = self._arrays[table]
             move = loop.copy if table == "copies" else convert
             move(int(array.ctypes.data) + row * array.strides[0], 1)
         for link in self._objects:
-            if link.target.member == one.name:
+            if link.target.member == member.name:
                 source, target = link.source, link.target
-                held = self.members[source.member].slot(source.variable.name).values
-                into = one.slot(target.variable.name).values
-                into[target.first : target.first + target.size] = held[source.first : source.first + source.size]
+                source_values = self.members[source.member].slot(source.variable.name).values
+                target_values = member.slot(target.variable.name).values
+                target_values[target.first : target.first + target.size] = source_values[
+                    source.first : source.first + source.size
+                ]
 
 
 def convert(row: int, count: int) -> None:

@@ -48,9 +48,9 @@ def push(members: Mapping[str, Member], links: list[Link], value: Any) -> None:
         if target.size == variable.size:
             member.set(variable.name, np.reshape(part, variable.shape) if variable.shape else part[0])
         else:
-            whole = np.array(member.get(variable.name))
-            whole.reshape(-1)[target.first : target.first + target.size] = part
-            member.set(variable.name, whole)
+            full = np.array(member.get(variable.name))
+            full.reshape(-1)[target.first : target.first + target.size] = part
+            member.set(variable.name, full)
 
 
 def _solve_loop(members: Mapping[str, Member], group: list[Key], by_source: dict[Key, list[Link]]) -> None:

@@ -115,17 +115,17 @@ class MemberVariable:
         wrong = np.argwhere(~((flat >= low) & (flat <= high)))
         if not len(wrong):
             return "", ""
-        found = flat[tuple(wrong[0])].item()
-        place = f"[{','.join(str(i + 1) for i in wrong[0])}]" if np.ndim(value) else ""
-        bounds = [None if one is None else self.shown(one) for one in (self.minimum, self.maximum)]
-        side = "below the minimum" if found < low else "above the maximum" if found > high else "no number"
-        text = self.shown(found) if self.shown(found) not in bounds else self.shown(found, 15)
+        first_value = flat[tuple(wrong[0])].item()
+        index = f"[{','.join(str(i + 1) for i in wrong[0])}]" if np.ndim(value) else ""
+        bounds = [None if bound is None else self.shown(bound) for bound in (self.minimum, self.maximum)]
+        side = "below the minimum" if first_value < low else "above the maximum" if first_value > high else "no number"
+        text = self.shown(first_value) if self.shown(first_value) not in bounds else self.shown(first_value, 15)
         range_ = (
             f"{bounds[0]} to {bounds[1]}"
             if None not in bounds
             else (f"at least {bounds[0]}" if bounds[0] else f"at most {bounds[1]}")
         )
-        return f"{place}: {text} is {side}", f"Give {range_}."
+        return f"{index}: {text} is {side}", f"Give {range_}."
 
     def shown(self, value: float, digits: int = 6) -> str:
         """A value for people, in the unit that they prefer."""
@@ -277,7 +277,7 @@ class Member(ABC):
             raise CouplingError(f"{self.name}: can be brought back to one point only, since it is isolated.")
         saved: list[Any] = []
 
-        def tried(call: Callable[[], object]) -> int:
+        def guarded(call: Callable[[], object]) -> int:
             try:
                 call()
             except Exception as error:  # nothing may pass through native frames
@@ -285,16 +285,16 @@ class Member(ABC):
                 return solver.ERROR
             return solver.OK
 
-        def get(_instance: int, place: int) -> int:
-            ctypes.c_void_p.from_address(place).value = place
-            return tried(lambda: saved.__setitem__(slice(None), [self.save()]))
+        def get(_instance: int, address: int) -> int:
+            ctypes.c_void_p.from_address(address).value = address
+            return guarded(lambda: saved.__setitem__(slice(None), [self.save()]))
 
         def back(_instance: int, _state: int) -> int:
-            return tried(lambda: self.restore(saved[0]))
+            return guarded(lambda: self.restore(saved[0]))
 
-        self._way = machine.STATE(get), machine.STATE(back), ctypes.c_void_p()
-        addresses = [ctypes.cast(one, ctypes.c_void_p).value or 0 for one in self._way[:2]]
-        return Way(get=addresses[0], set=addresses[1], places=(ctypes.addressof(self._way[2]),))
+        self._state_callbacks = machine.STATE(get), machine.STATE(back), ctypes.c_void_p()
+        addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in self._state_callbacks[:2]]
+        return Way(get=addresses[0], set=addresses[1], places=(ctypes.addressof(self._state_callbacks[2]),))
 
     @abstractmethod
     def close(self) -> None:

@@ -38,9 +38,9 @@ def join(members: Mapping[str, Member], links: list[Link], periods: Mapping[str,
     for leader in dict.fromkeys(first.values()):
         names = [name for name in members if first.get(name) == leader]
         if len({periods[name] for name in names}) > 1:
-            told = ", ".join(f"{name} {clock.text(periods[name])}" for name in names)
+            steps = ", ".join(f"{name} {clock.text(periods[name])}" for name in names)
             raise CouplingError(
-                f"{', '.join(names)}: are connected and integrated together, but step differently ({told}). "
+                f"{', '.join(names)}: are connected and integrated together, but step differently ({steps}). "
                 "Give them one communication step."
             )
         own = [link for link in inside if link.source.member in names]

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling.execution.plan import Key, Place, bits, kind, view
+from twin.coupling.execution.plan import Key, RowReference, bits, kind, view
 from twin.errors import CouplingError
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ class Overrides:
     def __init__(self, tables: Tables, members: Mapping[str, Member]) -> None:
         self.tables, self.plan, self.members = tables, tables.plan, members
         self._shadows: dict[Key, int] = {}  # where an overriding value lies
-        self._held: dict[tuple[Key, int], np.ndarray[Any, Any]] = {}  # overridden elements
+        self._elements: dict[tuple[Key, int], np.ndarray[Any, Any]] = {}  # overridden elements
 
     def set(self, key: Key, value: Any) -> None:
         """Let all who read this output, or the member that has this input, see `value` instead."""
@@ -49,19 +49,19 @@ class Overrides:
         variable = self.members[key[0]].variables[key[1]]
         table, row = self.plan.elements[key][element]
         self.tables.reset(table, row)
-        self._held.pop((key, element), None)
+        self._elements.pop((key, element), None)
         now = np.ravel(self.members[key[0]].get(key[1]))[element]
         if value is not None:
-            now = self._held[key, element] = np.array([value], variable.dtype)
+            now = self._elements[key, element] = np.array([value], variable.dtype)
             self.tables.arrays[table][row][0] = now.ctypes.data
         view(self.plan.published[key], variable)[element : element + 1] = now
 
     def hold(self) -> None:
         """Put overridden elements again where the whole array was published."""
-        for (key, element), value in self._held.items():
+        for (key, element), value in self._elements.items():
             view(self.plan.published[key], self.members[key[0]].variables[key[1]])[element : element + 1] = value
 
-    def _rows(self, key: Key) -> list[Place]:
+    def _rows(self, key: Key) -> list[RowReference]:
         variable = self.members[key[0]].variables[key[1]]
         rows = self.plan.writers.get(key, []) if variable.causality == "input" else self.plan.readers.get(key, [])
         if not rows:

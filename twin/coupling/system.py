@@ -45,7 +45,7 @@ class Connection:
     @property
     def place(self) -> str:
         """Where it is said, for the beginning of a message."""
-        return "".join(f"{one}: " for one in (self.where, self.terminals) if one)
+        return "".join(f"{part}: " for part in (self.where, self.terminals) if part)
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +100,8 @@ def find(path: str, catalog: Catalog) -> Reference:
         if len(index) == len(variable.shape) and all(0 <= i < n for i, n in zip(index, variable.shape, strict=True)):
             return Reference(member, variable, int(np.ravel_multi_index(index, variable.shape)), 1)
         raise CouplingError(f"{path!r}: {element[1]} has shape {list(variable.shape)}, elements count from 1.")
-    known = [*variables, *terminals.names(variables)]
-    raise CouplingError(f"{path!r}: {member} has no variable {name!r}. {nearest(name, known)}")
+    names = [*variables, *terminals.names(variables)]
+    raise CouplingError(f"{path!r}: {member} has no variable {name!r}. {nearest(name, names)}")
 
 
 @dataclass
@@ -124,15 +124,15 @@ class System:
 
     def single(self) -> tuple[list[Connection], list[str]]:
         """The connections of variables, those of terminals taken apart, and what is wrong with those."""
-        found: list[Connection] = []
+        connections: list[Connection] = []
         problems: list[str] = []
         for connection in self.connections:
             try:
-                found += self._single(connection)
+                connections += self._single(connection)
             except CouplingError as error:
                 text = f"{connection.source} -> {connection.target}"
-                problems += [f"{connection.place}{text}: {one}" for one in error.problems]
-        return found, problems
+                problems += [f"{connection.place}{text}: {problem}" for problem in error.problems]
+        return connections, problems
 
     def _single(self, connection: Connection) -> list[Connection]:
         """What a connection stands for: itself, unless it is one of terminals."""
@@ -142,9 +142,9 @@ class System:
             return [connection]
         a, b = ends
         if a is None or b is None:
-            known, other = (paths[0], paths[1]) if b is None else (paths[1], paths[0])
-            find(other, self.catalog)  # it may be that there is nothing of this name
-            raise CouplingError(f"{known} is a terminal, {other} is a variable. Connect two of one kind.")
+            terminal, variable = (paths[0], paths[1]) if b is None else (paths[1], paths[0])
+            find(variable, self.catalog)  # it may be that there is nothing of this name
+            raise CouplingError(f"{terminal} is a terminal, {variable} is a variable. Connect two of one kind.")
         text = f"{connection.source} -> {connection.target}"
         return [replace(connection, source=x, target=y, terminals=text) for x, y in terminals.single(a, b)]
 
@@ -156,13 +156,13 @@ class System:
             try:
                 link = self._link(connection)
             except CouplingError as error:
-                problems += [f"{connection.place}{one}" for one in error.problems]
+                problems += [f"{connection.place}{problem}" for problem in error.problems]
                 continue
             target = link.target
             for i in range(target.first, target.first + target.size):
                 other = sources.setdefault((*target.key, i), connection)
                 if other.source != connection.source:
-                    first = ", ".join(one for one in (other.where, other.terminals) if one)
+                    first = ", ".join(part for part in (other.where, other.terminals) if part)
                     problems.append(
                         f"{connection.place}{connection.target} has two sources, {other.source} and "
                         f"{connection.source}{f' (the first: {first})' if first else ''}. Keep one."
@@ -210,22 +210,22 @@ class System:
     def _ends(self, connection: Connection) -> tuple[Reference, Reference]:
         """What a connection connects; what is wrong with each end is told at once."""
         text = f"{connection.source} -> {connection.target}"
-        found, problems = [], []
+        references, problems = [], []
         for number, path in enumerate((connection.source, connection.target)):
             try:
-                found.append(find(path, self.catalog))
+                references.append(find(path, self.catalog))
             except CouplingError as error:
                 problems += error.problems
                 continue
-            causality = found[-1].variable.causality
-            is_clock = found[-1].variable.type == "Clock"  # one that ticks by time may let others tick
-            if number == 0 and causality not in READABLE and not (is_clock and found[-1].variable.interval):
+            causality = references[-1].variable.causality
+            is_clock = references[-1].variable.type == "Clock"  # one that ticks by time may let others tick
+            if number == 0 and causality not in READABLE and not (is_clock and references[-1].variable.interval):
                 problems.append(f"{text}: the source is an {causality}. Connect from an output.")
             elif number == 1 and causality != "input":
                 problems.append(f"{text}: the target is no input but {causality}. Connect to an input.")
         if problems:
             raise CouplingError(problems)
-        return found[0], found[1]
+        return references[0], references[1]
 
 
 def object_link(source: Reference, target: Reference, connection: Connection, text: str) -> Link:
@@ -252,11 +252,13 @@ def clock_link(source: Reference, target: Reference, connection: Connection, tex
 
 def check_items(source: MemberVariable, target: MemberVariable, text: str) -> None:
     """Enumerations go as numbers: the same number must be the same item."""
-    known = dict(target.items)
-    wrong = [(name, number) for name, number in source.items if known and known.get(name) != number]
+    target_items = dict(target.items)
+    wrong = [(name, number) for name, number in source.items if target_items and target_items.get(name) != number]
     if wrong:
         name, number = wrong[0]
-        other = f"is {known[name]}" if name in known else f"is not there: there are {', '.join(known)}"
+        other = (
+            f"is {target_items[name]}" if name in target_items else f"is not there: there are {', '.join(target_items)}"
+        )
         raise CouplingError(
             f"{text}: `{name}` is {number} in the source, and {other} in the target. Convert it between."
         )
@@ -295,12 +297,12 @@ def stepping_order(
 
     `together`: by member that steps as one with others, the one that stands for them in the order.
     """
-    as_one = {name: (together or {}).get(name, name) for name in members}
-    nodes = list(dict.fromkeys(as_one.values()))
+    representative = {name: (together or {}).get(name, name) for name in members}
+    nodes = list(dict.fromkeys(representative.values()))
     every: dict[str, list[str]] = {name: [] for name in nodes}
     direct: dict[str, list[str]] = {name: [] for name in nodes}
     for link in links:
-        source, target = as_one[link.source.member], as_one[link.target.member]
+        source, target = representative[link.source.member], representative[link.target.member]
         if source == target and together:
             continue
         every[source].append(target)

@@ -47,7 +47,9 @@ class Terminal:
 
 def names(variables: Mapping[str, MemberVariable]) -> list[str]:
     """The terminals of a member."""
-    return list(dict.fromkeys(place.terminal for one in variables.values() for place in one.terminals))
+    return list(
+        dict.fromkeys(membership.terminal for variable in variables.values() for membership in variable.terminals)
+    )
 
 
 def find(path: str, catalog: Catalog) -> Terminal | None:
@@ -57,16 +59,19 @@ def find(path: str, catalog: Catalog) -> Terminal | None:
     element = ELEMENT.fullmatch(name)
     if name in variables or (element and element[1] in variables):
         return None
-    found, index = members(variables, name), ""
-    if not found and element:
-        found, index = members(variables, element[1]), f"[{element[2]}]"
-    return Terminal(path, member, index, found) if found else None
+    matched, index = members(variables, name), ""
+    if not matched and element:
+        matched, index = members(variables, element[1]), f"[{element[2]}]"
+    return Terminal(path, member, index, matched) if matched else None
 
 
 def members(variables: Mapping[str, MemberVariable], terminal: str) -> dict[str, Pair]:
     """What belongs to a terminal."""
     return {
-        place.name: (one, place) for one in variables.values() for place in one.terminals if place.terminal == terminal
+        membership.name: (variable, membership)
+        for variable in variables.values()
+        for membership in variable.terminals
+        if membership.terminal == terminal
     }
 
 
@@ -76,7 +81,7 @@ def single(a: Terminal, b: Terminal) -> list[tuple[str, str]]:
     pairs: list[tuple[str, str]] = []
     for name in (name for name in a.members if name in b.members):
         ends = a.end(name), b.end(name)
-        is_input = [one.members[name][0].causality == "input" for one in (a, b)]
+        is_input = [terminal.members[name][0].causality == "input" for terminal in (a, b)]
         if problem := flow_problem(a.members[name][1].kind, b.members[name][1].kind):
             problems.append(f"{name}: {ends[0]} and {ends[1]} {problem}")
         elif is_input[0] == is_input[1]:
@@ -94,12 +99,16 @@ def single(a: Terminal, b: Terminal) -> list[tuple[str, str]]:
 def misfits(a: Terminal, b: Terminal) -> list[str]:
     """Members that have no partner and need one."""
     lonely = []
-    for one, other in ((a, b), (b, a)):
-        rules = {place.rule for _, place in one.members.values()}
+    for terminal, partner in ((a, b), (b, a)):
+        rules = {membership.rule for _, membership in terminal.members.values()}
         if unknown := sorted(rules - set(RULES)):
-            return [f"{one.path} has the matching rule {unknown[0]!r}. Connect its variables one by one."]
-        if missing := [n for n, (_, place) in one.members.items() if n not in other.members and place.rule != "bus"]:
-            lonely.append(f"{listed(missing)} of {one.path}")
+            return [f"{terminal.path} has the matching rule {unknown[0]!r}. Connect its variables one by one."]
+        if missing := [
+            n
+            for n, (_, membership) in terminal.members.items()
+            if n not in partner.members and membership.rule != "bus"
+        ]:
+            lonely.append(f"{listed(missing)} of {terminal.path}")
     if lonely:
         advice = "Connect terminals with the same members, or variables one by one."
         return [f"no partner at the other side for {' and '.join(lonely)}. {advice}"]
@@ -108,18 +117,18 @@ def misfits(a: Terminal, b: Terminal) -> list[str]:
     return []
 
 
-def wrong_index(one: Terminal) -> list[str]:
+def wrong_index(terminal: Terminal) -> list[str]:
     """What is wrong with the element that a terminal is meant for."""
-    arrays = [variable for variable, _ in one.members.values() if variable.shape]
-    if not one.index:
+    arrays = [variable for variable, _ in terminal.members.values() if variable.shape]
+    if not terminal.index:
         return []
     if not arrays:
-        return [f"{one.path}: none of its variables is an array. Leave the brackets out."]
-    index = [int(part) for part in one.index[1:-1].split(",")]
+        return [f"{terminal.path}: none of its variables is an array. Leave the brackets out."]
+    index = [int(part) for part in terminal.index[1:-1].split(",")]
     for variable in arrays:
         shape = variable.shape
         if len(index) != len(shape) or not all(1 <= i <= n for i, n in zip(index, shape, strict=True)):
-            return [f"{one.path}: {variable.name} has shape {list(shape)}, elements count from 1."]
+            return [f"{terminal.path}: {variable.name} has shape {list(shape)}, elements count from 1."]
     return []
 
 
@@ -132,7 +141,7 @@ def flow_problem(a: str, b: str) -> str:
     return ""
 
 
-def listed(found: Mapping[str, object] | list[str]) -> str:
+def listed(labels: Mapping[str, object] | list[str]) -> str:
     """Some names for a message."""
-    every = list(found)
+    every = list(labels)
     return ", ".join(every[:SHOWN]) + (f" and {len(every) - SHOWN} more" if len(every) > SHOWN else "")

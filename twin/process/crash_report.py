@@ -41,9 +41,9 @@ class Death:
         return asdict(self)
 
     @classmethod
-    def of(cls, told: dict[str, Any]) -> Self:
+    def of(cls, data: dict[str, Any]) -> Self:
         """From plain data."""
-        return cls(**{key: told[key] for key in cls.__dataclass_fields__ if key in told})
+        return cls(**{key: data[key] for key in cls.__dataclass_fields__ if key in data})
 
     @property
     def from_outside(self) -> bool:
@@ -66,11 +66,11 @@ class Death:
     @property
     def place(self) -> str:
         """The line of somebody's Python code that was at work: `model.py:12`."""
-        for found in filter(None, map(FRAME.match, self.stack)):
-            if found["file"].startswith(CALLERS):
+        for frame in filter(None, map(FRAME.match, self.stack)):
+            if frame["file"].startswith(CALLERS):
                 break  # what called native code
-            if not found["file"].startswith((ENGINE, "<")) and not library(found["file"]):
-                return f"{found['file']}:{found['line']}"
+            if not frame["file"].startswith((ENGINE, "<")) and not library(frame["file"]):
+                return f"{frame['file']}:{frame['line']}"
         return ""
 
     def text(self) -> str:

@@ -51,16 +51,16 @@ def process_identity(pid: int = 0) -> str:
     return f"{pid}-{started(pid) or '0'}"
 
 
-def alive(who: str) -> bool:
+def alive(identity: str) -> bool:
     """Whether the process that `process_identity` named is there."""
-    pid, _, start = who.partition("-")
+    pid, _, start = identity.partition("-")
     return pid.isdecimal() and bool(start) and started(int(pid)) == start
 
 
 def temporary() -> Path:
     """The system's folder for temporary files, as `tempfile` would find it."""
-    given = (os.environ.get(name, "") for name in ("TMPDIR", "TEMP", "TMP"))
-    return next((Path(one) for one in given if one and os.access(one, os.W_OK | os.X_OK)), Path("/tmp"))  # noqa: S108
+    candidates = (os.environ.get(name, "") for name in ("TMPDIR", "TEMP", "TMP"))
+    return next((Path(path) for path in candidates if path and os.access(path, os.W_OK | os.X_OK)), Path("/tmp"))  # noqa: S108
 
 
 def memory() -> Path | None:
@@ -85,31 +85,31 @@ def place_for(size: int) -> str | None:
     return Quick.folder if Quick.folder and size <= SMALL else None
 
 
-def folder_of(place: Path, who: str) -> Path:
+def folder_of(parent: Path, identity: str) -> Path:
     """The folder for temporary files of a run; what begins with its name is its process's too, and is swept with it."""
-    return place / f"{PREFIX}{who}"
+    return parent / f"{PREFIX}{identity}"
 
 
-def sweep(place: Path) -> None:
+def sweep(parent: Path) -> None:
     """Remove the folders that dead runs left."""
     try:
-        left = [one for one in place.iterdir() if one.name.startswith(PREFIX)]
+        leftovers = [folder for folder in parent.iterdir() if folder.name.startswith(PREFIX)]
     except OSError:
         return
-    for one in left:
-        pid, start, *_ = [*one.name.removeprefix(PREFIX).split("-"), ""]
+    for folder in leftovers:
+        pid, start, *_ = [*folder.name.removeprefix(PREFIX).split("-"), ""]
         if pid.isdecimal() and start.isdecimal() and not alive(f"{pid}-{start}"):
-            remove(one)
+            remove(folder)
 
 
-def remove(one: Path) -> None:
+def remove(folder: Path) -> None:
     """Remove a folder, as far as it goes."""
     with suppress(OSError):
-        one.rmdir()  # most are empty
+        folder.rmdir()  # most are empty
         return
     import shutil
 
-    shutil.rmtree(one, ignore_errors=True)
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def memory_is_limited() -> bool:

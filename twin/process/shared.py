@@ -28,14 +28,14 @@ class Shared:
     def __init__(self) -> None:
         self.memory = mmap.mmap(-1, HEAD + RING)
 
-    def word(self, place: int) -> int:
+    def word(self, offset: int) -> int:
         """The 64-bit word at a place."""
-        found: int = struct.unpack_from("q", self.memory, place)[0]
-        return found
+        value: int = struct.unpack_from("q", self.memory, offset)[0]
+        return value
 
-    def put(self, place: int, value: int) -> None:
+    def put(self, offset: int, value: int) -> None:
         """Store a word."""
-        struct.pack_into("q", self.memory, place, value)
+        struct.pack_into("q", self.memory, offset, value)
 
     def note(self, text: str) -> None:
         """Say what this process is at; the number of notes tells that it goes on."""
@@ -63,39 +63,39 @@ class Drainer:
 
     def __init__(self, shared: Shared) -> None:
         self.shared = shared
-        self.told: dict[str, Any] = {}
+        self.layout: dict[str, Any] = {}
         self.file = self.position = -1
         self.trouble: OSError | None = None
 
-    def open(self, told: dict[str, Any]) -> None:
+    def open(self, layout: dict[str, Any]) -> None:
         """Begin a file, or go on with one that another drainer has begun."""
         self.close()
-        self.told, self.trouble = told, None
+        self.layout, self.trouble = layout, None
         try:
-            self.file = os.open(told["file"], MODE | os.O_APPEND, 0o666)
-            self.position = os.open(told["position"], MODE, 0o666)
+            self.file = os.open(layout["file"], MODE | os.O_APPEND, 0o666)
+            self.position = os.open(layout["position"], MODE, 0o666)
         except OSError as error:
             self.fail(error)
             return
-        begun, end = os.fstat(self.file).st_size, told["end"]
-        if begun % end != self.shared.word(TAIL) % end:
-            self.shared.put(TAIL, begun % end)
+        size, end = os.fstat(self.file).st_size, layout["end"]
+        if size % end != self.shared.word(TAIL) % end:
+            self.shared.put(TAIL, size % end)
 
     def drain(self) -> None:
         """Write what is new; what cannot be written is told in the word TROUBLE and stays in the ring."""
         if self.file < 0 or self.trouble is not None:
             return
-        place = self.shared.word(self.told["place"]) - self.told["front"]
+        position = self.shared.word(self.layout["place"]) - self.layout["front"]
         try:
             if os.fstat(self.file).st_nlink == 0:
-                raise FileNotFoundError(2, "The folder has disappeared", self.told["file"])
-            if place < self.shared.word(TAIL):
-                self.write(self.told["end"])
+                raise FileNotFoundError(2, "The folder has disappeared", self.layout["file"])
+            if position < self.shared.word(TAIL):
+                self.write(self.layout["end"])
                 self.shared.put(TAIL, 0)
-            self.write(place)
-            self.tell()
+            self.write(position)
+            self.write_position()
         except OSError as error:
-            error.filename = self.told["file"]
+            error.filename = self.layout["file"]
             self.fail(error)
 
     def write(self, until: int) -> None:
@@ -107,9 +107,9 @@ class Drainer:
         finally:
             ring.release()
 
-    def tell(self) -> None:
+    def write_position(self) -> None:
         """Say in a file of its own where the process is, for the case that nobody is left to tell."""
-        text = f"{self.shared.word(self.told['tick'])} {self.shared.word(self.told['at'])} {self.shared.noted}\n"
+        text = f"{self.shared.word(self.layout['tick'])} {self.shared.word(self.layout['at'])} {self.shared.noted}\n"
         os.lseek(self.position, 0, os.SEEK_SET)
         os.write(self.position, text.encode())
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 ENDING = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK")
-SIGNALS = [getattr(signal, one) for one in ENDING if hasattr(signal, one)]
+SIGNALS = [getattr(signal, name) for name in ENDING if hasattr(signal, name)]
 RETRY = 0.01  # from an interrupt that Python ignored to the next one [s]
 
 
@@ -32,15 +32,15 @@ class Stop:
     def __enter__(self) -> Self:
         self._hook = sys.unraisablehook
         if threading.current_thread() is threading.main_thread():
-            for one in SIGNALS:
-                if signal.getsignal(one) not in (signal.SIG_IGN, None):
-                    self._before[one] = signal.signal(one, self._heard)
+            for number in SIGNALS:
+                if signal.getsignal(number) not in (signal.SIG_IGN, None):
+                    self._before[number] = signal.signal(number, self._on_signal)
         return self
 
     def __exit__(self, *_: object) -> None:
         handler = self._before.get(self.number)
-        for one, before in self._before.items():
-            signal.signal(one, signal.SIG_IGN if handler is once else before)
+        for number, before in self._before.items():
+            signal.signal(number, signal.SIG_IGN if handler is once else before)
         sys.unraisablehook = self._hook
         surrounding = getattr(handler, "__self__", None)
         if isinstance(surrounding, Stop):
@@ -48,7 +48,7 @@ class Stop:
         elif handler is signal.SIG_DFL:
             signal.raise_signal(self.number)
 
-    def _heard(self, number: int, _frame: object) -> None:
+    def _on_signal(self, number: int, _frame: object) -> None:
         first, self.number = not self.number, self.number or number
         if first and self._armed:
             interrupt(self.check)
@@ -71,8 +71,8 @@ class Stop:
 
 def once(_number: int, _frame: object) -> None:
     """A handler of signals: the first one interrupts, and no other changes how that ends."""
-    for one in SIGNALS:
-        signal.signal(one, signal.SIG_IGN)
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
     interrupt(once_more)
 
 
@@ -92,9 +92,9 @@ def handle_signals() -> None:
 
     Not so SIGINT and SIGTERM, which a script's background jobs would ignore: what may move a machine has to be stoppable.
     """
-    for one in SIGNALS:
-        if one in (signal.SIGINT, signal.SIGTERM) or signal.getsignal(one) is not signal.SIG_IGN:
-            signal.signal(one, once)
+    for number in SIGNALS:
+        if number in (signal.SIGINT, signal.SIGTERM) or signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, once)
 
 
 def interrupt(retry: Callable[[], object]) -> NoReturn:

@@ -46,17 +46,17 @@ def supervise(timeout: float = 0.0) -> Link:
     """
     if not Supervisor.allowed:
         return Link()
-    places = [one for one in (temporary(), memory()) if one is not None]
-    folders = [made(folder_of(one, process_identity())) for one in places]
+    locations = [location for location in (temporary(), memory()) if location is not None]
+    folders = [create_folder(folder_of(location, process_identity())) for location in locations]
     with suppress(OSError):  # no process can be had
-        remove_at_end([one for one in folders if one])
+        remove_at_end([folder for folder in folders if folder])
     supervisor = Supervisor(Shared(), timeout, *folders)
     link = supervisor.begin()
     if link is not None:
         return link
     try:
-        for place in places:
-            sweep(place)
+        for location in locations:
+            sweep(location)
         code_or_link = supervisor.run()
     finally:
         if supervisor.link is None:
@@ -65,7 +65,7 @@ def supervise(timeout: float = 0.0) -> Link:
     return code_or_link if isinstance(code_or_link, Link) else leave(code_or_link)
 
 
-def made(folder: Path) -> str:
+def create_folder(folder: Path) -> str:
     """A folder for temporary files; nothing where there can be none: a full disk, or somebody else's."""
     try:
         folder.mkdir(mode=0o700)
@@ -88,11 +88,11 @@ def remove_at_end(folders: list[str]) -> None:
         return
     os.setsid()
     if os.fork() == 0:
-        for one in SIGNALS:
-            signal.signal(one, signal.SIG_IGN)
+        for number in SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
         nothing = os.open(os.devnull, os.O_RDWR)
-        for one in range(3):
-            os.dup2(nothing, one)
+        for descriptor in range(3):
+            os.dup2(nothing, descriptor)
         os.closerange(3, end)
         os.closerange(end + 1, os.sysconf("SC_OPEN_MAX"))
         os.read(end, 1)
@@ -103,8 +103,8 @@ def remove_at_end(folders: list[str]) -> None:
 
 def leave(code: int) -> NoReturn:
     """End this process, which has begun nothing that would have to be ended; no signal changes how."""
-    for one in SIGNALS:
-        signal.signal(one, signal.SIG_IGN)
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
     with suppress(OSError, ValueError):
         sys.stdout.flush()
         sys.stderr.flush()
@@ -116,10 +116,10 @@ def end(code: int) -> NoReturn:
 
     All of it is closed and written then, and to take Python apart takes as long as a tenth of what it was started for.
     """
-    if any(not one.daemon for one in threading.enumerate() if one is not threading.main_thread()):
+    if any(not thread.daemon for thread in threading.enumerate() if thread is not threading.main_thread()):
         sys.exit(code)  # after those threads, which a signal may have to end
-    for one in SIGNALS:
-        signal.signal(one, signal.SIG_IGN)
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
     if not Supervisor.forked:
         sys.exit(code)
     atexit._run_exitfuncs()
@@ -141,13 +141,13 @@ class Supervisor:
         self.link: Watched | None = None
         self.kept: dict[str, Any] = {}
         self.attempt = self.tries = 0
-        self.asked = 0  # first signal that came
-        self.asked_at = 0.0
+        self.stop_signal = 0  # first signal that came
+        self.stop_requested_at = 0.0
         self.wake, self._woken = os.pipe()
         for end in (self.wake, self._woken):
             os.set_blocking(end, False)
 
-    def begin(self, death: Death | None = None) -> Watched | None:
+    def begin(self, previous: Death | None = None) -> Watched | None:
         """Fork; the link in the child, nothing in the parent."""
         self.shared.clear()
         pipes = [os.pipe() for _ in range(4)]  # messages, answers, native stderr, stacks
@@ -156,7 +156,7 @@ class Supervisor:
         sys.stderr.flush()
         self.pid = os.fork()
         if self.pid == 0:
-            self.link = self._child(pipes, death)
+            self.link = self._child(pipes, previous)
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
             return self.link
         (self.messages, out), (back, self.answers), (self.errors, err), (self.stacks, dump) = pipes
@@ -170,24 +170,24 @@ class Supervisor:
         self.quiet = 0.0
         self.lines: dict[str, deque[str]] = {}
         if self.attempt == 0:
-            for one in SIGNALS:
-                if signal.getsignal(one) is not signal.SIG_IGN or one == signal.SIGINT:
-                    signal.signal(one, self._heard)
+            for number in SIGNALS:
+                if signal.getsignal(number) is not signal.SIG_IGN or number == signal.SIGINT:
+                    signal.signal(number, self._forward_signal)
             signal.signal(signal.SIGCHLD, lambda *_: None)
             signal.set_wakeup_fd(self._woken, warn_on_full_buffer=False)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         return None
 
-    def _child(self, pipes: list[tuple[int, int]], death: Death | None) -> Watched:
+    def _child(self, pipes: list[tuple[int, int]], previous: Death | None) -> Watched:
         import faulthandler
 
         Supervisor.allowed, Supervisor.forked = False, True
         parent = os.getppid()
         signal.set_wakeup_fd(-1)
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-        for one in SIGNALS:
-            if signal.getsignal(one) is not signal.SIG_IGN:
-                signal.signal(one, once)
+        for number in SIGNALS:
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, once)
         (messages, out), (back, answers), (errors, err), (stacks, dump) = pipes
         for end in (messages, answers, errors, stacks, self.wake, self._woken):
             os.close(end)
@@ -203,15 +203,15 @@ class Supervisor:
             if "tempfile" in sys.modules:
                 sys.modules["tempfile"].tempdir = None  # type: ignore[attr-defined]
         link = Watched(self.shared, out, back, parent)
-        link.attempt, link.kept, link.death, link.temporary = self.attempt, dict(self.kept), death, self.folder
+        link.attempt, link.kept, link.death, link.temporary = self.attempt, dict(self.kept), previous, self.folder
         atexit.register(link.done)
         die_with(parent)
         return link
 
-    def _heard(self, number: int, _frame: object) -> None:
+    def _forward_signal(self, number: int, _frame: object) -> None:
         """Pass a signal on: a terminal sends it to both, and to the child the first one is all that counts."""
-        if not self.asked:
-            self.asked, self.asked_at = number, time.monotonic()
+        if not self.stop_signal:
+            self.stop_signal, self.stop_requested_at = number, time.monotonic()
         if self.pid:
             with suppress(ProcessLookupError):
                 os.kill(self.pid, number)
@@ -223,56 +223,58 @@ class Supervisor:
             code = os.waitstatus_to_exitcode(status)
             if self.done or (code == 0 and not self.kept):
                 return max(code, 0) if code >= 0 else self.kept.get("code", 1)
-            death = self.death(code)
+            crash = self.crash_report(code)
             self.tries += bool(self.kept.pop("finishing", False)) or not self.kept.pop("begun", False)
             if "resume" not in self.kept or self.tries >= TRIES:
-                return self.give_up(death)
+                return self.give_up(crash)
             self.attempt += 1
-            self.asked_at = time.monotonic()
+            self.stop_requested_at = time.monotonic()
             for end in (self.messages, self.answers, self.errors, self.stacks):
                 os.close(end)
-            if (link := self.begin(death)) is not None:
+            if (link := self.begin(crash)) is not None:
                 return link
 
-    def give_up(self, death: Death) -> int:
+    def give_up(self, crash: Death) -> int:
         """Say what happened where nothing can be finished."""
-        print(f"error: {death.text()}", file=sys.stderr)
+        print(f"error: {crash.text()}", file=sys.stderr)
         if hint := self.kept.get("hint"):
             print(hint, file=sys.stderr)
-        return 130 if death.from_outside else 1
+        return 130 if crash.from_outside else 1
 
     def watch(self) -> int:
         """Drain and listen until the child is dead; its status."""
         silent = 0.0
-        then = time.monotonic()
+        previous_time = time.monotonic()
         while True:
-            busy = self.drainer.file >= 0 or self.timeout or self.asked
+            busy = self.drainer.file >= 0 or self.timeout or self.stop_signal
             with suppress(InterruptedError):
                 select.select([self.messages, self.errors, self.stacks, self.wake], [], [], INTERVAL if busy else 1.0)
             with suppress(BlockingIOError):
                 os.read(self.wake, 512)
-            self.listen()
+            self.read_pipes()
             self.drainer.drain()
             pid, status = os.waitpid(self.pid, os.WNOHANG)
             if pid:
-                self.listen()
+                self.read_pipes()
                 self.drainer.drain()
                 self.drainer.close()
                 self.pid = 0
                 return status
             now = time.monotonic()
-            silent, then = self.stuck(silent, min(now - then, 4 * INTERVAL)), now
-            late = self.asked and now - self.asked_at > (FINISH_TIME if self.kept.get("finishing") else STOP_TIME)
-            if (self.timeout and silent > self.timeout) or late:
-                self.quiet = silent if not late else 0.0
+            silent, previous_time = self.stuck_time(silent, min(now - previous_time, 4 * INTERVAL)), now
+            is_overdue = self.stop_signal and now - self.stop_requested_at > (
+                FINISH_TIME if self.kept.get("finishing") else STOP_TIME
+            )
+            if (self.timeout and silent > self.timeout) or is_overdue:
+                self.quiet = silent if not is_overdue else 0.0
                 self.kill()
 
-    def stuck(self, silent: float, passed: float) -> float:
+    def stuck_time(self, silent: float, passed: float) -> float:
         """For how long the child has been at the same thing [s]; a process that was stopped is not stuck."""
-        told = self.drainer.told
+        layout = self.drainer.layout
         words = (
             self.shared.word(NOTES),
-            *((self.shared.word(told[key]) for key in ("tick", "at")) if told else (0, 0)),
+            *((self.shared.word(layout[key]) for key in ("tick", "at")) if layout else (0, 0)),
         )
         noted = self.shared.noted
         at_work = bool(words[2]) or (bool(noted) and not noted.endswith(UNLIMITED))
@@ -288,30 +290,30 @@ class Supervisor:
             end = time.monotonic() + DUMP_TIME
             while time.monotonic() < end and b"Current thread" not in self.stack:
                 select.select([self.stacks], [], [], 0.05)
-                self.listen()
+                self.read_pipes()
             time.sleep(0.02)
-            self.listen()
+            self.read_pipes()
             os.kill(self.pid, signal.SIGKILL)
 
-    def listen(self) -> None:
+    def read_pipes(self) -> None:
         """Take what the child says, on all ways."""
-        self.pending += taken(self.messages)
+        self.pending += read_available(self.messages)
         while len(self.pending) >= 4 and len(self.pending) >= 4 + (size := int.from_bytes(self.pending[:4], "little")):
             message = marshal.loads(self.pending[4 : 4 + size])  # noqa: S302 - from our own child
             self.pending = self.pending[4 + size :]
-            self.hear(message)
-        self.stack += taken(self.stacks)
+            self.handle_message(message)
+        self.stack += read_available(self.stacks)
         self.pass_on()
 
     def pass_on(self) -> None:
         """Pass on what native code printed to stderr."""
-        if text := taken(self.errors):
+        if text := read_available(self.errors):
             with suppress(OSError):
                 os.write(2, text)
             lines = self.lines.setdefault("", deque(maxlen=LINES))
             lines.extend(line for line in text.decode(errors="replace").splitlines() if line.strip())
 
-    def hear(self, message: dict[str, Any]) -> None:
+    def handle_message(self, message: dict[str, Any]) -> None:
         """Do what the child asks for."""
         if "open" in message:
             self.drainer.open(message["open"])
@@ -320,7 +322,7 @@ class Supervisor:
         if "shut" in message:
             self.drainer.drain()
             self.drainer.close()
-            self.drainer.told = {}
+            self.drainer.layout = {}
             self.pass_on()
             self.lines.clear()  # what this case logged says nothing of the next
         if "keep" in message:
@@ -333,16 +335,16 @@ class Supervisor:
             with suppress(BrokenPipeError):
                 os.write(self.answers, bytes([message["count"]]))
 
-    def death(self, code: int) -> Death:
+    def crash_report(self, code: int) -> Death:
         """How the child ended, and where it was."""
-        told = self.drainer.told
-        tick, at = (self.shared.word(told[key]) for key in ("tick", "at")) if told else (0, 0)
+        layout = self.drainer.layout
+        tick, at = (self.shared.word(layout[key]) for key in ("tick", "at")) if layout else (0, 0)
         number = -code if code < 0 else 0
         return Death(
             signal=number,
             exit=code if code >= 0 else None,
             silent=round(self.timeout, 3) if self.quiet else 0.0,
-            asked=self.asked,
+            asked=self.stop_signal,
             tick=tick,
             at=at,
             note=self.shared.noted,
@@ -351,13 +353,13 @@ class Supervisor:
         )
 
 
-def taken(file: int) -> bytes:
+def read_available(file: int) -> bytes:
     """All that can be read at once."""
-    found = b""
+    result = b""
     with suppress(BlockingIOError):
         while data := os.read(file, 1 << 16):
-            found += data
-    return found
+            result += data
+    return result
 
 
 def die_with(parent: int) -> None:

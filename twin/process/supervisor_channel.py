@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 INTERVAL = 0.03  # between two looks at the ring [s]: what is younger than 0.1 s may be lost, on a busy machine too
 LETTERS = 1000  # of a log line that is told
-PATIENCE = 0.0005  # between two looks for room in the ring [s]
+RETRY_INTERVAL = 0.0005  # between two looks for room in the ring [s]
 
 
 class Link:
@@ -34,25 +34,25 @@ class Link:
         self.shared = shared or Shared()
         self.kept: dict[str, Any] = {}
         self.death: Death | None = None
-        self.told: dict[str, Any] | None = None
+        self.layout: dict[str, Any] | None = None
         self._lock = threading.Lock()
         self._drainer: Drainer | None = None
         self._end = threading.Event()
 
-    def open(self, told: dict[str, Any]) -> None:
+    def open(self, layout: dict[str, Any]) -> None:
         """Have the rows of a case taken into a file, from the front of the ring."""
         self.shared.put(TAIL, 0)
         self.shared.put(TROUBLE, 0)
-        self.told = told
+        self.layout = layout
         self._begin()
 
     def _begin(self) -> None:
-        assert self.told is not None
+        assert self.layout is not None
         with self._lock:
             if self._drainer is None:
                 self._drainer = Drainer(self.shared)
                 threading.Thread(target=self._drain, name="recording", daemon=True).start()
-            self._drainer.open(self.told)
+            self._drainer.open(self.layout)
 
     def _drain(self) -> None:
         while not self._end.wait(INTERVAL):
@@ -72,12 +72,12 @@ class Link:
             with self._lock:
                 self._drainer.drain()
                 self._drainer.close()
-        self.told = None
+        self.layout = None
 
     def wait(self) -> None:
         """Let a little time pass, for the ring is full."""
         self.sync()
-        time.sleep(PATIENCE)
+        time.sleep(RETRY_INTERVAL)
 
     @property
     def owners(self) -> str:
@@ -96,15 +96,15 @@ class Link:
         if not number:
             return None
         text = "its folder has disappeared" if number == ENOENT else os.strerror(number)
-        return OSError(number, text, (self.told or {}).get("file"))
+        return OSError(number, text, (self.layout or {}).get("file"))
 
     @property
-    def record_place(self) -> int:
+    def record_offset(self) -> int:
         """Where in the memory the loop's record lies."""
         return RECORD
 
     @property
-    def ring_place(self) -> int:
+    def ring_offset(self) -> int:
         """Where in the memory the ring begins."""
         return HEAD
 
@@ -157,50 +157,50 @@ class Watched(Link):
         try:
             os.write(self._out, len(data).to_bytes(4, "little") + data)
         except BrokenPipeError:
-            self._alone()
+            self._continue_alone()
             return False
         return True
 
-    def _ask(self, **message: Any) -> bool:
+    def _request(self, **message: Any) -> bool:
         """Tell something, and wait until it was done."""
         self._count = self._count % 250 + 1
         if not self._send(count=self._count, **message):
             return False
         while (answer := os.read(self._back, 1)) != bytes([self._count]):
             if not answer:
-                self._alone()
+                self._continue_alone()
                 return False
         return True
 
-    def _alone(self) -> None:
+    def _continue_alone(self) -> None:
         """Who watched is dead: go on draining here."""
         if self._out >= 0:
             os.close(self._out)
             self._out, self.stopped = -1, True
-            if self.told is not None:
+            if self.layout is not None:
                 super()._begin()
 
     def _begin(self) -> None:
-        if not self._ask(open=self.told) and self._drainer is None:
+        if not self._request(open=self.layout) and self._drainer is None:
             super()._begin()
 
     def sync(self) -> None:
         """Return when every row is in the file, or cannot be written."""
-        if self.told is None:
+        if self.layout is None:
             return
-        if not self._ask(sync=True):
+        if not self._request(sync=True):
             super().sync()
 
     def shut(self) -> None:
         """Take what is left of a case, and close its file."""
-        if self.told is not None and not self._ask(shut=True):
+        if self.layout is not None and not self._request(shut=True):
             super().shut()
-        self.told = None
+        self.layout = None
 
     def look(self) -> None:
         """Notice whether who watched is dead."""
         if self._out >= 0 and os.getppid() != self._supervisor:
-            self._alone()
+            self._continue_alone()
 
     def keep(self, **values: Any) -> None:
         """Small values that the next process is to have, should this one die."""
@@ -220,11 +220,11 @@ class Watched(Link):
 class Lines(list[str]):
     """Log lines of a member, each of which is also told at once."""
 
-    def __init__(self, lines: Sequence[str], tell: Callable[[str], object]) -> None:
+    def __init__(self, lines: Sequence[str], on_line: Callable[[str], object]) -> None:
         super().__init__(lines)
-        self._tell = tell
+        self._on_line = on_line
 
     def append(self, line: str) -> None:
         """Keep a line, and tell it."""
         super().append(line)
-        self._tell(line)
+        self._on_line(line)

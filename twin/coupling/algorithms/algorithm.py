@@ -22,42 +22,49 @@ if TYPE_CHECKING:
 FINEST = 1 << 16  # divisions of a step: times in them stay exact
 
 
-class Named(ABCMeta):
+class AlgorithmRegistry(ABCMeta):
     """Lets `Algorithm("jacobi")` be the algorithm of that name, and `Algorithm` go through them all."""
 
-    known: ClassVar[dict[str, type[Algorithm]]] = {}
+    classes: ClassVar[dict[str, type[Algorithm]]] = {}
 
     def __call__(cls, *arguments: Any, **options: Any) -> Any:
         """An algorithm by its name, or by a mapping of `name` and options."""
         if cls.__name__ != "Algorithm":
             return super().__call__(**options)
-        given = arguments[0] if arguments else "jacobi"
-        if isinstance(given, Algorithm):
-            return given
-        chosen = {"name": given} if isinstance(given, str) else dict(given)
+        argument = arguments[0] if arguments else "jacobi"
+        if isinstance(argument, Algorithm):
+            return argument
+        chosen = {"name": argument} if isinstance(argument, str) else dict(argument)
         name = chosen.pop("name", None)
-        if name not in Named.known:
-            raise CouplingError(f"algorithm: there is no {name!r}. {nearest(str(name), list(Named.known))}")
-        found = Named.known[name]
-        own = [one.name for one in fields(found) if one.init]  # type: ignore[arg-type]
-        if unknown := [key for key in (*chosen, *options) if key not in own]:
-            raise CouplingError(f"algorithm: {name} has no option {unknown[0]!r}. {nearest(unknown[0], own)}")
-        return found(**chosen, **options)
+        if name not in AlgorithmRegistry.classes:
+            raise CouplingError(
+                f"algorithm: there is no {name!r}. {nearest(str(name), list(AlgorithmRegistry.classes))}"
+            )
+        algorithm_class = AlgorithmRegistry.classes[name]
+        option_names = [option.name for option in fields(algorithm_class) if option.init]  # type: ignore[arg-type]
+        if unknown := [key for key in (*chosen, *options) if key not in option_names]:
+            raise CouplingError(f"algorithm: {name} has no option {unknown[0]!r}. {nearest(unknown[0], option_names)}")
+        return algorithm_class(**chosen, **options)
 
     def __len__(cls) -> int:
-        return len(Named.known)
+        return len(AlgorithmRegistry.classes)
 
-    def __contains__(cls, one: object) -> bool:
-        return isinstance(one, Algorithm)
+    def __contains__(cls, item: object) -> bool:
+        return isinstance(item, Algorithm)
 
     def __iter__(cls) -> Iterator[Algorithm]:
         """Each with what is given where nothing is said, the plain ones first."""
-        every = [one() for one in Named.known.values()]
-        return iter(sorted(every, key=lambda one: (not one.is_plain, one.rolls_back, one.is_sequential)))
+        algorithms = [algorithm_class() for algorithm_class in AlgorithmRegistry.classes.values()]
+        return iter(
+            sorted(
+                algorithms,
+                key=lambda algorithm: (not algorithm.is_plain, algorithm.rolls_back, algorithm.is_sequential),
+            )
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Algorithm(ABC, metaclass=Named):
+class Algorithm(ABC, metaclass=AlgorithmRegistry):
     """How members see each other within one communication step.
 
     `order`: of the polynomial that an input is thought to follow over a step. `smoothing`: 0 to 1, how far its jumps
@@ -86,11 +93,11 @@ class Algorithm(ABC, metaclass=Named):
 
     if TYPE_CHECKING:
 
-        def __init__(self, given: object = None, /, **options: Any) -> None: ...
+        def __init__(self, argument: object = None, /, **options: Any) -> None: ...
 
     def __init_subclass__(cls, **_: Any) -> None:
         if cls.name:
-            Named.known[cls.name] = cls
+            AlgorithmRegistry.classes[cls.name] = cls
 
     def __post_init__(self) -> None:
         self._limited("order", 0, 2)
@@ -112,7 +119,7 @@ class Algorithm(ABC, metaclass=Named):
     def __eq__(self, other: object) -> bool:
         """Also with a name: that of an algorithm with no option given."""
         if isinstance(other, str):
-            return other in Named.known and self == Named.known[other]()
+            return other in AlgorithmRegistry.classes and self == AlgorithmRegistry.classes[other]()
         return type(self) is type(other) and vars(self) == vars(other)
 
     def __hash__(self) -> int:
@@ -147,7 +154,7 @@ class Algorithm(ABC, metaclass=Named):
         catalog = {name: member.variables for name, member in members.items()}
         joined = model_exchange_groups.together(members, links)
         order = stepping_order(list(members), links, catalog, joined)
-        return [[one for one in members if joined.get(one, one) == name] for name in order]
+        return [[member for member in members if joined.get(member, member) == name] for name in order]
 
     def divisions(self, step: clock.Time) -> int:
         """Into how many of the smallest steps a step [ns] may be divided: a power of two."""

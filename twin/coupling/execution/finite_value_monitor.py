@@ -32,7 +32,7 @@ REMEDY = "Correct its parameters or start values, or write `finite: false` for t
 NEVER = 1 << 62  # communication points between two rows of a recording that is not wanted
 
 
-def finite(member: Member) -> list[MemberVariable]:
+def finite_variables(member: Member) -> list[MemberVariable]:
     """Variables whose values have to be finite: outputs, and of a component of ours states and local variables too."""
     inside = isinstance(member, RecordMember) or member.can_restore
     return [
@@ -43,12 +43,12 @@ def finite(member: Member) -> list[MemberVariable]:
 
 
 @dataclass
-class Look:
+class ValueReader:
     """One look at a member: the memory to look at, and what fills it first."""
 
     values: list[np.ndarray[Any, Any]] = field(default_factory=list)
     fill: list[Callable[[], int]] = field(default_factory=list)
-    kept: list[Access] = field(default_factory=list)  # what `fill` points into
+    accesses: list[Access] = field(default_factory=list)  # what `fill` points into
 
     def is_bad(self) -> bool:
         """Whether anything is not finite."""
@@ -58,9 +58,9 @@ class Look:
         return not all(np.isfinite(values).all() for values in self.values)
 
 
-def look_at(member: Member, variables: list[MemberVariable]) -> Look:
+def value_reader(member: Member, variables: list[MemberVariable]) -> ValueReader:
     """How to look at some variables of a member: in place, in as few runs as may be, or by one call for each type."""
-    look = Look()
+    reader = ValueReader()
     if all(member.address(v.name) for v in variables):
         runs: list[list[int]] = []
         for variable in sorted(variables, key=lambda v: member.address(v.name)):
@@ -70,16 +70,16 @@ def look_at(member: Member, variables: list[MemberVariable]) -> Look:
             else:
                 runs.append([begin, begin + 8 * variable.size])
         raw = [(ctypes.c_double * ((end - begin) // 8)).from_address(begin) for begin, end in runs]
-        look.values = [np.ctypeslib.as_array(one) for one in raw]
-        return look
+        reader.values = [np.ctypeslib.as_array(buffer) for buffer in raw]
+        return reader
     for dtype in dict.fromkeys(v.dtype for v in variables):
         access = member.access([v.name for v in variables if v.dtype == dtype], write=False)
         values = np.zeros(access.size, dtype)
         call = partial(access.call, member.instance, int(values.ctypes.data))
-        look.kept.append(access)
-        look.values.append(values)
-        look.fill.append(call)
-    return look
+        reader.accesses.append(access)
+        reader.values.append(values)
+        reader.fill.append(call)
+    return reader
 
 
 @dataclass
@@ -92,7 +92,7 @@ class Saved:
     lines: dict[str, int]  # of the members' logs
 
 
-def adjoined(rows: list[list[int]]) -> list[list[int]]:
+def merge_adjacent(rows: list[list[int]]) -> list[list[int]]:
     """Rows of the loop's table of limits, those of neighbors in memory as one."""
     result: list[list[int]] = []
     for row in sorted(rows):
@@ -104,14 +104,16 @@ def adjoined(rows: list[list[int]]) -> list[list[int]]:
     return result
 
 
-class Watch:
+class FiniteValueMonitor:
     """Looks after the members of a co-simulation. `exempt`: those that may compute what is not finite."""
 
     def __init__(self, members: Mapping[str, Member], links: list[Link], exempt: Collection[str]) -> None:
         self.members, self.links = members, links
         self.replays = all(member.can_restore for member in members.values())
-        self.variables = {name: found for name, m in members.items() if name not in exempt and (found := finite(m))}
-        self._looks: dict[str, Look] = {}
+        self.variables = {
+            name: variables for name, m in members.items() if name not in exempt and (variables := finite_variables(m))
+        }
+        self._readers: dict[str, ValueReader] = {}
         self._saved: Saved | None = None
         self._rows: list[tuple[Key | None, list[int]]] = []
 
@@ -121,8 +123,8 @@ class Watch:
             return []
         return [
             (name, v.name)
-            for name, found in self.variables.items()
-            for v in found
+            for name, variables in self.variables.items()
+            for v in variables
             if v.causality == "output" and not isinstance(self.members[name], RecordMember)
         ]
 
@@ -130,14 +132,14 @@ class Watch:
         """The loop's table of limits: first what has to be finite, if it cannot be looked at later; then inputs."""
         self._rows = []
         largest = float(np.finfo(np.float64).max)
-        for name, found in {} if self.replays else self.variables.items():
-            for variable in found:
+        for name, variables in {} if self.replays else self.variables.items():
+            for variable in variables:
                 key = name, variable.name
-                published = plan.whole.get(key) or plan.published.get(key)
+                published = plan.unsplit.get(key) or plan.published.get(key)
                 if address := self.members[name].address(variable.name) or published:
                     row = [address, kind(variable.dtype), variable.size, bits(-largest), bits(largest)]
                     self._rows.append((None, row))
-        self._rows = [(None, row) for row in adjoined([row for _, row in self._rows])]
+        self._rows = [(None, row) for row in merge_adjacent([row for _, row in self._rows])]
         for (name, input_), address in plan.staged.items():
             variable = self.members[name].variables[input_]
             if variable.is_bounded:
@@ -146,9 +148,9 @@ class Watch:
                 self._rows.append(((name, input_), row))
         return np.array([row for _, row in self._rows] or [[0] * 5], np.int64)
 
-    def row(self, place: int) -> Key | None:
+    def row(self, index: int) -> Key | None:
         """The input that a row is for; None: a value that has to be finite."""
-        return self._rows[place][0]
+        return self._rows[index][0]
 
     @property
     def row_count(self) -> int:
@@ -163,23 +165,23 @@ class Watch:
         expected = expected.replace("Give", "Expected", 1)
         return f"{key[0]}.{key[1]}{wrong} at t = {clock.text(time)}, for the first time. {expected}"
 
-    def bad(self, failed: str = "") -> list[str]:
+    def non_finite_members(self, failed: str = "") -> list[str]:
         """Members that hold a value that is not finite; `failed`: one that may not like to be asked."""
-        for name, found in self.variables.items():
-            if name not in self._looks:
-                self._looks[name] = look_at(self.members[name], found)
+        for name, variables in self.variables.items():
+            if name not in self._readers:
+                self._readers[name] = value_reader(self.members[name], variables)
         return [
             name
-            for name, look in self._looks.items()
-            if (name != failed or self.members[name].can_restore) and look.is_bad()
+            for name, reader in self._readers.items()
+            if (name != failed or self.members[name].can_restore) and reader.is_bad()
         ]
 
     def save(self, record: np.ndarray[Any, Any], plan: Plan) -> None:
         """Remember where all is well, unless a member cannot come back to it."""
         if self.replays:
-            kept = {name: member.save() for name, member in self.members.items()}
+            states = {name: member.save() for name, member in self.members.items()}
             lines = {name: len(member.log) for name, member in self.members.items()}
-            self._saved = Saved(record.copy(), [block.copy() for block in plan.memory.blocks], kept, lines)
+            self._saved = Saved(record.copy(), [block.copy() for block in plan.memory.blocks], states, lines)
 
     def forget(self) -> None:
         """Something was set from outside: what was saved leads elsewhere."""
@@ -203,7 +205,7 @@ class Watch:
         record["derives"] = 0  # nobody would answer
         return record
 
-    def began(self, end: int, run: Callable[[int], int], plan: Plan) -> int:
+    def find_first_tick(self, end: int, run: Callable[[int], int], plan: Plan) -> int:
         """The first tick at which something is not finite, all being there again; `end`: one where something is.
 
         That a value once spoiled stays so is taken for granted.
@@ -215,7 +217,7 @@ class Watch:
             middle = (low + high) // 2
             record["stop"] = middle
             run(record.ctypes.data)
-            if self.bad():
+            if self.non_finite_members():
                 high, record = middle, self._restore(plan)
             else:
                 low = middle
@@ -224,31 +226,33 @@ class Watch:
         run(record.ctypes.data)
         return high
 
-    def source(self, bad: list[str]) -> tuple[str, bool]:
+    def find_source(self, bad: list[str]) -> tuple[str, bool]:
         """The member where it began: the first, along the data, with finite inputs; and whether there is one."""
         catalog = {name: member.variables for name, member in self.members.items()}
         order = [name for name in stepping_order(list(self.members), self.links, catalog) if name in bad]
         for name in order:
             inputs = [v.name for v in catalog[name].values() if v.causality == "input" and v.dtype.kind == "f"]
-            if all(np.isfinite(self.members[name].get(one)).all() for one in inputs):
+            if all(np.isfinite(self.members[name].get(input_name)).all() for input_name in inputs):
                 return name, True
         return order[0], False
 
     def described(self, bad: list[str], when: str) -> str:
         """What is not finite, where and when, in one line."""
-        name, is_source = self.source(bad)
+        name, is_source = self.find_source(bad)
         member = self.members[name]
         wrong = {v.name: value for v in self.variables[name] if not np.isfinite(value := member.get(v.name)).all()}
-        spoiled = {one.rpartition(".")[0] for one in member.driven if not finite_value(member, one)}
-        whole = [one for one in wrong if one.rpartition(".")[0] not in spoiled] or list(wrong)
-        first = min(whole, key=lambda one: member.variables[one].causality == "output")  # a cause before its effect
+        spoiled = {path.rpartition(".")[0] for path in member.driven if not finite_value(member, path)}
+        candidates = [path for path in wrong if path.rpartition(".")[0] not in spoiled] or list(wrong)
+        first = min(
+            candidates, key=lambda path: member.variables[path].causality == "output"
+        )  # a cause before its effect
         value = np.asarray(wrong[first])
         index = tuple(np.argwhere(~np.isfinite(value))[0])
-        place = f"[{','.join(str(i + 1) for i in index)}]" if index else ""
-        others = [f"{name}.{one}" for one in whole if one != first]
+        element = f"[{','.join(str(i + 1) for i in index)}]" if index else ""
+        others = [f"{name}.{path}" for path in candidates if path != first]
         more = f" ({', '.join(others[:2])}{' and others' if len(others) > 2 else ''} too)" if others else ""
         cause = f"with finite inputs. {REMEDY}" if is_source else f"and not all of its inputs are finite. {REMEDY}"
-        return f"{name}.{first}{place} is {value[index]:g} {when}{more}, {cause}"
+        return f"{name}.{first}{element} is {value[index]:g} {when}{more}, {cause}"
 
     def spell(self, parts: Iterable[tuple[np.ndarray[Any, Any], Mapping[str, np.ndarray[Any, Any]]]]) -> str:
         """What was recorded as not finite, and was finite again before anybody looked; empty if nothing was.
@@ -257,8 +261,8 @@ class Watch:
         """
         for time, signals in parts:
             first: tuple[int, str] | None = None
-            for name, found in self.variables.items():
-                for path in (path for v in found if (path := f"{name}.{v.name}") in signals):
+            for name, variables in self.variables.items():
+                for path in (path for v in variables if (path := f"{name}.{v.name}") in signals):
                     good = np.isfinite(signals[path].reshape(len(time), -1)).all(axis=1)
                     if not good.all():
                         first = min(first or (len(time), ""), (int(np.argmin(good)), path))

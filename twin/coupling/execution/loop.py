@@ -38,7 +38,7 @@ from twin.compiler import (
     write_float,
     write_float32,
 )
-from twin.coupling.variable_step import record_layout as walk
+from twin.coupling.variable_step import record_layout
 
 ROUNDING = 1e-12  # part of a step by which a member may miss its end
 
@@ -81,48 +81,48 @@ RECORD = np.dtype(
             "limits", "limit_count", "beyond",  # values that are watched, and the row that one is beyond
             "scalar",  # address of a word for one that is no Float64
             "at",  # address of the row of the call that is at work: whoever looks after a crash finds the member
-            *walk.INTEGERS,
+            *record_layout.INTEGERS,
         )
     ]
-    + [(name, np.float64) for name in walk.FLOATS],
+    + [(name, np.float64) for name in record_layout.FLOATS],
     align=True,
 )  # fmt: skip
 
 
-def convert_one(source: int, source_kind: int, target: int, target_kind: int, factor: float, offset: float) -> None:
+def convert_scalar(source: int, source_kind: int, target: int, target_kind: int, factor: float, offset: float) -> None:
     """Move one scalar to another representation; whole numbers go as integers, so that none is rounded."""
     if source_kind < 2:
         value = read_float(source) if source_kind == 0 else read_float32(source)
         value = value * factor + offset
-        whole = 0
+        integer = 0
     else:
         if source_kind >= 8 and source_kind < 10:
-            whole = read64(source)
+            integer = read64(source)
         elif source_kind >= 6 and source_kind < 8:
-            whole = read32(source)
+            integer = read32(source)
             if source_kind == 7:
-                whole = whole & 0xFFFFFFFF
+                integer = integer & 0xFFFFFFFF
         elif source_kind >= 4 and source_kind < 6:
-            whole = read16(source)
+            integer = read16(source)
             if source_kind == 5:
-                whole = whole & 0xFFFF
+                integer = integer & 0xFFFF
         else:
-            whole = read8(source)
+            integer = read8(source)
             if source_kind != 2:
-                whole = whole & 0xFF
-        value = whole * factor + offset
+                integer = integer & 0xFF
+        value = integer * factor + offset
     if target_kind == 0:
         write_float(target, value)
     elif target_kind == 1:
         write_float32(target, value)
     elif target_kind >= 8 and target_kind < 10:
-        write64(target, whole)
+        write64(target, integer)
     elif target_kind >= 6 and target_kind < 8:
-        write32(target, whole)
+        write32(target, integer)
     elif target_kind >= 4 and target_kind < 6:
-        write16(target, whole)
+        write16(target, integer)
     else:
-        write8(target, whole)
+        write8(target, integer)
 
 
 def copy(row: int, count: int) -> None:
@@ -143,7 +143,7 @@ def convert(row: int, count: int, shift: int) -> None:
         source_width, target_width = width(source_kind), width(target_kind)
         for j in range(read64(row + 32)):
             at, to = source + j * source_width, target + j * target_width
-            convert_one(at, source_kind, to, target_kind, factor, offset)
+            convert_scalar(at, source_kind, to, target_kind, factor, offset)
         row += 56
 
 
@@ -156,11 +156,11 @@ def width(kind: int) -> int:
     return 2 if kind == 4 or kind == 5 else 1
 
 
-def record_words(place: int, tick: int, row: int, count: int) -> None:
+def record_words(address: int, tick: int, row: int, count: int) -> None:
     """Write the tick, then the recorded 64-bit values: small enough to become part of `run`."""
-    write64(place, tick)
+    write64(address, tick)
     for _ in range(count):
-        source, target = read64(row), read64(row + 8) + place
+        source, target = read64(row), read64(row + 8) + address
         for j in range(read64(row + 16)):
             write64(target + 8 * j, read64(source + 8 * j))
         row += 24
@@ -184,7 +184,7 @@ def beyond(row: int, count: int, scalar: int) -> int:
             if value_kind == 0:
                 value = read_float(at)
             else:
-                convert_one(at, value_kind, scalar, 0, 1.0, 0.0)
+                convert_scalar(at, value_kind, scalar, 0, 1.0, 0.0)
                 value = read_float(scalar)
             if not (value >= low and value <= high):
                 return row
@@ -193,13 +193,13 @@ def beyond(row: int, count: int, scalar: int) -> int:
     return 0
 
 
-def came_back(self: Any, t: float) -> int:
+def has_returned_early(self: Any, t: float) -> int:
     """Whether one of those that may came back from its step from t before its end."""
-    row = self.hasty
-    for _ in range(self.hasty_count):
+    row = self.early_returns
+    for _ in range(self.early_return_count):
         flags, h = read64(row), read_float(row + 8)
         if read8(flags + 16) != 0 and read_float(flags + 24) < t + h - ROUNDING * h:
-            self.member, self.status, self.until = read64(row + 16), walk.EARLY, read_float(flags + 24)
+            self.member, self.status, self.until = read64(row + 16), record_layout.EARLY, read_float(flags + 24)
             return 1
         row += 24
     return 0
@@ -222,7 +222,7 @@ def run(self: Any) -> int:
     """Go on until `stop`, a full recording buffer, a member that fails or finishes the simulation, or a limit."""
     operations, operation_count, every = self.operations, self.operation_count, self.every
     begin_ns, step_ns, per_second, limit_count = self.begin_ns, self.step_ns, self.per_second, self.limit_count
-    hasty_count, tick = self.hasty_count, self.tick
+    early_return_count, tick = self.early_return_count, self.tick
     while tick < self.stop:
         if self.place >= self.limit:
             return FULL
@@ -254,16 +254,16 @@ def run(self: Any) -> int:
                         return FAILED
                     row += 56
             operation += 88
-        if hasty_count > 0 and came_back(self, t) != 0:
+        if early_return_count > 0 and has_returned_early(self, t) != 0:
             return FAILED
         tick += 1
         self.tick = tick
         if every == 1 or tick % every == 0:
-            place = self.place
-            record_words(place, tick, self.records, self.record_count)
+            row_address = self.place
+            record_words(row_address, tick, self.records, self.record_count)
             if self.record_convert_count > 0:
-                convert(self.record_converts, self.record_convert_count, place)
-            self.place = place + self.row_bytes
+                convert(self.record_converts, self.record_convert_count, row_address)
+            self.place = row_address + self.row_bytes
         if self.finished != 0:
             return FINISHED
         if limit_count > 0:

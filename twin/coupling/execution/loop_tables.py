@@ -37,8 +37,8 @@ class Tables:
     def publish(self) -> None:
         """Put what members hold to where others read it; those that step with the loop are read in place."""
         for (member, name), address in self.plan.published.items():
-            direct = self.members[member].address(name) and (member, name) not in self.plan.whole
-            if not direct or not self.plan.in_place(member):
+            direct = self.members[member].address(name) and (member, name) not in self.plan.unsplit
+            if not direct or not self.plan.is_read_directly(member):
                 self.put(member, name, address)
         for (member, name), address in self.plan.buffers.items():
             self.put(member, name, address)
@@ -47,7 +47,7 @@ class Tables:
         """Copy what a member holds to an address."""
         view(address, self.members[member].variables[name])[:] = np.ravel(self.members[member].get(name))
 
-    def tell(self, state: Any) -> None:
+    def write_addresses(self, state: Any) -> None:
         """Tell the loop's record where the tables are."""
         state["operations"], state["operation_count"] = self._operations.ctypes.data, len(self._operations)
         state["row_bytes"] = 8 * self.plan.row_words
@@ -62,8 +62,8 @@ class Tables:
             for i, name in enumerate(order)
             if self.members[name].is_hasty
         ]
-        self._hasty = np.array(rows, np.int64)
-        state["hasty"], state["hasty_count"] = self._hasty.ctypes.data, len(rows)
+        self._early_return_rows = np.array(rows, np.int64)
+        state["early_returns"], state["early_return_count"] = self._early_return_rows.ctypes.data, len(rows)
 
     def merge_records(self, state: Any) -> None:
         """Hand the loop the rows that record, in as few runs as may be."""

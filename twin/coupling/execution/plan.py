@@ -17,7 +17,7 @@ from twin import clock
 from twin.compiler import machine
 from twin.coupling.events import Events
 from twin.coupling.execution import loop
-from twin.coupling.execution.string_binary_links import Objects
+from twin.coupling.execution.string_binary_links import StringBinaryLinks
 from twin.coupling.system import Link
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ MOVES = ("copies", "converts", "accesses")  # tables of operations beside that o
 FLAGS = 32  # byte that a step writes: event, terminate, early return, last successful time
 
 Key = tuple[str, str]
-Place = tuple[str, int, int, int]
+RowReference = tuple[str, int, int, int]
 
 
 @dataclass
@@ -83,12 +83,12 @@ class Plan:
     memory: Memory = field(default_factory=Memory)
     published: dict[Key, int] = field(default_factory=dict)
     staged: dict[Key, int] = field(default_factory=dict)
-    given: set[Key] = field(default_factory=set)  # inputs that are recorded as their FMUs were given them
+    recorded_inputs: set[Key] = field(default_factory=set)  # inputs that are recorded as their FMUs were given them
     buffers: dict[Key, int] = field(default_factory=dict)  # where an FMU's connected inputs are kept for its setters
-    readers: dict[Key, list[Place]] = field(default_factory=dict)
-    writers: dict[Key, list[Place]] = field(default_factory=dict)
+    readers: dict[Key, list[RowReference]] = field(default_factory=dict)
+    writers: dict[Key, list[RowReference]] = field(default_factory=dict)
     elements: dict[Key, list[tuple[str, int]]] = field(default_factory=dict)
-    whole: dict[Key, int] = field(default_factory=dict)  # where a split variable would have been published
+    unsplit: dict[Key, int] = field(default_factory=dict)  # where a split variable would have been published
     operations: list[dict[str, Any]] = field(default_factory=list)  # ranges by table; addresses come with the tables
     records: list[list[int]] = field(default_factory=list)
     copies: list[list[int]] = field(default_factory=list)
@@ -101,11 +101,11 @@ class Plan:
     publishes: dict[str, list[list[int]]] = field(default_factory=dict)
     keep: list[Access] = field(default_factory=list)
     # variables that a call moves, by its function, instance and references
-    asked: dict[tuple[int, int, int], tuple[str, ...]] = field(default_factory=dict)
+    access_names: dict[tuple[int, int, int], tuple[str, ...]] = field(default_factory=dict)
     references: dict[bytes, int] = field(default_factory=dict)  # where they lie: equal ones once, which a cache holds
     no_flags: int = 0  # where those look for flags who write none: all at one place
     functions: dict[int, str] = field(default_factory=dict)  # names of the functions that are called, by address
-    objects: Objects | None = None  # what is no number
+    objects: StringBinaryLinks | None = None  # what is no number
     events: Events | None = None  # what happens at a communication point when all have published
     row_words: int = 1
     record_converts: tuple[int, int] = (0, 0)
@@ -114,14 +114,18 @@ class Plan:
         """Communication points per step of a member."""
         return max(1, self.periods[member] // self.step_ns)
 
-    def in_place(self, member: str) -> bool:
+    def is_read_directly(self, member: str) -> bool:
         """Whether others may read the memory of a record: it publishes whenever it is stepped."""
         return self.divider(member) == 1
 
-    def is_given(self, member: str, name: str) -> bool:
+    def is_recorded_input(self, member: str, name: str) -> bool:
         """Whether a variable is known from what its FMU was given: many refuse to be asked for their inputs."""
-        one = self.members[member]
-        return one.variables[name].causality == "input" and not one.address(name) and self.in_place(member)
+        instance = self.members[member]
+        return (
+            instance.variables[name].causality == "input"
+            and not instance.address(name)
+            and self.is_read_directly(member)
+        )
 
     def build(
         self, order: list[list[str]], links: list[Link], recorded: list[Key], watched: Iterable[Key] = ()
@@ -133,15 +137,15 @@ class Plan:
             needed[link.source.member][link.source.variable.name] = link.source.variable
             inputs[link.target.member][link.target.variable.name] = link.target.variable
         for key in (*recorded, *watched):
-            if self.is_given(*key):
-                self.given.add(key)
+            if self.is_recorded_input(*key):
+                self.recorded_inputs.add(key)
             else:
                 needed[key[0]][key[1]] = self.members[key[0]].variables[key[1]]
         for index, name in enumerate(self.members):
             self._publish(index, name, needed[name])
         for index, name in enumerate(self.members):
             self._stage_inputs(index, name, inputs[name])
-        for key in self.given:
+        for key in self.recorded_inputs:
             variable = self.members[key[0]].variables[key[1]]
             if key not in self.staged:
                 self.buffers[key] = self.memory.take(variable.size * variable.dtype.itemsize)
@@ -155,10 +159,10 @@ class Plan:
         """An operation behind all others, if there are clocks."""
         if self.events is None:
             return
-        place = len(self.accesses)
+        row = len(self.accesses)
         self.accesses.append([self.events.address, 0, 0, 0, 0, 0, self.events.index])
         self.functions[self.events.address] = "events"
-        self.operations.append({"divider": 1, "h": bits(0.0), "accesses": (place, place + 1)})
+        self.operations.append({"divider": 1, "h": bits(0.0), "accesses": (row, row + 1)})
 
     def rows_at_events(self, key: Key) -> list[tuple[str, int]]:
         """The rows (table, row) that move to an input what is connected to it."""
@@ -177,7 +181,7 @@ class Plan:
         by_type: dict[tuple[str, Any], list[MemberVariable]] = {}
         for variable in names.values():
             by_type.setdefault((variable.type, variable.dtype), []).append(variable)
-        places = self.staged if write else self.published
+        addresses = self.staged if write else self.published
         calls = []
         for variables in by_type.values():
             access = self.members[member].access([v.name for v in variables], write)
@@ -186,7 +190,7 @@ class Plan:
             self.functions[access.function] = access.name
             rows = self.sets if write else self.gets
             references = self.references.setdefault(access.references.tobytes(), int(access.references.ctypes.data))
-            self.asked[access.function, self.members[member].instance, references] = tuple(
+            self.access_names[access.function, self.members[member].instance, references] = tuple(
                 f"{v.name} (value reference {', '.join(map(str, v.references[:3]))})" for v in variables
             )
             row = [
@@ -199,7 +203,7 @@ class Plan:
             ]
             rows[member].append(row)
             for variable in variables:
-                places[member, variable.name] = address
+                addresses[member, variable.name] = address
                 if write:
                     self.buffers[member, variable.name] = address
                 address += variable.size * variable.dtype.itemsize
@@ -211,7 +215,7 @@ class Plan:
         self.gets[name], self.publishes[name] = [], []
         if not all(member.address(v) for v in needed):
             self.keep += self._grouped(name, needed, write=False)
-        elif self.in_place(name):
+        elif self.is_read_directly(name):
             self.published.update({(name, v): member.address(v) for v in needed})
         else:
             for variable in needed.values():
@@ -225,7 +229,7 @@ class Plan:
         for row in self.gets[name]:
             row.append(index)
         for key in ((name, v) for v in needed if (name, v) in self.split):
-            self.whole[key] = self.published[key]
+            self.unsplit[key] = self.published[key]
             self.published[key] = self.memory.take(needed[key[1]].size * needed[key[1]].dtype.itemsize)
 
     def _stage_inputs(self, index: int, name: str, inputs: dict[str, MemberVariable]) -> None:
@@ -246,7 +250,7 @@ class Plan:
             inputs, steps, gets, *more = slots[0]
             if gets["divider"] == 1:
                 self._publish_at_once(steps["steps"], gets.pop("accesses"))
-            publish = [gets] if any(begin < end for begin, end in (gets.get(one, (0, 0)) for one in MOVES)) else []
+            publish = [gets] if any(begin < end for begin, end in (gets.get(table, (0, 0)) for table in MOVES)) else []
             self.operations += [{**inputs, "steps": steps["steps"]}, *publish, *more]
         else:
             self.operations += [slot[phase] for phase in range(4) for slot in slots if phase < len(slot)]
@@ -277,7 +281,7 @@ class Plan:
             member = self.members[name]
             self.steps.append(self._step(member, order.index(name)))
         accesses, copied, converted = len(self.accesses), len(self.copies), len(self.converts)
-        for key in (key for key in self.whole if key[0] in names):
+        for key in (key for key in self.unsplit if key[0] in names):
             self._split(key)
         elements = {"copies": (copied, len(self.copies)), "converts": (converted, len(self.converts))}
         return [
@@ -303,7 +307,7 @@ class Plan:
         variable = self.members[key[0]].variables[key[1]]
         size, word = variable.dtype.itemsize, kind(variable.dtype)
         for i in range(variable.size):
-            source, target = self.whole[key] + i * size, self.published[key] + i * size
+            source, target = self.unsplit[key] + i * size, self.published[key] + i * size
             table = "copies" if size == 8 else "converts"
             self.elements.setdefault(key, []).append((table, len(getattr(self, table))))
             if size == 8:
@@ -325,25 +329,25 @@ class Plan:
     def calls(self, tables: Mapping[str, np.ndarray[Any, Any]]) -> dict[int, tuple[str, str]]:
         """Member and function of every row that calls one, by the row's address."""
         names, functions = list(self.members), self.functions | (self.objects.names if self.objects else {})
-        found = {}
+        result = {}
         for table, rows in (("accesses", self.accesses), ("steps", self.steps)):
             for i, row in enumerate(rows):
                 member = names[row[-1]]
                 function = functions[row[0]] if table == "accesses" else self.members[member].step_name
-                found[int(tables[table].ctypes.data) + i * tables[table].strides[0]] = (member, function)
-        return found
+                result[int(tables[table].ctypes.data) + i * tables[table].strides[0]] = (member, function)
+        return result
 
     def _set_rows(self, name: str, links: list[Link]) -> list[Link]:
         """Add the calls that set a member's inputs; the links that need no copy since the call reads the source."""
         direct = []
         for row in self.sets[name]:
-            place = len(self.accesses)
+            row_index = len(self.accesses)
             self.accesses.append(row)
             into = [link for link in links if link.target.member == name and self.staged[link.target.key] == row[4]]
             if len(into) != 1 or row[3] != 1:
                 continue
             link = into[0]
-            if link.target.variable.is_bounded or link.target.key in self.given:
+            if link.target.variable.is_bounded or link.target.key in self.recorded_inputs:
                 continue  # what the member saw is looked at after its step, when the source may have gone on
             variable, foreign = (
                 link.source.variable,
@@ -354,8 +358,8 @@ class Plan:
             if same and foreign and link.target.size == size:
                 offset = link.source.first * variable.dtype.itemsize
                 row[4] = self.staged[link.target.key] = self.published[link.source.key] + offset
-                self.readers.setdefault(link.source.key, []).append(("accesses", place, 4, offset))
-                self.writers.setdefault(link.target.key, []).append(("accesses", place, 4, 0))
+                self.readers.setdefault(link.source.key, []).append(("accesses", row_index, 4, offset))
+                self.writers.setdefault(link.target.key, []).append(("accesses", row_index, 4, 0))
                 direct.append(link)
         return direct
 

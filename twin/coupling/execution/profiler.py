@@ -45,7 +45,7 @@ class Stopwatch:
         self.names = list(simulated.members)
         self.table, self._loop, self._state = simulated.plan, simulated._loop, simulated.state
         arrays = simulated._tables.arrays
-        pieces = [piece for row in simulated.plan.operation_rows(arrays) for piece in apart(row, arrays)]
+        pieces = [piece for row in simulated.plan.operation_rows(arrays) for piece in split_operation(row, arrays)]
         self.kinds = [kind for kind, _, _ in pieces]
         self.members = [-1 if member is None else member for _, member, _ in pieces]
         self.dividers = np.array([row[0] for *_, row in pieces])
@@ -60,10 +60,10 @@ class Stopwatch:
             rows += [row, reading(self._readings[i + 2])]
         self._operations = np.array(rows, np.int64)
         simulated.state["operations"], simulated.state["operation_count"] = self._operations.ctypes.data, len(rows)
-        self.stride = next(one for one in STRIDES if all(int(divider) % one for divider in self.dividers))
-        self.spent = np.zeros(len(pieces), np.int64)  # [ns] in those points that were looked at
+        self.stride = next(stride for stride in STRIDES if all(int(divider) % stride for divider in self.dividers))
+        self.durations_ns = np.zeros(len(pieces), np.int64)  # [ns] in those points that were looked at
         self.done = np.zeros(len(pieces), np.int64)  # how often each was at work in them
-        self.seen, self.ticks, self.wall = 0, 0, 0.0
+        self.sampled, self.ticks, self.wall = 0, 0, 0.0
         self.overheads: list[int] = []
         simulated._loop = self.run
 
@@ -79,18 +79,18 @@ class Stopwatch:
             self.wall += wall.perf_counter() - begin
             self.ticks += int(state["tick"]) - tick
             if int(state["tick"]) - tick == self.stride:
-                self.look(int(state["tick"]) - 1)
+                self.add_sample(int(state["tick"]) - 1)
         state["stop"] = last
         return result
 
-    def look(self, tick: int) -> None:
+    def add_sample(self, tick: int) -> None:
         """Add up what the clock said in a communication step."""
         spans = np.diff(self._stamps @ np.array([1_000_000_000, 1]))
         due = (tick + self._shifts) % self.dividers == 0
         self.overheads.append(int(spans[0]))
-        self.spent += np.where(due, spans[1:], 0)
+        self.durations_ns += np.where(due, spans[1:], 0)
         self.done += due
-        self.seen += 1
+        self.sampled += 1
 
     @property
     def overhead(self) -> float:
@@ -99,8 +99,8 @@ class Stopwatch:
 
     def per_tick(self) -> np.ndarray[Any, Any]:
         """What each piece takes of a communication step on average [s]."""
-        spent = self.spent * 1e-9 - self.done * self.overhead
-        return np.maximum(spent, 0.0) / max(self.seen, 1)
+        durations = self.durations_ns * 1e-9 - self.done * self.overhead
+        return np.maximum(durations, 0.0) / max(self.sampled, 1)
 
 
 def reading(row: np.ndarray[Any, Any]) -> list[int]:
@@ -108,12 +108,12 @@ def reading(row: np.ndarray[Any, Any]) -> list[int]:
     return [1, 0, 0, 0, 0, 0, 0, int(row.ctypes.data), 1, 0, 0]
 
 
-def apart(operation: np.ndarray[Any, Any], arrays: dict[str, Any]) -> list[tuple[str, int | None, list[int]]]:
+def split_operation(operation: np.ndarray[Any, Any], arrays: dict[str, Any]) -> list[tuple[str, int | None, list[int]]]:
     """An operation as its pieces, in order: what is copied, then call by call, each with the member it calls."""
     head, (copies, converts, accesses, steps) = operation[:3].tolist(), operation[3:].reshape(4, 2).tolist()
-    found: list[tuple[str, int | None, list[int]]] = []
+    pieces: list[tuple[str, int | None, list[int]]] = []
     if copies[1] or converts[1]:
-        found.append((COPIES, None, [*head, *copies, *converts, 0, 0, 0, 0]))
+        pieces.append((COPIES, None, [*head, *copies, *converts, 0, 0, 0, 0]))
     for kind, (address, count) in ((VALUES, accesses), (STEP, steps)):
         table = arrays[kind]
         for i in range(count):
@@ -121,8 +121,8 @@ def apart(operation: np.ndarray[Any, Any], arrays: dict[str, Any]) -> list[tuple
             words = table[(row - table.ctypes.data) // table.strides[0]]
             member = int(words[-1])
             own = [row, 1, 0, 0] if kind == VALUES else [0, 0, row, 1]
-            found.append((kind, member, [*head, 0, 0, 0, 0, *own]))
+            pieces.append((kind, member, [*head, 0, 0, 0, 0, *own]))
             if kind == STEP and words[GET_COUNT]:
-                found.append((VALUES, member, [*head, 0, 0, 0, 0, int(words[GETS]), int(words[GET_COUNT]), 0, 0]))
+                pieces.append((VALUES, member, [*head, 0, 0, 0, 0, int(words[GETS]), int(words[GET_COUNT]), 0, 0]))
                 words[GET_COUNT] = 0  # those are looked at by themselves
-    return found
+    return pieces

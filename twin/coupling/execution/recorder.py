@@ -113,9 +113,9 @@ class Ring:
     def __init__(self, link: Link, begin: Callable[[Layout], tuple[Path, Path]]) -> None:
         self.link, self._begin = link, begin
         memory = np.frombuffer(link.shared.memory, np.uint8)
-        self.record = memory[link.record_place :][: loop.RECORD.itemsize].view(loop.RECORD)
+        self.record = memory[link.record_offset :][: loop.RECORD.itemsize].view(loop.RECORD)
         self.record[:] = 0
-        self._ring = memory[link.ring_place :]
+        self._ring = memory[link.ring_offset :]
         self._front = int(self._ring.ctypes.data)
 
     def open(self, layout: Layout) -> None:
@@ -132,7 +132,7 @@ class Ring:
         state = self.record[0]
         state["place"], state["limit"] = self._front, self._front + self._size
         self.file, position = self._begin(layout)
-        places = {name: self.link.record_place + loop.RECORD.fields[name][1] for name in ("place", "tick", "at")}  # type: ignore[index]
+        addresses = {name: self.link.record_offset + loop.RECORD.fields[name][1] for name in ("place", "tick", "at")}  # type: ignore[index]
         self.link.open(
             {
                 "file": str(self.file),
@@ -140,7 +140,7 @@ class Ring:
                 "front": self._front,
                 "row": row,
                 "end": self._size,
-                **places,
+                **addresses,
             }
         )
         self.look()
@@ -149,13 +149,13 @@ class Ring:
         """Let the loop go on behind what was taken; wait while nothing was."""
         state = self.record[0]
         while True:
-            place, taken = int(state["place"]) - self._front, self.link.tail // self._row * self._row
-            if place == self._size and taken >= 2 * self._row:
-                place = 0
-            limit = taken - self._row if taken > place else self._size
-            if limit > place:
+            position, drained = int(state["place"]) - self._front, self.link.tail // self._row * self._row
+            if position == self._size and drained >= 2 * self._row:
+                position = 0
+            limit = drained - self._row if drained > position else self._size
+            if limit > position:
                 # `limit` first: whoever drains looks at `place` only
-                state["limit"], state["place"] = self._front + limit, self._front + place
+                state["limit"], state["place"] = self._front + limit, self._front + position
                 return
             self.link.wait()
             self.look()

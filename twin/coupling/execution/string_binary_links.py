@@ -33,12 +33,12 @@ def flat(value: Any) -> np.ndarray[Any, Any]:
     if isinstance(value, np.ndarray):
         return np.asarray(value, object).reshape(-1)
     elements = value if isinstance(value, list) else [value]
-    found = np.empty(len(elements), object)
-    found[:] = elements
-    return found
+    result = np.empty(len(elements), object)
+    result[:] = elements
+    return result
 
 
-class Objects:
+class StringBinaryLinks:
     """The connections whose values are no numbers, of all `links`; `numbers` are the others.
 
     Members must have been initialized: what they hold then is what they publish first.
@@ -50,14 +50,14 @@ class Objects:
         self.links = [link for link in links if not link.source.variable.connectable]
         keys = dict.fromkeys(link.source.key for link in self.links)
         self.published = {key: flat(members[key[0]].get(key[1])) for key in keys}
-        self.inputs = {link.target.key: self._held(link) for link in self.links}
+        self.inputs = {link.target.key: self._current_input(link) for link in self.links}
         for link in self.links:
             self._put(link)
-        self.given = {key: list(values) for key, values in self.inputs.items()}
-        self._kept: list[Any] = []  # callbacks
+        self.last_set = {key: list(values) for key, values in self.inputs.items()}
+        self._callbacks: list[Any] = []  # callbacks
         self.names: dict[int, str] = {}  # of the callbacks, by address
 
-    def _held(self, link: Link) -> np.ndarray[Any, Any]:
+    def _current_input(self, link: Link) -> np.ndarray[Any, Any]:
         """What an input holds that is connected, perhaps in some of its elements only."""
         variable = link.target.variable
         if link.target.size == variable.size:
@@ -80,25 +80,25 @@ class Objects:
     def way(self, count: int) -> Way:
         """How the loop brings back what is kept here, to any of `count` points."""
         saved: dict[int, tuple[Any, ...]] = {}  # by the address of their places
-        places = [ctypes.c_void_p() for _ in range(count)]
+        pointers = [ctypes.c_void_p() for _ in range(count)]
 
-        def save(_instance: int, place: int) -> int:
-            machine.write64(place, place)
+        def save(_instance: int, address: int) -> int:
+            machine.write64(address, address)
             inputs = {key: values.copy() for key, values in self.inputs.items()}
-            saved[place] = dict(self.published), inputs, dict(self.given)
+            saved[address] = dict(self.published), inputs, dict(self.last_set)
             return OK
 
-        def restore(_instance: int, place: int) -> int:
-            published, inputs, given = saved[place]
-            self.published, self.given = dict(published), dict(given)
+        def restore(_instance: int, address: int) -> int:
+            published, inputs, last_set = saved[address]
+            self.published, self.last_set = dict(published), dict(last_set)
             for key, values in inputs.items():
                 self.inputs[key][:] = values
             return OK
 
-        made = machine.STATE(save), machine.STATE(restore)
-        self._kept += [*made, *places]
-        addresses = [ctypes.cast(one, ctypes.c_void_p).value or 0 for one in made]
-        return Way(get=addresses[0], set=addresses[1], places=tuple(ctypes.addressof(one) for one in places))
+        callbacks = machine.STATE(save), machine.STATE(restore)
+        self._callbacks += [*callbacks, *pointers]
+        addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in callbacks]
+        return Way(get=addresses[0], set=addresses[1], places=tuple(ctypes.addressof(pointer) for pointer in pointers))
 
     def _take(self, key: Key) -> None:
         self.published[key] = flat(self.members[key[0]].get(key[1]))
@@ -109,8 +109,8 @@ class Objects:
             if link.target.key == key:
                 self._put(link)
         values = self.inputs[key]
-        if list(values) != self.given[key]:
-            self.given[key] = list(values)
+        if list(values) != self.last_set[key]:
+            self.last_set[key] = list(values)
             variable = self.members[key[0]].variables[key[1]]
             self.members[key[0]].set(key[1], values.reshape(variable.shape) if variable.shape else values[0])
 
@@ -128,6 +128,6 @@ class Objects:
 
         function = machine.ACCESS(called)
         address = ctypes.cast(function, ctypes.c_void_p).value or 0
-        self._kept.append(function)
+        self._callbacks.append(function)
         self.names[address] = word
         return [address, 0, 0, 0, 0, 0]

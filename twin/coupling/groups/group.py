@@ -98,12 +98,12 @@ def initialization(writer: Writer, border: list[Variable]) -> list[str]:
     sources: dict[Key, list[Link]] = {}
     for link in writer.links:
         sources.setdefault(link.source.key, []).append(link)
-    known = {name: dependencies(part.component) for name, part in writer.parts.items()}
+    feedthrough = {name: dependencies(part.component) for name, part in writer.parts.items()}
 
     def follows(link: Link, other: Key) -> bool:
         if other[0] != link.target.member:
             return False
-        return link.target.variable.name in known[other[0]].get(other[1], ())
+        return link.target.variable.name in feedthrough[other[0]].get(other[1], ())
 
     followers = {key: [o for link in links for o in sources if follows(link, o)] for key, links in sources.items()}
     for keys in ordered_groups(list(sources), followers):
@@ -154,9 +154,9 @@ def settle(writer: Writer, keys: list[Key], sources: dict[Key, list[Link]]) -> l
 def take_border(writer: Writer, number: int, variable: Variable) -> list[str]:
     """The group's own input goes to the member that has it."""
     member, _, name = variable.name.partition(".")
-    place = writer.place((member, name))
+    location = writer.location((member, name))
     return [
-        f"    {subscript(place, variable.shape, i)} = {subscript(f'self._border{number}', variable.shape or (1,), i)}"
+        f"    {subscript(location, variable.shape, i)} = {subscript(f'self._border{number}', variable.shape or (1,), i)}"
         for i in range(variable.size)
     ]
 
@@ -168,7 +168,7 @@ def publish(writer: Writer, member: str, name: str) -> list[str]:
     shape = writer.variable((member, name)).shape
     shadow = writer.published((member, name))
     return [
-        f"    {subscript(shadow, shape, i)} = {subscript(writer.place((member, name)), shape, i)}"
+        f"    {subscript(shadow, shape, i)} = {subscript(writer.location((member, name)), shape, i)}"
         for i in range(int(np.prod(shape, dtype=int)))
     ]
 
@@ -220,9 +220,9 @@ def compose(
         writer.published(key)
     source = initialization(writer, border) + stepping(writer, border, stages)
     if has_equations:
-        taken = [line for i, variable in enumerate(border) for line in take_border(writer, i, variable)]
-        source += group_equations.source(writer, taken)
-    place = group_layout(writer, variables, border)
+        input_statements = [line for i, variable in enumerate(border) for line in take_border(writer, i, variable)]
+        source += group_equations.source(writer, input_statements)
+    struct_layout = group_layout(writer, variables, border)
     text = "\n".join(source)
     code: dict[str, Any] = dict(writer.scope)
     define("step", text, code, f"group {name}")
@@ -239,11 +239,13 @@ def compose(
         ends = (Role.input, Role.state)
         body["reaches"] = group_equations.follows(parts, links, variables, ("derivatives",), ends)
         body["_evaluation"] = staticmethod(code["evaluate"])
-        body["_tangents"] = group_equations.slopes(writer, border, taken)
+        body["_tangents"] = group_equations.slopes(writer, border, input_statements)
     cls: type[Group] = type(name, (Group,), body)
-    cls.variables, cls.layout, cls.period_ns = tuple(variables), place, step
+    cls.variables, cls.layout, cls.period_ns = tuple(variables), struct_layout, step
     if has_equations:
-        cls.switches = tuple(f"{member}.{one}" for member, part in parts.items() for one in part.component.switches)
+        cls.switches = tuple(
+            f"{member}.{switch}" for member, part in parts.items() for switch in part.component.switches
+        )
     cls.starts, cls.terminals = starts(parts, variables), carried_over(parts, variables)
     advance = solver.sampled_advance(code["step"], step, inputs_of(at_border(border)))
     cls._functions = (group_start(code["initialize"]), advance)  # type: ignore[attr-defined]
@@ -296,14 +298,14 @@ def group_layout(writer: Writer, variables: list[Variable], border: list[Variabl
     base = layout(inputs, hidden)
     fields = {n: (base.dtype.fields[n][0], base.dtype.fields[n][1]) for n in base.dtype.names or ()}  # type: ignore[index]
     at = base.dtype.itemsize
-    places: dict[str, int] = {}
+    offsets: dict[str, int] = {}
     for member, part in writer.parts.items():
         inner = part.component.layout
         fields[member] = (inner.dtype, at)
-        places.update({f"{member}.{v.name}": at + inner.offset(v.name) for v in part.component.variables})
+        offsets.update({f"{member}.{v.name}": at + inner.offset(v.name) for v in part.component.variables})
         at += -(-inner.dtype.itemsize // 8) * 8
-    places.update({v.name: base.offset(f"_border{i}") for i, v in enumerate(border)})
-    places.update({f"{m}.{n}": base.offset(shadow) for (m, n), shadow in writer.shadows.items()})
+    offsets.update({v.name: base.offset(f"_border{i}") for i, v in enumerate(border)})
+    offsets.update({f"{m}.{n}": base.offset(shadow) for (m, n), shadow in writer.shadows.items()})
     specification = {
         "names": list(fields),
         "formats": [f for f, _ in fields.values()],
@@ -311,7 +313,7 @@ def group_layout(writer: Writer, variables: list[Variable], border: list[Variabl
         "itemsize": at,
     }
     dtype: np.dtype[Any] = np.dtype(specification, align=True)  # type: ignore[call-overload]
-    return Layout(tuple(variables), dtype, 0, places)
+    return Layout(tuple(variables), dtype, 0, offsets)
 
 
 def carried_over(parts: dict[str, Part], variables: list[Variable]) -> dict[str, Terminal]:
@@ -321,9 +323,9 @@ def carried_over(parts: dict[str, Part], variables: list[Variable]) -> dict[str,
     for member, part in parts.items():
         for name, terminal in part.component.terminals.items():
             members = {key: f"{member}.{v.name}" for key, v in terminal.members.items()}
-            if all(place in outside for place in members.values()):
-                kept = {key: outside[place] for key, place in members.items()}
-                result[f"{member}.{name}"] = replace(terminal, members=kept)
+            if all(path in outside for path in members.values()):
+                outer_members = {key: outside[path] for key, path in members.items()}
+                result[f"{member}.{name}"] = replace(terminal, members=outer_members)
     return result
 
 

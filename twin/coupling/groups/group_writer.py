@@ -38,7 +38,7 @@ class Writer:
         """Communication points per step of a member."""
         return self.parts[name].period // self.step
 
-    def place(self, key: Key) -> str:
+    def location(self, key: Key) -> str:
         """Where a variable lies in the member's record. A group's own inputs are not its members': it takes them when it steps."""
         fields = getattr(self.parts[key[0]].component, "fields", {})
         is_single = key[1] in fields and not self.variable(key).shape
@@ -47,7 +47,7 @@ class Writer:
     def published(self, key: Key) -> str:
         """Where others read a variable: in the member's record, or a copy made when it is due."""
         if self.divider(key[0]) == 1:
-            return self.place(key)
+            return self.location(key)
         shadow = f"self.{self.shadows.setdefault(key, f'_published{len(self.shadows)}')}"
         return shadow if self.variable(key).shape else f"{shadow}[0]"
 
@@ -57,7 +57,7 @@ class Writer:
 
     def copy(self, link: Link, indent: str = "    ") -> list[str]:
         """Statements that move the values of a connection."""
-        source, target = self.published(link.source.key), self.place(link.target.key)
+        source, target = self.published(link.source.key), self.location(link.target.key)
         conversion = f" * {link.factor!r} + {link.offset!r}" if (link.factor, link.offset) != (1.0, 0.0) else ""
         if is_real(link.target.variable) and not is_real(link.source.variable):
             conversion = " * 1.0"
@@ -69,9 +69,9 @@ class Writer:
         return lines
 
 
-def subscript(place: str, shape: tuple[int, ...], flat: int) -> str:
+def subscript(location: str, shape: tuple[int, ...], flat: int) -> str:
     """One scalar of a variable in source text."""
     if not shape:
-        return place
+        return location
     index = ", ".join(str(int(i)) for i in np.unravel_index(flat, shape))
-    return f"{place}[{index}]"
+    return f"{location}[{index}]"

@@ -45,12 +45,12 @@ class IsolatedClocks(IsolatedMember):
         self.ended = self.has_jumped = False
         self._is_running = self._rests = False
         self._calls: list[Any] = []
-        size = sum(self._room(one) for one in self.variables.values())
+        size = sum(self._room(variable) for variable in self.variables.values())
         first = self._take(size)
         self._span = first, first + size
 
     def _memory_size(self) -> int:
-        return super()._memory_size() + sum(self._room(one) for one in self.variables.values()) + 64
+        return super()._memory_size() + sum(self._room(variable) for variable in self.variables.values()) + 64
 
     @staticmethod
     def _room(variable: MemberVariable) -> int:
@@ -68,7 +68,7 @@ class IsolatedClocks(IsolatedMember):
         """Where a variable's values lie for others."""
         if name not in self.slots:
             variable = self.variables[name]
-            if offset := self._ask("slot", name):
+            if offset := self._request("slot", name):
                 raw = (ctypes.c_uint8 * (variable.size * variable.dtype.itemsize)).from_address(self._memory + offset)
                 values = np.ctypeslib.as_array(raw).view(variable.dtype)
             else:
@@ -85,12 +85,12 @@ class IsolatedClocks(IsolatedMember):
         """A call that moves values between memory and what others see."""
         slots = [self.slot(name) for name in names]
 
-        def moved(_instance: int, _references: int, _count: int, place: int, _size: int) -> int:
+        def move_values(_instance: int, _references: int, _count: int, address: int, _size: int) -> int:
             try:
                 for slot in slots:
-                    ends = (slot.values.ctypes.data, place) if write else (place, slot.values.ctypes.data)
+                    ends = (slot.values.ctypes.data, address) if write else (address, slot.values.ctypes.data)
                     ctypes.memmove(*ends, slot.values.nbytes)
-                    place += slot.values.nbytes
+                    address += slot.values.nbytes
                     if write and not self._is_running:
                         self.set(slot.variable.name, slot.values.reshape(slot.variable.shape)[()])
             except BaseException as error:  # nothing may pass through native frames
@@ -98,35 +98,35 @@ class IsolatedClocks(IsolatedMember):
                 return ERROR
             return OK
 
-        self._calls.append(machine.ACCESS(moved))
+        self._calls.append(machine.ACCESS(move_values))
         function = ctypes.cast(self._calls[-1], ctypes.c_void_p).value or 0
-        references = np.array([one.variable.references[0] for one in slots], np.uint32)
-        return Access(function, references, len(slots), sum(one.variable.size for one in slots), "access")
+        references = np.array([slot.variable.references[0] for slot in slots], np.uint32)
+        return Access(function, references, len(slots), sum(slot.variable.size for slot in slots), "access")
 
     # what `coupling.events` asks
 
     def _event(self, what: str, *arguments: Any) -> Any:
         """Have something done there, and learn what the member is like then."""
-        given = {
-            name: one.values.tolist()
-            for name, one in self.slots.items()
-            if not one.variable.connectable and one.variable.causality == "input"
+        inputs = {
+            name: slot.values.tolist()
+            for name, slot in self.slots.items()
+            if not slot.variable.connectable and slot.variable.causality == "input"
         }
         self._phase = what
         try:
             if self._rests and what != "rest":
                 self._rests = False
                 self._event("rest")
-            found = self._ask("event", what, [to_words(one) for one in arguments], given)
+            reply = self._request("event", what, [to_words(argument) for argument in arguments], inputs)
         except SimulationError as error:
             self.failure = error
             raise
         finally:
             self._phase = "an access"
-        answer, due, announced, self.ended, self.has_jumped, values = found
+        answer, due, announced, self.ended, self.has_jumped, values = reply
         self.due, self.event_time = from_words(due), from_words(announced)
-        for name, one in values.items():
-            self.slots[name].values[:] = one
+        for name, elements in values.items():
+            self.slots[name].values[:] = elements
         return answer
 
     def due_clocks(self, now: clock.Time) -> list[str]:

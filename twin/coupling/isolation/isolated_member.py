@@ -32,8 +32,8 @@ from twin.coupling.isolation.isolated_worker import (
     ROW,
     map_memory,
     native,
-    plain,
     system_calls,
+    to_plain,
     unmap_memory,
     words,
 )
@@ -46,9 +46,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 LINES = 20  # log lines kept
-GRACE = 1.0  # between the end of a process's pipes and its own [s]
-BEGINNING = 60.0  # that a process may take to begin, before what it does is watched [s]
-CLOSING = 10.0  # that a member may take to end before its process is ended [s]
+EXIT_TIMEOUT = 1.0  # between the end of a process's pipes and its own [s]
+START_TIMEOUT = 60.0  # that a process may take to begin, before what it does is watched [s]
+CLOSE_TIMEOUT = 10.0  # that a member may take to end before its process is ended [s]
 
 
 @contextmanager
@@ -109,7 +109,7 @@ class IsolatedMember(Member):
         with shared_file(self._memory_size()) as shared:
             self._share(shared)
             self.step_function, self.instance = self._native["step"], self._memory
-            self._begin(shared)
+            self._start_process(shared)
 
     def _share(self, shared: int) -> None:
         """Map the memory that both will have: what is not used is never touched."""
@@ -128,10 +128,10 @@ class IsolatedMember(Member):
 
     # processes
 
-    def _begin(self, shared: int) -> None:
+    def _start_process(self, shared: int) -> None:
         from multiprocessing.connection import Pipe
 
-        told = pickled(self._inner, self._build, self._span)
+        message = pickled(self._inner, self._build, self._span)
         (called, self._call), (self._returned, back), (self._stderr, stderr) = os.pipe(), os.pipe(), os.pipe()
         self._messages, messages = Pipe()
         self._channel["call"], self._channel["returned"] = self._call, self._returned
@@ -149,23 +149,23 @@ class IsolatedMember(Member):
                 os.close(end)
             messages.close()
         self.living.append(self)
-        self._reader = threading.Thread(target=self._listen, name=f"messages of {self.name}", daemon=True)
+        self._reader = threading.Thread(target=self._read_messages, name=f"messages of {self.name}", daemon=True)
         self._reader.start()
         with suppress(OSError):  # it has died at once: the next message finds that
-            self._messages.send_bytes(told)
+            self._messages.send_bytes(message)
 
     def _close_ends(self) -> None:
         for end in (self._call, self._returned, self._stderr):
             os.close(end)
         self._messages.close()
 
-    def _listen(self) -> None:
+    def _read_messages(self) -> None:
         """Take answers, log lines and stderr of the other process until its end; in a thread."""
         from multiprocessing.connection import wait
 
         while ready := wait([self._messages, self._stderr]):
             if self._stderr in ready:
-                self._heard(os.read(self._stderr, 1 << 16))
+                self._forward_stderr(os.read(self._stderr, 1 << 16))
             if self._messages not in ready:
                 continue
             try:
@@ -182,21 +182,21 @@ class IsolatedMember(Member):
         os.set_blocking(self._stderr, False)
         with suppress(BlockingIOError):
             while text := os.read(self._stderr, 1 << 16):
-                self._heard(text)
+                self._forward_stderr(text)
         self._answers.put(None)
         self._is_ready.set()
 
     def wait(self) -> None:
         """Wait until the process has begun, or ended: what is watched by the clock comes after that."""
-        self._is_ready.wait(BEGINNING)
+        self._is_ready.wait(START_TIMEOUT)
 
-    def _heard(self, text: bytes) -> None:
+    def _forward_stderr(self, text: bytes) -> None:
         """Pass on what was printed to stderr."""
         with suppress(OSError):
             os.write(2, text)
         self._errors.extend(line for line in text.decode(errors="replace").splitlines() if line.strip())
 
-    def _ask(self, what: str, *arguments: Any, patience: float | None = None) -> Any:
+    def _request(self, what: str, *arguments: Any, timeout: float | None = None) -> Any:
         """Have the member do something, and wait for what comes of it; SimulationError if that takes longer than that [s]."""
         if self.death:
             raise SimulationError(self.death)
@@ -207,31 +207,29 @@ class IsolatedMember(Member):
         count = 0
         while count != self._count:  # Ctrl-C may have left the answer to an earlier one
             try:
-                answer = self._answers.get(timeout=patience)
+                answer = self._answers.get(timeout=timeout)
             except Empty:
-                raise SimulationError(
-                    f"{self.name}: did not return from {self._phase} within {patience:g} s."
-                ) from None
+                raise SimulationError(f"{self.name}: did not return from {self._phase} within {timeout:g} s.") from None
             if answer is None:
-                raise SimulationError(self._ended(self._phase))
+                raise SimulationError(self._exit_text(self._phase))
             count, failure, value = answer
         if failure:
             raise getattr(errors, failure, SimulationError)(value)
         return value
 
-    def _ended(self, function: str, when: str = "") -> str:
+    def _exit_text(self, function: str, when: str = "") -> str:
         """Bury the process, and say in one line how it ended."""
-        code = self._reap(GRACE)
+        code = self._reap(EXIT_TIMEOUT)
         how = Death(signal=max(-code, 0), exit=code if code >= 0 else None).how
         lines = [*self.log, *self._errors][-5:]
         log = f" Last log: {' | '.join(lines)}" if lines else ""
         self.death = f"{self.name}: {how} in {function}{when}.{log}"
         return self.death
 
-    def _reap(self, patience: float) -> int:
+    def _reap(self, timeout: float) -> int:
         """Wait for the end of the process, and see to it; its exit code, negative: the signal."""
         try:
-            return self._process.wait(patience)
+            return self._process.wait(timeout)
         except subprocess.TimeoutExpired:
             self._process.kill()
             return self._process.wait()
@@ -243,7 +241,7 @@ class IsolatedMember(Member):
         while self._answers.get() is not None:
             pass
         at = int(self._channel["at"][0])
-        return self._ended(self._functions.get(at, self.step_name), f", in the step from t = {clock.text(time)}")
+        return self._exit_text(self._functions.get(at, self.step_name), f", in the step from t = {clock.text(time)}")
 
     @classmethod
     @contextmanager
@@ -259,8 +257,8 @@ class IsolatedMember(Member):
         try:
             with suppress(OSError):
                 os.sched_setaffinity(0, {core})
-                for one in members:
-                    one._channel["loop_core"] = core
+                for member in members:
+                    member._channel["loop_core"] = core
             yield
         finally:
             with suppress(OSError):
@@ -270,27 +268,27 @@ class IsolatedMember(Member):
 
     def instantiate(self) -> None:
         """Instantiate the member there."""
-        self.step_name = self._ask("instantiate")
+        self.step_name = self._request("instantiate")
         self._phase = "initialization"
 
     def enter_initialization(self, t: float, stop: float | None) -> None:
         """Enter InitializationMode at t [s]."""
-        self._ask("enter_initialization", t, stop)
+        self._request("enter_initialization", t, stop)
 
     def exit_initialization(self) -> None:
         """Leave it."""
-        self._ask("exit_initialization")
+        self._request("exit_initialization")
         self._phase = "an access"
 
     def set(self, name: str, value: Any) -> None:
         """Write a variable."""
-        self._ask("set", name, plain(value))
+        self._request("set", name, to_plain(value))
 
     def get(self, name: str) -> Any:
         """Read a variable."""
         variable = self.variables[name]
         dtype = np.bool_ if variable.type == "Boolean" else variable.dtype
-        return np.array(self._ask("get", name), dtype).reshape(variable.shape)[()]
+        return np.array(self._request("get", name), dtype).reshape(variable.shape)[()]
 
     def address(self, name: str) -> int:  # noqa: ARG002
         """Nowhere in this process."""
@@ -300,41 +298,41 @@ class IsolatedMember(Member):
         """Calls that go through the shared memory."""
         variables = [self.variables[name] for name in names]
         size = sum(v.size * v.dtype.itemsize for v in variables)
-        place, values = self._take(8 * len(ROW)), self._take(size)
-        row = words(self._memory + place, ROW)
+        offset, values = self._take(8 * len(ROW)), self._take(size)
+        row = words(self._memory + offset, ROW)
         row["values"], row["bytes"], row["write"] = values, size, write
-        count, elements, name = self._ask("access", names, write, place)
-        self._functions[place] = name
+        count, elements, name = self._request("access", names, write, offset)
+        self._functions[offset] = name
         function = self._native["set" if write else "get"]
         return Access(function, row.view(np.int64), count, elements, name)
 
     def _take(self, size: int) -> int:
         """Offset of fresh bytes that both have."""
-        place, self._used = self._used, self._used + -(-size // 64) * 64
+        offset, self._used = self._used, self._used + -(-size // 64) * 64
         if self._used > self._size:
             raise CouplingError(f"{self.name}: is read in more ways than an isolated member can be. Do not isolate it.")
-        return place
+        return offset
 
     def finish_reason(self) -> str:
         """Why the member discarded its step."""
-        return str(self._ask("finish_reason"))
+        return str(self._request("finish_reason"))
 
     def failed(self, status: int) -> None:
         """Take note that a step returned `status`."""
-        self._ask("failed", status)
+        self._request("failed", status)
 
     def last_successful_time(self, reached: float) -> float | None:
         """Until where [s] the last step came."""
-        found: float | None = self._ask("last_successful_time", reached)
-        return found
+        last_time: float | None = self._request("last_successful_time", reached)
+        return last_time
 
     def save(self) -> None:
         """Have the member keep all that it holds."""
-        self._ask("save")
+        self._request("save")
 
     def restore(self, saved: None) -> None:  # noqa: ARG002
         """Be again as when it was last kept."""
-        self._ask("restore")
+        self._request("restore")
 
     def close(self) -> None:
         """Close the member, end its process. Safe to call twice and in any state."""
@@ -343,7 +341,7 @@ class IsolatedMember(Member):
         try:
             self._phase = "termination"
             if not self.death:
-                self._ask("close", patience=CLOSING)  # whatever it computed is here already
+                self._request("close", timeout=CLOSE_TIMEOUT)  # whatever it computed is here already
         except TwinError as error:
             self.log.append(str(error).removeprefix(f"{self.name}: "))
         finally:

@@ -98,11 +98,11 @@ def words(address: int, names: tuple[str, ...]) -> np.ndarray[Any, Any]:
     return np.ctypeslib.as_array(raw).view([(name, np.int64) for name in names])
 
 
-def plain(value: Any) -> Any:
+def to_plain(value: Any) -> Any:
     """A value as a message can hold it; no bit of it is lost: numpy would drop zeros at the end of bytes."""
     if isinstance(value, str | bytes):
         return value
-    return [plain(one) for one in value] if isinstance(value, list) else np.asarray(value).tolist()
+    return [to_plain(element) for element in value] if isinstance(value, list) else np.asarray(value).tolist()
 
 
 def to_words(time: clock.Time | None) -> Any:
@@ -127,8 +127,8 @@ def main(called: int, back: int, shared: int, messages: int) -> NoReturn:
     """Be the process of an isolated member: ends of pipes, the file of the memory of both, and a connection for messages."""
     from multiprocessing.connection import Connection
 
-    for one in SIGNALS:
-        signal.signal(one, signal.SIG_IGN)  # the loop's process says when it is over
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)  # the loop's process says when it is over
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     connection = Connection(messages)
     try:
@@ -142,7 +142,7 @@ def main(called: int, back: int, shared: int, messages: int) -> NoReturn:
         os._exit(70)
     memory = map_memory(shared, os.fstat(shared).st_size)
     connection.send_bytes(marshal.dumps((READY, "", None)))
-    Served(inner, native(build), memory, called, back, connection, room).live()
+    Worker(inner, native(build), memory, called, back, connection, room).serve()
 
 
 class Room:
@@ -153,9 +153,9 @@ class Room:
 
     def take(self, size: int) -> np.ndarray[Any, Any]:
         """Fresh bytes, all zero."""
-        place, self.next = self.next, self.next + size
+        address, self.next = self.next, self.next + size
         assert self.next <= self.end
-        return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_address(place))
+        return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_address(address))
 
 
 def map_memory(shared: int, size: int) -> int:
@@ -180,7 +180,7 @@ def system_calls(names: Iterable[str]) -> dict[str, int]:
     return {name: ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0 for name in names}
 
 
-class Served:
+class Worker:
     """The other side: does what is asked for, and never returns. `room`: offsets between which a member's values lie."""
 
     def __init__(
@@ -194,7 +194,7 @@ class Served:
         room: tuple[int, int] | None,
     ) -> None:
         self.inner, self.native, self.messages, self.called = inner, addresses, messages, called
-        self.kept: list[Access] = []  # what rows point into
+        self.accesses: list[Access] = []  # what rows point into
         self.memory = memory
         self.channel = words(self.memory, CHANNEL)
         self.channel["called"], self.channel["back"] = called, back
@@ -208,14 +208,14 @@ class Served:
         self.saved: Any = None
         self.objects: dict[str, Any] = {}  # slots of a member with clocks whose values are no numbers
 
-    def live(self) -> NoReturn:
+    def serve(self) -> NoReturn:
         """Serve until nobody is there any more."""
         try:
             import faulthandler
 
             faulthandler.disable()
-            threading.Thread(target=self.outlive, daemon=True).start()
-            self.inner.log = Lines(self.inner.log, self.tell)
+            threading.Thread(target=self.exit_with_parent, daemon=True).start()
+            self.inner.log = Lines(self.inner.log, self.send_log_line)
             serve = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(self.native["serve"])
             while serve(self.memory):
                 count, what, arguments = marshal.loads(self.messages.recv_bytes())  # noqa: S302 - from our own parent
@@ -227,7 +227,7 @@ class Served:
             os._exit(70)
         os._exit(0)
 
-    def outlive(self) -> NoReturn:
+    def exit_with_parent(self) -> NoReturn:
         """End with who asks, whatever goes on here; in a thread."""
         import select
 
@@ -236,7 +236,7 @@ class Served:
         ends.poll()
         os._exit(0)
 
-    def tell(self, line: str) -> None:
+    def send_log_line(self, line: str) -> None:
         """Pass on a log line."""
         self.messages.send_bytes(marshal.dumps((0, "", line)))
 
@@ -259,27 +259,27 @@ class Served:
 
     def get(self, name: str) -> Any:
         """A value as plain data."""
-        return plain(self.inner.get(name))
+        return to_plain(self.inner.get(name))
 
     def slot(self, name: str) -> int:
         """Offset of a variable of a member with clocks in the memory of both; of what is no number: that it is asked for."""
-        found = self.inner.slot(name)  # type: ignore[attr-defined]
-        if found.variable.connectable:
-            return int(found.values.ctypes.data) - self.memory
-        self.objects[name] = found
+        slot = self.inner.slot(name)  # type: ignore[attr-defined]
+        if slot.variable.connectable:
+            return int(slot.values.ctypes.data) - self.memory
+        self.objects[name] = slot
         return 0
 
-    def event(self, what: str, arguments: list[Any], given: dict[str, list[Any]]) -> tuple[Any, ...]:
+    def event(self, what: str, arguments: list[Any], inputs: dict[str, list[Any]]) -> tuple[Any, ...]:
         """A call of `events.Clocked`: its answer, what the member is like then, and its values that are no numbers."""
-        for name, values in given.items():
+        for name, values in inputs.items():
             self.objects[name].values[:] = values
         inner: Any = self.inner
-        answer = getattr(inner, what)(*(from_words(one) for one in arguments))
-        times = [to_words(one) for one in (inner.due, inner.event_time)]
-        outputs = {name: one.values.tolist() for name, one in self.objects.items() if not one.is_input}
+        answer = getattr(inner, what)(*(from_words(argument) for argument in arguments))
+        times = [to_words(time) for time in (inner.due, inner.event_time)]
+        outputs = {name: slot.values.tolist() for name, slot in self.objects.items() if not slot.is_input}
         return answer, *times, inner.ended, inner.has_jumped, outputs
 
-    def access(self, names: list[str], write: bool, place: int) -> tuple[int, int, str]:
+    def access(self, names: list[str], write: bool, offset: int) -> tuple[int, int, str]:
         """Fill the row at an offset; count, size and name of its call."""
         if not all(self.inner.address(name) for name in names):
             made = self.inner.access(names, write)
@@ -288,8 +288,8 @@ class Served:
             pieces = np.array([(self.inner.address(v.name), v.size * v.dtype.itemsize) for v in variables], np.int64)
             function = self.native["scatter" if write else "gather"]
             made = Access(function, pieces, len(pieces), sum(v.size for v in variables))
-        self.kept.append(made)
-        row = words(self.memory + place, ROW)
+        self.accesses.append(made)
+        row = words(self.memory + offset, ROW)
         row["function"], row["instance"], row["references"] = (
             made.function,
             self.inner.instance,
@@ -297,9 +297,9 @@ class Served:
         )
         row["count"], row["size"] = made.count, made.size_argument
         if self.last is None:
-            self.channel["rows"] = place
+            self.channel["rows"] = offset
         else:
-            self.last["next"] = place
+            self.last["next"] = offset
         self.last = row
         return made.count, made.size, made.name
 

@@ -67,9 +67,9 @@ def growth(simulated: CoSimulation) -> Growth:
     linear: dict[str, Member] = {}
     problems = []
     for name, member in simulated.members.items():
-        wrong = hidden(simulated, name, member)
-        if wrong and (told := derived(member, simulated.links)) is not None:
-            linear[name] = told
+        wrong = hidden_state_problem(simulated, name, member)
+        if wrong and (linear_member := linearized(member, simulated.links)) is not None:
+            linear[name] = linear_member
         elif wrong:
             problems.append(f"stability: {wrong}")
     if problems:
@@ -79,7 +79,7 @@ def growth(simulated: CoSimulation) -> Growth:
     return Deviation(simulated).growth()
 
 
-def hidden(simulated: CoSimulation, name: str, member: Member) -> str:
+def hidden_state_problem(simulated: CoSimulation, name: str, member: Member) -> str:
     """Why a member's state can be neither read nor brought back; empty if it can."""
     if isinstance(member, RecordMember) and not member.can_restore:
         return f"{name} keeps its state to itself: it is Python. Nothing can be told of a coupling with it."
@@ -91,17 +91,17 @@ def hidden(simulated: CoSimulation, name: str, member: Member) -> str:
     return wrong and f"{name} says that it can be brought back, and cannot: {wrong}. {HELP}"
 
 
-def derived(member: Member, links: list[Link]) -> LinearMember | None:
+def linearized(member: Member, links: list[Link]) -> LinearMember | None:
     """A member as its directional derivatives have it, here; None if it does not tell."""
     own = {
         word: {end.variable.name: end.variable for end in ends if end.member == member.name}
-        for word, ends in (("inputs", [one.target for one in links]), ("outputs", [one.source for one in links]))
+        for word, ends in (("inputs", [link.target for link in links]), ("outputs", [link.source for link in links]))
     }
-    if not all(one.dtype == np.float64 for ends in own.values() for one in ends.values()):
+    if not all(variable.dtype == np.float64 for ends in own.values() for variable in ends.values()):
         return None
     inputs, outputs = list(own["inputs"].values()), list(own["outputs"].values())
-    told = member.slopes(inputs, outputs)
-    return None if told is None else LinearMember(member, inputs, outputs, told)
+    matrices = member.slopes(inputs, outputs)
+    return None if matrices is None else LinearMember(member, inputs, outputs, matrices)
 
 
 class Deviation:
@@ -110,22 +110,24 @@ class Deviation:
     def __init__(self, simulated: CoSimulation) -> None:
         self.simulated, self.plan = simulated, simulated.plan
         self.names: list[str] = []
-        self.places: list[Array] = []
+        self.arrays: list[Array] = []
         sizes: list[Array] = []
-        self.is_whole = True  # whether it is all that members keep
+        self.is_complete = True  # whether it is all that members keep
         for name, member in simulated.members.items():
-            for own, values, size in kept(member):
-                self.places.append(values)
+            for own, values, size in state_values(member):
+                self.arrays.append(values)
                 sizes.append(np.full(values.size, size))
                 self.names += [f"{name}.{own}"] * values.size
             if not isinstance(member, RecordMember | LinearMember):
-                self.is_whole = False
+                self.is_complete = False
                 self._refuse_controlled(name)
         for (name, own), address in self.plan.published.items():
             variable = simulated.members[name].variables[own]
-            is_kept = self.plan.in_place(name) and isinstance(simulated.members[name], RecordMember | LinearMember)
-            if variable.dtype == np.float64 and not is_kept and variable.causality != "input":
-                self.places.append(view(address, variable))
+            has_readable_state = self.plan.is_read_directly(name) and isinstance(
+                simulated.members[name], RecordMember | LinearMember
+            )
+            if variable.dtype == np.float64 and not has_readable_state and variable.causality != "input":
+                self.arrays.append(view(address, variable))
                 sizes.append(np.full(variable.size, SMALL))
                 self.names += [f"{name}.{own}"] * variable.size
         self.sizes = np.concatenate([np.zeros(0), *sizes])
@@ -146,26 +148,26 @@ class Deviation:
 
     def read(self) -> Array:
         """All values."""
-        return np.concatenate([np.zeros(0), *self.places])
+        return np.concatenate([np.zeros(0), *self.arrays])
 
     def write(self, values: Array) -> None:
         """Set them."""
         at = 0
-        for place in self.places:
-            place[:] = values[at : at + place.size]
-            at += place.size
+        for array in self.arrays:
+            array[:] = values[at : at + array.size]
+            at += array.size
 
     def growth(self) -> Growth:
         """See `growth`."""
         begin = self.read()
         blocks = [block.copy() for block in self.plan.memory.blocks]
-        kept = {name: member.save() for name, member in self.simulated.members.items()}
+        states = {name: member.save() for name, member in self.simulated.members.items()}
 
         def restore() -> None:
             for block, saved in zip(self.plan.memory.blocks, blocks, strict=True):
                 block[:] = saved
             for name, member in self.simulated.members.items():
-                member.restore(kept[name])
+                member.restore(states[name])
 
         sizes = np.maximum(np.abs(begin), self.sizes)
         if not sizes.size:
@@ -182,7 +184,7 @@ class Deviation:
             return np.asarray((np.array(ends[0]) - np.array(ends[1])) / (2 * small * sizes))
 
         try:
-            if self.is_whole:
+            if self.is_complete:
                 value, vector = largest(lambda direction: after(1, 1, direction)[0], len(begin))
             else:
                 value, vector = answered(after, len(begin))
@@ -205,21 +207,21 @@ class Deviation:
         record = self.simulated._record.copy()
         record["every"], record["limit_count"], record["limit"] = NEVER, 0, NEVER
         record["derives"] = 0  # Newton's method finds its Jacobian by itself
-        found = []
+        results = []
         for _ in range(count):
             record["stop"] = record["tick"] + steps
             if self.simulated._loop(record.ctypes.data) == loop.FAILED:
                 raise CouplingError(
                     f"stability: {list(self.simulated.members)[int(record[0]['member'])]} fails a step."
                 )
-            found.append(self.read())
-        return found
+            results.append(self.read())
+        return results
 
 
-def kept(member: Member) -> Iterator[tuple[str, Array, float]]:
+def state_values(member: Member) -> Iterator[tuple[str, Array, float]]:
     """Real values that a member keeps, as far as they can be set: name, where they are, their size."""
     if isinstance(member, LinearMember):
-        yield from ((name, values, SMALL) for name, values in member.kept())
+        yield from ((name, values, SMALL) for name, values in member.state_values())
     if not isinstance(member, RecordMember):
         return
     for variable in member.component.variables:
@@ -234,7 +236,7 @@ def largest(applied: Callable[[Array], Array], size: int) -> tuple[complex, Arra
     All of it for a few values, Arnoldi's iteration for many.
     """
     if size <= DENSE:
-        matrix = np.stack([applied(one) for one in np.eye(size)], axis=1)
+        matrix = np.stack([applied(direction) for direction in np.eye(size)], axis=1)
         if not np.isfinite(matrix).all():
             raise FloatingPointError
         values, vectors = np.linalg.eig(matrix)
@@ -242,10 +244,10 @@ def largest(applied: Callable[[Array], Array], size: int) -> tuple[complex, Arra
         from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
 
         def checked(direction: Array) -> Array:
-            found = applied(direction)
-            if not np.isfinite(found).all():
+            image = applied(direction)
+            if not np.isfinite(image).all():
                 raise FloatingPointError
-            return found
+            return image
 
         operator = LinearOperator((size, size), matvec=checked, dtype=np.float64)
         try:
@@ -254,5 +256,5 @@ def largest(applied: Callable[[Array], Array], size: int) -> tuple[complex, Arra
             values, vectors = error.eigenvalues, error.eigenvectors
             if not len(values):
                 raise CouplingError("stability: no eigenvalue converged. Linearize fewer members.") from None
-    place = int(np.argmax(np.abs(values)))
-    return complex(values[place]), vectors[:, place]
+    index = int(np.argmax(np.abs(values)))
+    return complex(values[index]), vectors[:, index]

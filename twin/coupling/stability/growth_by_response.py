@@ -33,11 +33,13 @@ def answered(after: Callable[[int, int, Array], Array], size: int) -> tuple[comp
         directions = np.linalg.qr(np.random.default_rng(1).standard_normal((size, DIRECTIONS)))[0].T
     value, vector = 0j, np.zeros(size)
     for stride in STRIDES:
-        answers = np.stack([after(2 * ROWS, stride, one) for one in directions], axis=2)  # step, value, direction
+        answers = np.stack(
+            [after(2 * ROWS, stride, direction) for direction in directions], axis=2
+        )  # step, value, direction
         if not np.isfinite(answers).all():
             raise FloatingPointError
-        found, vector = realized(answers)
-        value = found if stride == 1 else abs(found) ** (1 / stride) + 0j
+        eigenvalue, vector = realized(answers)
+        value = eigenvalue if stride == 1 else abs(eigenvalue) ** (1 / stride) + 0j
         if abs(abs(value) - 1.0) > NEAR:
             break
     return value, vector
@@ -53,6 +55,6 @@ def realized(answers: Array) -> tuple[complex, Array]:
     rank = int((sizes > NOISE * sizes[0]).sum())
     left, right, root = left[:, :rank], right[:rank], np.sqrt(sizes[:rank])
     values, vectors = np.linalg.eig((left / root).T @ later @ (right.T / root))
-    place = int(np.argmax(np.abs(values)))
-    shown = (left * root)[: answers.shape[1]] @ vectors[:, place]
-    return complex(values[place]), shown
+    index = int(np.argmax(np.abs(values)))
+    shown = (left * root)[: answers.shape[1]] @ vectors[:, index]
+    return complex(values[index]), shown

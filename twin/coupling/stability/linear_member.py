@@ -30,37 +30,37 @@ class LinearMember(Member):
         member: Member,
         inputs: list[MemberVariable],
         outputs: list[MemberVariable],
-        told: tuple[Any, Any, Any, Any],
+        matrices: tuple[Any, Any, Any, Any],
     ) -> None:
         self.name, self.period_ns = member.name, member.period_ns
-        self.variables = {one.name: one for one in (*inputs, *outputs)}
+        self.variables = {variable.name: variable for variable in (*inputs, *outputs)}
         self.log, self.identity = [], member.identity
         self.can_restore = self.can_roll_back = True
-        self._a, self._b, self._c, self._d = told
+        self._a, self._b, self._c, self._d = matrices
         self._maps: dict[float, tuple[Array, Array]] = {}  # by the length of a step [s]
         values = {name: np.array(member.get(name), np.float64).reshape(-1) for name in self.variables}
-        sizes = {"": len(self._a), **{name: len(found) for name, found in values.items()}}
+        sizes = {"": len(self._a), **{name: len(elements) for name, elements in values.items()}}
         self._memory = np.zeros(sum(sizes.values()))  # states, then inputs, then outputs
         ends = np.cumsum(list(sizes.values()))
         self._views = {
             name: self._memory[end - size : end] for (name, size), end in zip(sizes.items(), ends, strict=True)
         }
-        for name, found in values.items():
-            self._views[name][:] = found
-        n, m = len(self._a), sum(one.size for one in inputs)
+        for name, elements in values.items():
+            self._views[name][:] = elements
+        n, m = len(self._a), sum(variable.size for variable in inputs)
         self._x, self._u, self._y = self._memory[:n], self._memory[n : n + m], self._memory[n + m :]
         self._before = self._u.copy(), self._y.copy()
         self._callback = machine.STEP(self._step)
         self.step_function = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
         self.instance = int(self._memory.ctypes.data)
 
-    def kept(self) -> Iterator[tuple[str, Array]]:
+    def state_values(self) -> Iterator[tuple[str, Array]]:
         """All that it holds; its states have no names."""
         yield from ((name or "states", values) for name, values in self._views.items())
 
     def _step(self, _instance: int, _t: float, h: float, *_: int) -> int:
         if h not in self._maps:
-            self._maps[h] = held(self._a, self._b, h)
+            self._maps[h] = zero_order_hold(self._a, self._b, h)
         state, forced = self._maps[h]
         u = self._u - self._before[0]
         self._x[:] = state @ self._x + forced @ u
@@ -108,12 +108,12 @@ class LinearMember(Member):
         """Nothing is its own."""
 
 
-def held(a: Array, b: Array, h: float) -> tuple[Array, Array]:
+def zero_order_hold(a: Array, b: Array, h: float) -> tuple[Array, Array]:
     """What states become over a step of h [s], and what held inputs make of them."""
     from scipy.linalg import expm
 
     n, m = b.shape
-    whole = np.zeros((n + m, n + m))
-    whole[:n, :n], whole[:n, n:] = a * h, b * h
-    found = expm(whole)[:n]
-    return found[:, :n], found[:, n:]
+    block = np.zeros((n + m, n + m))
+    block[:n, :n], block[:n, n:] = a * h, b * h
+    exponential = expm(block)[:n]
+    return exponential[:, :n], exponential[:, n:]

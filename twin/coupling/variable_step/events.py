@@ -21,7 +21,7 @@ NEVER = float("inf")
 WORD = 8
 
 
-class WalkedEvents:
+class VariableStepEvents:
     """Tells the walk when the next event is, and the events where the walk is. `begin`, `step`: of its ticks [ns]."""
 
     def __init__(self, events: Events, plan: Stages, state: Any, begin: clock.Time, step: clock.Time) -> None:
@@ -50,5 +50,5 @@ class WalkedEvents:
         self.state["due"] = clock.seconds(upcoming[0]) if upcoming else NEVER
         if name := self.events.ended:
             self.state["member"], self.state["finished"] = list(self.plan.members).index(name), 1
-        if any(one.has_jumped for one in self.events.order):
+        if any(member.has_jumped for member in self.events.order):
             ctypes.memset(self.plan.past, 0, PAST * WORD)

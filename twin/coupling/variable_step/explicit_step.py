@@ -19,7 +19,7 @@ from twin.coupling.execution.loop import convert, copy
 from twin.coupling.variable_step.input_extrapolation import USE, feed, value
 from twin.coupling.variable_step.record_layout import BEFORE, BEGIN, EARLY, FINAL, LAST, LEFT
 
-KEPT, TAKEN_BACK, DONE_WITH = range(3)  # what the logs are told
+SAVED, RESTORED, ACCEPTED = range(3)  # what the logs are told
 ROUNDING = 1e-12  # part of a step by which a member may miss its end
 
 
@@ -66,7 +66,7 @@ def perform(self: Any, operation: int, t: float, h: float) -> int:
     return 0
 
 
-def look(self: Any) -> None:
+def read_connections(self: Any) -> None:
     """Let every connection say what it gives now."""
     stage = self.stages
     for _ in range(self.stage_count):
@@ -119,10 +119,10 @@ def transfer(source: int, target: int, words: int) -> None:
         write64(target + 8 * i, read64(source + 8 * i))
 
 
-def keep(self: Any, slot: int) -> int:
+def save_state(self: Any, slot: int) -> int:
     """Remember all that a step changes."""
-    row = self.keeps
-    for _ in range(self.keep_count):
+    row = self.regions
+    for _ in range(self.region_count):
         transfer(read64(row), read64(row + 16 + 8 * slot), read64(row + 8))
         row += 32
     row = self.states
@@ -133,15 +133,15 @@ def keep(self: Any, slot: int) -> int:
             self.member, self.status = read64(row + 40), status
             return status
         row += 48
-    tell(self, KEPT, slot)
+    notify_logs(self, SAVED, slot)
     return 0
 
 
-def bring_back(self: Any, slot: int) -> int:
+def restore_state(self: Any, slot: int) -> int:
     """Make everything as it was when it was kept: also after a failure."""
-    self.looked = 0
-    row = self.keeps
-    for _ in range(self.keep_count):
+    self.outputs_current = 0
+    row = self.regions
+    for _ in range(self.region_count):
         transfer(read64(row + 16 + 8 * slot), read64(row), read64(row + 8))
         row += 32
     row = self.states
@@ -152,14 +152,14 @@ def bring_back(self: Any, slot: int) -> int:
             self.member, self.status = read64(row + 40), status
             return status
         row += 48
-    tell(self, TAKEN_BACK, slot)
+    notify_logs(self, RESTORED, slot)
     return 0
 
 
-def tell(self: Any, what: int, slot: int) -> None:
+def notify_logs(self: Any, what: int, slot: int) -> None:
     """Let the logs follow, if somebody wrote into one."""
     if self.pending != 0 and read64(self.pending) != 0:
-        call_access(self.teller, 0, 0, what, 0, slot)
+        call_access(self.log_callback, 0, 0, what, 0, slot)
 
 
 def begin(self: Any) -> None:
@@ -179,8 +179,10 @@ def end(self: Any, h: float) -> None:
     for j in range(self.bond_count):
         now, own = vectors + 8 * read64(self.bonds + 8 * j), course + 8 * read64(self.bonds + 8 * j)
         at = now + BEGIN * span
-        owed = (read_float(at) + read_float(now)) / 2.0 - value(mean, at, own, own + BEFORE * span, own + LAST * span)
-        write_float(own + LEFT * span, self.correction * owed)
+        residual = (read_float(at) + read_float(now)) / 2.0 - value(
+            mean, at, own, own + BEFORE * span, own + LAST * span
+        )
+        write_float(own + LEFT * span, self.correction * residual)
     transfer(course, course + BEFORE * span, self.elements)
     transfer(vectors + BEGIN * span, course, self.elements)
     write_float(past + 16, read_float(past + 8))

@@ -38,31 +38,31 @@ CATEGORY = USES * NODES * 8  # byte of the weights of extrapolated courses; thos
 USE = NODES * 8
 
 
-def basis(place: int, order: int, s0: float, s1: float, s2: float) -> None:
+def basis(address: int, order: int, s0: float, s1: float, s2: float) -> None:
     """Lagrange's polynomials of three nodes as a + b s + c s^2, three words each."""
     for i in range(9):
-        write_float(place + 8 * i, 0.0)
+        write_float(address + 8 * i, 0.0)
     if order == 0:
-        write_float(place, 1.0)
+        write_float(address, 1.0)
     elif order == 1:
-        write_float(place, -s1 / (s0 - s1))
-        write_float(place + 8, 1.0 / (s0 - s1))
-        write_float(place + 24, -s0 / (s1 - s0))
-        write_float(place + 32, 1.0 / (s1 - s0))
+        write_float(address, -s1 / (s0 - s1))
+        write_float(address + 8, 1.0 / (s0 - s1))
+        write_float(address + 24, -s0 / (s1 - s0))
+        write_float(address + 32, 1.0 / (s1 - s0))
     else:
-        polynomial(place, s1, s2, (s0 - s1) * (s0 - s2))
-        polynomial(place + 24, s0, s2, (s1 - s0) * (s1 - s2))
-        polynomial(place + 48, s0, s1, (s2 - s0) * (s2 - s1))
+        polynomial(address, s1, s2, (s0 - s1) * (s0 - s2))
+        polynomial(address + 24, s0, s2, (s1 - s0) * (s1 - s2))
+        polynomial(address + 48, s0, s1, (s2 - s0) * (s2 - s1))
 
 
-def polynomial(place: int, p: float, q: float, divisor: float) -> None:
+def polynomial(address: int, p: float, q: float, divisor: float) -> None:
     """(s - p) (s - q) / divisor."""
-    write_float(place, p * q / divisor)
-    write_float(place + 8, -(p + q) / divisor)
-    write_float(place + 16, 1.0 / divisor)
+    write_float(address, p * q / divisor)
+    write_float(address + 8, -(p + q) / divisor)
+    write_float(address + 16, 1.0 / divisor)
 
 
-def weigh(place: int, polynomials: int, h: float, smoothing: float) -> None:
+def weigh(address: int, polynomials: int, h: float, smoothing: float) -> None:
     """Weights of all uses from the polynomials of the nodes."""
     for i in range(NODES):
         a, b, c = smoothing, -smoothing, 0.0
@@ -72,7 +72,7 @@ def weigh(place: int, polynomials: int, h: float, smoothing: float) -> None:
             c = read_float(polynomials + 24 * i + 16)
             a = a * (1.0 - smoothing)
         mean, final = a + b / 2.0 + c / 3.0, a + b + c
-        at = place + 8 * i
+        at = address + 8 * i
         write_float(at, mean)
         write_float(at + FIRST * USE, (mean - SHARE * final) / (1.0 - SHARE))
         write_float(at + FINAL * USE, final)
@@ -83,7 +83,7 @@ def weigh(place: int, polynomials: int, h: float, smoothing: float) -> None:
         total = 1.0
         if use >= SLOPE:
             total = 0.0
-        write_float(place + USE * use, total)
+        write_float(address + USE * use, total)
 
 
 def prepare(self: Any, h: float) -> None:
@@ -92,7 +92,7 @@ def prepare(self: Any, h: float) -> None:
     first, second = read_float(self.past + 8) / h, read_float(self.past + 16) / h
     polynomials = self.weights + 2 * CATEGORY
     forward = self.order
-    if self.most > 0 and forward == 0:
+    if self.max_iterations > 0 and forward == 0:
         forward = 1  # a guess is no input: it may look ahead
     basis(polynomials, min(forward, earlier), 0.0, -first, -(first + second))
     smoothing = self.smoothing
@@ -107,9 +107,9 @@ def prepare(self: Any, h: float) -> None:
 def value(weights: int, p0: int, p1: int, p2: int, p3: int) -> float:
     """A course's value from the addresses of its points."""
     first = read_float(p0)
-    found = read_float(weights) * first + read_float(weights + 8) * (read_float(p1) - first)
-    found += read_float(weights + 16) * (read_float(p2) - first)
-    return found + read_float(weights + 24) * (read_float(p3) - first)
+    result = read_float(weights) * first + read_float(weights + 8) * (read_float(p1) - first)
+    result += read_float(weights + 16) * (read_float(p2) - first)
+    return result + read_float(weights + 24) * (read_float(p3) - first)
 
 
 def fed(self: Any, now: int, course: int, source: int, weights: int) -> float:
@@ -134,13 +134,13 @@ def feed(self: Any, row: int, count: int) -> None:
     span = 8 * self.elements
     for _ in range(count):
         course, source, target = read64(row + 8), read64(row + 16), read64(row + 32)
-        found = fed(self, read64(row), course, source, read64(row + 24))
+        fed_value = fed(self, read64(row), course, source, read64(row + 24))
         if self.correction > 0.0:
-            found += read_float(course + LEFT * span)
+            fed_value += read_float(course + LEFT * span)
         if read64(row + 40) == 0:
-            write_float(target, found)
+            write_float(target, fed_value)
         else:
-            write_float32(target, found)
+            write_float32(target, fed_value)
         row += 48
 
 

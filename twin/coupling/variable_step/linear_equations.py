@@ -18,16 +18,16 @@ def factorize(matrix: int, pivots: int, n: int) -> int:
         if best != i:
             for k in range(n):
                 here, there = matrix + 8 * (n * i + k), matrix + 8 * (n * best + k)
-                kept = read_float(here)
+                swapped = read_float(here)
                 write_float(here, read_float(there))
-                write_float(there, kept)
+                write_float(there, swapped)
         pivot = read_float(matrix + 8 * (n * i + i))
         for j in range(i + 1, n):
             factor = read_float(matrix + 8 * (n * j + i)) / pivot
             write_float(matrix + 8 * (n * j + i), factor)
             for k in range(i + 1, n):
-                place = matrix + 8 * (n * j + k)
-                write_float(place, read_float(place) - factor * read_float(matrix + 8 * (n * i + k)))
+                entry = matrix + 8 * (n * j + k)
+                write_float(entry, read_float(entry) - factor * read_float(matrix + 8 * (n * i + k)))
     return 0
 
 
@@ -36,9 +36,9 @@ def substitute(matrix: int, pivots: int, right: int, n: int) -> None:
     for i in range(n):
         best = read64(pivots + 8 * i)
         if best != i:
-            kept = read_float(right + 8 * i)
+            swapped = read_float(right + 8 * i)
             write_float(right + 8 * i, read_float(right + 8 * best))
-            write_float(right + 8 * best, kept)
+            write_float(right + 8 * best, swapped)
     for i in range(n):
         total = read_float(right + 8 * i)
         for k in range(i):

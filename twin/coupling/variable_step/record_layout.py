@@ -10,29 +10,29 @@ INTEGERS = (
     "torn", "torn_count", "moving", "moving_count", "judged", "judged_count",
     "bonds", "bond_count",  # elements of power bonds
     "pairs", "pair_count", "energies",  # of them, whose product is a power, and what went through each bond
-    "keeps", "keep_count", "states", "state_count",  # what is kept in order to go back
+    "regions", "region_count", "states", "state_count",  # what is kept in order to go back
     "elements", "vectors", "course", "past", "weights", "solver",  # memory, see below
-    "order", "recalls", "most", "scheme", "control", "trial", "strict",  # `recalls`: earlier points; `trial`: goes back
-    "looked",  # connections were asked at the end of the last step, and nothing has changed since
+    "order", "recalls", "max_iterations", "scheme", "control", "trial", "strict",  # `recalls`: earlier points; `trial`: goes back
+    "outputs_current",  # connections were asked at the end of the last step, and nothing has changed since
     "inside", "position", "divisions", "stride",  # in a tick, where, of how many parts, and the next step, in such
     "least", "passed", "refused",  # smallest step that is tried, that was made, and who made no smaller one
     # `limited`: to `until`, where a member came back (1) or the next event is (2); `off`: begins at `now`, between divisions
     "back", "limited", "off", "ending", "over",
-    "hasty", "hasty_count",  # of the fixed-step loop: flags, step [s], member of those that may come back early
+    "early_returns", "early_return_count",  # of the fixed-step loop: flags, step [s], member of those that may come back early
     "events",  # who is told of every step that stays, where members have clocks
-    "pending", "teller",  # whether a log line waits, and who is told what becomes of it
-    "jacobian", "derives", "learned",  # there is one; members are asked for it; sizes are known from a trial step
+    "pending", "log_callback",  # whether a log line waits, and who is told what becomes of it
+    "jacobian", "derives", "has_scales",  # there is one; members are asked for it; sizes are known from a trial step
     "sweeps", "accepted", "rejected", "missed", "missed_tick", "unsolved", "unsolved_tick",  # counts, first ticks
 )  # fmt: skip
 FLOATS = (
-    "whole", "now", "until", "begun", "span", "due",  # times [s]: a tick's length, see above, the step at work, an event
-    "tolerance", "agreement", "floor", "smoothing", "relaxation", "linear_at", "correction",
-    "wish", "residual",  # length of the next step [s] if it could be any, and how good the last one was
+    "tick_length", "now", "until", "step_begin", "span", "due",  # times [s]: a tick's length, see above, the step at work, an event
+    "tolerance", "coupling_tolerance", "floor", "smoothing", "relaxation", "linear_at", "correction",
+    "next_step", "residual",  # length of the next step [s] if it could be any, and how good the last one was
 )  # fmt: skip
 
 # `vectors`: five of `elements` Float64 each, never taken back:
 # what connections give, guess for the end, begin of the step, what is compared, largest
-NOW, END, BEGIN, SEEN, SCALE = range(5)
+NOW, END, BEGIN, COMPARED, SCALE = range(5)
 
 # `course`: four more, which are; behind them `past`: number of earlier points, and the two gaps to them [s]
 # begin of the last step, of that before, where its course ended, what a bond is owed
@@ -58,7 +58,7 @@ FIXED, DOUBLING, PREDICTED, RESIDUAL = range(4)
 STAGE = ("links", "direct", "gets", "parts", "part_count")  # the first three: addresses of operations
 PART = ("feeds", "feed_count", "operation", "begin", "length")  # the last two: parts of the step, Float64 bits
 FEED = ("now", "course", "source", "weights", "target", "kind")  # addresses of the element in both memories
-KEEP = ("address", "words", "first", "second")
+REGION = ("address", "words", "first", "second")
 # addresses of what an input was fed and of what came, there and back; unit [W], Float64 bits; whether it is the bond's last
 PAIR = ("fed", "came", "fed_back", "came_back", "unit", "is_last")
 STATE = ("get", "set", "instance", "first", "second", "member")

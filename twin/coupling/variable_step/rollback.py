@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.compiler import machine
-from twin.coupling.variable_step.explicit_step import DONE_WITH, KEPT, TAKEN_BACK
+from twin.coupling.variable_step.explicit_step import ACCEPTED, RESTORED, SAVED
 from twin.errors import CouplingError, SimulationError
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ LINES = 20  # kept of what was told
 
 def alternatives(algorithm: Algorithm) -> str:
     """The algorithms that need no way back."""
-    return ", ".join(one.name for one in algorithm.every() if not one.rolls_back)
+    return ", ".join(candidate.name for candidate in algorithm.every() if not candidate.rolls_back)
 
 
 def refuse(algorithm: Algorithm, members: Mapping[str, Member], slow: Collection[str]) -> None:
@@ -52,10 +52,10 @@ def trial(member: Member, t: float, h: float, moved: bool = False) -> str:
 
     `moved`: with inputs that are larger by 1, which show more of a member that begins at rest.
     """
-    way = member.way(1)
+    access = member.way(1)
     names = [v.name for v in member.variables.values() if v.causality == "output" and v.connectable]
     flags = np.zeros(5, np.int64)
-    place = way.places[0]
+    pointer = access.places[0]
 
     def outputs() -> list[Any]:
         return [np.array(member.get(name)) for name in names]
@@ -71,7 +71,7 @@ def trial(member: Member, t: float, h: float, moved: bool = False) -> str:
             raise SimulationError(refusal)
 
     def back() -> None:
-        move(way.set, ctypes.c_int64.from_address(place).value, "it refuses to go back")
+        move(access.set, ctypes.c_int64.from_address(pointer).value, "it refuses to go back")
 
     def take_inputs() -> None:
         for name, value in inputs.items():
@@ -79,16 +79,19 @@ def trial(member: Member, t: float, h: float, moved: bool = False) -> str:
 
     try:
         inputs = {v.name: member.get(v.name) + 1.0 for v in member.variables.values() if moved and is_free(v)}
-        move(way.get, place, "it does not give its state")
+        move(access.get, pointer, "it does not give its state")
         before = outputs()
         take_inputs()
         first = step()
         back()
         again = outputs()
         take_inputs()
-        for name, one, other in (*zip(names, before, again, strict=True), *zip(names, first, step(), strict=True)):
-            if one.tobytes() != other.tobytes():
-                return f"{name} is {one} at first and {other} after going back"
+        for name, expected, actual in (
+            *zip(names, before, again, strict=True),
+            *zip(names, first, step(), strict=True),
+        ):
+            if expected.tobytes() != actual.tobytes():
+                return f"{name} is {expected} at first and {actual} after going back"
         back()
     except SimulationError as error:
         return str(error)
@@ -100,10 +103,10 @@ def is_free(variable: MemberVariable) -> bool:
     return variable.causality == "input" and variable.dtype.kind == "f" and not variable.is_bounded
 
 
-class Held(list[str]):
+class BufferedLog(list[str]):
     """A member's log whose lines are told when the step that wrote them stays."""
 
-    def __init__(self, outer: list[str], logs: Logs) -> None:
+    def __init__(self, outer: list[str], logs: StepLogs) -> None:
         super().__init__(outer)
         self.outer, self._logs = outer, logs
 
@@ -111,33 +114,33 @@ class Held(list[str]):
         """Keep a line."""
         super().append(line)
         if self._logs.is_stepping:
-            self._logs.hold(self, line)
+            self._logs.buffer(self, line)
         else:
-            self.tell(line)
+            self.forward(line)
 
-    def tell(self, line: str) -> None:
+    def forward(self, line: str) -> None:
         """Pass a line on."""
         self.outer.append(line)
         del self.outer[:-LINES]
 
 
-class Logs:
+class StepLogs:
     """The logs of members whose steps may be taken back."""
 
     def __init__(self, members: Iterable[Member]) -> None:
         self.pending = np.zeros(1, np.int64)  # whether anything is held: the walk looks at it
         self.is_stepping = False
-        self._lines: list[tuple[Held, str]] = []
+        self._lines: list[tuple[BufferedLog, str]] = []
         self._marks: dict[int, int] = {}
-        self._teller = machine.ACCESS(self._told)
+        self._callback = machine.ACCESS(self._on_step_outcome)
         for member in members:
-            outer = member.log.outer if isinstance(member.log, Held) else member.log  # of an earlier run
-            member.log = Held(outer, self)
+            outer = member.log.outer if isinstance(member.log, BufferedLog) else member.log  # of an earlier run
+            member.log = BufferedLog(outer, self)
 
-    def tell(self, state: Any) -> None:
+    def connect(self, state: Any) -> None:
         """Tell the loop's record whom to call."""
         state["pending"] = self.pending.ctypes.data
-        state["teller"] = ctypes.cast(self._teller, ctypes.c_void_p).value
+        state["log_callback"] = ctypes.cast(self._callback, ctypes.c_void_p).value
 
     @contextmanager
     def stepping(self) -> Iterator[None]:
@@ -147,27 +150,27 @@ class Logs:
             yield
         finally:
             self.is_stepping = False
-            self._told(0, 0, DONE_WITH, 0, 0)
+            self._on_step_outcome(0, 0, ACCEPTED, 0, 0)
 
     @contextmanager
-    def nothing_told(self) -> Iterator[None]:
+    def discarding(self) -> Iterator[None]:
         """While somebody makes steps that do not count."""
         self.is_stepping = True
         try:
             yield
         finally:
             self.is_stepping = False
-            self._told(0, 0, TAKEN_BACK, 0, 0)
+            self._on_step_outcome(0, 0, RESTORED, 0, 0)
 
-    def hold(self, log: Held, line: str) -> None:
+    def buffer(self, log: BufferedLog, line: str) -> None:
         """Keep a line until its step stays."""
         self._lines.append((log, line))
         self.pending[0] = 1
 
-    def _told(self, _instance: int, _references: int, what: int, _values: int, slot: int) -> int:
-        if what == KEPT:
+    def _on_step_outcome(self, _instance: int, _references: int, what: int, _values: int, slot: int) -> int:
+        if what == SAVED:
             self._marks[slot or 0] = len(self._lines)
-        elif what == TAKEN_BACK:
+        elif what == RESTORED:
             mark = self._marks.get(slot or 0, 0)
             for log, line in reversed(self._lines[mark:]):
                 if log and log[-1] == line:
@@ -175,7 +178,7 @@ class Logs:
             del self._lines[mark:]
         else:
             for log, line in self._lines:
-                log.tell(line)
+                log.forward(line)
             self._lines.clear()
             self._marks.clear()
             self.pending[0] = 0

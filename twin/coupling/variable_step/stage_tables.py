@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 FLOAT = 8  # byte
 VECTORS, COURSES = 5, 4  # in the two memories of elements
-WHOLE = ((MEAN, 0.0, 1.0),)  # uses of a course: which value, where the part of the step begins, how long it is
+UNIFORM = ((MEAN, 0.0, 1.0),)  # uses of a course: which value, where the part of the step begins, how long it is
 SPLIT = ((FIRST, 0.0, 1.0 - SHARE), (FINAL, 1.0 - SHARE, SHARE))
 WITH_SLOPES = ((VALUE, 0.0, 1.0),)
 
@@ -78,27 +78,27 @@ class Stages(Plan):
         periodic = (name for name, m in self.members.items() if m.period_ns or self.divider(name) > 1)
         self.slow = frozenset(periodic)
 
-    def in_place(self, member: str) -> bool:
+    def is_read_directly(self, member: str) -> bool:
         """Whether others may read the memory of a record at once; a sampled member publishes when it is due."""
         return member not in self.slow
 
     @property
     def every(self) -> list[Element]:
         """All elements, by number."""
-        return [element for found in self.fed.values() for element in found]
+        return [element for elements in self.fed.values() for element in elements]
 
     def build(
         self, order: list[list[str]], links: list[Link], recorded: list[Key], watched: Iterable[Key] = ()
     ) -> None:
         """Fill the tables."""
-        place = {name: i for i, stage in enumerate(order) for name in stage}
+        stage_index = {name: i for i, stage in enumerate(order) for name in stage}
         count = 0
         for link in links:
             if link.target.member in self.slow or not is_real(link.target.variable):
                 continue
-            found = [self._element(count + j, link, place) for j in range(link.target.size)]
-            self.fed[id(link)] = found
-            count += len(found)
+            elements = [self._element(count + j, link, stage_index) for j in range(link.target.size)]
+            self.fed[id(link)] = elements
+            count += len(elements)
         self.count = count
         self.vectors = self.own.take(FLOAT * VECTORS * count)
         self.course = self.own.take(FLOAT * COURSES * count + FLOAT * record_layout.PAST)
@@ -107,33 +107,33 @@ class Stages(Plan):
         self.memory.take(FLOAT)  # a first block, before others may be put in front of it
         super().build(order, links, recorded, watched)
         self.leading_back = self._moves(
-            [link for link in links if any(one.is_torn for one in self.fed.get(id(link), ()))]
+            [link for link in links if any(element.is_torn for element in self.fed.get(id(link), ()))]
         )
 
-    def _element(self, number: int, link: Link, place: dict[str, int]) -> Element:
+    def _element(self, number: int, link: Link, stage_index: dict[str, int]) -> Element:
         """How one scalar of a connection reaches its member."""
         source, target = link.source, link.target
-        found = Element(number, HELD, is_torn=False, is_moving=source.member not in self.slow, link=link)
-        if not found.is_moving:
-            return found
-        found.is_torn = place[source.member] >= place[target.member]
-        smooth = found.is_continuous and self.algorithm.order > 0
-        if not found.is_torn:
-            found.source = TO_ARRIVED if smooth else ARRIVED
+        element = Element(number, HELD, is_torn=False, is_moving=source.member not in self.slow, link=link)
+        if not element.is_moving:
+            return element
+        element.is_torn = stage_index[source.member] >= stage_index[target.member]
+        smooth = element.is_continuous and self.algorithm.order > 0
+        if not element.is_torn:
+            element.source = TO_ARRIVED if smooth else ARRIVED
         elif self.algorithm.iterations:
-            found.source = TO_GUESS if smooth else GUESSED
+            element.source = TO_GUESS if smooth else GUESSED
         elif smooth:
-            found.source = EXTRAPOLATED
-        return found
+            element.source = EXTRAPOLATED
+        return element
 
     def _events(self) -> None:
         """Rows of their own for members with clocks: at an event values go straight, not along a course."""
         for link in self.events.links if self.events is not None else ():
             if id(link) in self.fed:
-                places = len(self.copies), len(self.converts)
+                counts = len(self.copies), len(self.converts)
                 first = link.source.first * link.source.variable.dtype.itemsize
                 self._move(link, self.published[link.source.key] + first, self._staged(link, 0))
-                row = ("copies", places[0]) if len(self.copies) > places[0] else ("converts", places[1])
+                row = ("copies", counts[0]) if len(self.copies) > counts[0] else ("converts", counts[1])
                 self.straight.setdefault(link.target.key, []).append(row)
 
     def rows_at_events(self, key: Key) -> list[tuple[str, int]]:
@@ -144,16 +144,18 @@ class Stages(Plan):
         """Members with a period of their own at its begin and end, the others in a stage of the walk."""
         for divider in sorted({self.divider(name) for name in stage if name in self.slow}):
             names = [name for name in stage if name in self.slow and self.divider(name) == divider]
-            inputs, steps, *publish = self._slot(divider, names, [one for one in links if one.target.member in names])
+            inputs, steps, *publish = self._slot(
+                divider, names, [link for link in links if link.target.member in names]
+            )
             self.begins += [{**inputs, "steps": steps["steps"]}]
             self.ends += publish
         if names := [name for name in stage if name not in self.slow]:
-            self.stages.append(self._quick(names, [one for one in links if one.target.member in names]))
+            self.stages.append(self._quick(names, [link for link in links if link.target.member in names]))
 
     def _quick(self, names: list[str], links: list[Link]) -> dict[str, Any]:
         """A stage of the walk."""
-        moved = self._moves([one for one in links if id(one) in self.fed])
-        direct = self._moves([one for one in links if id(one) not in self.fed])
+        moved = self._moves([link for link in links if id(link) in self.fed])
+        direct = self._moves([link for link in links if id(link) not in self.fed])
         parts = []
         for uses, chosen in self._parts(names, links).items():
             sets, more = len(self.accesses), []
@@ -168,18 +170,18 @@ class Stages(Plan):
                 member = self.members[name]
                 self.steps.append(self._step(member, order.index(name)))
             operation = {"accesses": (sets, len(self.accesses)), "steps": (steps, len(self.steps))}
-            inputs = [one for one in links if one.target.member in chosen and id(one) in self.fed]
+            inputs = [link for link in links if link.target.member in chosen and id(link) in self.fed]
             parts += [([*self._feeds(inputs, use), *more], operation, begin, length) for use, begin, length in uses]
         gets, publishes, converts = len(self.accesses), len(self.copies), len(self.converts)
         self.accesses += [row for name in names for row in self.gets[name]]
-        for key in (key for key in self.whole if key[0] in names):
+        for key in (key for key in self.unsplit if key[0] in names):
             self._split(key)
-        given = {
+        publication = {
             "accesses": (gets, len(self.accesses)),
             "copies": (publishes, len(self.copies)),
             "converts": (converts, len(self.converts)),
         }
-        return {"links": moved, "direct": direct, "gets": given, "parts": parts}
+        return {"links": moved, "direct": direct, "gets": publication, "parts": parts}
 
     def _moves(self, links: list[Link]) -> dict[str, Any]:
         """The rows of connections: to the elements, or straight to where inputs are taken from."""
@@ -197,14 +199,14 @@ class Stages(Plan):
 
     def _parts(self, names: list[str], links: list[Link]) -> dict[tuple[tuple[int, float, float], ...], list[str]]:
         """Members by how they are given the courses of their inputs."""
-        found: dict[tuple[tuple[int, float, float], ...], list[str]] = {}
+        groups: dict[tuple[tuple[int, float, float], ...], list[str]] = {}
         for name in names:
-            fed = [one for one in links if one.target.member == name and self._is_course(one)]
+            fed = [link for link in links if link.target.member == name and self._is_course(link)]
             outputs = [v for v in self.members[name].variables.values() if v.causality == "output"]
-            through = any(feeds(link, one) for link in fed for one in outputs)
+            through = any(feeds(link, output) for link in fed for output in outputs)
             takes = bool(fed) and self.members[name].input_derivatives() != 0
-            found.setdefault(WITH_SLOPES if takes else SPLIT if through else WHOLE, []).append(name)
-        return found
+            groups.setdefault(WITH_SLOPES if takes else SPLIT if through else UNIFORM, []).append(name)
+        return groups
 
     def _is_course(self, link: Link) -> bool:
         own = self.fed.get(id(link), [])
@@ -215,7 +217,9 @@ class Stages(Plan):
         references: list[int] = []
         orders: list[int] = []
         fed = []
-        for link in (one for one in links if one.target.member == name and self._is_course(one)):
+        for link in (
+            candidate for candidate in links if candidate.target.member == name and self._is_course(candidate)
+        ):
             variable, first = link.target.variable, link.target.first
             every = variable.references if len(variable.references) > 1 else variable.references * variable.size
             for j, element in enumerate(self.fed[id(link)]):
@@ -225,15 +229,15 @@ class Stages(Plan):
                     fed.append((element, SLOPE + order - 1))
         values = self.memory.take(FLOAT * len(fed))
         rows = [
-            [*self._places(element), element.source, self._weights(element, use), values + FLOAT * i, 0]
+            [*self._addresses(element), element.source, self._weights(element, use), values + FLOAT * i, 0]
             for i, (element, use) in enumerate(fed)
         ]
-        kept = np.array(references, np.uint32), np.array(orders, np.int32)
-        self.arrays += kept
+        arrays = np.array(references, np.uint32), np.array(orders, np.int32)
+        self.arrays += arrays
         member = self.members[name]
         function = member.input_derivatives()
         self.functions[function] = "fmi2SetRealInputDerivatives"
-        addresses = [int(one.ctypes.data) for one in kept]
+        addresses = [int(array.ctypes.data) for array in arrays]
         index = list(self.members).index(name)
         return [function, member.instance, addresses[0], len(fed), addresses[1], values, index], rows
 
@@ -242,7 +246,7 @@ class Stages(Plan):
         rows = []
         for link in links:
             for j, element in enumerate(self.fed[id(link)]):
-                row = [*self._places(element), element.source, self._weights(element, use), self._staged(link, j)]
+                row = [*self._addresses(element), element.source, self._weights(element, use), self._staged(link, j)]
                 rows.append([*row, kind(link.target.variable.dtype)])
         return rows
 
@@ -251,5 +255,5 @@ class Stages(Plan):
         category = input_extrapolation.CATEGORY if element.source in (TO_GUESS, TO_ARRIVED) else 0
         return self.weights + category + use * input_extrapolation.USE
 
-    def _places(self, element: Element) -> list[int]:
+    def _addresses(self, element: Element) -> list[int]:
         return [self.vectors + FLOAT * element.number, self.course + FLOAT * element.number]

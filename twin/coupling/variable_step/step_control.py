@@ -17,31 +17,31 @@ PROPORTIONAL, INTEGRAL = 0.4, 0.3  # divided by the order of the residual in the
 SHRINK, GROW = 0.2, 1.5  # at most, from step to step
 
 
-def steer(self: Any, stride: int) -> None:
+def choose_step(self: Any, stride: int) -> None:
     """Choose the next step by how good this one was; it stays in any case."""
-    found = residual(self, self.span)
-    if not (found <= 1.0) and stride <= self.least and self.tick > 0:  # before, sizes are not known
+    current = residual(self, self.span)
+    if not (current <= 1.0) and stride <= self.least and self.tick > 0:  # before, sizes are not known
         if self.missed == 0:
             self.missed_tick = self.tick
         self.missed += 1
     before = self.residual
     if before == 0.0:
-        before = found
+        before = current
     order = self.order + 2.0
     gain = GROW
-    if found > 0.0:
-        gain = SAFETY * found ** (-(PROPORTIONAL + INTEGRAL) / order) * before ** (PROPORTIONAL / order)
+    if current > 0.0:
+        gain = SAFETY * current ** (-(PROPORTIONAL + INTEGRAL) / order) * before ** (PROPORTIONAL / order)
     if not (gain >= SHRINK):  # nor is it a number
         gain = SHRINK
     gain = min(gain, GROW)
     if gain > 1.0 and (self.limited != 0 or stride < self.stride):
         gain = 1.0  # it was cut: the next one may be as long as this one was to be
-    self.residual = found
-    self.wish = min(self.wish * gain, self.whole)
-    shortest = self.whole / self.divisions
-    self.wish = max(self.wish, shortest)
+    self.residual = current
+    self.next_step = min(self.next_step * gain, self.tick_length)
+    shortest = self.tick_length / self.divisions
+    self.next_step = max(self.next_step, shortest)
     self.stride = 1
-    while 2 * self.stride <= self.divisions and 2 * self.stride * shortest <= self.wish:
+    while 2 * self.stride <= self.divisions and 2 * self.stride * shortest <= self.next_step:
         self.stride *= 2
 
 
@@ -50,10 +50,10 @@ def residual(self: Any, h: float) -> float:
     row, own = self.pairs, self.energies
     power, lost, squares, count = 0.0, 0.0, 0.0, 0
     for _ in range(self.pair_count):
-        taken = read_float(read64(row)) * read_float(read64(row + 24)) * read_float(row + 32)
-        given = read_float(read64(row + 8)) * read_float(read64(row + 16)) * read_float(row + 32)
-        power += (taken + given) / 2.0
-        lost += taken - given
+        received = read_float(read64(row)) * read_float(read64(row + 24)) * read_float(row + 32)
+        delivered = read_float(read64(row + 8)) * read_float(read64(row + 16)) * read_float(row + 32)
+        power += (received + delivered) / 2.0
+        lost += received - delivered
         if read64(row + 40) != 0:
             went = read_float(own) + power * h
             largest = max(abs(went), read_float(own + 8))

@@ -6,10 +6,17 @@ from typing import Any
 
 from twin.compiler import call_access, read64, read_float, write_float
 from twin.coupling.execution.loop import DONE, FAILED, FINISHED, FULL, NOTICED, ROUNDING, beyond, record
-from twin.coupling.variable_step.explicit_step import DONE_WITH, bring_back, keep, periodic, tell, transfer
+from twin.coupling.variable_step.explicit_step import (
+    ACCEPTED,
+    notify_logs,
+    periodic,
+    restore_state,
+    save_state,
+    transfer,
+)
 from twin.coupling.variable_step.implicit_step import attempt, size_of
-from twin.coupling.variable_step.record_layout import DOUBLING, EARLY, FIXED, RESIDUAL, SCALE, SEEN, UNSOLVED
-from twin.coupling.variable_step.step_control import steer
+from twin.coupling.variable_step.record_layout import COMPARED, DOUBLING, EARLY, FIXED, RESIDUAL, SCALE, UNSOLVED
+from twin.coupling.variable_step.step_control import choose_step
 
 SAFETY = 0.9
 HUGE = 1e300
@@ -19,10 +26,10 @@ ERROR = 3  # FMI's status
 
 def run(self: Any) -> int:
     """Go on until `stop`, a full recording buffer, a member that fails or finishes the simulation, or a limit."""
-    self.looked = 0
+    self.outputs_current = 0
     if self.back != 0:
         self.back = 0
-        if bring_back(self, 0) > 1:
+        if restore_state(self, 0) > 1:
             return FAILED
     while self.tick < self.stop:
         if self.place >= self.limit:
@@ -32,15 +39,15 @@ def run(self: Any) -> int:
             if periodic(self, self.begins, self.begin_count, 0) > 1:
                 return FAILED
             self.inside, self.position, self.off, self.over = 1, 0, 0, self.ending
-        if cross(self) > 1:
+        if advance_to_tick(self) > 1:
             return FAILED
         if self.position < self.divisions:
             return FINISHED
         if periodic(self, self.ends, self.end_count, 1) > 1:
             return FAILED
         if self.end_count > 0:
-            self.looked = 0
-        if self.events != 0 and tell_events(self) > 1:
+            self.outputs_current = 0
+        if self.events != 0 and notify_events(self) > 1:
             return FAILED
         if self.over != 0:
             self.member, self.finished = self.over - 1, 1
@@ -57,17 +64,17 @@ def run(self: Any) -> int:
     return DONE
 
 
-def point(self: Any, position: int) -> float:
+def time_at(self: Any, position: int) -> float:
     """The time of a division of this tick [s]: one division of whole numbers, unless these are too large."""
     ticks = self.begin_ns + self.tick * self.step_ns
     if position == 0:
         return float(ticks / self.per_second)
     if abs(ticks) > LARGEST // self.divisions:
-        return float(ticks / self.per_second + self.whole * (position / self.divisions))
+        return float(ticks / self.per_second + self.tick_length * (position / self.divisions))
     return float((ticks * self.divisions + position * self.step_ns) / (self.per_second * self.divisions))
 
 
-def cross(self: Any) -> int:
+def advance_to_tick(self: Any) -> int:
     """Go to the next tick in one step or several; the status of what failed."""
     shortens = 0
     if self.control != FIXED and self.trial != 0:
@@ -76,24 +83,24 @@ def cross(self: Any) -> int:
         stride = self.stride
         while self.position > 0 and self.position % stride != 0:
             stride = stride // 2
-        t, h = point(self, self.position), self.whole
+        t, h = time_at(self, self.position), self.tick_length
         if stride < self.divisions:
             h *= stride / self.divisions
         if self.off != 0:
             t = self.now
-            h = point(self, self.position + stride) - t
+            h = time_at(self, self.position + stride) - t
         if self.limited == 0 and self.events != 0 and t < self.due < t + h - ROUNDING * h:
             self.limited, self.until = 2, self.due
         if self.limited != 0:
             h = self.until - t
-        self.begun, self.span = t, h
-        if self.learned == 0 and self.trial != 0 and learn(self, t) > 1:
+        self.step_begin, self.span = t, h
+        if self.has_scales == 0 and self.trial != 0 and learn_scales(self, t) > 1:
             return int(self.status)
-        if self.trial != 0 and keep(self, 0) > 1:
+        if self.trial != 0 and save_state(self, 0) > 1:
             return int(self.status)
         status = 0
         if self.control == DOUBLING:
-            status = paired(self, t, h, stride <= self.least)
+            status = step_twice(self, t, h, stride <= self.least)
         else:
             status = attempt(self, t, h, 0)
         if status == UNSOLVED and (self.control == FIXED or stride <= self.least):
@@ -105,7 +112,7 @@ def cross(self: Any) -> int:
                 return UNSOLVED
             status = 0
         if status == EARLY and self.trial != 0 and self.until > t:
-            if bring_back(self, 0) > 1:
+            if restore_state(self, 0) > 1:
                 return int(self.status)
             self.limited = 1
         elif status == ERROR and shortens != 0 and 0 < stride < self.passed:
@@ -119,25 +126,25 @@ def cross(self: Any) -> int:
             return status
         elif self.control == FIXED or judge(self, stride) != 0:
             accept(self, stride)
-            if self.events != 0 and (self.position < self.divisions or self.off != 0) and tell_events(self) > 1:
+            if self.events != 0 and (self.position < self.divisions or self.off != 0) and notify_events(self) > 1:
                 return int(self.status)
         elif shorten(self, stride // 2) > 1:
             return int(self.status)
     return 0
 
 
-def learn(self: Any, t: float) -> int:
+def learn_scales(self: Any, t: float) -> int:
     """How large values become is learned from the longest step, which is taken back."""
-    self.learned = 1
-    if keep(self, 0) > 1:
+    self.has_scales = 1
+    if save_state(self, 0) > 1:
         return int(self.status)
-    if attempt(self, t, self.whole, 0) <= 1:
-        measure(self)
+    if attempt(self, t, self.tick_length, 0) <= 1:
+        update_scales(self)
     self.sweeps = 0
-    return bring_back(self, 0)
+    return restore_state(self, 0)
 
 
-def measure(self: Any) -> None:
+def update_scales(self: Any) -> None:
     """Keep the largest values that connections gave."""
     for j in range(self.moving_count):
         now = self.vectors + 8 * read64(self.moving + 8 * j)
@@ -151,22 +158,22 @@ def shorten(self: Any, stride: int) -> int:
     self.rejected += 1
     self.limited = 0
     self.stride = max(1, stride)
-    return bring_back(self, 0)
+    return restore_state(self, 0)
 
 
-def tell_events(self: Any) -> int:
+def notify_events(self: Any) -> int:
     """All members are where a step ended that stays: whether there is an event is for others to say."""
     self.status = call_access(self.events, 0, 0, 0, 0, 0)
-    self.looked = 0
+    self.outputs_current = 0
     return int(self.status)
 
 
 def accept(self: Any, stride: int) -> None:
     """A step stays."""
     self.accepted += 1
-    if self.most > 0 or self.control != FIXED:
-        measure(self)
-    tell(self, DONE_WITH, 0)
+    if self.max_iterations > 0 or self.control != FIXED:
+        update_scales(self)
+    notify_logs(self, ACCEPTED, 0)
     if self.ending != 0:
         self.member, self.finished = self.ending - 1, 1
     if self.limited == 0:
@@ -175,13 +182,13 @@ def accept(self: Any, stride: int) -> None:
         return
     self.limited = 0
     self.now, self.off = self.until, 1
-    while self.position < self.divisions and point(self, self.position + 1) <= self.until:
+    while self.position < self.divisions and time_at(self, self.position + 1) <= self.until:
         self.position += 1
-    if point(self, self.position) == self.until:
+    if time_at(self, self.position) == self.until:
         self.off = 0
 
 
-def paired(self: Any, t: float, h: float, is_least: bool) -> int:
+def step_twice(self: Any, t: float, h: float, is_least: bool) -> int:
     """One step, then two halves, which stay; what connections give at the end of both can be compared.
 
     Steps that stay unsolved are made all the same if they cannot be shorter.
@@ -199,8 +206,8 @@ def paired(self: Any, t: float, h: float, is_least: bool) -> int:
         elif status > 1:
             return status
         if part == 0:
-            transfer(self.vectors, self.vectors + 8 * SEEN * self.elements, self.elements)
-            if bring_back(self, 0) > 1:
+            transfer(self.vectors, self.vectors + 8 * COMPARED * self.elements, self.elements)
+            if restore_state(self, 0) > 1:
                 return int(self.status)
     return unsolved
 
@@ -208,7 +215,7 @@ def paired(self: Any, t: float, h: float, is_least: bool) -> int:
 def judge(self: Any, stride: int) -> int:
     """Whether a step is good enough, or cannot be shorter; the length of the next."""
     if self.control == RESIDUAL:
-        steer(self, stride)
+        choose_step(self, stride)
         return 1
     largest, room = 0.0, 1.0
     divisor = 0.0
@@ -223,8 +230,8 @@ def judge(self: Any, stride: int) -> int:
     for j in range(self.judged_count):
         i = read64(self.judged + 8 * j)
         now = self.vectors + 8 * i
-        found = abs(read_float(now + 8 * SEEN * self.elements) - read_float(now)) / divisor
-        ratio = found / (self.tolerance * size_of(self, i))
+        error = abs(read_float(now + 8 * COMPARED * self.elements) - read_float(now)) / divisor
+        ratio = error / (self.tolerance * size_of(self, i))
         if not (ratio <= largest):
             largest = ratio
     if not (largest <= 1.0):
