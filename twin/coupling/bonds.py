@@ -1,6 +1,6 @@
-"""Power bonds: connections there and back whose product is a power, or an energy: force and velocity, pressure and flow.
+"""Power bonds: connections in both directions whose product is a power or an energy: force and velocity, pressure and flow.
 
-Those of one name in `bond:` are one; so are those of two terminals, if they are such.
+Connections with the same name in `bond:` form one bond; so do those of two terminals, if their product is a power or energy.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ PRODUCT_UNITS = (POWER, ENERGY)  # the second with a displacement in the place o
 
 
 def bonds(links: Iterable[Link]) -> dict[str, list[Link]]:
-    """The connections of each bond; CouplingError for those that are declared and are none."""
+    """Return the connections of each bond by name; CouplingError for declared bonds that are none."""
     named: dict[tuple[str, bool], list[Link]] = {}
     for link in links:
         if name := link.bond or link.terminals:
@@ -36,7 +36,7 @@ def bonds(links: Iterable[Link]) -> dict[str, list[Link]]:
 
 
 def fault(links: list[Link]) -> str:
-    """Why connections are no power bond; empty if they are one."""
+    """Return why connections are no power bond; empty if they are one."""
     ends = {frozenset((link.source.member, link.target.member)) for link in links}
     if len(ends) > 1:
         names = ", ".join(sorted({name for pair in ends for name in pair}))
@@ -54,16 +54,16 @@ def fault(links: list[Link]) -> str:
 
 
 def is_power(a: Link, b: Link, units: tuple[str, ...] = PRODUCT_UNITS) -> bool:
-    """Whether the product of what two connections bring is a power or an energy; angles count for nothing."""
+    """Whether the product of two connected quantities has one of the units (power or energy); angles are dimensionless."""
     factors = [unit.describe(link.target.variable.unit).exponents for link in (a, b)]
     exponents = [x + y for x, y in zip(*factors, strict=True)][:-1]
     return any(exponents == list(unit.describe(symbol).exponents)[:-1] for symbol in units)
 
 
 def powers(links: Iterable[Link]) -> list[list[tuple[Link, Link, float]]]:
-    """Of each bond the connections there and back whose product is a power, and its unit in W.
+    """Return for each bond the pairs of connections (there, back) whose product is a power, with its unit [W].
 
-    CouplingError for a declared bond that has none: with a place instead of a velocity the product is an energy.
+    CouplingError for a declared bond without one: with a position instead of a velocity the product is an energy.
     """
     result = []
     for name, own in bonds(links).items():
@@ -84,10 +84,10 @@ def powers(links: Iterable[Link]) -> list[list[tuple[Link, Link, float]]]:
 
 
 def in_watt(link: Link) -> float:
-    """The unit of an input in SI."""
+    """Return the factor from the unit of an input to SI."""
     return unit.describe(link.target.variable.unit).factor
 
 
 def link_label(link: Link) -> str:
-    """`servo.position [m]`."""
+    """Return the source of a connection with its unit: `servo.position [m]`."""
     return f"{link.source.member}.{link.source.variable.name} [{link.target.variable.unit or '1'}]"

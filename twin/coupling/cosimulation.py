@@ -1,4 +1,4 @@
-"""The co-simulation: initialize, advance, terminate. Owns time and memory; the work is done by the compiled loop."""
+"""Co-simulation master: initialize, advance, terminate. Owns time and memory; the compiled loop does the steps."""
 
 from __future__ import annotations
 
@@ -38,13 +38,16 @@ if TYPE_CHECKING:
 
     from twin.coupling.member import Member
 
-CHUNK_SECONDS = 0.05  # wall-clock length of one native call: how fast Ctrl-C and the progress bar react
-FIRST_STEPS = 16  # length of the first one
+CHUNK_SECONDS = 0.05  # wall-clock length of one native call [s]: latency of Ctrl-C and of the progress bar
+FIRST_STEPS = 16  # communication steps of the first native call
 
 
 @lru_cache(maxsize=8)
 def compiled_loop(build: Path, plain: bool = True) -> Callable[[int], int]:
-    """The loop, or the walk of algorithms that are not plain, as a native function of its record's address."""
+    """Compile the fixed-step loop, or the variable-step master for algorithms that are not plain.
+
+    Returns a native function of the record's address.
+    """
     name, function = ("cosimulation", loop.run) if plain else ("walk", stepping.run)
     address = compiler.load_record_function(loop.RECORD, name, function, f"The {name} loop.", build)
     return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(address)
@@ -52,18 +55,18 @@ def compiled_loop(build: Path, plain: bool = True) -> Callable[[int], int]:
 
 @dataclass
 class Recording:
-    """What was recorded: time [s], and per variable an array of rows (and elements)."""
+    """Recorded signals: time [s], and per variable an array of rows (and elements)."""
 
     time: np.ndarray[Any, Any]
     signals: dict[str, np.ndarray[Any, Any]]
 
 
 class CoSimulation(StepFailures):
-    """Members coupled by links, from `initialize` over `advance` to `terminate`.
+    """Co-simulation of members coupled by links: `initialize`, `advance`, `terminate`.
 
-    `step`: communication step [ns]. A member's period must be a multiple of it: never a rounding. `record`: variables
-    to record every `every` [ns] as (member, variable). `split`: variables of which elements will be overridden.
-    `recorder`: where the rows go, by default into memory. `exempt`: members that may compute what is not finite.
+    `step`: communication step [ns]. A member's period must be an exact multiple of it. `record`: variables to record
+    every `every` [ns] as (member, variable). `split`: variables of which elements will be overridden. `recorder`:
+    destination of the rows, by default memory. `exempt`: members that may compute values that are not finite.
     """
 
     def __init__(
@@ -111,8 +114,8 @@ class CoSimulation(StepFailures):
         self.recorder: Recorder = recorder or Memory()
         self.watch = FiniteValueMonitor(members, links, exempt)
         self.notes = self.algorithm.remarks(self._corrected)
-        self._last: int | None = None  # tick of the last row that is wanted
-        self._last_check = 0.0  # wall-clock time of the last look at all members [s]
+        self._last: int | None = None  # tick of the last valid row
+        self._last_check = 0.0  # wall-clock time of the last check for finite values [s]
         self._split = frozenset(split)
         self._begin: clock.Time = 0
 
@@ -132,11 +135,11 @@ class CoSimulation(StepFailures):
             raise CouplingError(problems)
 
     def order(self) -> list[list[str]]:
-        """The stages: all members at once, or one by one along their dependencies."""
+        """Return the stages: all members at once, or one by one along their dependencies."""
         return self.algorithm.order_of(self.members, self.links)
 
     def delays(self) -> list[tuple[Link, clock.Time]]:
-        """How late each connection's value is when it is used, beyond what the source's own step says [ns]."""
+        """Return each connection with the age of its value when it is used, beyond the source's own step [ns]."""
         stage_index = {name: i for i, stage in enumerate(self.order()) for name in stage}
         inside = model_exchange_groups.between(self.members, self.links)
         delays = []
@@ -153,7 +156,7 @@ class CoSimulation(StepFailures):
         """Take all members through InitializationMode at `start` [ns] and record the first row."""
         self._begin = start
         if self.algorithm.rolls_back:
-            # those in a process of their own log when they like, not when their steps are at work
+            # Isolated members log asynchronously, so their lines cannot be assigned to steps.
             self._logs = StepLogs(member for member in self.members.values() if member not in self._isolated)
             for name, member in self.members.items():
                 member.early = member.early or name not in self._slow
@@ -174,7 +177,7 @@ class CoSimulation(StepFailures):
         self._build_tables(stop)
 
     def with_members(self, members: Mapping[str, Member]) -> CoSimulation:
-        """The same coupling, from the time reached on, of these members, all initialized; what it does, it does to them."""
+        """Return the same coupling of other, initialized members from the time reached; their state changes with its steps."""
         links, periods = [*self.links, *self._wires], self.periods
         other = CoSimulation(members, links, self.step, self.algorithm, record=[], build=self._build, periods=periods)
         other._begin, other._logs = self.time, self._logs
@@ -191,7 +194,7 @@ class CoSimulation(StepFailures):
             raise SimulationError(f"{name}: {phase} failed: {error}{log_text(self.members[name])}") from error
 
     def _build_tables(self, stop: clock.Time | None) -> None:
-        """Build the tables, publish what the members hold, and record the first row."""
+        """Build the tables, publish the members' values, and record the first row."""
         parts = self.members, self.step, self.periods, self._split
         plan = self.plan = Plan(*parts) if self.algorithm.is_plain else Stages(*parts, algorithm=self.algorithm)
         plan.objects = StringBinaryLinks(self.members, self.links)
@@ -228,7 +231,7 @@ class CoSimulation(StepFailures):
         self._raise_if_not_finite(self.watch.non_finite_members(), f"at t = {clock.text(self._begin)}")
 
     def _begin_events(self, clock_events: events.Events) -> None:
-        """The event that every member with clocks is in after initialization, at its end."""
+        """Process the event in which members with clocks are after initialization."""
         clock_events.connect(self.plan, self._tables.arrays)
         record = self.recorder.record[0]
         if isinstance(self.plan, Stages):
@@ -239,7 +242,7 @@ class CoSimulation(StepFailures):
         self._tables.publish()
 
     def _verify_rollback(self) -> None:
-        """Let those prove it who say of themselves that they can go back."""
+        """Verify by trial that members support rollback, except our own."""
         if not self.algorithm.rolls_back:
             return
         for name, member in self.members.items():
@@ -253,7 +256,7 @@ class CoSimulation(StepFailures):
 
     @property
     def last(self) -> int | None:
-        """Tick of the last recorded row that counts; None: all do."""
+        """Tick of the last valid recorded row; None: all rows are valid."""
         return self._last
 
     @property
@@ -262,7 +265,7 @@ class CoSimulation(StepFailures):
         return self._begin + int(self.state["tick"]) * self.step
 
     def advance(self, until: clock.Time, progress: Callable[[clock.Time], object] | None = None) -> None:
-        """Go to `until` [ns], a communication point; SimulationError if a member fails, with all that is known.
+        """Advance to `until` [ns], a communication point; SimulationError if a member fails.
 
         Stops early, with `finished` set, when a member ends the simulation.
         """
@@ -306,7 +309,7 @@ class CoSimulation(StepFailures):
                 progress(self.time)
 
     def value(self, key: Key) -> np.ndarray[Any, Any]:
-        """A variable at the communication point that was reached, as others see it: a slow member is not ahead of it."""
+        """Return a variable as published at the communication point reached: never ahead of it, also for slow members."""
         variable = self.members[key[0]].variables[key[1]]
         if key in self.plan.published:
             return view(self.plan.published[key], variable).copy().reshape(variable.shape)
@@ -315,7 +318,7 @@ class CoSimulation(StepFailures):
         return np.asarray(self.members[key[0]].get(key[1]))
 
     def set(self, key: Key, value: Any) -> None:
-        """Set a parameter or an unconnected input, or element of one, of a member, from now on."""
+        """Set a parameter or an unconnected input of a member from now on."""
         self._forget()
         self.members[key[0]].set(key[1], value)
         if self.plan.events is not None and self.members[key[0]].clocked:
@@ -329,9 +332,9 @@ class CoSimulation(StepFailures):
             self._variable_step.forget()
 
     def override(self, key: Key, value: Any, element: int | None = None) -> None:
-        """From now on all who read this output, or the member that has this input, see `value` instead.
+        """Replace an output for all its readers, or an input for its member, by `value` from now on.
 
-        `element`: of an output in `split` only this one, counted from 0.
+        `element`: only this element of an output in `split`, counted from 0.
         """
         self._forget()
         self.members[key[0]].override(key[1], value, element)
@@ -352,7 +355,7 @@ class CoSimulation(StepFailures):
         self._tables.merge_records(self.state)
 
     def recording(self) -> Recording:
-        """All that was recorded until now, decoded."""
+        """Return the decoded recording until now."""
         if not self._ready:
             return Recording(np.zeros(0), {})
         words = self.recorder.words()
@@ -373,7 +376,7 @@ class CoSimulation(StepFailures):
         return Recording(time, signals)
 
     def terminate(self) -> None:
-        """Close all members, whatever state they are in."""
+        """Close all members, in any state."""
         self._note_step_problems()
         for name, member in self.members.items():
             self.recorder.note(f"{name}: termination")

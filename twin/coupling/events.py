@@ -1,11 +1,11 @@
-"""Events of members with clocks: all of them at one instant, between two communication steps.
+"""Events of members with clocks, processed for all of them at one instant between two communication steps.
 
-At a communication point all members have come to that time and published. If a clock ticks there, or a member has an event,
-all members with clocks are in Event Mode. Clocks tick, values and ticks go along the connections in the order of the members,
-again and again until nothing changes: that is one instant of super-dense time. Another follows if a member needs it, or a
+At a communication point all members have reached that time and published. If a clock ticks there, or a member has an event,
+all members with clocks enter Event Mode. Clocks tick; values and ticks propagate along the connections in the order of the
+members until nothing changes: that is one instant of super-dense time. Another instant follows if a member needs it, or a
 clock ticks once more at the same time. Then the next communication step begins.
 
-The loop calls this as it calls `fmiNGetXXX`, by a row at the end of its operations; a system without clocks has none.
+The loop calls this like `fmiNGetXXX`, by a row at the end of its operations; a system without clocks has no such row.
 """
 
 from __future__ import annotations
@@ -28,70 +28,70 @@ if TYPE_CHECKING:
     from twin.coupling.system import Link
 
 OK, ERROR = 0, 3
-INSTANTS = 100  # of super-dense time, at most, at one communication point
-SWEEPS = 100  # over all members, at most, in one instant
+INSTANTS = 100  # largest number of instants of super-dense time at one communication point
+SWEEPS = 100  # largest number of sweeps over all members in one instant
 
 
 class Clocked(Protocol):
-    """A member with clocks, as it is seen here."""
+    """Interface of a member with clocks."""
 
     name: str
     variables: Mapping[str, MemberVariable]
     ended: bool
-    has_jumped: bool  # whether its continuous values are others after the last event
-    event_time: clock.Time | None  # of an event that the member announced [ns]
+    has_jumped: bool  # whether its continuous values changed in the last event
+    event_time: clock.Time | None  # time of an event that the member announced [ns]
 
     def slot(self, name: str) -> Any:
-        """Where a variable's values lie for others."""
+        """Return the memory of a variable's values."""
 
     @property
     def due(self) -> clock.Time | None:
-        """When the next time-based clock ticks [ns]; None: no one knows of any."""
+        """Time of the next tick of a time-based clock [ns]; None if unknown."""
 
     def due_clocks(self, now: clock.Time) -> list[str]:
-        """Clocks that tick now."""
+        """Return the clocks that tick now."""
 
     def has_news(self, now: clock.Time) -> bool:
-        """Whether there is an event now, whatever the clocks say."""
+        """Whether the member has an event now, regardless of its clocks."""
 
     def enter_events(self, now: clock.Time) -> None:
-        """To Event Mode."""
+        """Enter Event Mode."""
 
     def tick(self, name: str, now: clock.Time) -> bool:
-        """Let an input clock tick in this instant; whether it does not do so already."""
+        """Activate an input clock in this instant; return whether it was inactive."""
 
     def evaluate(self, now: clock.Time) -> bool:
-        """Tell the member its ticks and inputs, then look at its outputs; whether it was told anything."""
+        """Set the member's clocks and inputs, then read its outputs; return whether anything was set."""
 
     def found(self) -> list[str]:
-        """Clocks of the member that were found to tick since this was asked last."""
+        """Return the output clocks that have ticked since the last call."""
 
     def finish(self, now: clock.Time) -> bool:
-        """End the instant; whether another one is needed."""
+        """End the instant; return whether another one is needed."""
 
     def leave_events(self) -> None:
-        """Back to where steps are made."""
+        """Leave Event Mode for Step Mode."""
 
     def rest(self) -> None:
-        """A new communication step: none of the clocks has ticked in it."""
+        """Begin a new communication step: all clocks are inactive."""
 
 
 class Steps(Protocol):
-    """The steps between which events are. `is_part`: the communication step at work is cut behind this part."""
+    """Interface of the stepping between events."""
 
     @property
     def is_part(self) -> bool:
-        """Whether it is."""
+        """Whether the communication step in progress continues after the event."""
 
     def time(self) -> clock.Time:
-        """Where the members are at the end of the step that is at work [ns]."""
+        """Return the time at the end of the step in progress [ns]."""
 
     def check(self, now: clock.Time) -> None:
-        """Look, after an event, when the next one is."""
+        """Plan the steps to the next event, after an event."""
 
 
 def split(links: list[Link]) -> tuple[list[Link], list[Link]]:
-    """The connections of values, and those of clocks."""
+    """Split connections into those of values and those of clocks."""
     wires = [link for link in links if link.source.variable.type == "Clock"]
     return [link for link in links if link.source.variable.type != "Clock"], wires
 
@@ -103,7 +103,7 @@ def refuse(
     periods: Mapping[str, clock.Time],
     step: clock.Time,
 ) -> None:
-    """CouplingError where clocks cannot be served."""
+    """Raise CouplingError where members or the algorithm cannot process clocks."""
     for wire in wires:
         if not all(members[end.member].clocked for end in (wire.source, wire.target)):
             source, target = (f"{end.member}.{end.variable.name}" for end in (wire.source, wire.target))
@@ -131,9 +131,9 @@ def refuse(
 
 
 class Events:
-    """The members with clocks of a co-simulation, their connections, and what happens at an event.
+    """Event iteration over the members with clocks of a co-simulation.
 
-    `links`: of values, `wires`: of clocks. `steps`: where the loop is at the end of its step.
+    `links`: connections of values, `wires`: connections of clocks. `steps`: the stepping that asks for events.
     """
 
     def __init__(self, members: Mapping[str, Member], links: list[Link], wires: list[Link]) -> None:
@@ -151,12 +151,12 @@ class Events:
         self._callback = machine.ACCESS(self._call)
         self.address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
         self.failure: BaseException | None = None
-        self.now: clock.Time = 0  # of the last event [ns]
-        self.goes_on = False  # whether the step at work was cut before
+        self.now: clock.Time = 0  # time of the last event [ns]
+        self.goes_on = False  # whether the step in progress was split before
         self.steps: Steps
 
     def connect(self, plan: Plan, arrays: Mapping[str, Any]) -> None:
-        """Know the rows by which the loop moves values to the members, overrides and all."""
+        """Store the rows by which the loop moves values to the members, with overrides."""
         self._arrays = arrays
         self._rows = {name: [] for name in self.members}
         for link in self.links:
@@ -166,30 +166,30 @@ class Events:
 
     @property
     def due(self) -> clock.Time | None:
-        """When the next clock ticks [ns]."""
+        """Time of the next clock tick [ns]; None if unknown."""
         return min((due for member in self.order if (due := member.due) is not None), default=None)
 
     @property
     def upcoming(self) -> clock.Time | None:
-        """When the next event is due, be it a tick or what a member has announced [ns]."""
+        """Time of the next event [ns]: a tick, or an event announced by a member."""
         announced = (member.event_time for member in self.order)
         return min((time for time in (self.due, *announced) if time is not None), default=None)
 
     @property
     def ended(self) -> str:
-        """The member that wants the end; none: empty."""
+        """Name of the member that terminates the simulation, or empty."""
         return next((member.name for member in self.order if member.ended), "")
 
     def _call(self, *_: int) -> int:
         try:
             self.look(self.steps.time())
-        except BaseException as error:  # also Ctrl-C: nothing may pass through native frames
+        except BaseException as error:  # also KeyboardInterrupt: no exception may pass through native frames
             self.failure = error
             return ERROR
         return OK
 
     def look(self, now: clock.Time) -> None:
-        """Where all members have come to: is there an event?"""
+        """Process an event at `now`, the time of all members, if there is one."""
         for member in self.order:
             if not self.goes_on:
                 member.rest()
@@ -200,7 +200,7 @@ class Events:
             self.react(now)
 
     def interfere(self, now: clock.Time) -> None:
-        """An event from outside, behind a communication point: its ticks belong to the next step."""
+        """Process an external event after a communication point; its ticks belong to the next step."""
         if not self.goes_on:
             for member in self.order:
                 member.rest()
@@ -208,7 +208,7 @@ class Events:
         self.react(now)
 
     def react(self, now: clock.Time) -> None:
-        """All members with clocks through an event."""
+        """Run the event iteration over all members with clocks."""
         self.now = now
         try:
             self._iterate(now)
@@ -239,7 +239,7 @@ class Events:
             member.leave_events()
 
     def _tick(self, now: clock.Time) -> bool:
-        """Let the clocks tick that are due, with those that are connected to them."""
+        """Tick the clocks that are due, and those connected to them."""
         ticked = [self._tick_clock(member, name, now) for member in self.order for name in member.due_clocks(now)]
         return any(ticked)
 
@@ -251,7 +251,7 @@ class Events:
         return any(ticked)
 
     def _settle(self, now: clock.Time) -> bool:
-        """One instant: until nothing changes; whether anything did."""
+        """Iterate one instant to a fixed point; return whether anything changed."""
         any_changed = False
         for _ in range(SWEEPS):
             has_changed = False
@@ -269,7 +269,7 @@ class Events:
         )
 
     def _move(self, member: Clocked) -> None:
-        """What is connected to a member goes to where it reads it."""
+        """Move the values of all connections to a member into its inputs."""
         for table, row in self._rows.get(member.name, ()):
             array = self._arrays[table]
             move = loop.copy if table == "copies" else convert
@@ -285,5 +285,5 @@ class Events:
 
 
 def convert(row: int, count: int) -> None:
-    """Conversions, as the loop makes them."""
+    """Run conversion rows as the loop does."""
     loop.convert(row, count, 0)

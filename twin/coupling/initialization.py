@@ -1,4 +1,4 @@
-"""Initialization: values go along the connections in the order of dependencies; algebraic loops are solved."""
+"""Initialization: propagate values along the connections in the order of dependencies; solve algebraic loops."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 Key = tuple[str, str]
 
-TOLERANCE = 1e-10  # relative change of a loop's values at which it counts as solved
+TOLERANCE = 1e-10  # relative change of a loop's values at which the iteration ends
 ITERATIONS = 50
-SINGULAR = 1e7  # condition number at which differences of 1e-7 no longer tell a solution from none
+SINGULAR = 1e7  # condition number above which a Jacobian by differences of 1e-7 is useless
 
 
 def solve(members: Mapping[str, Member], links: list[Link]) -> None:
-    """Set every connected input from its source, members being in InitializationMode."""
+    """Set every connected input from its source; the members must be in InitializationMode."""
     by_source: dict[Key, list[Link]] = {}
     for link in links:
         by_source.setdefault(link.source.key, []).append(link)
@@ -37,7 +37,7 @@ def solve(members: Mapping[str, Member], links: list[Link]) -> None:
 
 
 def push(members: Mapping[str, Member], links: list[Link], value: Any) -> None:
-    """Set the targets of one source from its value."""
+    """Set the targets of a source to its value."""
     flat = np.ravel(value) if links[0].source.variable.connectable else string_binary_links.flat(value)
     for link in links:
         part = flat[link.source.first : link.source.first + link.source.size]
@@ -54,7 +54,7 @@ def push(members: Mapping[str, Member], links: list[Link], value: Any) -> None:
 
 
 def _solve_loop(members: Mapping[str, Member], group: list[Key], by_source: dict[Key, list[Link]]) -> None:
-    """Solve a loop; strings and binaries in it go around until they stay as they are."""
+    """Solve a loop; strings and binaries in it are propagated until they no longer change."""
     words = [(member, name) for member, name in group if not members[member].variables[name].connectable]
     numbers = [key for key in group if key not in words]
     if not words:
@@ -105,7 +105,7 @@ def _solve_numbers(members: Mapping[str, Member], group: list[Key], by_source: d
 
 
 def _newton(evaluate: Any, x: np.ndarray[Any, Any], y: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """One Newton step for G(x) - x = 0 with a Jacobian by differences."""
+    """Make one Newton step for G(x) - x = 0 with a Jacobian by differences; NaN if that is singular."""
     n = len(x)
     jacobian = np.empty((n, n))
     for i in range(n):

@@ -1,7 +1,7 @@
-"""A system in SSP's words, as pure data: members with their variables, and connections between connectors.
+"""System description as pure data (SSP terms): members with their variables, and connections between connectors.
 
-A connection may be of two terminals: then it stands for one of each pair of their members. `check` lists every problem
-at once; `links` is what the algorithm couples.
+A connection of two terminals stands for one connection of each pair of their members. `check` lists all problems at once;
+`links` returns the resolved connections for the algorithm.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ READABLE = ("output", "local", "calculatedParameter", "parameter", "structuralPa
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """`member.variable` to `member.variable`; an element of an array is `member.variable[2]` (counted from 1).
+    """Connection from `member.variable` to `member.variable`; an array element is `member.variable[2]` (counted from 1).
 
-    Or `member.terminal` to `member.terminal`. `terminals`: the connection of terminals that it is a part of.
-    target = factor * source + offset, after units are converted, unless `convert` is false. `bond`: of the connections
-    with the same name, of which one brings an effort and the other one takes the flow back. `hold`: the input stays what it
-    was at the begin of a step, whatever the algorithm's order.
+    It may also connect two terminals, `member.terminal`. `terminals`: the connection of terminals that it is part of.
+    target = factor * source + offset, after conversion of units, unless `convert` is false. `bond`: name shared by the
+    connections of a power bond, one with an effort and one with the flow in the other direction. `hold`: the input is
+    constant over a step, whatever the algorithm's order.
     """
 
     source: str
@@ -44,13 +44,13 @@ class Connection:
 
     @property
     def place(self) -> str:
-        """Where it is said, for the beginning of a message."""
+        """Location of the connection, as the prefix of a message."""
         return "".join(f"{part}: " for part in (self.where, self.terminals) if part)
 
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """A variable of a member, or one element of it (`first` counts scalars from 0)."""
+    """Reference to a variable of a member, or to one element of it (`first` counts scalars from 0)."""
 
     member: str
     variable: MemberVariable
@@ -64,15 +64,15 @@ class Reference:
 
     @property
     def element(self) -> int | None:
-        """Which of several elements of an array, counted from 0; None for the whole variable."""
+        """Element of an array, counted from 0; None for a complete variable."""
         return self.first if self.size != self.variable.size else None
 
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A connection that was found to be sound: target = factor * source + offset.
+    """Resolved and valid connection: target = factor * source + offset.
 
-    `bond`: the name of the power bond that it is declared to be part of; `terminals`: what it may be a part of.
+    `bond`: name of its declared power bond; `terminals`: connection of terminals that it is part of.
     """
 
     source: Reference
@@ -85,7 +85,7 @@ class Link:
 
 
 def find(path: str, catalog: Catalog) -> Reference:
-    """The variable or array element that `member.variable` or `member.variable[2]` names."""
+    """Resolve `member.variable` or `member.variable[2]`; CouplingError with a suggestion if it does not exist."""
     member, dot, name = path.partition(".")
     if not dot or member not in catalog:
         raise CouplingError(f"{path!r}: no member {member!r}. {nearest(member, catalog)}")
@@ -106,24 +106,24 @@ def find(path: str, catalog: Catalog) -> Reference:
 
 @dataclass
 class System:
-    """Members' variables and connections."""
+    """Variables of members, and connections between them."""
 
     catalog: Catalog
     connections: list[Connection] = field(default_factory=list)
 
     def check(self) -> list[str]:
-        """Every problem of the connections, one line each."""
+        """Return all problems of the connections, one line each."""
         return self._resolve()[1]
 
     def links(self) -> list[Link]:
-        """The links of a sound system; CouplingError with all problems otherwise."""
+        """Return the links of a valid system; CouplingError with all problems otherwise."""
         links, problems = self._resolve()
         if problems:
             raise CouplingError(problems)
         return links
 
     def single(self) -> tuple[list[Connection], list[str]]:
-        """The connections of variables, those of terminals taken apart, and what is wrong with those."""
+        """Expand connections of terminals to connections of variables; return these and the problems."""
         connections: list[Connection] = []
         problems: list[str] = []
         for connection in self.connections:
@@ -135,7 +135,7 @@ class System:
         return connections, problems
 
     def _single(self, connection: Connection) -> list[Connection]:
-        """What a connection stands for: itself, unless it is one of terminals."""
+        """Expand a connection of terminals; any other one is returned as it is."""
         paths = connection.source, connection.target
         ends = [terminals.find(path, self.catalog) for path in paths]
         if ends == [None, None]:
@@ -143,7 +143,7 @@ class System:
         a, b = ends
         if a is None or b is None:
             terminal, variable = (paths[0], paths[1]) if b is None else (paths[1], paths[0])
-            find(variable, self.catalog)  # it may be that there is nothing of this name
+            find(variable, self.catalog)  # raises if the name does not exist
             raise CouplingError(f"{terminal} is a terminal, {variable} is a variable. Connect two of one kind.")
         text = f"{connection.source} -> {connection.target}"
         return [replace(connection, source=x, target=y, terminals=text) for x, y in terminals.single(a, b)]
@@ -208,7 +208,7 @@ class System:
         return Link(source, target, factor, offset, connection.bond, connection.terminals, connection.hold)
 
     def _ends(self, connection: Connection) -> tuple[Reference, Reference]:
-        """What a connection connects; what is wrong with each end is told at once."""
+        """Resolve both ends of a connection; CouplingError with the problems of both."""
         text = f"{connection.source} -> {connection.target}"
         references, problems = [], []
         for number, path in enumerate((connection.source, connection.target)):
@@ -229,7 +229,7 @@ class System:
 
 
 def object_link(source: Reference, target: Reference, connection: Connection, text: str) -> Link:
-    """A connection of strings or binaries."""
+    """Return a link of strings or binaries; CouplingError if the types differ."""
     a, b = source.variable.type, target.variable.type
     if a != b:
         raise CouplingError(f"{text}: {a} does not fit {b}. Connect two of one type.")
@@ -239,7 +239,7 @@ def object_link(source: Reference, target: Reference, connection: Connection, te
 
 
 def clock_link(source: Reference, target: Reference, connection: Connection, text: str) -> Link:
-    """A connection of clocks: the target ticks when the source does."""
+    """Return a link of clocks, whose target ticks when the source does; CouplingError if it is not triggered."""
     a, b = source.variable, target.variable
     if a.type != b.type:
         raise CouplingError(f"{text}: {a.type} does not fit {b.type}. Connect two clocks.")
@@ -251,7 +251,7 @@ def clock_link(source: Reference, target: Reference, connection: Connection, tex
 
 
 def check_items(source: MemberVariable, target: MemberVariable, text: str) -> None:
-    """Enumerations go as numbers: the same number must be the same item."""
+    """Raise CouplingError unless two enumerations agree: they are transferred as numbers."""
     target_items = dict(target.items)
     wrong = [(name, number) for name, number in source.items if target_items and target_items.get(name) != number]
     if wrong:
@@ -275,7 +275,7 @@ def feeds(link: Link, output: MemberVariable) -> bool:
 
 
 def direct_followers(links: list[Link], catalog: Catalog) -> dict[tuple[str, str], list[tuple[str, str]]]:
-    """For each connected output, the connected outputs that depend on it directly, through one member."""
+    """Return for each connected output the connected outputs that depend on it directly, through one member."""
     by_source: dict[tuple[str, str], list[Link]] = {}
     for link in links:
         by_source.setdefault(link.source.key, []).append(link)
@@ -293,9 +293,9 @@ def direct_followers(links: list[Link], catalog: Catalog) -> dict[tuple[str, str
 def stepping_order(
     members: list[str], links: list[Link], catalog: Catalog, together: Mapping[str, str] | None = None
 ) -> list[str]:
-    """Gauss-Seidel order: along the connections; inside a loop, along direct feedthrough; else as declared.
+    """Return the Gauss-Seidel order: along the connections; inside a loop, along direct feedthrough; else as declared.
 
-    `together`: by member that steps as one with others, the one that stands for them in the order.
+    `together`: for members that step together with others, the representative of their group.
     """
     representative = {name: (together or {}).get(name, name) for name in members}
     nodes = list(dict.fromkeys(representative.values()))

@@ -1,7 +1,7 @@
-"""Terminals, variables that are connected together: a connection of two as the single connections that it stands for.
+"""Terminals (FMI 3.0): expand a connection of two terminals to connections of their variables.
 
-Members match by name, as FMI 3.0 has it (section 2.4.9.2): of a plug each must have its partner, of a bus some may be
-missing; those of a sequence are named by their places, 1, 2, ... Which side is the source of a pair, causality says.
+Members match by name (FMI 3.0, section 2.4.9.2): every member of a plug needs a partner, members of a bus may lack one;
+those of a sequence are named by their positions, 1, 2, ... The causality decides which side of a pair is the source.
 """
 
 from __future__ import annotations
@@ -32,28 +32,28 @@ SHOWN = 6  # names in a message
 
 @dataclass(frozen=True, slots=True)
 class Terminal:
-    """A terminal of a member as a connection names it. `index`: the element of its arrays, `[2]`, or nothing."""
+    """Terminal of a member in a connection. `index`: the selected element of its arrays, `[2]`, or empty."""
 
     path: str
     member: str
     index: str
-    members: dict[str, Pair]  # by the name that they have at the other side
+    members: dict[str, Pair]  # by memberName
 
     def end(self, name: str) -> str:
-        """A member as the end of a single connection."""
+        """Return the path of a terminal member, for a connection of variables."""
         variable = self.members[name][0]
         return f"{self.member}.{variable.name}{self.index if variable.shape else ''}"
 
 
 def names(variables: Mapping[str, MemberVariable]) -> list[str]:
-    """The terminals of a member."""
+    """Return the names of a member's terminals."""
     return list(
         dict.fromkeys(membership.terminal for variable in variables.values() for membership in variable.terminals)
     )
 
 
 def find(path: str, catalog: Catalog) -> Terminal | None:
-    """The terminal that `member.terminal` or `member.terminal[2]` names; None if it names none."""
+    """Resolve `member.terminal` or `member.terminal[2]`; None if it is no terminal."""
     member, _, name = path.partition(".")
     variables = catalog.get(member, {})
     element = ELEMENT.fullmatch(name)
@@ -66,7 +66,7 @@ def find(path: str, catalog: Catalog) -> Terminal | None:
 
 
 def members(variables: Mapping[str, MemberVariable], terminal: str) -> dict[str, Pair]:
-    """What belongs to a terminal."""
+    """Return the members of a terminal by memberName."""
     return {
         membership.name: (variable, membership)
         for variable in variables.values()
@@ -76,7 +76,7 @@ def members(variables: Mapping[str, MemberVariable], terminal: str) -> dict[str,
 
 
 def single(a: Terminal, b: Terminal) -> list[tuple[str, str]]:
-    """Source and target of each connection between two terminals; CouplingError with all that does not fit."""
+    """Return (source, target) of each connection between two terminals; CouplingError with all mismatches."""
     problems = [*misfits(a, b), *wrong_index(a), *wrong_index(b)]
     pairs: list[tuple[str, str]] = []
     for name in (name for name in a.members if name in b.members):
@@ -97,7 +97,7 @@ def single(a: Terminal, b: Terminal) -> list[tuple[str, str]]:
 
 
 def misfits(a: Terminal, b: Terminal) -> list[str]:
-    """Members that have no partner and need one."""
+    """Return the problem of members that lack a required partner."""
     lonely = []
     for terminal, partner in ((a, b), (b, a)):
         rules = {membership.rule for _, membership in terminal.members.values()}
@@ -118,7 +118,7 @@ def misfits(a: Terminal, b: Terminal) -> list[str]:
 
 
 def wrong_index(terminal: Terminal) -> list[str]:
-    """What is wrong with the element that a terminal is meant for."""
+    """Return the problem of an element index that does not fit the terminal's arrays."""
     arrays = [variable for variable, _ in terminal.members.values() if variable.shape]
     if not terminal.index:
         return []
@@ -133,7 +133,7 @@ def wrong_index(terminal: Terminal) -> list[str]:
 
 
 def flow_problem(a: str, b: str) -> str:
-    """Why the value of one member is not that of the other."""
+    """Return why the values of two members cannot be copied: kinds that differ, or flows of equal direction."""
     if unknown := [kind for kind in (a, b) if kind not in (*FLOWS, "signal")]:
         return f"are of the kind {unknown[0]!r}, whose values are not just copied. Connect them by themselves."
     if a == b and a in FLOWS:
@@ -142,6 +142,6 @@ def flow_problem(a: str, b: str) -> str:
 
 
 def listed(labels: Mapping[str, object] | list[str]) -> str:
-    """Some names for a message."""
+    """Join at most `SHOWN` names for a message."""
     every = list(labels)
     return ", ".join(every[:SHOWN]) + (f" and {len(every) - SHOWN} more" if len(every) > SHOWN else "")

@@ -1,8 +1,8 @@
-"""A small process that watches the one that works, and is left when that dies.
+"""Supervisor process of a run: records for a forked child and outlives its crash.
 
-`supervise` is called before anything heavy is imported. It forks: in the child it returns, in the parent never. What
-the child records lies in memory of both; the parent takes it into a file, passes signals on, and when the child dies
-forks another one, which is told how, and finishes. Without `fork` the process watches itself by a thread.
+`supervise` is called before large packages are imported. It forks: it returns in the child, never in the parent. The child
+records into shared memory; the parent drains it into a file and forwards signals. When the child dies, the parent forks
+another one, which gets the crash report and finishes the run. Without `fork` a thread of the process drains the memory.
 """
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ from twin.process.shared import NOTES, Drainer, Shared
 from twin.process.stop import SIGNALS, once
 from twin.process.supervisor_channel import INTERVAL, Link, Watched
 
-STOP_TIME = 10.0  # a case has this time to end after a signal [s]
-FINISH_TIME = 120.0  # and all that is to be written [s]
-DUMP_TIME = 0.5  # and Python to tell its stack [s]
+STOP_TIME = 10.0  # for a case to end after a signal [s]
+FINISH_TIME = 120.0  # for writing all results after a signal [s]
+DUMP_TIME = 0.5  # for Python to dump its stack [s]
 DUMP = getattr(signal, "SIGUSR2", 0)
-UNLIMITED = ": termination"  # of what takes as long as it takes: drives are stopped there
-TRIES = 2  # deaths while finishing that are borne
+UNLIMITED = ": termination"  # activities without a timeout: drives are stopped in them
+TRIES = 2  # crashes while finishing before the supervisor gives up
 
 
 def command_line() -> None:
-    """Say that the process is that of a command alone: `supervise` may fork it."""
+    """Declare that this process runs a command and nothing else: `supervise` may fork it."""
     Supervisor.allowed = hasattr(os, "fork")
 
 
 def supervise(timeout: float = 0.0) -> Link:
-    """Go on in a child that is watched; `timeout`: kill it where one thing takes longer [s], 0: never.
+    """Continue in a supervised child process; it is killed after `timeout` without progress [s], 0: never.
 
-    Elsewhere than on a command line, and without `fork`, the process goes on alone.
+    Outside of a command line, and without `fork`, the process continues unsupervised.
     """
     if not Supervisor.allowed:
         return Link()
     locations = [location for location in (temporary(), memory()) if location is not None]
     folders = [create_folder(folder_of(location, process_identity())) for location in locations]
-    with suppress(OSError):  # no process can be had
+    with suppress(OSError):  # no process can be created
         remove_at_end([folder for folder in folders if folder])
     supervisor = Supervisor(Shared(), timeout, *folders)
     link = supervisor.begin()
@@ -66,7 +66,7 @@ def supervise(timeout: float = 0.0) -> Link:
 
 
 def create_folder(folder: Path) -> str:
-    """A folder for temporary files; nothing where there can be none: a full disk, or somebody else's."""
+    """Create a folder for temporary files; empty if that fails: a full disk, or a folder of another user."""
     try:
         folder.mkdir(mode=0o700)
     except OSError:
@@ -75,9 +75,9 @@ def create_folder(folder: Path) -> str:
 
 
 def remove_at_end(folders: list[str]) -> None:
-    """Start a process that removes folders when this one and its children are dead, even if all are killed at once.
+    """Start a process that removes folders when this process and its children have ended, even if all are killed at once.
 
-    It has a session of its own and holds nothing open but the end of a pipe, whose other ends these processes hold.
+    It has its own session and keeps only the end of a pipe open, whose other ends these processes hold.
     """
     if not folders:
         return
@@ -102,7 +102,7 @@ def remove_at_end(folders: list[str]) -> None:
 
 
 def leave(code: int) -> NoReturn:
-    """End this process, which has begun nothing that would have to be ended; no signal changes how."""
+    """Exit this process at once, ignoring signals; it holds nothing that needs cleaning up."""
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
     with suppress(OSError, ValueError):
@@ -112,12 +112,12 @@ def leave(code: int) -> NoReturn:
 
 
 def end(code: int) -> NoReturn:
-    """End the process of a command whose work is done: a child of `supervise` at once.
+    """Exit the process of a command that is done; a child of `supervise` without Python's finalization.
 
-    All of it is closed and written then, and to take Python apart takes as long as a tenth of what it was started for.
+    Everything is closed and written by then, and finalizing Python takes a tenth of the time of a typical run.
     """
     if any(not thread.daemon for thread in threading.enumerate() if thread is not threading.main_thread()):
-        sys.exit(code)  # after those threads, which a signal may have to end
+        sys.exit(code)  # waits for the non-daemon threads, which a signal may have to end
     for number in SIGNALS:
         signal.signal(number, signal.SIG_IGN)
     if not Supervisor.forked:
@@ -126,15 +126,15 @@ def end(code: int) -> NoReturn:
     import ctypes
 
     with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).fflush(None)  # what native code printed
+        ctypes.CDLL(None).fflush(None)  # buffered output of native code
     leave(code)
 
 
 class Supervisor:
-    """The parent. In a child that it forks, `link` is set."""
+    """Parent process of a run. `link` is set in a forked child."""
 
     allowed = False  # whether this process may be forked
-    forked = False  # whether it is such a child
+    forked = False  # whether this process is a forked child
 
     def __init__(self, shared: Shared, timeout: float, folder: str, quick: str = "") -> None:
         self.shared, self.timeout, self.folder, self.quick = shared, timeout, folder, quick
@@ -148,7 +148,7 @@ class Supervisor:
             os.set_blocking(end, False)
 
     def begin(self, previous: Death | None = None) -> Watched | None:
-        """Fork; the link in the child, nothing in the parent."""
+        """Fork a child; return its link in the child, None in the parent."""
         self.shared.clear()
         pipes = [os.pipe() for _ in range(4)]  # messages, answers, native stderr, stacks
         before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
@@ -209,7 +209,7 @@ class Supervisor:
         return link
 
     def _forward_signal(self, number: int, _frame: object) -> None:
-        """Pass a signal on: a terminal sends it to both, and to the child the first one is all that counts."""
+        """Forward a signal to the child. A terminal sends it to both; the child reacts to the first one only."""
         if not self.stop_signal:
             self.stop_signal, self.stop_requested_at = number, time.monotonic()
         if self.pid:
@@ -217,7 +217,7 @@ class Supervisor:
                 os.kill(self.pid, number)
 
     def run(self) -> int | Link:
-        """Watch children until one ends by itself; its exit code. In a further child: its link."""
+        """Supervise children until one ends normally; return its exit code, or in a further child its link."""
         while True:
             status = self.watch()
             code = os.waitstatus_to_exitcode(status)
@@ -235,14 +235,14 @@ class Supervisor:
                 return link
 
     def give_up(self, crash: Death) -> int:
-        """Say what happened where nothing can be finished."""
+        """Report a crash after which nothing can be finished; return the exit code."""
         print(f"error: {crash.text()}", file=sys.stderr)
         if hint := self.kept.get("hint"):
             print(hint, file=sys.stderr)
         return 130 if crash.from_outside else 1
 
     def watch(self) -> int:
-        """Drain and listen until the child is dead; its status."""
+        """Drain the ring and read the pipes until the child has ended; return its wait status."""
         silent = 0.0
         previous_time = time.monotonic()
         while True:
@@ -270,7 +270,7 @@ class Supervisor:
                 self.kill()
 
     def stuck_time(self, silent: float, passed: float) -> float:
-        """For how long the child has been at the same thing [s]; a process that was stopped is not stuck."""
+        """Return how long the child has made no progress [s]; a suspended process does not count as stuck."""
         layout = self.drainer.layout
         words = (
             self.shared.word(NOTES),
@@ -284,7 +284,7 @@ class Supervisor:
         return 0.0
 
     def kill(self) -> None:
-        """End the child, after it has told where Python is."""
+        """Kill the child after it has dumped its Python stack."""
         with suppress(ProcessLookupError):
             os.kill(self.pid, DUMP)
             end = time.monotonic() + DUMP_TIME
@@ -296,7 +296,7 @@ class Supervisor:
             os.kill(self.pid, signal.SIGKILL)
 
     def read_pipes(self) -> None:
-        """Take what the child says, on all ways."""
+        """Read the child's messages, stack dump and stderr."""
         self.pending += read_available(self.messages)
         while len(self.pending) >= 4 and len(self.pending) >= 4 + (size := int.from_bytes(self.pending[:4], "little")):
             message = marshal.loads(self.pending[4 : 4 + size])  # noqa: S302 - from our own child
@@ -306,7 +306,7 @@ class Supervisor:
         self.pass_on()
 
     def pass_on(self) -> None:
-        """Pass on what native code printed to stderr."""
+        """Forward what native code printed to stderr, and keep its last lines."""
         if text := read_available(self.errors):
             with suppress(OSError):
                 os.write(2, text)
@@ -314,7 +314,7 @@ class Supervisor:
             lines.extend(line for line in text.decode(errors="replace").splitlines() if line.strip())
 
     def handle_message(self, message: dict[str, Any]) -> None:
-        """Do what the child asks for."""
+        """Process a message of the child."""
         if "open" in message:
             self.drainer.open(message["open"])
         if "sync" in message:
@@ -324,7 +324,7 @@ class Supervisor:
             self.drainer.close()
             self.drainer.layout = {}
             self.pass_on()
-            self.lines.clear()  # what this case logged says nothing of the next
+            self.lines.clear()  # log lines belong to one case
         if "keep" in message:
             self.kept |= message["keep"]
         if "log" in message:
@@ -336,7 +336,7 @@ class Supervisor:
                 os.write(self.answers, bytes([message["count"]]))
 
     def crash_report(self, code: int) -> Death:
-        """How the child ended, and where it was."""
+        """Return the crash report of the child."""
         layout = self.drainer.layout
         tick, at = (self.shared.word(layout[key]) for key in ("tick", "at")) if layout else (0, 0)
         number = -code if code < 0 else 0
@@ -354,7 +354,7 @@ class Supervisor:
 
 
 def read_available(file: int) -> bytes:
-    """All that can be read at once."""
+    """Read all available bytes of a non-blocking pipe."""
     result = b""
     with suppress(BlockingIOError):
         while data := os.read(file, 1 << 16):
@@ -363,7 +363,7 @@ def read_available(file: int) -> bytes:
 
 
 def die_with(parent: int) -> None:
-    """Have the system send SIGTERM when who watches dies; where it cannot, the loop notices it a moment later."""
+    """Request SIGTERM from the system when the supervisor dies; elsewhere the loop detects it a moment later."""
     if sys.platform != "linux":
         return
     import ctypes
