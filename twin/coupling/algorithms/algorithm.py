@@ -1,4 +1,4 @@
-"""What an algorithm is: how members see each other within a step, and what a step is; data, no code that runs in it."""
+"""Base class of co-simulation algorithms: order of stepping, extrapolation and step control, as data for the compiled loop."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ if TYPE_CHECKING:
     from twin.coupling.member import Member
     from twin.coupling.system import Link
 
-FINEST = 1 << 16  # divisions of a step: times in them stay exact
+FINEST = 1 << 16  # largest number of divisions of a step, with which times stay exact
 
 
 class AlgorithmRegistry(ABCMeta):
-    """Lets `Algorithm("jacobi")` be the algorithm of that name, and `Algorithm` go through them all."""
+    """Metaclass and registry: `Algorithm("jacobi")` creates an algorithm by name, iterating `Algorithm` yields all."""
 
     classes: ClassVar[dict[str, type[Algorithm]]] = {}
 
     def __call__(cls, *arguments: Any, **options: Any) -> Any:
-        """An algorithm by its name, or by a mapping of `name` and options."""
+        """Create an algorithm from its name, or from a mapping of `name` and options; CouplingError if one is unknown."""
         if cls.__name__ != "Algorithm":
             return super().__call__(**options)
         argument = arguments[0] if arguments else "jacobi"
@@ -53,7 +53,7 @@ class AlgorithmRegistry(ABCMeta):
         return isinstance(item, Algorithm)
 
     def __iter__(cls) -> Iterator[Algorithm]:
-        """Each with what is given where nothing is said, the plain ones first."""
+        """Iterate over all algorithms with default options, the plain ones first."""
         algorithms = [algorithm_class() for algorithm_class in AlgorithmRegistry.classes.values()]
         return iter(
             sorted(
@@ -65,10 +65,10 @@ class AlgorithmRegistry(ABCMeta):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Algorithm(ABC, metaclass=AlgorithmRegistry):
-    """How members see each other within one communication step.
+    """Coupling of members within one communication step.
 
-    `order`: of the polynomial that an input is thought to follow over a step. `smoothing`: 0 to 1, how far its jumps
-    at the begin of steps are taken out.
+    `order`: of the polynomial that extrapolates an input over a step. `smoothing`: 0 to 1, the share of its jumps at the
+    begin of steps that is removed.
     """
 
     name: ClassVar[str] = ""
@@ -79,13 +79,13 @@ class Algorithm(ABC, metaclass=AlgorithmRegistry):
     order: int = 0
     smoothing: float = 0.0
 
-    # what those have that iterate, choose steps, or correct
+    # options of algorithms that iterate, control steps, or correct energy
     iterations: ClassVar[int] = 0
     agreement: ClassVar[float] = 0.0
     tolerance: ClassVar[float] = 0.0
     floor: ClassVar[float] = 0.0
     correction: ClassVar[float] = 0.0
-    scales: ClassVar[Mapping[str, Any]] = {}  # sizes [SI] by `member.variable` that are known before they show
+    scales: ClassVar[Mapping[str, Any]] = {}  # known sizes [SI] by `member.variable`
     is_strict: ClassVar[bool] = False  # a step whose iterations do not suffice ends the run
 
     jacobi: ClassVar[Algorithm]
@@ -104,7 +104,7 @@ class Algorithm(ABC, metaclass=AlgorithmRegistry):
         self._limited("smoothing", 0.0, 1.0)
 
     def _limited(self, option: str, low: float, high: float, above: bool = False) -> None:
-        """CouplingError if an option is outside of its range."""
+        """Raise CouplingError if an option is outside of its range."""
         value = getattr(self, option)
         good = isinstance(value, int | float) and not isinstance(value, bool)
         if isinstance(low, int) and good:
@@ -117,7 +117,7 @@ class Algorithm(ABC, metaclass=AlgorithmRegistry):
         return self.name
 
     def __eq__(self, other: object) -> bool:
-        """Also with a name: that of an algorithm with no option given."""
+        """Compare with an algorithm, or with a name, which means default options."""
         if isinstance(other, str):
             return other in AlgorithmRegistry.classes and self == AlgorithmRegistry.classes[other]()
         return type(self) is type(other) and vars(self) == vars(other)
@@ -127,13 +127,13 @@ class Algorithm(ABC, metaclass=AlgorithmRegistry):
 
     @property
     def options(self) -> dict[str, Any]:
-        """What is not as it is where nothing is said."""
+        """Options that differ from the defaults."""
         plain = vars(type(self)())
         return {name: value for name, value in vars(self).items() if value != plain[name]}
 
     @property
     def described(self) -> str:
-        """`iterative (order: 1)`."""
+        """Name with the options that differ from the defaults: `iterative (order: 1)`."""
         options = ", ".join(f"{name}: {value}" for name, value in self.options.items())
         return f"{self.name} ({options})" if options else self.name
 
@@ -144,11 +144,11 @@ class Algorithm(ABC, metaclass=AlgorithmRegistry):
 
     @property
     def rolls_back(self) -> bool:
-        """Whether members have to go back to where a step began."""
+        """Whether members must support rollback."""
         return self.iterations > 0 or self.control in (DOUBLING, PREDICTED)
 
     def order_of(self, members: Mapping[str, Member], links: list[Link]) -> list[list[str]]:
-        """The stages: all members at once, or one by one along their dependencies."""
+        """Return the stages: all members at once, or one by one along their dependencies."""
         if not self.is_sequential:
             return [list(members)]
         catalog = {name: member.variables for name, member in members.items()}
@@ -157,33 +157,36 @@ class Algorithm(ABC, metaclass=AlgorithmRegistry):
         return [[member for member in members if joined.get(member, member) == name] for name in order]
 
     def divisions(self, step: clock.Time) -> int:
-        """Into how many of the smallest steps a step [ns] may be divided: a power of two."""
+        """Return the number of smallest steps in a step [ns]: a power of two."""
         return 1 if step else 0
 
     @staticmethod
     def every() -> list[Algorithm]:
-        """All algorithms, with what is given where nothing is said."""
+        """Return all algorithms with default options."""
         return list(Algorithm)
 
     def corrected(self, links: list[Link]) -> list[Link]:
-        """The connections that are corrected; CouplingError if what is declared cannot be."""
+        """Return the connections with energy correction; CouplingError if a declared bond is invalid."""
         return links[:0]
 
     def remarks(self, corrected: list[Link]) -> list[str]:
-        """What the person who runs this has to know of it."""
+        """Return notes for the user."""
         del corrected
         return []
 
 
 def scheme_named(name: str, owner: str) -> int:
-    """The number of a way to accelerate."""
+    """Return the number of an acceleration scheme; CouplingError if it is unknown."""
     if name not in SCHEMES:
         raise CouplingError(f"algorithm: {owner} has no acceleration {name!r}. {nearest(name, list(SCHEMES))}")
     return SCHEMES.index(name)
 
 
 def halvings(step: clock.Time, smallest: clock.Time, fewest: int = 1) -> int:
-    """The power of two that divides a step into the smallest ones that are no shorter than `smallest` [ns]."""
+    """Return the power of two that divides a step [ns] into the shortest parts of at least `smallest` [ns].
+
+    CouplingError if fewer than `fewest` parts of that length fit.
+    """
     count = 1
     while step >= 2 * count * smallest and count < FINEST:
         count *= 2

@@ -1,4 +1,4 @@
-"""Algorithms that choose their steps, between two ticks, by an error that they measure."""
+"""Base class of algorithms with step control by an error estimate."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from twin.coupling.algorithms.algorithm import Algorithm, halvings, scheme_named
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Controlled(Algorithm):
-    """Members in parallel or in sequence; the scenario's step is the longest, `smallest` [ns] the shortest.
+    """Step control with members in parallel or in sequence; the scenario's step is the longest, `smallest` [ns] the shortest.
 
-    `tolerance`: of each value in a step, relative to the largest it had, or to `floor` [SI]; `scales`: such values that
-    are known before. Steps are divisions of the longest by powers of two, so that points of the recording and events are
-    met. `iterations` above 0: every step is solved as `iterative` does, with `acceleration` and `agreement`; one that
-    is not is made shorter.
+    `tolerance`: of each value in a step, relative to its largest value so far, or to `floor` [SI]; `scales`: such values
+    known in advance. Steps are divisions of the longest by powers of two, so that they meet recorded points and events.
+    `iterations` above 0: every step is iterated as by `iterative`, with `acceleration` and `agreement`; a step that does
+    not converge is shortened.
     """
 
     sequential: bool = False
@@ -49,5 +49,5 @@ class Controlled(Algorithm):
         return scheme_named(self.acceleration, self.name)
 
     def divisions(self, step: clock.Time) -> int:
-        """Down to the smallest one."""
+        """Return the number of smallest steps in a step [ns]."""
         return halvings(step, self.smallest)

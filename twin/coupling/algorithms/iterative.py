@@ -1,4 +1,4 @@
-"""Every step is repeated until the inputs at its end agree with the outputs there: an implicit coupling."""
+"""Implicit coupling: every step is iterated until the inputs at its end agree with the outputs."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ CONSEQUENCES = ("note", "stop")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Iterative(Algorithm):
-    """Members in sequence, again and again.
+    """Implicit coupling with members in sequence.
 
-    `order` 0: inputs are those of the end of the step; 1, 2: their course over the step, which is more exact.
-    `acceleration`: relaxed, aitken, anderson or newton. `agreement`: of each value, relative to the largest it had, or
-    to `floor` [SI]. `scales`: such values that are known before. `unsolved`: what follows if `iterations` do not
-    suffice: `note`, and the last one counts, or `stop`.
+    `order` 0: inputs have the values of the end of the step; 1, 2: they follow a polynomial over the step, which is more
+    accurate. `acceleration`: relaxed, aitken, anderson or newton. `agreement`: tolerance of each value, relative to its
+    largest value so far, or to `floor` [SI]. `scales`: such values known in advance. `unsolved`: consequence if
+    `iterations` do not suffice: `note` (the last iteration is kept) or `stop`.
     """
 
     name: ClassVar[str] = "iterative"
@@ -43,7 +43,7 @@ class Iterative(Algorithm):
 
     @property
     def is_strict(self) -> bool:  # type: ignore[override]
-        """Whether a step that stays unsolved ends the run."""
+        """Whether a step that does not converge ends the run."""
         return self.unsolved == "stop"
 
     @property

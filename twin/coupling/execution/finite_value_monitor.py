@@ -1,9 +1,9 @@
-"""What goes wrong without a word: values that are no finite numbers, inputs beyond their declared bounds.
+"""Monitor of values that are not finite and of inputs beyond their declared bounds.
 
-Inputs with bounds are looked at by the loop, in every communication step. Values that have to be finite are looked at
-between native calls, which costs the loop nothing; when one is found, the members go back to where all was well, and
-forward again to the first communication point where it is not. A member that cannot go back (Python-side, or somebody
-else's FMU) makes the loop look at every step instead, at what lies in memory.
+The loop checks inputs with bounds in every communication step. Values that must be finite are checked between native calls,
+which costs the loop nothing; when one is not finite, the members are restored to the last valid point and stepped again to
+the first communication point where it is not. With a member that cannot be restored (Python-side, or a third-party FMU)
+the loop checks the values in memory in every step instead.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 
 COMPUTED = ("output", "local")
 REMEDY = "Correct its parameters or start values, or write `finite: false` for the member if that is meant."
-NEVER = 1 << 62  # communication points between two rows of a recording that is not wanted
+NEVER = 1 << 62  # communication points between two rows: no recording
 
 
 def finite_variables(member: Member) -> list[MemberVariable]:
-    """Variables whose values have to be finite: outputs, and of a component of ours states and local variables too."""
+    """Return the variables that must be finite: outputs, and for our own components states and local variables too."""
     inside = isinstance(member, RecordMember) or member.can_restore
     return [
         v
@@ -44,22 +44,22 @@ def finite_variables(member: Member) -> list[MemberVariable]:
 
 @dataclass
 class ValueReader:
-    """One look at a member: the memory to look at, and what fills it first."""
+    """Reader of a member's values: memory to check, and the calls that fill it first."""
 
     values: list[np.ndarray[Any, Any]] = field(default_factory=list)
     fill: list[Callable[[], int]] = field(default_factory=list)
-    accesses: list[Access] = field(default_factory=list)  # what `fill` points into
+    accesses: list[Access] = field(default_factory=list)  # memory that `fill` points to
 
     def is_bad(self) -> bool:
-        """Whether anything is not finite."""
+        """Whether any value is not finite."""
         for fill in self.fill:
             if fill() > 1:
-                return False  # a member that failed may say nothing
+                return False  # A failed member may refuse its values.
         return not all(np.isfinite(values).all() for values in self.values)
 
 
 def value_reader(member: Member, variables: list[MemberVariable]) -> ValueReader:
-    """How to look at some variables of a member: in place, in as few runs as may be, or by one call for each type."""
+    """Create a reader of a member's variables: in place, in as few blocks as possible, or by one call for each type."""
     reader = ValueReader()
     if all(member.address(v.name) for v in variables):
         runs: list[list[int]] = []
@@ -84,16 +84,16 @@ def value_reader(member: Member, variables: list[MemberVariable]) -> ValueReader
 
 @dataclass
 class Saved:
-    """All that a co-simulation holds at a communication point."""
+    """Saved state of a co-simulation at a communication point."""
 
     record: np.ndarray[Any, Any]  # of the loop
     blocks: list[np.ndarray[Any, Any]]
     members: dict[str, Any]
-    lines: dict[str, int]  # of the members' logs
+    lines: dict[str, int]  # number of log lines by member
 
 
 def merge_adjacent(rows: list[list[int]]) -> list[list[int]]:
-    """Rows of the loop's table of limits, those of neighbors in memory as one."""
+    """Merge rows of the loop's table of limits that are adjacent in memory."""
     result: list[list[int]] = []
     for row in sorted(rows):
         last = result[-1] if result else row
@@ -105,7 +105,7 @@ def merge_adjacent(rows: list[list[int]]) -> list[list[int]]:
 
 
 class FiniteValueMonitor:
-    """Looks after the members of a co-simulation. `exempt`: those that may compute what is not finite."""
+    """Monitor of the members of a co-simulation. `exempt`: members that may compute values that are not finite."""
 
     def __init__(self, members: Mapping[str, Member], links: list[Link], exempt: Collection[str]) -> None:
         self.members, self.links = members, links
@@ -118,7 +118,7 @@ class FiniteValueMonitor:
         self._rows: list[tuple[Key | None, list[int]]] = []
 
     def published(self) -> list[Key]:
-        """What has to be fetched in every step, since it cannot be looked at later."""
+        """Return the variables to publish in every step, because they cannot be checked later."""
         if self.replays:
             return []
         return [
@@ -129,7 +129,7 @@ class FiniteValueMonitor:
         ]
 
     def rows(self, plan: Plan) -> np.ndarray[Any, Any]:
-        """The loop's table of limits: first what has to be finite, if it cannot be looked at later; then inputs."""
+        """Return the loop's table of limits: values that must be finite, if they cannot be checked later; then inputs."""
         self._rows = []
         largest = float(np.finfo(np.float64).max)
         for name, variables in {} if self.replays else self.variables.items():
@@ -149,16 +149,16 @@ class FiniteValueMonitor:
         return np.array([row for _, row in self._rows] or [[0] * 5], np.int64)
 
     def row(self, index: int) -> Key | None:
-        """The input that a row is for; None: a value that has to be finite."""
+        """Return the input of a row; None for a value that must be finite."""
         return self._rows[index][0]
 
     @property
     def row_count(self) -> int:
-        """Rows of the table that count."""
+        """Number of valid rows of the table."""
         return len(self._rows)
 
     def input_note(self, key: Key, plan: Plan, time: clock.Time) -> str:
-        """That an input left its bounds in the step from `time` [ns]."""
+        """Return the note on an input that left its bounds in the step from `time` [ns]."""
         variable = self.members[key[0]].variables[key[1]]
         values = view(plan.staged[key], variable).reshape(variable.shape)
         wrong, expected = variable.outside(values[()])
@@ -166,7 +166,7 @@ class FiniteValueMonitor:
         return f"{key[0]}.{key[1]}{wrong} at t = {clock.text(time)}, for the first time. {expected}"
 
     def non_finite_members(self, failed: str = "") -> list[str]:
-        """Members that hold a value that is not finite; `failed`: one that may not like to be asked."""
+        """Return the members with a value that is not finite; `failed`: a member whose step has failed."""
         for name, variables in self.variables.items():
             if name not in self._readers:
                 self._readers[name] = value_reader(self.members[name], variables)
@@ -177,23 +177,23 @@ class FiniteValueMonitor:
         ]
 
     def save(self, record: np.ndarray[Any, Any], plan: Plan) -> None:
-        """Remember where all is well, unless a member cannot come back to it."""
+        """Save the state at a valid point, unless a member cannot be restored."""
         if self.replays:
             states = {name: member.save() for name, member in self.members.items()}
             lines = {name: len(member.log) for name, member in self.members.items()}
             self._saved = Saved(record.copy(), [block.copy() for block in plan.memory.blocks], states, lines)
 
     def forget(self) -> None:
-        """Something was set from outside: what was saved leads elsewhere."""
+        """Discard the saved state: after a change from outside its steps would differ."""
         self._saved = None
 
     @property
     def is_saved(self) -> bool:
-        """Whether there is a point to go back to, or none is needed."""
+        """Whether there is a saved state, or none is needed."""
         return self._saved is not None or not self.replays
 
     def _restore(self, plan: Plan) -> np.ndarray[Any, Any]:
-        """Bring everything back to the saved point; a loop's record that records and notices nothing."""
+        """Restore the saved state; return a loop record that records and reports nothing."""
         assert self._saved is not None
         for block, saved in zip(plan.memory.blocks, self._saved.blocks, strict=True):
             block[:] = saved
@@ -202,13 +202,13 @@ class FiniteValueMonitor:
             del member.log[self._saved.lines[name] :]
         record = self._saved.record.copy()
         record["every"], record["limit_count"], record["limit"] = NEVER, 0, NEVER
-        record["derives"] = 0  # nobody would answer
+        record["derives"] = 0  # Requests for a Jacobian would not be answered here.
         return record
 
     def find_first_tick(self, end: int, run: Callable[[int], int], plan: Plan) -> int:
-        """The first tick at which something is not finite, all being there again; `end`: one where something is.
+        """Find the first tick with a value that is not finite, by bisection up to `end`; the members are at it afterwards.
 
-        That a value once spoiled stays so is taken for granted.
+        Assumes that a value stays not finite once it is.
         """
         assert self._saved is not None
         record = self._restore(plan)
@@ -227,7 +227,7 @@ class FiniteValueMonitor:
         return high
 
     def find_source(self, bad: list[str]) -> tuple[str, bool]:
-        """The member where it began: the first, along the data, with finite inputs; and whether there is one."""
+        """Find the first member along the data flow with finite inputs; the Boolean tells whether there is one."""
         catalog = {name: member.variables for name, member in self.members.items()}
         order = [name for name in stepping_order(list(self.members), self.links, catalog) if name in bad]
         for name in order:
@@ -237,7 +237,7 @@ class FiniteValueMonitor:
         return order[0], False
 
     def described(self, bad: list[str], when: str) -> str:
-        """What is not finite, where and when, in one line."""
+        """Describe the values that are not finite in one line: variable, time, cause."""
         name, is_source = self.find_source(bad)
         member = self.members[name]
         wrong = {v.name: value for v in self.variables[name] if not np.isfinite(value := member.get(v.name)).all()}
@@ -255,9 +255,9 @@ class FiniteValueMonitor:
         return f"{name}.{first}{element} is {value[index]:g} {when}{more}, {cause}"
 
     def spell(self, parts: Iterable[tuple[np.ndarray[Any, Any], Mapping[str, np.ndarray[Any, Any]]]]) -> str:
-        """What was recorded as not finite, and was finite again before anybody looked; empty if nothing was.
+        """Describe values that were recorded as not finite between two checks and finite again; empty if there are none.
 
-        `parts`: times and signals, one after the other.
+        `parts`: consecutive pieces of times and signals.
         """
         for time, signals in parts:
             first: tuple[int, str] | None = None
@@ -272,5 +272,5 @@ class FiniteValueMonitor:
 
 
 def finite_value(member: Member, name: str) -> bool:
-    """Whether a variable's value is finite; whole numbers are."""
+    """Whether a variable's value is finite; integers always are."""
     return member.variables[name].dtype.kind != "f" or bool(np.isfinite(member.get(name)).all())

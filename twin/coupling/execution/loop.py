@@ -1,19 +1,19 @@
-"""The loop: one function that walks tables of addresses. Topology is data; a new system compiles nothing.
+"""The fixed-step loop: one function over tables of addresses. Topology is data; a new system needs no compilation.
 
 `run` is plain Python over a record, like a component: compiled it costs what a hand-written C loop costs, interpreted
 it can be stepped through. It allocates nothing and calls no Python but Python-side members.
 
-From communication point k to k + 1 it works off a list of operations, each with its own divider: it is due at every
-n-th communication point, counted at k, or for those that publish at k + 1. An operation moves values (copies,
-conversions, fmiGetXXX or fmiSetXXX), then steps members. Stage by stage (Jacobi: one stage; Gauss-Seidel: one per
-member) they are:
+From communication point k to k + 1 it executes a list of operations, each with its own divider: it is due at every n-th
+communication point, counted at k, or at k + 1 for operations that publish. An operation moves values (copies, conversions,
+fmiGetXXX or fmiSetXXX), then steps members. Stage by stage (Jacobi: one stage; Gauss-Seidel: one per member) they are:
 
 1. members that are due take their inputs
 2. members that are due step, over their own period
 3. members whose period ends at k + 1 publish
 
-so a slow member's outputs appear when its step is due, and within a stage nobody sees another's future. Where all members of
-a stage are due at every point, each publishes right after its step, while a cache holds it: inputs have been taken by then.
+so a slow member's outputs appear when its step is due, and within a stage no member sees outputs of the same step. Where
+all members of a stage are due at every point, each publishes right after its step, while its data is in the cache: all
+inputs have been taken by then.
 """
 
 from __future__ import annotations
@@ -64,9 +64,9 @@ CONVERT = ("source", "source_kind", "target", "target_kind", "count", "factor", 
 ACCESS = ("function", "instance", "references", "count", "values", "size", "member")
 # `signature`: as in compiler.machine; `gets`: rows of accesses that publish at once
 STEP = ("function", "signature", "instance", "flags", "gets", "get_count", "member")
-LIMIT = ("address", "kind", "count", "low", "high")  # the last two Float64 bits; not a number is beyond any limit
+LIMIT = ("address", "kind", "count", "low", "high")  # the last two Float64 bits; NaN violates any limit
 
-# how a scalar lies in memory, for conversions
+# representation of a scalar in memory, for conversions
 KINDS = {"f8": 0, "f4": 1, "i1": 2, "u1": 3, "i2": 4, "u2": 5, "i4": 6, "u4": 7, "i8": 8, "u8": 9, "b1": 10}
 WIDTHS = (8, 4, 1, 1, 2, 2, 4, 4, 8, 8, 1)
 
@@ -78,9 +78,9 @@ RECORD = np.dtype(
             "place", "limit", "row_bytes", "every",  # recording: address of the next row, and of the end
             "records", "record_count", "record_converts", "record_convert_count",
             "member", "status", "finished",
-            "limits", "limit_count", "beyond",  # values that are watched, and the row that one is beyond
-            "scalar",  # address of a word for one that is no Float64
-            "at",  # address of the row of the call that is at work: whoever looks after a crash finds the member
+            "limits", "limit_count", "beyond",  # monitored values, and the row of a violated limit
+            "scalar",  # address of a word for converting a value to Float64
+            "at",  # address of the row of the call in progress: crash reports derive the member from it
             *record_layout.INTEGERS,
         )
     ]
@@ -90,7 +90,7 @@ RECORD = np.dtype(
 
 
 def convert_scalar(source: int, source_kind: int, target: int, target_kind: int, factor: float, offset: float) -> None:
-    """Move one scalar to another representation; whole numbers go as integers, so that none is rounded."""
+    """Convert one scalar to another representation; integers are not converted to float, so none is rounded."""
     if source_kind < 2:
         value = read_float(source) if source_kind == 0 else read_float32(source)
         value = value * factor + offset
@@ -126,7 +126,7 @@ def convert_scalar(source: int, source_kind: int, target: int, target_kind: int,
 
 
 def copy(row: int, count: int) -> None:
-    """Runs of 64-bit words from source to target."""
+    """Copy blocks of 64-bit words from source to target."""
     for _ in range(count):
         source, target = read64(row), read64(row + 8)
         for j in range(read64(row + 16)):
@@ -135,7 +135,7 @@ def copy(row: int, count: int) -> None:
 
 
 def convert(row: int, count: int, shift: int) -> None:
-    """Conversions of type or unit; `shift` moves the target (to the row being recorded)."""
+    """Convert types and units; `shift` is added to the target address (the row being recorded)."""
     for _ in range(count):
         source, source_kind = read64(row), read64(row + 8)
         target, target_kind = read64(row + 16) + shift, read64(row + 24)
@@ -148,7 +148,7 @@ def convert(row: int, count: int, shift: int) -> None:
 
 
 def width(kind: int) -> int:
-    """Size of a scalar of a kind [byte]."""
+    """Return the size of a scalar of a kind [byte]."""
     if kind == 0 or kind == 8 or kind == 9:
         return 8
     if kind == 1 or kind == 6 or kind == 7:
@@ -157,7 +157,7 @@ def width(kind: int) -> int:
 
 
 def record_words(address: int, tick: int, row: int, count: int) -> None:
-    """Write the tick, then the recorded 64-bit values: small enough to become part of `run`."""
+    """Write the tick, then the recorded 64-bit values; small enough to be inlined in `run`."""
     write64(address, tick)
     for _ in range(count):
         source, target = read64(row), read64(row + 8) + address
@@ -174,7 +174,7 @@ def record(self: Any) -> None:
 
 
 def beyond(row: int, count: int, scalar: int) -> int:
-    """Address of the first row with a value that is not within its limits, or 0."""
+    """Return the address of the first row with a value outside its limits, or 0."""
     for _ in range(count):
         at, value_kind = read64(row), read64(row + 8)
         low, high = read_float(row + 24), read_float(row + 32)
@@ -194,7 +194,7 @@ def beyond(row: int, count: int, scalar: int) -> int:
 
 
 def has_returned_early(self: Any, t: float) -> int:
-    """Whether one of those that may came back from its step from t before its end."""
+    """Return 1 if a member returned early from its step from t, else 0."""
     row = self.early_returns
     for _ in range(self.early_return_count):
         flags, h = read64(row), read_float(row + 8)
@@ -219,7 +219,7 @@ def access(self: Any, row: int, count: int) -> int:
 
 
 def run(self: Any) -> int:
-    """Go on until `stop`, a full recording buffer, a member that fails or finishes the simulation, or a limit."""
+    """Run until `stop`, a full recording buffer, a member that fails or terminates the simulation, or a violated limit."""
     operations, operation_count, every = self.operations, self.operation_count, self.every
     begin_ns, step_ns, per_second, limit_count = self.begin_ns, self.step_ns, self.per_second, self.limit_count
     early_return_count, tick = self.early_return_count, self.tick

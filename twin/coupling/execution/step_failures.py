@@ -1,4 +1,4 @@
-"""How the loop came back, in words: a member failed, discarded its step, ended the simulation, or holds no number."""
+"""Messages for steps that did not succeed: failed or discarded steps, early termination, values that are not finite."""
 
 from __future__ import annotations
 
@@ -26,25 +26,25 @@ if TYPE_CHECKING:
     from twin.coupling.variable_step.state import VariableStepState
 
 LOG_LINES = 5
-SHOWN = 3  # variables that are named
+SHOWN = 3  # largest number of variables in a message
 
 STATUS = {2: "DISCARD", 3: "ERROR", 4: "FATAL"}
 DISCARD = 2
-ROUNDING = 1e-12  # part of a step by which a time may miss its end
+ROUNDING = 1e-12  # tolerance of the end of a step, relative to its length
 
 
 def log_text(member: Member) -> str:
-    """The end of a member's log, for a message."""
+    """Return the last log lines of a member, for a message."""
     return f" Last log: {' | '.join(member.log[-LOG_LINES:])}" if member.log else ""
 
 
 def shown(time: float) -> str:
-    """A time [s] for a message."""
+    """Format a time [s] for a message."""
     return clock.text(round(time * clock.NANOSECONDS))
 
 
 class StepFailures:
-    """The part of a co-simulation that tells what happened."""
+    """Mixin of `CoSimulation`: handles and describes steps that did not succeed."""
 
     members: Mapping[str, Member]
     algorithm: Algorithm
@@ -76,7 +76,7 @@ class StepFailures:
         return list(self.members)[int(self.state["member"])]
 
     def _report_limit(self) -> None:
-        """A value is beyond its limits: not finite, which is the end, or an input, which is noted once."""
+        """Handle a violated limit: raise SimulationError if a value is not finite; note an input's bounds once."""
         row = (int(self.state["beyond"]) - self._limits.ctypes.data) // self._limits.strides[0]
         self._check_finite(noticed=True)
         if (key := self.watch.row(row)) is not None:
@@ -84,7 +84,7 @@ class StepFailures:
         self._limits[row, 2] = 0
 
     def _check_finite(self, noticed: bool = False, failed: str = "") -> None:
-        """End the simulation if a value is not finite, and tell where that began; else remember that all is well."""
+        """Raise SimulationError with its origin if a value is not finite; else save the valid state."""
         bad = self.watch.non_finite_members(failed)
         tick = int(self.state["tick"]) + bool(failed)
         if not bad:
@@ -96,7 +96,7 @@ class StepFailures:
             tick = self.watch.find_first_tick(tick, self._loop, self.plan)
             again = self.watch.non_finite_members()
             if failed and not again:
-                return  # it was so in an iteration alone
+                return  # only an iteration that was rolled back was not finite
             self._last, bad = tick, again or bad
         when = clock.text(self._begin + tick * self.step)
         exact = self.watch.replays or noticed or failed
@@ -105,12 +105,12 @@ class StepFailures:
     def _raise_if_not_finite(
         self, bad: list[str], when: str, sure: bool = False, cause: Exception | None = None
     ) -> None:
-        """SimulationError if members hold values that are not finite; `sure`: only if one of them began it."""
+        """Raise SimulationError if members have values that are not finite; `sure`: only if the origin is among them."""
         if bad and (not sure or self.watch.find_source(bad)[1]):
             raise SimulationError(self.watch.described(bad, when)) from cause
 
     def _handle_failure(self) -> None:
-        """Turn a member's failure into one line: name, time, status, last inputs, last log lines."""
+        """Raise SimulationError with name, time, status, last inputs and log of a failed member, unless it can continue."""
         if int(self.state["status"]) == ASKING:
             self._roll_back()
             self._variable_step.derive()  # type: ignore[union-attr]
@@ -146,7 +146,7 @@ class StepFailures:
         ) from member.failure
 
     def _refused_access(self) -> str:
-        """What a member was asked for, if it refused a value rather than a step."""
+        """Describe the refused access, if a getter or setter failed rather than a step."""
         rows = self._tables.arrays["accesses"]
         index, rest = divmod(int(self.state["at"]) - rows.ctypes.data, rows.strides[0])
         if rest or not 0 <= index < len(self.plan.accesses):
@@ -159,7 +159,7 @@ class StepFailures:
         return f" It refused {self.plan.functions[function]} of {', '.join(names[:SHOWN])}{more}."
 
     def _accept_shorter_step(self, member: Member, reason: str) -> bool:
-        """Whether a step that a member did not make in whole is made to where it came, or shorter; one line if not."""
+        """Repeat an incomplete step up to the time the member reached, or shorter; return whether that is possible."""
         state = self.state
         goes_back = state["trial"] and member.name not in self._slow
         step_begin = float(state["step_begin"]) if goes_back else clock.seconds(self.time)
@@ -188,7 +188,7 @@ class StepFailures:
         return False
 
     def _roll_back(self) -> None:
-        """Have all members where the step began that is at work."""
+        """Roll all members back to the begin of the step in progress."""
         state, stop = self.state, int(self.state["stop"])
         state["back"], state["stop"] = 1, state["tick"]
         if self._loop(self._record.ctypes.data) == loop.FAILED:
@@ -196,7 +196,7 @@ class StepFailures:
         state["stop"] = stop
 
     def _disagreement_text(self) -> str:
-        """Which connections did not agree."""
+        """Describe the connections that did not converge."""
         assert self._variable_step is not None
         far = self._variable_step.disagreements()
         return (
@@ -206,12 +206,12 @@ class StepFailures:
         )
 
     def _reported_time(self, step_begin: float) -> float:
-        """How far [s] a step of FMI 3.0's form from `begun` says that it came, of the member that ended the run; no less."""
+        """Return the last successful time [s] that the terminating member's step from `step_begin` wrote (FMI 3.0)."""
         rows = [row for row in self._tables.arrays["steps"].tolist() if row[-1] == int(self.state["member"])]
         return max([step_begin, *(machine.read_float(flags + 24) for _, _, flags, *_ in rows)])
 
     def _end_time_text(self) -> str:
-        """The time at which the simulation ended, for a message; a row beyond that does not count."""
+        """Format the time at which the simulation ended; invalidates a later row."""
         state = self.state
         if not state["inside"]:
             step_begin, step = clock.seconds(self.time - self.step), clock.seconds(self.step)
@@ -223,7 +223,7 @@ class StepFailures:
         return shown(float(state["now"] if state["off"] else state["step_begin"] + state["span"]))
 
     def _note_step_problems(self) -> None:
-        """Say what the walk could not do as it was told."""
+        """Add notes on steps that missed tolerance, convergence or the smallest length."""
         if self._variable_step is None:
             return
         state = self.state
@@ -249,7 +249,7 @@ class StepFailures:
             state["refused"] = 0
 
     def _finish_discarded(self, member: Member, reason: str) -> None:
-        """A member discarded its step in order to end the simulation: keep how far it came."""
+        """End the simulation at a step that a member discarded to terminate; keep the time it reached."""
         self.finished = True
         step_begin = clock.seconds(self.time) if self._variable_step is None else float(self.state["step_begin"])
         came = member.last_successful_time(step_begin)

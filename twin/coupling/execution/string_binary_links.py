@@ -1,8 +1,8 @@
-"""Strings and binaries between members: moved by Python, at the points where the loop moves numbers.
+"""Connections of strings and binaries: moved by Python callbacks where the loop moves numbers.
 
-The loop calls a row of its table, as it calls `fmiNGetXXX`; a system without such connections has none. What a member
-publishes is kept here until it publishes again, so that nobody sees its future. An algorithm that takes a step back takes
-this back, too.
+The loop calls a row of its table, as it calls `fmiNGetXXX`; a system without such connections has no such row. Published
+values are stored here until the member publishes again, so that readers never see values of a later time. Rollback covers
+these values too.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ Key = tuple[str, str]
 
 
 def flat(value: Any) -> np.ndarray[Any, Any]:
-    """The elements of a value; numpy would take bytes for something shorter, without the zeros at their end."""
+    """Return the elements of a value as objects; a numpy bytes array would drop trailing zeros."""
     if isinstance(value, np.ndarray):
         return np.asarray(value, object).reshape(-1)
     elements = value if isinstance(value, list) else [value]
@@ -39,9 +39,9 @@ def flat(value: Any) -> np.ndarray[Any, Any]:
 
 
 class StringBinaryLinks:
-    """The connections whose values are no numbers, of all `links`; `numbers` are the others.
+    """Connections of strings and binaries among `links`; `numbers` are the other ones.
 
-    Members must have been initialized: what they hold then is what they publish first.
+    Members must be initialized: their current values are the first published ones.
     """
 
     def __init__(self, members: Mapping[str, Member], links: list[Link]) -> None:
@@ -54,11 +54,11 @@ class StringBinaryLinks:
         for link in self.links:
             self._put(link)
         self.last_set = {key: list(values) for key, values in self.inputs.items()}
-        self._callbacks: list[Any] = []  # callbacks
-        self.names: dict[int, str] = {}  # of the callbacks, by address
+        self._callbacks: list[Any] = []  # must outlive the loop
+        self.names: dict[int, str] = {}  # names of the callbacks by address
 
     def _current_input(self, link: Link) -> np.ndarray[Any, Any]:
-        """What an input holds that is connected, perhaps in some of its elements only."""
+        """Return the current value of a connected input, of which only some elements may be connected."""
         variable = link.target.variable
         if link.target.size == variable.size:
             return np.full(variable.size, None, object)
@@ -70,16 +70,16 @@ class StringBinaryLinks:
         self.inputs[target.key][target.first : target.first + target.size] = part
 
     def gets(self, name: str) -> list[list[int]]:
-        """Rows that take what a member publishes."""
+        """Return rows that publish a member's values."""
         return [self._row(name, "get", partial(self._take, key)) for key in self.published if key[0] == name]
 
     def sets(self, name: str) -> list[list[int]]:
-        """Rows that give a member its inputs."""
+        """Return rows that set a member's inputs."""
         return [self._row(name, "set", partial(self._give, key)) for key in self.inputs if key[0] == name]
 
     def way(self, count: int) -> Way:
-        """How the loop brings back what is kept here, to any of `count` points."""
-        saved: dict[int, tuple[Any, ...]] = {}  # by the address of their places
+        """Return the state access for rollback of the values stored here, with `count` saved points."""
+        saved: dict[int, tuple[Any, ...]] = {}  # by the address of their pointers
         pointers = [ctypes.c_void_p() for _ in range(count)]
 
         def save(_instance: int, address: int) -> int:
@@ -104,7 +104,7 @@ class StringBinaryLinks:
         self.published[key] = flat(self.members[key[0]].get(key[1]))
 
     def _give(self, key: Key) -> None:
-        """Set an input if it has changed."""
+        """Set a connected input if it has changed."""
         for link in self.links:
             if link.target.key == key:
                 self._put(link)
@@ -115,12 +115,12 @@ class StringBinaryLinks:
             self.members[key[0]].set(key[1], values.reshape(variable.shape) if variable.shape else values[0])
 
     def _row(self, name: str, word: str, call: Callable[[], None]) -> list[int]:
-        """A row of the table of accesses."""
+        """Return a row of the table of accesses that runs a callback."""
 
         def called(*_: int) -> int:
             try:
                 call()
-            except BaseException as error:  # nothing may pass through native frames
+            except BaseException as error:  # no exception may pass through native frames
                 self.members[name].failure = error
                 self.members[name].log.append(str(error) if isinstance(error, TwinError) else described(error))
                 return ERROR

@@ -1,7 +1,7 @@
-"""A group's equations, for Model Exchange: its members' derivatives at one point, values going along the connections.
+"""Equations of a group for Model Exchange: evaluates its members' derivatives at one instant, in order of the connections.
 
-Where the group's own steps hold what a member publishes until the next communication point, here nothing is held: an
-importer's solver has all states of the group in one.
+The group's own steps hold published values until the next communication point; here nothing is held: the importer's solver
+integrates all states of the group together.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ INITIALIZATION = ("initialize", "derivatives")
 
 
 def offered(parts: Mapping[str, Part], links: list[Link], step: int) -> bool:
-    """Whether the members have equations that can be evaluated one after the other, at one point."""
+    """Whether the members have equations that can be evaluated one after the other, at one instant."""
     return (
         all(evaluation(part.component) and not hasattr(part.component, "parts") for part in parts.values())
         and all(part.period == step for part in parts.values())
@@ -38,9 +38,9 @@ def offered(parts: Mapping[str, Part], links: list[Link], step: int) -> bool:
 def order(
     parts: Mapping[str, Part], links: list[Link], functions: tuple[str, ...] = ("derivatives",)
 ) -> list[str | Link] | None:
-    """Members to evaluate and connections to follow, in order; None if they go around in a loop.
+    """Return the members to evaluate and connections to copy, in order; None for an algebraic loop.
 
-    `functions`: of the members, which say what follows what.
+    `functions`: functions of the members that define the dependencies.
     """
     sources: dict[Key, list[Link]] = {}
     for link in links:
@@ -69,7 +69,7 @@ def order(
 
 
 def source(writer: Writer, border: list[str]) -> list[str]:
-    """`evaluate(self, t)`; `border`: the lines that take the group's own inputs."""
+    """Generate `evaluate(self, t)`; `border`: the statements that take the group's own inputs."""
     lines = ["def evaluate(self, t):", "    status = 0", *border]
     for item in order(writer.parts, writer.links) or ():
         if isinstance(item, str):
@@ -81,7 +81,7 @@ def source(writer: Writer, border: list[str]) -> list[str]:
 
 
 def slopes(writer: Writer, border: list[Variable], input_statements: list[str]) -> Tangents | str:
-    """Directional derivatives of a group by those of its members, or why there are none."""
+    """Compose the directional derivatives of a group from those of its members, or return why there are none."""
     member_tangents = {name: tangents(part.component) for name, part in writer.parts.items()}
     lacking = [f"{name}: {reason}" for name, reason in member_tangents.items() if isinstance(reason, str)]
     sequences = {"at": order(writer.parts, writer.links), "first": order(writer.parts, writer.links, INITIALIZATION)}
@@ -113,7 +113,7 @@ def slopes(writer: Writer, border: list[Variable], input_statements: list[str]) 
 
 
 def dotted(line: str) -> str:
-    """A statement that moves a value, for its tangent."""
+    """Convert a copy statement to the same copy of tangents."""
     return line.replace("self.", "dot.")
 
 
@@ -124,7 +124,7 @@ def follows(
     functions: tuple[str, ...] = INITIALIZATION,
     ends: tuple[Role, ...] = (Role.input, Role.parameter),
 ) -> dict[str, frozenset[str]]:
-    """What the members' functions write, and what of the group's variables that are `ends` it is computed from."""
+    """Return for each variable the group's variables with a role in `ends` from which it is computed."""
     graph: dict[str, set[str]] = {}
     for member, part in parts.items():
         for name, sources in flow(part.component, functions).items():

@@ -1,7 +1,7 @@
-"""A member in a process of its own, for those that must not share an address space with the others.
+"""Member in a separate process, for members that must not share an address space with others.
 
-The process is started before the member is instantiated: an FMU's library is loaded there alone. What the loop calls goes
-through memory of both (isolated.c), all else as messages. When that process dies, the member fails, and says how.
+The process is started before the member is instantiated, so an FMU's library is loaded only there. Calls of the loop go
+through shared memory (isolated.c), all others through messages. When the process dies, the member fails with its cause.
 """
 
 from __future__ import annotations
@@ -45,15 +45,15 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-LINES = 20  # log lines kept
-EXIT_TIMEOUT = 1.0  # between the end of a process's pipes and its own [s]
-START_TIMEOUT = 60.0  # that a process may take to begin, before what it does is watched [s]
-CLOSE_TIMEOUT = 10.0  # that a member may take to end before its process is ended [s]
+LINES = 20  # largest number of log lines
+EXIT_TIMEOUT = 1.0  # from the end of a process's pipes to its exit [s]
+START_TIMEOUT = 60.0  # for the start of a process, before timeouts of its calls begin [s]
+CLOSE_TIMEOUT = 10.0  # for closing a member, before its process is killed [s]
 
 
 @contextmanager
 def shared_file(size: int) -> Iterator[int]:
-    """A file without a name, in memory where the system has such: descriptor. Its size is in bytes, all zero."""
+    """Create an unnamed, zeroed file of a size [byte], in memory where the system supports it; yields its descriptor."""
     if hasattr(os, "memfd_create"):
         shared = os.memfd_create("isolated")
     else:
@@ -67,7 +67,7 @@ def shared_file(size: int) -> Iterator[int]:
 
 
 def pickled(inner: Member, build: Path, room: tuple[int, int] | None) -> bytes:
-    """All that the other process is told at its start; CouplingError if it could not import the member's class."""
+    """Pickle the start message of the process; CouplingError if that process could not import the member's class."""
     try:
         return pickle.dumps((inner, build, room))
     except (pickle.PicklingError, AttributeError, TypeError) as error:
@@ -78,15 +78,15 @@ def pickled(inner: Member, build: Path, room: tuple[int, int] | None) -> bytes:
 
 
 class IsolatedMember(Member):
-    """A member that lives in a child of this process, which is started here. `inner`: made, but not yet instantiated.
+    """Member in a child process, which is started by the constructor. `inner`: the member, not yet instantiated.
 
-    CouplingError where the system cannot do that, or where another process cannot import what the member is made of.
+    CouplingError on systems without POSIX, or if another process cannot import the member's class.
     """
 
-    living: ClassVar[list[IsolatedMember]] = []  # of this process
+    living: ClassVar[list[IsolatedMember]] = []  # started by this process and not closed
 
     def __new__(cls, inner: Member, build: Path) -> Self:  # noqa: ARG004
-        """`IsolatedClocks` for a member with clocks."""
+        """Create an `IsolatedClocks` for a member with clocks."""
         from twin.coupling.isolation.isolated_clocks import IsolatedClocks
 
         return super().__new__(IsolatedClocks if inner.clocked else cls)  # type: ignore[return-value]
@@ -101,18 +101,18 @@ class IsolatedMember(Member):
         self.death = ""
         self._inner, self._native, self._build = inner, native(build), build
         self._phase, self._count = "instantiation", 0
-        self._functions: dict[int, str] = {}  # by the address of their rows
+        self._functions: dict[int, str] = {}  # names by the offset of their rows
         self._errors: deque[str] = deque(maxlen=5)  # last lines of stderr
         self._answers: SimpleQueue[tuple[int, str, Any] | None] = SimpleQueue()
         self._is_ready = threading.Event()
-        self._span: tuple[int, int] | None = None  # offsets between which a member's values lie
+        self._span: tuple[int, int] | None = None  # offsets between which the values of a member with clocks lie
         with shared_file(self._memory_size()) as shared:
             self._share(shared)
             self.step_function, self.instance = self._native["step"], self._memory
             self._start_process(shared)
 
     def _share(self, shared: int) -> None:
-        """Map the memory that both will have: what is not used is never touched."""
+        """Map the shared memory; unused pages are never touched."""
         self._size = self._memory_size()
         self._memory = map_memory(shared, self._size)
         weakref.finalize(self, unmap_memory, self._memory, self._size)
@@ -137,7 +137,7 @@ class IsolatedMember(Member):
         self._channel["call"], self._channel["returned"] = self._call, self._returned
         ends = called, back, shared, messages.fileno()
         line = f"import sys; sys.path[:] = {sys.path!r}; from twin.coupling.isolation.isolated_worker import main; main{ends}"
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # the child ignores them as soon as it can
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # until the child ignores them
         try:
             self._process = subprocess.Popen([sys.executable, "-c", line], stderr=stderr, pass_fds=ends)
         except OSError as error:
@@ -151,7 +151,7 @@ class IsolatedMember(Member):
         self.living.append(self)
         self._reader = threading.Thread(target=self._read_messages, name=f"messages of {self.name}", daemon=True)
         self._reader.start()
-        with suppress(OSError):  # it has died at once: the next message finds that
+        with suppress(OSError):  # The process may have died at once; the next request reports that.
             self._messages.send_bytes(message)
 
     def _close_ends(self) -> None:
@@ -160,7 +160,7 @@ class IsolatedMember(Member):
         self._messages.close()
 
     def _read_messages(self) -> None:
-        """Take answers, log lines and stderr of the other process until its end; in a thread."""
+        """Read answers, log lines and stderr of the process until its end; runs in a thread."""
         from multiprocessing.connection import wait
 
         while ready := wait([self._messages, self._stderr]):
@@ -187,17 +187,17 @@ class IsolatedMember(Member):
         self._is_ready.set()
 
     def wait(self) -> None:
-        """Wait until the process has begun, or ended: what is watched by the clock comes after that."""
+        """Wait until the process has started or ended, so that timeouts do not include its start."""
         self._is_ready.wait(START_TIMEOUT)
 
     def _forward_stderr(self, text: bytes) -> None:
-        """Pass on what was printed to stderr."""
+        """Forward output of the process to stderr, and keep its last lines."""
         with suppress(OSError):
             os.write(2, text)
         self._errors.extend(line for line in text.decode(errors="replace").splitlines() if line.strip())
 
     def _request(self, what: str, *arguments: Any, timeout: float | None = None) -> Any:
-        """Have the member do something, and wait for what comes of it; SimulationError if that takes longer than that [s]."""
+        """Send a request and wait for its result; SimulationError after `timeout` [s], or if the process has died."""
         if self.death:
             raise SimulationError(self.death)
         self._count += 1
@@ -205,7 +205,7 @@ class IsolatedMember(Member):
             self._messages.send_bytes(marshal.dumps((self._count, what, arguments)))
             ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self._native["tell"])(self._memory)
         count = 0
-        while count != self._count:  # Ctrl-C may have left the answer to an earlier one
+        while count != self._count:  # Ctrl-C may have left the answer to an earlier request.
             try:
                 answer = self._answers.get(timeout=timeout)
             except Empty:
@@ -218,7 +218,7 @@ class IsolatedMember(Member):
         return value
 
     def _exit_text(self, function: str, when: str = "") -> str:
-        """Bury the process, and say in one line how it ended."""
+        """Reap the child and return a one-line description of its exit."""
         code = self._reap(EXIT_TIMEOUT)
         how = Death(signal=max(-code, 0), exit=code if code >= 0 else None).how
         lines = [*self.log, *self._errors][-5:]
@@ -227,7 +227,7 @@ class IsolatedMember(Member):
         return self.death
 
     def _reap(self, timeout: float) -> int:
-        """Wait for the end of the process, and see to it; its exit code, negative: the signal."""
+        """Wait for the end of the process, killing it after `timeout` [s]; return its exit code, negative for a signal."""
         try:
             return self._process.wait(timeout)
         except subprocess.TimeoutExpired:
@@ -235,7 +235,7 @@ class IsolatedMember(Member):
             return self._process.wait()
 
     def lost(self, time: clock.Time) -> str:
-        """How the process ended in the step from `time` [ns], in one line; empty if it is there."""
+        """Describe the end of the process in the step from `time` [ns], in one line; empty if it is alive."""
         if not self._channel["is_dead"][0] or self.death:
             return self.death
         while self._answers.get() is not None:
@@ -246,9 +246,9 @@ class IsolatedMember(Member):
     @classmethod
     @contextmanager
     def together(cls, members: list[Self]) -> Iterator[None]:
-        """Keep this thread, and the processes of members, on the core it runs on.
+        """Bind this thread, and the processes of members, to the current core.
 
-        Not in the first steps of a simulation: the threads that members start there may run on any core.
+        Not to be used in the first steps of a simulation: threads that members start there would inherit the binding.
         """
         if not members or not HAS_CORES:
             yield
@@ -267,7 +267,7 @@ class IsolatedMember(Member):
     # call sequence
 
     def instantiate(self) -> None:
-        """Instantiate the member there."""
+        """Instantiate the member in its process."""
         self.step_name = self._request("instantiate")
         self._phase = "initialization"
 
@@ -276,7 +276,7 @@ class IsolatedMember(Member):
         self._request("enter_initialization", t, stop)
 
     def exit_initialization(self) -> None:
-        """Leave it."""
+        """Leave InitializationMode for StepMode."""
         self._request("exit_initialization")
         self._phase = "an access"
 
@@ -291,11 +291,11 @@ class IsolatedMember(Member):
         return np.array(self._request("get", name), dtype).reshape(variable.shape)[()]
 
     def address(self, name: str) -> int:  # noqa: ARG002
-        """Nowhere in this process."""
+        """Return 0: the variable does not lie in this process."""
         return 0
 
     def access(self, names: list[str], write: bool) -> Access:
-        """Calls that go through the shared memory."""
+        """Return a call through the shared memory."""
         variables = [self.variables[name] for name in names]
         size = sum(v.size * v.dtype.itemsize for v in variables)
         offset, values = self._take(8 * len(ROW)), self._take(size)
@@ -307,46 +307,46 @@ class IsolatedMember(Member):
         return Access(function, row.view(np.int64), count, elements, name)
 
     def _take(self, size: int) -> int:
-        """Offset of fresh bytes that both have."""
+        """Allocate shared memory; return its offset."""
         offset, self._used = self._used, self._used + -(-size // 64) * 64
         if self._used > self._size:
             raise CouplingError(f"{self.name}: is read in more ways than an isolated member can be. Do not isolate it.")
         return offset
 
     def finish_reason(self) -> str:
-        """Why the member discarded its step."""
+        """Return why the member discarded its step."""
         return str(self._request("finish_reason"))
 
     def failed(self, status: int) -> None:
-        """Take note that a step returned `status`."""
+        """Tell the member that its step returned `status`."""
         self._request("failed", status)
 
     def last_successful_time(self, reached: float) -> float | None:
-        """Until where [s] the last step came."""
+        """Return the time [s] that the last step reached."""
         last_time: float | None = self._request("last_successful_time", reached)
         return last_time
 
     def save(self) -> None:
-        """Have the member keep all that it holds."""
+        """Save the member's state in its process."""
         self._request("save")
 
     def restore(self, saved: None) -> None:  # noqa: ARG002
-        """Be again as when it was last kept."""
+        """Restore the state saved last."""
         self._request("restore")
 
     def close(self) -> None:
-        """Close the member, end its process. Safe to call twice and in any state."""
+        """Close the member and end its process. Safe to call twice and in any state."""
         if self not in self.living:
             return
         try:
             self._phase = "termination"
             if not self.death:
-                self._request("close", timeout=CLOSE_TIMEOUT)  # whatever it computed is here already
+                self._request("close", timeout=CLOSE_TIMEOUT)  # All results have arrived already.
         except TwinError as error:
             self.log.append(str(error).removeprefix(f"{self.name}: "))
         finally:
             self.living.remove(self)
-            self._process.kill()  # it has done all, and waits for more
+            self._process.kill()  # It is idle and waits for requests.
             self._process.wait()
             self._reader.join()
             self._close_ends()

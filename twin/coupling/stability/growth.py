@@ -1,9 +1,9 @@
-"""Whether a coupling is stable: how a small deviation grows while the loop goes over the common multiple of all periods.
+"""Stability of a coupling: growth of a small deviation over the common multiple of all periods (spectral radius).
 
-Algorithm, solvers and delays are those of the run itself. Of components all that they keep and publish is moved by a
-little, one value after the other, which is the whole map of a step. An FMU keeps its state to itself, but can be brought
-back: then what connections carry is moved, and the answers over many steps tell the map (`realization`). One that cannot
-be brought back, but tells its directional derivatives, is replaced by what these say (`linear_member`).
+Algorithm, solvers and delays are those of the run itself. All values that components store and publish are perturbed, one
+after the other, which gives the complete map of a step. An FMU hides its state; if it supports rollback, the connected
+values are perturbed and the map is identified from the responses over many steps (`growth_by_response`). One without
+rollback but with directional derivatives is replaced by its linearization (`linear_member`).
 """
 
 from __future__ import annotations
@@ -33,18 +33,18 @@ if TYPE_CHECKING:
 
     Array = np.ndarray[Any, Any]
 
-DEVIATION = 1e-6  # of a value, or of its nominal size
-SMALL = 1e-3  # size of a value that has no nominal one [its SI unit]
-LONGEST = 10_000  # communication steps of a cycle
-DENSE = 120  # values of which the whole matrix is made
-SUBSPACE = 40  # of Arnoldi's iteration for more
+DEVIATION = 1e-6  # relative to a value, or to its nominal size
+SMALL = 1e-3  # size of a value without a nominal one [its SI unit]
+LONGEST = 10_000  # largest number of communication steps of a cycle
+DENSE = 120  # largest number of values for a dense matrix
+SUBSPACE = 40  # dimension of Arnoldi's iteration for more values
 NEVER = 2**62
 HELP = "Export it with its state (canGetAndSetFMUstate; PythonFMU: `--handle-state`) or with directional derivatives."
 
 
 @dataclass(frozen=True)
 class Growth:
-    """What becomes of a deviation. `factor`: of the fastest one over a cycle; `share`: of which values it is made.
+    """Growth of deviations. `factor`: of the fastest one over a cycle; `share`: names of its dominant values.
 
     `cycle` [s]: common multiple of the members' periods.
     """
@@ -55,14 +55,14 @@ class Growth:
 
     @property
     def rate(self) -> float:
-        """Of growth [1/s]; negative if everything decays."""
+        """Growth rate [1/s]; negative if all deviations decay."""
         return float(np.log(max(self.factor, 1e-300)) / self.cycle)
 
 
 def growth(simulated: CoSimulation) -> Growth:
-    """The fastest growth of a deviation from where an initialized co-simulation is; it is there again afterwards.
+    """Compute the fastest growth of a deviation from the state of an initialized co-simulation, which is restored.
 
-    CouplingError that names the members of which nothing can be told.
+    CouplingError that names the members that cannot be analyzed.
     """
     linear: dict[str, Member] = {}
     problems = []
@@ -80,7 +80,7 @@ def growth(simulated: CoSimulation) -> Growth:
 
 
 def hidden_state_problem(simulated: CoSimulation, name: str, member: Member) -> str:
-    """Why a member's state can be neither read nor brought back; empty if it can."""
+    """Return why a member's state can be neither read nor restored; empty if it can."""
     if isinstance(member, RecordMember) and not member.can_restore:
         return f"{name} keeps its state to itself: it is Python. Nothing can be told of a coupling with it."
     if member.can_restore:
@@ -92,7 +92,7 @@ def hidden_state_problem(simulated: CoSimulation, name: str, member: Member) -> 
 
 
 def linearized(member: Member, links: list[Link]) -> LinearMember | None:
-    """A member as its directional derivatives have it, here; None if it does not tell."""
+    """Linearize a member at its current state by directional derivatives; None if it has none."""
     own = {
         word: {end.variable.name: end.variable for end in ends if end.member == member.name}
         for word, ends in (("inputs", [link.target for link in links]), ("outputs", [link.source for link in links]))
@@ -105,14 +105,14 @@ def linearized(member: Member, links: list[Link]) -> LinearMember | None:
 
 
 class Deviation:
-    """Values of a co-simulation that are moved by a little."""
+    """Perturbation of the values of a co-simulation."""
 
     def __init__(self, simulated: CoSimulation) -> None:
         self.simulated, self.plan = simulated, simulated.plan
         self.names: list[str] = []
         self.arrays: list[Array] = []
         sizes: list[Array] = []
-        self.is_complete = True  # whether it is all that members keep
+        self.is_complete = True  # whether the values are the complete state of the members
         for name, member in simulated.members.items():
             for own, values, size in state_values(member):
                 self.arrays.append(values)
@@ -138,7 +138,7 @@ class Deviation:
             )
 
     def _refuse_controlled(self, name: str) -> None:
-        """CouplingError where the length of steps depends on values: then answers are not those of one map."""
+        """Raise CouplingError where the length of steps depends on values: then responses do not follow one linear map."""
         algorithm = self.simulated.algorithm
         if algorithm.control != FIXED:
             raise CouplingError(
@@ -147,18 +147,18 @@ class Deviation:
             )
 
     def read(self) -> Array:
-        """All values."""
+        """Return all values."""
         return np.concatenate([np.zeros(0), *self.arrays])
 
     def write(self, values: Array) -> None:
-        """Set them."""
+        """Set all values."""
         at = 0
         for array in self.arrays:
             array[:] = values[at : at + array.size]
             at += array.size
 
     def growth(self) -> Growth:
-        """See `growth`."""
+        """Compute the fastest growth; see the function `growth`."""
         begin = self.read()
         blocks = [block.copy() for block in self.plan.memory.blocks]
         states = {name: member.save() for name, member in self.simulated.members.items()}
@@ -171,10 +171,10 @@ class Deviation:
 
         sizes = np.maximum(np.abs(begin), self.sizes)
         if not sizes.size:
-            return Growth(0.0, self.seconds, ())  # nothing goes from one to another
+            return Growth(0.0, self.seconds, ())  # There are no states and no connections.
 
         def after(count: int, stride: int, direction: Array) -> Array:
-            """What becomes of a deviation `count` times, in parts of the values' sizes: a row each."""
+            """Return the response to a deviation after each of `count` strides, relative to the values' sizes: a row each."""
             small = DEVIATION / max(float(np.max(np.abs(direction))), 1e-300)
             ends = []
             for sign in (1, -1):
@@ -199,14 +199,14 @@ class Deviation:
 
     @property
     def seconds(self) -> float:
-        """Length of a cycle."""
+        """Length of a cycle [s]."""
         return clock.seconds(self.cycle * self.simulated.step)
 
     def answers(self, count: int, steps: int) -> list[Array]:
-        """All values after so many steps of the loop, again and again; it records and notices nothing."""
+        """Return all values after every `steps` steps of the loop, `count` times; nothing is recorded or reported."""
         record = self.simulated._record.copy()
         record["every"], record["limit_count"], record["limit"] = NEVER, 0, NEVER
-        record["derives"] = 0  # Newton's method finds its Jacobian by itself
+        record["derives"] = 0  # Newton's method uses differences for its Jacobian.
         results = []
         for _ in range(count):
             record["stop"] = record["tick"] + steps
@@ -219,7 +219,7 @@ class Deviation:
 
 
 def state_values(member: Member) -> Iterator[tuple[str, Array, float]]:
-    """Real values that a member keeps, as far as they can be set: name, where they are, their size."""
+    """Yield the real states of a member that can be set: name, view of the values, nominal size."""
     if isinstance(member, LinearMember):
         yield from ((name, values, SMALL) for name, values in member.state_values())
     if not isinstance(member, RecordMember):
@@ -231,9 +231,9 @@ def state_values(member: Member) -> Iterator[tuple[str, Array, float]]:
 
 
 def largest(applied: Callable[[Array], Array], size: int) -> tuple[complex, Array]:
-    """The eigenvalue of largest size of a linear map, and its vector. FloatingPointError if the map gives no numbers.
+    """Return the eigenvalue of largest modulus of a linear map, and its vector; FloatingPointError if not finite.
 
-    All of it for a few values, Arnoldi's iteration for many.
+    Dense for up to `DENSE` values, by Arnoldi's iteration for more.
     """
     if size <= DENSE:
         matrix = np.stack([applied(direction) for direction in np.eye(size)], axis=1)

@@ -1,6 +1,6 @@
-"""A member as its directional derivatives have it, in small changes around where it is: der(x) = A x + B u, y = C x + D u.
+"""Linearized member from directional derivatives at the current state: der(x) = A x + B u, y = C x + D u.
 
-It stands for one that cannot be brought back when a coupling is linearized. Inputs are held over a step, which is exact.
+It replaces a member without rollback in the stability analysis. Inputs are held over a step, for which it is exact.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ WORD = 8
 
 
 class LinearMember(Member):
-    """Stands for `member`, which has been initialized; `told`: A, B, C, D for its connected Float64 `inputs` and `outputs`."""
+    """Linearization of an initialized `member`; `matrices`: A, B, C, D for its connected Float64 `inputs` and `outputs`."""
 
     def __init__(
         self,
@@ -55,7 +55,7 @@ class LinearMember(Member):
         self.instance = int(self._memory.ctypes.data)
 
     def state_values(self) -> Iterator[tuple[str, Array]]:
-        """All that it holds; its states have no names."""
+        """Yield all states, inputs and outputs with names; states are unnamed."""
         yield from ((name or "states", values) for name, values in self._views.items())
 
     def _step(self, _instance: int, _t: float, h: float, *_: int) -> int:
@@ -68,13 +68,13 @@ class LinearMember(Member):
         return solver.OK
 
     def instantiate(self) -> None:
-        """It stands where the other one is."""
+        """No-op: it starts at the state of the linearized member."""
 
     def enter_initialization(self, t: float, stop: float | None) -> None:
-        """It stands where the other one is."""
+        """No-op: it starts at the state of the linearized member."""
 
     def exit_initialization(self) -> None:
-        """It stands where the other one is."""
+        """No-op: it starts at the state of the linearized member."""
 
     def set(self, name: str, value: Any) -> None:
         """Write an input or an output."""
@@ -85,31 +85,31 @@ class LinearMember(Member):
         return self._views[name].reshape(self.variables[name].shape)[()]
 
     def address(self, name: str) -> int:
-        """Where it lies."""
+        """Return the address of an input or an output."""
         return int(self._views[name].ctypes.data)
 
     def access(self, names: list[str], write: bool) -> Access:
-        """Everything is read and written in place."""
+        """Not available: values are read and written in place."""
         raise NotImplementedError
 
-    def way(self, count: int) -> Way:  # noqa: ARG002 - memory is copied to as many points as one likes
-        """Its memory."""
+    def way(self, count: int) -> Way:  # noqa: ARG002 - memory is copied, to any number of points
+        """Return access to its memory."""
         return Way(self.instance, len(self._memory))
 
     def save(self) -> Any:
-        """All that it holds."""
+        """Return a copy of its memory."""
         return self._memory.copy()
 
     def restore(self, saved: Any) -> None:
-        """Be again as when it was saved."""
+        """Restore saved memory."""
         self._memory[:] = saved
 
     def close(self) -> None:
-        """Nothing is its own."""
+        """No-op: it owns no resources."""
 
 
 def zero_order_hold(a: Array, b: Array, h: float) -> tuple[Array, Array]:
-    """What states become over a step of h [s], and what held inputs make of them."""
+    """Discretize der(x) = A x + B u over a step of h [s] with held inputs: matrices for x and u."""
     from scipy.linalg import expm
 
     n, m = b.shape
