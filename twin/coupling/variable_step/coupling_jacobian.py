@@ -1,7 +1,8 @@
-"""The Jacobian of a coupling for Newton's method: of each member by its directional derivatives, where it offers them.
+"""Jacobian of a coupling for Newton's method, from each member's directional derivatives or from differences.
 
-Over a step of h, outputs change with held inputs by C (integral of exp(A s) over h) B + D. Where a member offers none, it
-is stepped, and brought back, once for each of its inputs. Along the connections follows what a guess makes of itself.
+Over a step of h, outputs change with held inputs by C (integral of exp(A s) over h) B + D. A member without directional
+derivatives is stepped and rolled back once for each of its inputs. The connections combine them to the derivatives of the
+torn connections by their guesses.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ SMALL = 1e-3  # size of an input that is zero [its SI unit]
 
 
 def over_step(a: Matrix, b: Matrix, c: Matrix, d: Matrix, h: float) -> Matrix:
-    """Change of outputs at the end of a step with inputs that are held over it."""
+    """Return the derivatives of outputs at the end of a step of h [s] by inputs held over it."""
     from scipy.linalg import expm
 
     n, m = b.shape
@@ -34,7 +35,7 @@ def over_step(a: Matrix, b: Matrix, c: Matrix, d: Matrix, h: float) -> Matrix:
 def by_differences(
     member: Member, inputs: list[MemberVariable], outputs: list[MemberVariable], t: float, h: float
 ) -> Matrix | None:
-    """The same from steps that are taken back; None if the member refuses one."""
+    """Compute the same derivatives by differences of steps with rollback; None if the member refuses a step."""
     flags = np.zeros(5, np.int64)
 
     def stepped() -> Matrix | None:
@@ -62,7 +63,7 @@ def by_differences(
 
 
 class Coupling:
-    """The members of a walk and the elements between them, as matrices."""
+    """Members with variable steps and the elements between them, as matrices."""
 
     def __init__(self, plan: Stages) -> None:
         self.plan = plan
@@ -75,9 +76,9 @@ class Coupling:
         self.outputs = {name: unique([element.link.source for element in moving], name) for name in self.names}
 
     def jacobian(self, t: float, h: float) -> Matrix | None:
-        """Of what torn connections give by their guesses, all members being at t; None if one cannot tell."""
+        """Return the derivatives of torn connections by their guesses, with all members at t [s]; None if unavailable."""
         n = self.plan.count
-        gives = np.zeros((n, n))  # what an element becomes by what another one is, through one member
+        gives = np.zeros((n, n))  # derivative of an element by another one, through one member
         for name in self.names:
             member, inputs, outputs = self.plan.members[name], self.inputs[name], self.outputs[name]
             if not inputs or not outputs:
@@ -105,12 +106,12 @@ class Coupling:
 
 
 def unique(ends: list[Any], name: str) -> list[MemberVariable]:
-    """The variables of a member among the ends of connections."""
+    """Return the distinct variables of a member among the ends of connections."""
     return list({end.variable.name: end.variable for end in ends if end.member == name}.values())
 
 
 def offsets(variables: list[MemberVariable]) -> dict[str, int]:
-    """Where each one's elements begin."""
+    """Return the offset of each variable's elements in a flat vector."""
     result, offset = {}, 0
     for variable in variables:
         result[variable.name] = offset

@@ -1,4 +1,4 @@
-"""One step of all members, stage by stage, and the way back from it."""
+"""One step of all members, stage by stage, and its rollback."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from twin.coupling.execution.loop import convert, copy
 from twin.coupling.variable_step.input_extrapolation import USE, feed, value
 from twin.coupling.variable_step.record_layout import BEFORE, BEGIN, EARLY, FINAL, LAST, LEFT
 
-SAVED, RESTORED, ACCEPTED = range(3)  # what the logs are told
-ROUNDING = 1e-12  # part of a step by which a member may miss its end
+SAVED, RESTORED, ACCEPTED = range(3)  # outcomes of a step that are reported to the logs
+ROUNDING = 1e-12  # tolerance of the end of a step, relative to its length
 
 
 def move(operation: int) -> None:
-    """Copies and conversions of an operation."""
+    """Run the copies and conversions of an operation."""
     count = read64(operation + 32)
     if count > 0:
         copy(read64(operation + 24), count)
@@ -34,7 +34,7 @@ def move(operation: int) -> None:
 
 
 def perform(self: Any, operation: int, t: float, h: float) -> int:
-    """An operation: move values, call, step from t by h."""
+    """Run an operation: move values, call accesses, step from t by h [s]; return the status."""
     move(operation)
     row = read64(operation + 56)
     for _ in range(read64(operation + 64)):
@@ -67,7 +67,7 @@ def perform(self: Any, operation: int, t: float, h: float) -> int:
 
 
 def read_connections(self: Any) -> None:
-    """Let every connection say what it gives now."""
+    """Update the current values of all connections."""
     stage = self.stages
     for _ in range(self.stage_count):
         move(read64(stage))
@@ -75,7 +75,7 @@ def read_connections(self: Any) -> None:
 
 
 def sweep(self: Any, t: float, h: float) -> int:
-    """Step the members that have no period of their own from t by h; the status of the one that failed, or OK."""
+    """Step the members without their own period from t by h [s]; return the status of a failure, else 0."""
     self.sweeps += 1
     self.ending = 0
     stage = self.stages
@@ -101,7 +101,7 @@ def sweep(self: Any, t: float, h: float) -> int:
 
 
 def periodic(self: Any, operation: int, count: int, shift: int) -> int:
-    """Members with a period of their own: those that are due at this tick, or, with a shift of 1, at the next."""
+    """Run the operations of periodic members that are due at this tick or, with a shift of 1, at the next."""
     t = (self.begin_ns + self.tick * self.step_ns) / self.per_second
     for _ in range(count):
         divider = read64(operation)
@@ -120,7 +120,7 @@ def transfer(source: int, target: int, words: int) -> None:
 
 
 def save_state(self: Any, slot: int) -> int:
-    """Remember all that a step changes."""
+    """Save all memory and states that a step changes."""
     row = self.regions
     for _ in range(self.region_count):
         transfer(read64(row), read64(row + 16 + 8 * slot), read64(row + 8))
@@ -138,7 +138,7 @@ def save_state(self: Any, slot: int) -> int:
 
 
 def restore_state(self: Any, slot: int) -> int:
-    """Make everything as it was when it was kept: also after a failure."""
+    """Restore the saved memory and states, also after a failure."""
     self.outputs_current = 0
     row = self.regions
     for _ in range(self.region_count):
@@ -157,19 +157,19 @@ def restore_state(self: Any, slot: int) -> int:
 
 
 def notify_logs(self: Any, what: int, slot: int) -> None:
-    """Let the logs follow, if somebody wrote into one."""
+    """Report the outcome of a step to the logs, if lines are buffered."""
     if self.pending != 0 and read64(self.pending) != 0:
         call_access(self.log_callback, 0, 0, what, 0, slot)
 
 
 def begin(self: Any) -> None:
-    """The step begins at what connections give now."""
+    """Begin a step at the current values of the connections."""
     vectors, span = self.vectors, 8 * self.elements
     transfer(vectors, vectors + BEGIN * span, self.elements)
 
 
 def end(self: Any, h: float) -> None:
-    """A step of h is made: its begin becomes an earlier point."""
+    """End a step of h [s]: its begin becomes an earlier point."""
     vectors, course, past, span = self.vectors, self.course, self.past, 8 * self.elements
     mean, final = self.weights, self.weights + FINAL * USE
     if self.smoothing > 0.0:

@@ -1,7 +1,7 @@
-"""A step whose inputs agree with the outputs at its end: fixed-point iterations, accelerated, and Newton's method.
+"""Implicit coupling step: accelerated fixed-point iterations and Newton's method.
 
-Unknown are the values of the connections that lead back (`torn`), at the end of the step; a sweep along the others gives
-them anew, and the difference shall vanish. Every iteration brings the members back and steps them again.
+Unknowns are the values of the torn connections (feedback) at the end of the step; a sweep along the other connections
+computes them again, and the difference must vanish. Every iteration rolls the members back and steps them again.
 
 Aitken: dynamic relaxation, Irons and Tuck, Int. J. Numer. Methods Eng. 1, 1969; Kuettler and Wall, Comput. Mech. 43, 2008.
 Anderson: J. ACM 12(4), 1965, with the last `DEPTH` differences; Walker and Ni, SIAM J. Numer. Anal. 49(4), 2011.
@@ -40,11 +40,11 @@ from twin.coupling.variable_step.record_layout import (
 )
 
 CHANGE = 1e-6  # of an unknown in differences, relative to its size
-STALE = 0.3  # ratio of two differences in a row at which a Jacobian is found anew
+STALE = 0.3  # ratio of two differences in a row above which the Jacobian is recomputed
 
 
 def attempt(self: Any, t: float, h: float, slot: int) -> int:
-    """A step from t by h, from where `slot` was kept if it iterates; afterwards connections give what they do at t + h."""
+    """Try a step from t by h [s], iterating with the state saved in `slot`; the elements have the values at t + h afterwards."""
     if self.max_iterations > 0 and slot > 0 and save_state(self, slot) > 1:
         return int(self.status)
     if self.outputs_current == 0:
@@ -72,13 +72,13 @@ def attempt(self: Any, t: float, h: float, slot: int) -> int:
 
 
 def size_of(self: Any, i: int) -> float:
-    """What an element is compared with: its largest value until now, and no less than the floor."""
+    """Return the scale of an element: its largest value until now, at least the floor."""
     now, span = self.vectors + 8 * i, 8 * self.elements
     return float(max(read_float(now + SCALE * span), abs(read_float(now)), self.floor))
 
 
 def difference(self: Any, address: int) -> float:
-    """Write what each torn connection gives minus its guess; the largest in units of what is agreed."""
+    """Write each torn connection's value minus its guess; return the largest one relative to the tolerance."""
     largest, span = 0.0, 8 * self.elements
     for j in range(self.torn_count):
         i = read64(self.torn + 8 * j)
@@ -92,7 +92,7 @@ def difference(self: Any, address: int) -> float:
 
 
 def solve(self: Any, t: float, h: float, slot: int) -> int:
-    """Iterate; UNSOLVED if the connections do not agree after the last iteration, which stays then."""
+    """Iterate to convergence; UNSOLVED if the last iteration, which is kept, has not converged."""
     predict(self, self.vectors + 8 * END * self.elements)
     last, relaxation = 0.0, self.relaxation
     for k in range(self.max_iterations):
@@ -111,7 +111,9 @@ def solve(self: Any, t: float, h: float, slot: int) -> int:
         if k + 1 == self.max_iterations:
             return UNSOLVED
         if self.scheme == NEWTON:
-            other = h != self.linear_at and self.control == FIXED  # steps that change often make do with a neighbor's
+            other = (
+                h != self.linear_at and self.control == FIXED
+            )  # With variable steps the Jacobian of another length is reused.
             if self.derives != 0 and (self.jacobian == 0 or other):
                 self.status = ASKING
                 return ASKING
@@ -131,7 +133,7 @@ def solve(self: Any, t: float, h: float, slot: int) -> int:
 
 
 def step_by(self: Any, vector: int, factor: float) -> None:
-    """Change the guesses by a multiple of a vector over the torn connections."""
+    """Add a multiple of a vector to the guesses of the torn connections."""
     span = 8 * self.elements
     for j in range(self.torn_count):
         guess = self.vectors + 8 * read64(self.torn + 8 * j) + END * span
@@ -139,7 +141,7 @@ def step_by(self: Any, vector: int, factor: float) -> None:
 
 
 def product(self: Any, a: int, b: int) -> float:
-    """Of two vectors over the torn connections, each element measured by its size."""
+    """Return the scalar product of two vectors over the torn connections, scaled by the elements' sizes."""
     total = 0.0
     for j in range(self.torn_count):
         size = size_of(self, read64(self.torn + 8 * j))
@@ -148,7 +150,7 @@ def product(self: Any, a: int, b: int) -> float:
 
 
 def aitken(self: Any, k: int, relaxation: float) -> float:
-    """Relax by what the last two differences tell; `solver`: difference, the last one, their change."""
+    """Make a step with Aitken's dynamic relaxation; `solver`: difference, the last one, their change."""
     m = self.torn_count
     now, before, change = self.solver, self.solver + 8 * m, self.solver + 16 * m
     if k > 0:
@@ -163,7 +165,7 @@ def aitken(self: Any, k: int, relaxation: float) -> float:
 
 
 def anderson(self: Any, k: int) -> None:
-    """Combine the last differences so that they cancel best.
+    """Make a step of Anderson acceleration: the combination of the last differences with the least residual.
 
     `solver`: difference f, last f, last guess x, then DEPTH changes of f, DEPTH of x, matrix, right-hand side, pivots.
     """
@@ -203,7 +205,7 @@ def anderson(self: Any, k: int) -> None:
 
 
 def newton(self: Any) -> None:
-    """One step of Newton's method with the factors that there are; `solver`: difference, step, matrix, pivots."""
+    """Make a step of Newton's method with the current factors; `solver`: difference, step, matrix, pivots."""
     m = self.torn_count
     step, matrix = self.solver + 8 * m, self.solver + 24 * m
     transfer(self.solver, step, m)
@@ -212,7 +214,7 @@ def newton(self: Any) -> None:
 
 
 def linearize(self: Any, t: float, h: float, slot: int) -> int:
-    """Factors of the unit matrix minus the derivatives of what torn connections give by their guesses: differences."""
+    """Factorize the unit matrix minus the derivatives of torn connections by their guesses, by differences."""
     m, span = self.torn_count, 8 * self.elements
     base, matrix = self.solver + 16 * m, self.solver + 24 * m
     for j in range(m):

@@ -1,4 +1,4 @@
-"""Linear equations in memory at an address: LU with pivots, row by row."""
+"""Linear equations in memory at an address: LU factorization with partial pivoting, row by row."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from twin.compiler import read64, read_float, write64, write_float
 
 
 def factorize(matrix: int, pivots: int, n: int) -> int:
-    """Factors of an n by n matrix in its place; 1 if it is singular."""
+    """Factorize an n by n matrix in place; return 1 if it is singular, else 0."""
     for i in range(n):
         best = i
         for j in range(i + 1, n):
@@ -32,7 +32,7 @@ def factorize(matrix: int, pivots: int, n: int) -> int:
 
 
 def substitute(matrix: int, pivots: int, right: int, n: int) -> None:
-    """Solve with the factors, in the place of the right-hand side."""
+    """Solve with the factors; the solution overwrites the right-hand side."""
     for i in range(n):
         best = read64(pivots + 8 * i)
         if best != i:

@@ -1,4 +1,4 @@
-"""Members that go back to where a step began: whether they can, and that nothing is left of a step that was taken back."""
+"""Rollback of members: verification by trial, and logs that discard the lines of rolled-back steps."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
     from twin.coupling.algorithms import Algorithm
     from twin.coupling.member import Member, MemberVariable
 
-LINES = 20  # kept of what was told
+LINES = 20  # largest number of log lines
 
 
 def alternatives(algorithm: Algorithm) -> str:
-    """The algorithms that need no way back."""
+    """Return the names of the algorithms without rollback."""
     return ", ".join(candidate.name for candidate in algorithm.every() if not candidate.rolls_back)
 
 
 def refuse(algorithm: Algorithm, members: Mapping[str, Member], slow: Collection[str]) -> None:
-    """CouplingError if the algorithm takes steps back and a member cannot go with it; those in `slow` need not."""
+    """Raise CouplingError if the algorithm needs rollback and a member lacks it; members in `slow` need none."""
     if not algorithm.rolls_back:
         return
     lacking = [name for name, member in members.items() if name not in slow and not member.can_roll_back]
@@ -36,21 +36,23 @@ def refuse(algorithm: Algorithm, members: Mapping[str, Member], slow: Collection
 
 
 def cannot_go_back(name: str, algorithm: Algorithm) -> str:
-    """That a member does not go back, and what can be done."""
+    """Return the message for a member without rollback."""
     others = alternatives(algorithm)
     return f"{name}: cannot go back to the begin of a step, which {algorithm} needs. Use {others}, or give it a longer `communication_step`."
 
 
 def unfaithful(name: str, wrong: str, algorithm: Algorithm) -> str:
-    """That a member says that it can go back, and cannot."""
+    """Return the message for a member whose declared rollback does not work."""
     others = alternatives(algorithm)
     return f"{name}: says that it can go back to the begin of a step, and cannot: {wrong}. Use {others}."
 
 
 def trial(member: Member, t: float, h: float, moved: bool = False) -> str:
-    """What is wrong with a member's way back from a step from t by h [s]; empty if it goes, and then it is at t again.
+    """Verify by trial that a member supports rollback of a step from t by h [s].
 
-    `moved`: with inputs that are larger by 1, which show more of a member that begins at rest.
+    Returns the problem; empty if rollback works, and then the member is at t again.
+
+    `moved`: increase the inputs by 1, which is a stronger test of a member that starts at rest.
     """
     access = member.way(1)
     names = [v.name for v in member.variables.values() if v.causality == "output" and v.connectable]
@@ -99,19 +101,19 @@ def trial(member: Member, t: float, h: float, moved: bool = False) -> str:
 
 
 def is_free(variable: MemberVariable) -> bool:
-    """Whether it is an input that can have any real value."""
+    """Whether a variable is a real input without bounds."""
     return variable.causality == "input" and variable.dtype.kind == "f" and not variable.is_bounded
 
 
 class BufferedLog(list[str]):
-    """A member's log whose lines are told when the step that wrote them stays."""
+    """Log of a member that forwards lines when their step is accepted."""
 
     def __init__(self, outer: list[str], logs: StepLogs) -> None:
         super().__init__(outer)
         self.outer, self._logs = outer, logs
 
     def append(self, line: str) -> None:
-        """Keep a line."""
+        """Append a line; forward it at once outside of steps."""
         super().append(line)
         if self._logs.is_stepping:
             self._logs.buffer(self, line)
@@ -119,16 +121,16 @@ class BufferedLog(list[str]):
             self.forward(line)
 
     def forward(self, line: str) -> None:
-        """Pass a line on."""
+        """Forward a line to the outer log."""
         self.outer.append(line)
         del self.outer[:-LINES]
 
 
 class StepLogs:
-    """The logs of members whose steps may be taken back."""
+    """Logs of members with rollback; must outlive the native loop."""
 
     def __init__(self, members: Iterable[Member]) -> None:
-        self.pending = np.zeros(1, np.int64)  # whether anything is held: the walk looks at it
+        self.pending = np.zeros(1, np.int64)  # whether lines are buffered; read by the compiled code
         self.is_stepping = False
         self._lines: list[tuple[BufferedLog, str]] = []
         self._marks: dict[int, int] = {}
@@ -138,13 +140,13 @@ class StepLogs:
             member.log = BufferedLog(outer, self)
 
     def connect(self, state: Any) -> None:
-        """Tell the loop's record whom to call."""
+        """Write the callback to the loop's record."""
         state["pending"] = self.pending.ctypes.data
         state["log_callback"] = ctypes.cast(self._callback, ctypes.c_void_p).value
 
     @contextmanager
     def stepping(self) -> Iterator[None]:
-        """While the walk is at work; what is held at its end is told: nobody will take it back."""
+        """Buffer log lines in the block; at its end the remaining lines are forwarded: no rollback follows."""
         self.is_stepping = True
         try:
             yield
@@ -154,7 +156,7 @@ class StepLogs:
 
     @contextmanager
     def discarding(self) -> Iterator[None]:
-        """While somebody makes steps that do not count."""
+        """Discard the log lines of the block, for trial steps."""
         self.is_stepping = True
         try:
             yield
@@ -163,7 +165,7 @@ class StepLogs:
             self._on_step_outcome(0, 0, RESTORED, 0, 0)
 
     def buffer(self, log: BufferedLog, line: str) -> None:
-        """Keep a line until its step stays."""
+        """Buffer a line until its step is accepted."""
         self._lines.append((log, line))
         self.pending[0] = 1
 

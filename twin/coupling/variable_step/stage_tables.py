@@ -1,4 +1,4 @@
-"""The tables of the walk: what the loop's plan has, taken apart into moving, feeding and stepping."""
+"""Tables of the variable-step master: the loop's plan, split into moving, feeding and stepping."""
 
 from __future__ import annotations
 
@@ -33,44 +33,44 @@ if TYPE_CHECKING:
     from twin.coupling.system import Link
 
 FLOAT = 8  # byte
-VECTORS, COURSES = 5, 4  # in the two memories of elements
-UNIFORM = ((MEAN, 0.0, 1.0),)  # uses of a course: which value, where the part of the step begins, how long it is
+VECTORS, COURSES = 5, 4  # Float64 per element in its two memories
+UNIFORM = ((MEAN, 0.0, 1.0),)  # uses of a polynomial: which value, begin and length of the part of the step
 SPLIT = ((FIRST, 0.0, 1.0 - SHARE), (FINAL, 1.0 - SHARE, SHARE))
 WITH_SLOPES = ((VALUE, 0.0, 1.0),)
 
 
 @dataclass
 class Element:
-    """A scalar of a connection to a member of the walk. `number` among all; where it is fed from."""
+    """Scalar of a connection to a member with variable steps. `number`: index; `source`: kind of value that it is fed."""
 
     number: int
     source: int
-    is_torn: bool  # a sweep cannot know it before: what it comes from is stepped later
-    is_moving: bool  # it changes within a tick
+    is_torn: bool  # whether its source is stepped later in a sweep (feedback)
+    is_moving: bool  # whether it changes within a tick
     link: Link
 
     @property
     def is_continuous(self) -> bool:
-        """Whether it has a course between two points: no end is declared to jump, nor it to be held."""
+        """Whether it is continuous between two points: both ends are continuous and it is not declared to be held."""
         ends = self.link.source, self.link.target
         return not self.link.hold and all(end.variable.variability == "continuous" for end in ends)
 
     def is_judged(self, predicted: bool) -> bool:
-        """Whether its error decides on the length of steps: what jumps tells nothing, nor what nobody had to predict."""
+        """Whether its error controls the length of steps: it must be continuous and, if `predicted`, torn."""
         return self.is_moving and self.is_continuous and (self.is_torn or not predicted)
 
 
 @dataclass
 class Stages(Plan):
-    """A plan whose members without a period of their own are stepped by the walk."""
+    """Plan in which members without their own period make variable steps."""
 
     algorithm: Algorithm = field(kw_only=True)
     slow: frozenset[str] = frozenset()
-    own: Memory = field(default_factory=Memory)  # of the walk
+    own: Memory = field(default_factory=Memory)  # memory of the variable-step master
     begins: list[dict[str, Any]] = field(default_factory=list)
     ends: list[dict[str, Any]] = field(default_factory=list)
     stages: list[dict[str, Any]] = field(default_factory=list)
-    arrays: list[np.ndarray[Any, Any]] = field(default_factory=list)  # that calls point into
+    arrays: list[np.ndarray[Any, Any]] = field(default_factory=list)  # memory that calls point to
     fed: dict[int, list[Element]] = field(default_factory=dict)  # by the identity of their links
     straight: dict[Key, list[tuple[str, int]]] = field(default_factory=dict)  # see `rows_at_events`
 
@@ -79,7 +79,7 @@ class Stages(Plan):
         self.slow = frozenset(periodic)
 
     def is_read_directly(self, member: str) -> bool:
-        """Whether others may read the memory of a record at once; a sampled member publishes when it is due."""
+        """Whether other members read the memory of a record; a sampled member publishes when it is due."""
         return member not in self.slow
 
     @property
@@ -104,14 +104,14 @@ class Stages(Plan):
         self.course = self.own.take(FLOAT * COURSES * count + FLOAT * record_layout.PAST)
         self.past = self.course + FLOAT * COURSES * count
         self.weights = self.own.take(2 * input_extrapolation.CATEGORY + 9 * FLOAT)
-        self.memory.take(FLOAT)  # a first block, before others may be put in front of it
+        self.memory.take(FLOAT)  # Allocates the first block; others are inserted in front of it later.
         super().build(order, links, recorded, watched)
         self.leading_back = self._moves(
             [link for link in links if any(element.is_torn for element in self.fed.get(id(link), ()))]
         )
 
     def _element(self, number: int, link: Link, stage_index: dict[str, int]) -> Element:
-        """How one scalar of a connection reaches its member."""
+        """Create the element of one scalar of a connection."""
         source, target = link.source, link.target
         element = Element(number, HELD, is_torn=False, is_moving=source.member not in self.slow, link=link)
         if not element.is_moving:
@@ -127,7 +127,7 @@ class Stages(Plan):
         return element
 
     def _events(self) -> None:
-        """Rows of their own for members with clocks: at an event values go straight, not along a course."""
+        """Add separate rows for members with clocks: at an event values are copied, not extrapolated."""
         for link in self.events.links if self.events is not None else ():
             if id(link) in self.fed:
                 counts = len(self.copies), len(self.converts)
@@ -137,11 +137,11 @@ class Stages(Plan):
                 self.straight.setdefault(link.target.key, []).append(row)
 
     def rows_at_events(self, key: Key) -> list[tuple[str, int]]:
-        """Those that go straight, where there are."""
+        """Return the rows that copy directly, if there are any."""
         return self.straight.get(key) or super().rows_at_events(key)
 
     def _stage(self, stage: list[str], links: list[Link]) -> None:
-        """Members with a period of their own at its begin and end, the others in a stage of the walk."""
+        """Add members with their own period at its begin and end, the others to a stage with variable steps."""
         for divider in sorted({self.divider(name) for name in stage if name in self.slow}):
             names = [name for name in stage if name in self.slow and self.divider(name) == divider]
             inputs, steps, *publish = self._slot(
@@ -153,7 +153,7 @@ class Stages(Plan):
             self.stages.append(self._quick(names, [link for link in links if link.target.member in names]))
 
     def _quick(self, names: list[str], links: list[Link]) -> dict[str, Any]:
-        """A stage of the walk."""
+        """Return a stage with variable steps."""
         moved = self._moves([link for link in links if id(link) in self.fed])
         direct = self._moves([link for link in links if id(link) not in self.fed])
         parts = []
@@ -184,7 +184,7 @@ class Stages(Plan):
         return {"links": moved, "direct": direct, "gets": publication, "parts": parts}
 
     def _moves(self, links: list[Link]) -> dict[str, Any]:
-        """The rows of connections: to the elements, or straight to where inputs are taken from."""
+        """Add the rows of connections: to the elements, or directly to the staged inputs."""
         copies, converts = len(self.copies), len(self.converts)
         for link in links:
             source = self.published[link.source.key] + link.source.first * link.source.variable.dtype.itemsize
@@ -198,7 +198,7 @@ class Stages(Plan):
         return self.staged[link.target.key] + (link.target.first + j) * link.target.variable.dtype.itemsize
 
     def _parts(self, names: list[str], links: list[Link]) -> dict[tuple[tuple[int, float, float], ...], list[str]]:
-        """Members by how they are given the courses of their inputs."""
+        """Group members by the way they receive extrapolated inputs."""
         groups: dict[tuple[tuple[int, float, float], ...], list[str]] = {}
         for name in names:
             fed = [link for link in links if link.target.member == name and self._is_course(link)]
@@ -213,7 +213,7 @@ class Stages(Plan):
         return bool(own) and own[0].source in (EXTRAPOLATED, TO_GUESS, TO_ARRIVED)
 
     def _slopes(self, name: str, links: list[Link]) -> tuple[list[int], list[list[int]]]:
-        """The call that gives a member derivatives of its inputs, and the rows that write them to where it reads."""
+        """Return the call that sets a member's input derivatives, and the rows that compute them."""
         references: list[int] = []
         orders: list[int] = []
         fed = []
@@ -242,7 +242,7 @@ class Stages(Plan):
         return [function, member.instance, addresses[0], len(fed), addresses[1], values, index], rows
 
     def _feeds(self, links: list[Link], use: int) -> list[list[int]]:
-        """Rows that write what elements are worth to where inputs are taken from."""
+        """Return the rows that write the values of elements to the staged inputs."""
         rows = []
         for link in links:
             for j, element in enumerate(self.fed[id(link)]):
@@ -251,7 +251,7 @@ class Stages(Plan):
         return rows
 
     def _weights(self, element: Element, use: int) -> int:
-        """Where the weights lie by which an element is fed."""
+        """Return the address of the weights of an element."""
         category = input_extrapolation.CATEGORY if element.source in (TO_GUESS, TO_ARRIVED) else 0
         return self.weights + category + use * input_extrapolation.USE
 

@@ -1,4 +1,4 @@
-"""The tables of the walk as arrays, the memory for going back, and the loop's record told of both."""
+"""State of the variable-step master: tables as arrays, rollback memory, and their addresses in the loop's record."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ WORD = 8
 
 
 def move_operations(stage: dict[str, Any]) -> list[dict[str, Any]]:
-    """The operations of a stage beside those that step."""
+    """Return the operations of a stage, except those that step."""
     return [stage[name] for name in ("links", "direct", "gets")]
 
 
@@ -53,16 +53,16 @@ def is_work(operation: dict[str, Any]) -> bool:
 
 
 def floats(address: int, count: int) -> np.ndarray[Any, Any]:
-    """Float64 where they lie."""
+    """Return a view of Float64 at an address."""
     return np.ctypeslib.as_array((ctypes.c_double * count).from_address(address))
 
 
 class VariableStepState:
-    """What the walk of a plan needs beside the loop's tables, kept as long as it runs."""
+    """Tables, work vectors and rollback buffers of the variable-step master; must outlive the native loop."""
 
     def __init__(self, plan: Stages, tables: Tables, state: Any, step: clock.Time, corrected: list[Link]) -> None:
         self.plan, self.algorithm, self.state = plan, plan.algorithm, state
-        self.arrays: list[np.ndarray[Any, Any]] = []  # arrays that are pointed into
+        self.arrays: list[np.ndarray[Any, Any]] = []  # memory that the record points to
         self._operations(tables)
         self._options(step)
         self._elements({id(link) for link in corrected})
@@ -70,10 +70,10 @@ class VariableStepState:
             self._bonds(corrected)
         if self.algorithm.rolls_back:
             self._allocate_rollback()
-        plan.memory.blocks[:0] = plan.own.blocks  # so that who saves one saves both
+        plan.memory.blocks[:0] = plan.own.blocks  # so that saving the plan's memory saves both
 
     def _array(self, name: str, rows: list[list[int]], columns: int) -> int:
-        """Rows as an array; tells its address and, where there is such a field, their number."""
+        """Store rows as an array; write its address and length to the record if `name` is given; return the address."""
         array = np.array(rows, np.int64).reshape(len(rows), columns)
         self.arrays.append(array)
         if name:
@@ -136,7 +136,7 @@ class VariableStepState:
         state["tick_length"] = clock.seconds(step)
         state["divisions"] = state["stride"] = algorithm.divisions(step)
         if algorithm.control == RESIDUAL:
-            state["stride"] = 1  # nothing is known yet, and nothing is taken back
+            state["stride"] = 1  # No error is known yet, and there is no rollback.
             state["next_step"] = state["tick_length"] / state["divisions"]
         state["least"] = 1 if algorithm.control != DOUBLING else min(2, algorithm.divisions(step))  # a half, too
 
@@ -168,7 +168,7 @@ class VariableStepState:
         state["solver"] = plan.own.take(WORD * ((3 + 2 * DEPTH + 1) * m + m * m + DEPTH * (DEPTH + 2)))
 
     def _bonds(self, links: list[Link]) -> None:
-        """Rows of what powers are array of, and room for the energy that went through each bond."""
+        """Add the rows of pairs whose product is a power, and allocate the energy through each bond."""
         plan, rows = self.plan, []
         every = [[pair for pair in own if id(pair[0]) in plan.fed and id(pair[1]) in plan.fed] for own in powers(links)]
         connected = [own for own in every if own]
@@ -185,13 +185,13 @@ class VariableStepState:
             self.state["next_step"] = self.state["tick_length"]
 
     def _fed_and_received(self, element: Element) -> tuple[int, int]:
-        """Where the end of the course lies that an input was fed, and what its connection gave at the end of the step."""
+        """Return the addresses of the fed value and of the connection's value, both at the end of the step."""
         fed = BEGIN if element.source == HELD else COMPARED
         at = self.plan.vectors + WORD * element.number
         return at + WORD * fed * self.plan.count, at
 
     def _allocate_rollback(self) -> None:
-        """Rows that keep all that a step changes, and bring it back."""
+        """Add the rows that save and restore all memory that a step changes."""
         plan = self.plan
         slots = 2 if self.algorithm.iterations and self.algorithm.control == DOUBLING else 1
         regions = [(int(block.ctypes.data), len(block)) for block in plan.memory.blocks[:-1]]
@@ -217,7 +217,7 @@ class VariableStepState:
         self._array("state", states, len(STATE))
 
     def derive(self) -> None:
-        """Give Newton's method the factors of its matrix for the step that is at work; differences if none can be told."""
+        """Factorize the matrix of Newton's method for the step in progress; fall back to differences if that fails."""
         state, m = self.state, int(self.state["torn_count"])
         jacobian = Coupling(self.plan).jacobian(float(state["step_begin"]), float(state["span"]))
         matrix = int(state["solver"]) + 3 * WORD * m
@@ -229,7 +229,7 @@ class VariableStepState:
         state["derives"] = 0
 
     def disagreements(self) -> list[str]:
-        """Inputs whose guesses are not what their sources gave, the farthest first."""
+        """Return the inputs whose guesses differ from their sources by more than the tolerance, the worst first."""
         n = self.plan.count
         vectors = floats(self.plan.vectors, 5 * n).reshape(5, n)
         size = np.maximum(np.maximum(vectors[SCALE], abs(vectors[NOW])), self.algorithm.floor)
@@ -242,7 +242,7 @@ class VariableStepState:
         return sorted(ratios, key=lambda name: -ratios[name])
 
     def forget(self) -> None:
-        """Something was set from outside: what was before it tells nothing of what follows."""
+        """Discard earlier points: after a change from outside they are no basis for extrapolation."""
         ctypes.memset(self.plan.past, 0, 3 * WORD)
 
     @property

@@ -1,4 +1,4 @@
-"""From tick to tick: members with periods, steps between two ticks and how long they are, a row of the recording."""
+"""Main function of the variable-step master: periodic members, steps between two ticks, error control, recording."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ERROR = 3  # FMI's status
 
 
 def run(self: Any) -> int:
-    """Go on until `stop`, a full recording buffer, a member that fails or finishes the simulation, or a limit."""
+    """Run until `stop`, a full recording buffer, a member that fails or terminates the simulation, or a violated limit."""
     self.outputs_current = 0
     if self.back != 0:
         self.back = 0
@@ -65,7 +65,7 @@ def run(self: Any) -> int:
 
 
 def time_at(self: Any, position: int) -> float:
-    """The time of a division of this tick [s]: one division of whole numbers, unless these are too large."""
+    """Return the time of a division of this tick [s]: one division of integers, unless these are too large."""
     ticks = self.begin_ns + self.tick * self.step_ns
     if position == 0:
         return float(ticks / self.per_second)
@@ -75,10 +75,10 @@ def time_at(self: Any, position: int) -> float:
 
 
 def advance_to_tick(self: Any) -> int:
-    """Go to the next tick in one step or several; the status of what failed."""
+    """Advance to the next tick in one step or several; return the status of a failure, else 0."""
     shortens = 0
     if self.control != FIXED and self.trial != 0:
-        shortens = 1  # what failed may be tried anew
+        shortens = 1  # A failed step may be repeated with a shorter one.
     while self.position < self.divisions and self.finished == 0:
         stride = self.stride
         while self.position > 0 and self.position % stride != 0:
@@ -116,7 +116,7 @@ def advance_to_tick(self: Any) -> int:
                 return int(self.status)
             self.limited = 1
         elif status == ERROR and shortens != 0 and 0 < stride < self.passed:
-            self.least, self.refused = self.passed, 1 + self.member  # longer ones were made
+            self.least, self.refused = self.passed, 1 + self.member  # The member has made longer steps.
             if shorten(self, self.passed) > 1:
                 return int(self.status)
         elif status == UNSOLVED or (status == ERROR and shortens != 0 and stride > self.least):
@@ -134,7 +134,7 @@ def advance_to_tick(self: Any) -> int:
 
 
 def learn_scales(self: Any, t: float) -> int:
-    """How large values become is learned from the longest step, which is taken back."""
+    """Determine the sizes of values from a trial step of the longest length, which is rolled back."""
     self.has_scales = 1
     if save_state(self, 0) > 1:
         return int(self.status)
@@ -145,7 +145,7 @@ def learn_scales(self: Any, t: float) -> int:
 
 
 def update_scales(self: Any) -> None:
-    """Keep the largest values that connections gave."""
+    """Update the largest values of the connections."""
     for j in range(self.moving_count):
         now = self.vectors + 8 * read64(self.moving + 8 * j)
         scale, size = now + 8 * SCALE * self.elements, abs(read_float(now))
@@ -154,7 +154,7 @@ def update_scales(self: Any) -> None:
 
 
 def shorten(self: Any, stride: int) -> int:
-    """Take a step back, and make the next one with another stride."""
+    """Roll back a step and set the stride of the next one."""
     self.rejected += 1
     self.limited = 0
     self.stride = max(1, stride)
@@ -162,14 +162,14 @@ def shorten(self: Any, stride: int) -> int:
 
 
 def notify_events(self: Any) -> int:
-    """All members are where a step ended that stays: whether there is an event is for others to say."""
+    """Call the event handling after an accepted step; return its status."""
     self.status = call_access(self.events, 0, 0, 0, 0, 0)
     self.outputs_current = 0
     return int(self.status)
 
 
 def accept(self: Any, stride: int) -> None:
-    """A step stays."""
+    """Accept a step and update the position in the tick."""
     self.accepted += 1
     if self.max_iterations > 0 or self.control != FIXED:
         update_scales(self)
@@ -189,9 +189,9 @@ def accept(self: Any, stride: int) -> None:
 
 
 def step_twice(self: Any, t: float, h: float, is_least: bool) -> int:
-    """One step, then two halves, which stay; what connections give at the end of both can be compared.
+    """Make one step, then two halves, which are kept; the values at the end of both are compared.
 
-    Steps that stay unsolved are made all the same if they cannot be shorter.
+    Steps that do not converge are kept if they cannot be shorter.
     """
     unsolved = 0
     for part in range(3):
@@ -213,7 +213,7 @@ def step_twice(self: Any, t: float, h: float, is_least: bool) -> int:
 
 
 def judge(self: Any, stride: int) -> int:
-    """Whether a step is good enough, or cannot be shorter; the length of the next."""
+    """Return 1 if the step is accurate enough or cannot be shorter, else 0; set the length of the next step."""
     if self.control == RESIDUAL:
         choose_step(self, stride)
         return 1
