@@ -11,12 +11,12 @@ from fractions import Fraction
 from twin.errors import CouplingError
 
 NANOSECONDS = 1_000_000_000
-FINEST = 17  # digits of the denominator of a time that is read from decimals: any float is the nearest to such a ratio
+FINEST = 17  # largest number of digits of the denominator of a time read from decimals: covers every float
 READABLE = 1_000_000  # largest denominator [1/s] that a message shows
-PARTS = (1, 2, 4, 5, 8, 10, 20)  # into which a message advises to divide a time: they can be written exactly
-MOST = 2**62  # units of time that the loop counts
+PARTS = (1, 2, 4, 5, 8, 10, 20)  # divisors suggested in messages: the quotients can be written exactly
+MOST = 2**62  # largest number of ticks that the loop counts
 
-Time = int | Fraction  # [ns]; a whole number is an int
+Time = int | Fraction  # [ns]; integers are always an int
 
 
 def whole(time: Fraction) -> Time:

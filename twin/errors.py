@@ -7,8 +7,8 @@ TwinError                one line or several, each: where, what, what was expect
 ├── CouplingError        a system's members or connections do not fit together
 │   └── ScenarioError    a scenario file is wrong
 ├── SceneError           a drawing of an environment is wrong, or a scene cannot be drawn
-├── UnknownNameError     nothing has the name that was asked for, as a key
-└── SimulationError      a member failed while running; what was recorded is kept
+├── UnknownNameError     a key names nothing that exists
+└── SimulationError      a member failed while running; its recording is kept
 """
 
 import unicodedata
@@ -39,15 +39,15 @@ def nearest(name: str, candidates: Iterable[str], quote: str = "'") -> str:
     names = sorted(set(candidates))
     if not names:
         return "There are none."
-    close = similar(name, names)
+    close = find_similar(name, names)
     quoted = [f"{quote}{match}{quote}" for match, _ in close]
     question = f"Did you mean {' or '.join(filter(None, [', '.join(quoted[:-1]), *quoted[-1:]]))}?" if quoted else ""
     if close and close[0][1] >= TYPO:
         return question
-    return f"{question} Known: {listing(names)}.".lstrip()
+    return f"{question} Known: {join_names(names)}.".lstrip()
 
 
-def similar(name: str, names: list[str]) -> list[tuple[str, float]]:
+def find_similar(name: str, names: list[str]) -> list[tuple[str, float]]:
     """Return up to three names similar to `name` with their similarity ratios, the best first.
 
     Similar: a difflib ratio of at least `LIKE`, or a word of more than two letters in common.
@@ -71,7 +71,7 @@ def similar(name: str, names: list[str]) -> list[tuple[str, float]]:
     return [(candidate, ratio) for candidate, ratio in matches[:3] if ratio >= matches[0][1] - (1.0 - LIKE) / 2]
 
 
-def listing(names: list[str]) -> str:
+def join_names(names: list[str]) -> str:
     """Join names with commas, at most `LISTED` characters; the rest is counted."""
     length = count = 0
     for count, name in enumerate(names):
@@ -86,11 +86,11 @@ def printable(text: str) -> str:
     if text.isprintable():
         return text
     return "".join(
-        character.encode("unicode_escape").decode() if controls(character) else character for character in text
+        character.encode("unicode_escape").decode() if is_control(character) else character for character in text
     )
 
 
-def controls(letter: str) -> bool:
+def is_control(letter: str) -> bool:
     """Whether a character controls the terminal or reorders the line instead of being printed."""
     return (
         unicodedata.category(letter) in ("Cc", "Cs", "Zl", "Zp") or unicodedata.bidirectional(letter) in BIDIRECTIONAL
@@ -140,20 +140,20 @@ class CouplingError(TwinError):
 
 
 class ScenarioError(CouplingError):
-    """A scenario file is wrong; `problems` lists every place."""
+    """A scenario file is wrong; `problems` lists every location."""
 
 
 class SceneError(TwinError):
-    """A drawing of an environment is wrong, or a scene cannot be drawn; `problems` lists every place."""
+    """A drawing of an environment is wrong, or a scene cannot be drawn; `problems` lists every location."""
 
 
 class UnknownNameError(TwinError, KeyError):
     """A name in `[...]` does not exist; the message lists the available names."""
 
-    __str__ = Exception.__str__  # KeyError's own would put the message in quotes
+    __str__ = Exception.__str__  # `KeyError.__str__` would put the message in quotes.
 
 
 class SimulationError(TwinError):
-    """A member failed while running; what was recorded until then is kept, in `results` if nowhere else."""
+    """A member failed while running. `results`: the recording until then, if it is not in a file."""
 
     results: Any = None

@@ -95,7 +95,7 @@ def elements(name: str, shape: tuple[int, ...]) -> list[str]:
     return [f"{name}[{','.join(str(i + 1) for i in index)}]" for index in np.ndindex(shape)] if shape else [name]
 
 
-def expected(cls: type[Component]) -> Trajectory:
+def read_expected(cls: type[Component]) -> Trajectory:
     """Read the trajectory in the component's expected.csv; ConformanceError if there is none."""
     path = reference.reference_path(cls)
     if not path.exists():
@@ -106,7 +106,7 @@ def expected(cls: type[Component]) -> Trajectory:
 _responses: dict[type[Component], Trajectory] = {}
 
 
-def interpreted(cls: type[Component]) -> Trajectory:
+def run_interpreted(cls: type[Component]) -> Trajectory:
     """Run the component as plain Python under the stimulus of its expected.csv; the outputs in the file are ignored.
 
     The other forms are compared with this trajectory, so a missing or outdated file is reported only once.
@@ -116,17 +116,17 @@ def interpreted(cls: type[Component]) -> Trajectory:
     return _responses[cls]
 
 
-def same(cls: type[Component], what: str, other: str, wanted: Trajectory, actual: Trajectory) -> None:
+def require_equal(cls: type[Component], what: str, other: str, wanted: Trajectory, actual: Trajectory) -> None:
     """Raise ConformanceError unless two trajectories are equal to the bit."""
-    wrong = reference.differences(wanted, actual)
-    if wrong:
-        text = ", ".join(f"{name} by {size:.3g}" for name, size in wrong.items())
+    mismatches = reference.differences(wanted, actual)
+    if mismatches:
+        text = ", ".join(f"{name} by {size:.3g}" for name, size in mismatches.items())
         raise ConformanceError(f"{cls.__name__}: {what} differs from {other} in {text}.")
 
 
 def check_source(cls: type[Component], build: Path) -> None:
     """Check that the functions can be compiled and write no input or parameter."""
-    demand(compiler.problems(cls, build))
+    raise_problems(compiler.problems(cls, build))
 
 
 def check_documentation(cls: type[Component], _build: Path) -> None:
@@ -150,7 +150,7 @@ def check_documentation(cls: type[Component], _build: Path) -> None:
     for name, terminal in cls.terminals.items():
         if not terminal.description:
             problems.append(f"{cls.__name__}.{name}: has no description. Say what is connected there.")
-    demand(problems)
+    raise_problems(problems)
 
 
 def check_outputs_written(cls: type[Component], _build: Path) -> None:
@@ -170,19 +170,19 @@ def check_outputs_written(cls: type[Component], _build: Path) -> None:
         for variable in outputs:
             if np.any(np.isnan(part.views[variable.name])):
                 problems.append(
-                    f"{cls.__name__}: {phase} does not write {variable.name}. {written(function, variable)}"
+                    f"{cls.__name__}: {phase} does not write {variable.name}. {output_remedy(function, variable)}"
                 )
-    demand(problems)
+    raise_problems(problems)
 
 
-def written(function: str, variable: Variable) -> str:
+def output_remedy(function: str, variable: Variable) -> str:
     """Return the remedy for an output that a function does not write."""
     element = f"[{', '.join('0' * len(variable.shape))}]" if variable.shape else ""
     every = " and so on, every element" if variable.shape else ""
     return f"Write `def {function}:` with `self.{variable.name}{element} = ...`{every}, whatever branch is taken."
 
 
-def demand(problems: list[str]) -> None:
+def raise_problems(problems: list[str]) -> None:
     """Raise ConformanceError with all problems, if there are any."""
     if problems:
         raise ConformanceError("\n".join(problems))
@@ -195,15 +195,17 @@ def step_size(cls: type[Component]) -> float:
 
 def check_interpreted(cls: type[Component], _build: Path) -> None:
     """Check that the interpreted component reproduces expected.csv to the bit."""
-    wanted = expected(cls)
-    same(cls, "interpreted", f"expected.csv (if that is wanted: {reference.command(cls)})", wanted, interpreted(cls))
+    wanted = read_expected(cls)
+    require_equal(
+        cls, "interpreted", f"expected.csv (if that is wanted: {reference.command(cls)})", wanted, run_interpreted(cls)
+    )
 
 
 def check_compiled(cls: type[Component], build: Path) -> None:
     """Check that the component compiled in process equals the interpreted one to the bit."""
-    wanted = interpreted(cls)
+    wanted = run_interpreted(cls)
     member = RecordMember("part", cls(), compiler.load_component(cls, build))
-    same(cls, "compiled", "interpreted", wanted, reference.replay(MemberTarget(member), wanted))
+    require_equal(cls, "compiled", "interpreted", wanted, reference.replay(MemberTarget(member), wanted))
 
 
 def check_fmu(cls: type[Component], build: Path) -> None:
@@ -212,7 +214,7 @@ def check_fmu(cls: type[Component], build: Path) -> None:
 
     from twin.fmi import FMUMember, exporter
 
-    wanted = interpreted(cls)
+    wanted = run_interpreted(cls)
     for version in VERSIONS:
         path = exporter.build(cls, version, build)
         problems = validate_fmu(str(path))
@@ -220,7 +222,9 @@ def check_fmu(cls: type[Component], build: Path) -> None:
             raise ConformanceError(f"{cls.__name__}: FMPy says of {path}: {'; '.join(map(str, problems))}")
         member = FMUMember("part", path)
         try:
-            same(cls, f"the FMI {version} FMU", "interpreted", wanted, reference.replay(MemberTarget(member), wanted))
+            require_equal(
+                cls, f"the FMI {version} FMU", "interpreted", wanted, reference.replay(MemberTarget(member), wanted)
+            )
         finally:
             member.close()
 

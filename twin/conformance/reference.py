@@ -107,12 +107,12 @@ def stimulus(cls: type[Component]) -> tuple[Row, ...]:
     ]
     rows = []
     for step in range(STEPS + 1):
-        values = [excited(*scalar, column, step / STEPS) for column, scalar in enumerate(scalars)]
+        values = [stimulus_value(*scalar, column, step / STEPS) for column, scalar in enumerate(scalars)]
         rows.append((clock.seconds(step * STEP), *values))
     return tuple(rows)
 
 
-def excited(variable: Variable, start: Value, column: int, part: float) -> Value:
+def stimulus_value(variable: Variable, start: Value, column: int, part: float) -> Value:
     """Return an input's value after a part (0 to 1) of the stimulus; `column` makes the inputs differ."""
     if variable.type is Boolean:
         return bool(start) != (part > 0.5)
@@ -156,8 +156,8 @@ def differences(expected: Trajectory, actual: Trajectory) -> dict[str, float]:
     """Return the largest absolute difference of every output that differs at all; NaN counts as infinite."""
     result = {}
     for column, name in enumerate(expected.outputs, 1 + len(expected.inputs)):
-        both = np.array([(a[column], b[column]) for a, b in zip(expected.rows, actual.rows, strict=True)], dtype=float)
-        largest = float(np.max(np.abs(both[:, 0] - both[:, 1])))
+        pairs = np.array([(a[column], b[column]) for a, b in zip(expected.rows, actual.rows, strict=True)], dtype=float)
+        largest = float(np.max(np.abs(pairs[:, 0] - pairs[:, 1])))
         if largest != 0.0:
             result[name] = min(np.inf, largest)
     return result
@@ -174,14 +174,14 @@ def write(path: Path, trajectory: Trajectory) -> None:
 
 def read(path: Path, cls: type[Component]) -> Trajectory:
     """Read the trajectory of a component; DeclarationError if the columns do not match its variables."""
-    names, lines = cells(path)
+    names, lines = read_cells(path)
     inputs, outputs = elements(cls, Role.input), elements(cls, Role.output)
     if names != ("time", *inputs, *outputs):
         raise DeclarationError(f"{path}: columns are not the variables of {cls.__name__}. Run: {command(cls)}")
-    return Trajectory(inputs, outputs, parsed(path, cls, names, lines))
+    return Trajectory(inputs, outputs, parse_rows(path, cls, names, lines))
 
 
-def cells(path: Path) -> tuple[tuple[str, ...], list[list[str]]]:
+def read_cells(path: Path) -> tuple[tuple[str, ...], list[list[str]]]:
     """Read header and rows of a CSV file; empty if it cannot be read as text."""
     try:
         with path.open(newline="", encoding="utf-8") as file:
@@ -191,7 +191,7 @@ def cells(path: Path) -> tuple[tuple[str, ...], list[list[str]]]:
     return (tuple(lines[0]), lines[1:]) if lines else ((), [])
 
 
-def parsed(path: Path, cls: type[Component], names: tuple[str, ...], lines: list[list[str]]) -> tuple[Row, ...]:
+def parse_rows(path: Path, cls: type[Component], names: tuple[str, ...], lines: list[list[str]]) -> tuple[Row, ...]:
     """Parse rows of text by the types of their columns; DeclarationError with the line that is wrong."""
     types = {name: variable.type for variable in cls.variables for name in variable.elements()}
     convert = [PARSERS[types.get(name, Float64)] for name in names]
@@ -238,8 +238,8 @@ def read_stimulus(path: Path, cls: type[Component]) -> Sequence[Row] | None:
     """Read the times and inputs of a file; None if it does not exist or the component's inputs have changed."""
     if not path.exists():
         return None
-    names, lines = cells(path)
+    names, lines = read_cells(path)
     columns = ("time", *elements(cls, Role.input))
     if names[: len(columns)] != columns or len(names) <= len(columns) or not lines:
         return None
-    return parsed(path, cls, columns, lines)
+    return parse_rows(path, cls, columns, lines)

@@ -18,24 +18,26 @@ if TYPE_CHECKING:
     from twin.coupling.system import Link
 
 POWER, ENERGY = "W", "J"
-PRODUCT_UNITS = (POWER, ENERGY)  # the second with a displacement in the place of its velocity
+PRODUCT_UNITS = (POWER, ENERGY)  # energy: a bond with a displacement instead of a velocity
 
 
-def bonds(links: Iterable[Link]) -> dict[str, list[Link]]:
+def find_bonds(links: Iterable[Link]) -> dict[str, list[Link]]:
     """Return the connections of each bond by name; CouplingError for declared bonds that are none."""
     named: dict[tuple[str, bool], list[Link]] = {}
     for link in links:
         if name := link.bond or link.terminals:
             named.setdefault((name, bool(link.bond)), []).append(link)
     problems = [
-        f"bond {name}: {wrong}" for (name, declared), own in named.items() if declared and (wrong := fault(own))
+        f"bond {name}: {problem}"
+        for (name, declared), own in named.items()
+        if declared and (problem := bond_problem(own))
     ]
     if problems:
         raise CouplingError(problems)
-    return {name: own for (name, _), own in named.items() if not fault(own)}
+    return {name: own for (name, _), own in named.items() if not bond_problem(own)}
 
 
-def fault(links: list[Link]) -> str:
+def bond_problem(links: list[Link]) -> str:
     """Return why connections are no power bond; empty if they are one."""
     ends = {frozenset((link.source.member, link.target.member)) for link in links}
     if len(ends) > 1:
@@ -44,10 +46,10 @@ def fault(links: list[Link]) -> str:
     sides = list(dict.fromkeys(link.source.member for link in links))
     if len(sides) != 2:
         return f"goes one way only, from {sides[0]}. Declare it at a connection back, too."
-    there, back = (
+    forward, backward = (
         [link for link in links if link.source.member == side and is_real(link.target.variable)] for side in sides
     )
-    if not any(is_power(a, b) for a, b in product(there, back)):
+    if not any(is_power(a, b) for a, b in product(forward, backward)):
         units = " and ".join(link_label(link) for link in links[:2])
         return f"{units} give no power. Declare it at a force and a velocity, a torque and an angle, a pressure and a flow."
     return ""
@@ -60,21 +62,23 @@ def is_power(a: Link, b: Link, units: tuple[str, ...] = PRODUCT_UNITS) -> bool:
     return any(exponents == list(unit.describe(symbol).exponents)[:-1] for symbol in units)
 
 
-def powers(links: Iterable[Link]) -> list[list[tuple[Link, Link, float]]]:
+def find_power_pairs(links: Iterable[Link]) -> list[list[tuple[Link, Link, float]]]:
     """Return for each bond the pairs of connections (there, back) whose product is a power, with its unit [W].
 
     CouplingError for a declared bond without one: with a position instead of a velocity the product is an energy.
     """
     result = []
-    for name, own in bonds(links).items():
-        first = own[0].source.member
-        sides = product(*([link for link in own if (link.source.member == first) is there] for there in (True, False)))
+    for name, bond_links in find_bonds(links).items():
+        first = bond_links[0].source.member
+        sides = product(
+            *([link for link in bond_links if (link.source.member == first) is there] for there in (True, False))
+        )
         pairs = [
-            (a, b, in_watt(a) * in_watt(b))
+            (a, b, si_factor(a) * si_factor(b))
             for a, b in sides
             if a.target.size == b.target.size and is_power(a, b, (POWER,))
         ]
-        if not pairs and own[0].bond:
+        if not pairs and bond_links[0].bond:
             raise CouplingError(
                 f"bond {name}: has a force and a place, but no velocity, so it tells an energy and no power. "
                 "Declare it at the velocity, too, or use predictive or step_doubling."
@@ -83,7 +87,7 @@ def powers(links: Iterable[Link]) -> list[list[tuple[Link, Link, float]]]:
     return result
 
 
-def in_watt(link: Link) -> float:
+def si_factor(link: Link) -> float:
     """Return the factor from the unit of an input to SI."""
     return unit.describe(link.target.variable.unit).factor
 

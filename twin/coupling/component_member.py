@@ -32,12 +32,12 @@ def declared_variables(cls: type[Component]) -> dict[str, MemberVariable]:
         for member, variable in terminal.members.items():
             memberships.setdefault(variable.name, []).append(TerminalMember(name, member, terminal.rule))
     return {
-        v.name: declared(v, continuous, feedthrough.get(v.name, ()), tuple(memberships.get(v.name, ())))
+        v.name: member_variable(v, continuous, feedthrough.get(v.name, ()), tuple(memberships.get(v.name, ())))
         for v in cls.variables
     }
 
 
-def declared(
+def member_variable(
     variable: Variable, continuous: bool, feedthrough: tuple[str, ...], terminals: tuple[TerminalMember, ...] = ()
 ) -> MemberVariable:
     """Convert a component's variable to a member variable."""
@@ -63,7 +63,7 @@ def driven(cls: type[Component]) -> frozenset[str]:
     )
 
 
-def importable(cls: type[Component]) -> tuple[type[Component], int]:
+def importable_class(cls: type[Component]) -> tuple[type[Component], int]:
     """Return a class that another process can import, and its sample period [ns]; PicklingError if there is none."""
     if cls.__module__ == "__main__":
         raise pickle.PicklingError(f"{cls.__name__} is in the script that runs")
@@ -119,7 +119,7 @@ class RecordMember(Member):
         """Pickle for another process, not yet initialized; `load` must be called there next."""
         part = self.component
         values = {variable.name: np.array(part.views[variable.name]) for variable in type(part).variables}
-        return _recreate, (self.name, *importable(type(part)), values, bool(self.code), self.log, self.identity)
+        return _recreate, (self.name, *importable_class(type(part)), values, bool(self.code), self.log, self.identity)
 
     def load(self, build: Path) -> None:
         """Load the compiled code in this process, if the member is compiled."""
@@ -187,6 +187,6 @@ class RecordMember(Member):
             self._closed = True
             try:
                 self.component.close()
-            except Exception as error:  # the other members must be closed too
+            except Exception as error:  # The other members must be closed too.
                 self.log.append(f"close failed: {described(error)}")
         self._closed = True

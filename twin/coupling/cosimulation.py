@@ -27,7 +27,7 @@ from twin.coupling.overrides import Overrides
 from twin.coupling.system import Link
 from twin.coupling.variable_step import stepping
 from twin.coupling.variable_step.events import VariableStepEvents
-from twin.coupling.variable_step.rollback import StepLogs, refuse, trial, unfaithful
+from twin.coupling.variable_step.rollback import StepLogs, check_rollback, trial, unfaithful
 from twin.coupling.variable_step.stage_tables import Stages
 from twin.coupling.variable_step.state import VariableStepState
 from twin.errors import CouplingError, SimulationError
@@ -85,15 +85,15 @@ class CoSimulation(StepFailures):
         exempt: Collection[str] = (),
     ) -> None:
         self.members, self.step = members, step
-        self.links, self._wires = events.split(links)
+        self.links, self._wires = events.split_links(links)
         links = self.links
         self.algorithm: Algorithm = Algorithm(algorithm)
         self.periods = {name: (periods or {}).get(name) or m.period_ns or step for name, m in members.items()}
         self.every = every or step
         self._check_periods()
         self._slow = [name for name, period in self.periods.items() if period != step or members[name].period_ns]
-        events.refuse(members, self._wires, self.algorithm, self.periods, step)
-        refuse(self.algorithm, members, self._slow)
+        events.check_supported(members, self._wires, self.algorithm, self.periods, step)
+        check_rollback(self.algorithm, members, self._slow)
         self._corrected = self.algorithm.corrected(links)
         model_exchange_groups.join(members, links, self.periods)
         outputs = [
@@ -166,7 +166,7 @@ class CoSimulation(StepFailures):
         for name, member in self.members.items():
             self._guard(name, "initialization", partial(member.enter_initialization, clock.seconds(start), end))
         try:
-            initialization.solve(self.members, self.links)
+            initialization.solve_initialization(self.members, self.links)
         except SimulationError as error:
             self._raise_if_not_finite(
                 self.watch.non_finite_members(), f"at t = {clock.text(start)}", sure=True, cause=error
@@ -250,9 +250,9 @@ class CoSimulation(StepFailures):
                 continue
             assert self._logs is not None
             with self._logs.discarding():
-                wrong = trial(member, clock.seconds(self._begin), clock.seconds(self.step))
-            if wrong:
-                raise CouplingError(unfaithful(name, wrong, self.algorithm))
+                problem = trial(member, clock.seconds(self._begin), clock.seconds(self.step))
+            if problem:
+                raise CouplingError(unfaithful(name, problem, self.algorithm))
 
     @property
     def last(self) -> int | None:

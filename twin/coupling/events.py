@@ -90,13 +90,13 @@ class Steps(Protocol):
         """Plan the steps to the next event, after an event."""
 
 
-def split(links: list[Link]) -> tuple[list[Link], list[Link]]:
+def split_links(links: list[Link]) -> tuple[list[Link], list[Link]]:
     """Split connections into those of values and those of clocks."""
     wires = [link for link in links if link.source.variable.type == "Clock"]
     return [link for link in links if link.source.variable.type != "Clock"], wires
 
 
-def refuse(
+def check_supported(
     members: Mapping[str, Member],
     wires: list[Link],
     algorithm: Algorithm,
@@ -113,14 +113,14 @@ def refuse(
             )
     clocked = [name for name, member in members.items() if member.clocked]
     for name in clocked if not algorithm.is_plain else ():
-        wrong = ""
+        reason = ""
         if algorithm.rolls_back and not members[name].can_roll_back:
-            wrong = "cannot save its state (canGetAndSetFMUState), which is needed to take a step back"
+            reason = "cannot save its state (canGetAndSetFMUState), which is needed to take a step back"
         elif members[name].period_ns:
-            wrong = "makes steps of one length only, which an event between two communication points would cut"
-        if wrong:
+            reason = "makes steps of one length only, which an event between two communication points would cut"
+        if reason:
             raise CouplingError(
-                f"{name}: has clocks and {wrong}, with algorithm {algorithm}. Use jacobi or gauss_seidel, of order 0."
+                f"{name}: has clocks and {reason}, with algorithm {algorithm}. Use jacobi or gauss_seidel, of order 0."
             )
     for name in clocked:
         if periods[name] != step:
@@ -161,8 +161,8 @@ class Events:
         self._rows = {name: [] for name in self.members}
         for link in self.links:
             rows = plan.rows_at_events(link.target.key)
-            own = self._rows[link.target.member]
-            own += [row for row in rows if row not in own]
+            member_rows = self._rows[link.target.member]
+            member_rows += [row for row in rows if row not in member_rows]
 
     @property
     def due(self) -> clock.Time | None:
@@ -221,7 +221,7 @@ class Events:
     def _iterate(self, now: clock.Time) -> None:
         for member in self.order:
             member.enter_events(now)
-        needed = True  # fmi3UpdateDiscreteStates comes once at least
+        needed = True  # fmi3UpdateDiscreteStates must be called at least once
         for _ in range(INSTANTS):
             has_ticked = self._tick(now)
             if not (self._settle(now) or has_ticked or needed):

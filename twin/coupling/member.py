@@ -36,7 +36,7 @@ DTYPES: dict[str, np.dtype[Any]] = {
     "String":  np.dtype(object),     "Binary":  np.dtype(object),
 }  # fmt: skip
 
-ROUNDING = 8  # units in the last place by which a converted value may miss a bound that it is meant to meet
+ROUNDING = 8  # tolerance of bounds for converted values [units in the last place]
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,11 +116,11 @@ class MemberVariable:
         if not (self.is_bounded and self.connectable):
             return "", ""
         flat = np.atleast_1d(value)
-        wrong = np.argwhere(~((flat >= low) & (flat <= high)))
-        if not len(wrong):
+        indices = np.argwhere(~((flat >= low) & (flat <= high)))
+        if not len(indices):
             return "", ""
-        first_value = flat[tuple(wrong[0])].item()
-        index = f"[{','.join(str(i + 1) for i in wrong[0])}]" if np.ndim(value) else ""
+        first_value = flat[tuple(indices[0])].item()
+        index = f"[{','.join(str(i + 1) for i in indices[0])}]" if np.ndim(value) else ""
         bounds = [None if bound is None else self.shown(bound) for bound in (self.minimum, self.maximum)]
         side = "below the minimum" if first_value < low else "above the maximum" if first_value > high else "no number"
         text = self.shown(first_value) if self.shown(first_value) not in bounds else self.shown(first_value, 15)

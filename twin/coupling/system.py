@@ -146,7 +146,7 @@ class System:
             find(variable, self.catalog)  # raises if the name does not exist
             raise CouplingError(f"{terminal} is a terminal, {variable} is a variable. Connect two of one kind.")
         text = f"{connection.source} -> {connection.target}"
-        return [replace(connection, source=x, target=y, terminals=text) for x, y in terminals.single(a, b)]
+        return [replace(connection, source=x, target=y, terminals=text) for x, y in terminals.expand(a, b)]
 
     def _resolve(self) -> tuple[list[Link], list[str]]:
         links: list[Link] = []
@@ -177,9 +177,9 @@ class System:
         if source.size != target.size:
             raise CouplingError(f"{text}: {source.size} values do not fit {target.size}. Connect elements, like x[1].")
         if "Clock" in (source.variable.type, target.variable.type):
-            return clock_link(source, target, connection, text)
+            return make_clock_link(source, target, connection, text)
         if not (source.variable.connectable and target.variable.connectable):
-            return object_link(source, target, connection, text)
+            return make_object_link(source, target, connection, text)
         check_items(source.variable, target.variable, text)
         if is_real(source.variable) and not is_real(target.variable):
             raise CouplingError(
@@ -218,7 +218,7 @@ class System:
                 problems += error.problems
                 continue
             causality = references[-1].variable.causality
-            is_clock = references[-1].variable.type == "Clock"  # one that ticks by time may let others tick
+            is_clock = references[-1].variable.type == "Clock"  # A time-based clock may be the source of others.
             if number == 0 and causality not in READABLE and not (is_clock and references[-1].variable.interval):
                 problems.append(f"{text}: the source is an {causality}. Connect from an output.")
             elif number == 1 and causality != "input":
@@ -228,7 +228,7 @@ class System:
         return references[0], references[1]
 
 
-def object_link(source: Reference, target: Reference, connection: Connection, text: str) -> Link:
+def make_object_link(source: Reference, target: Reference, connection: Connection, text: str) -> Link:
     """Return a link of strings or binaries; CouplingError if the types differ."""
     a, b = source.variable.type, target.variable.type
     if a != b:
@@ -238,7 +238,7 @@ def object_link(source: Reference, target: Reference, connection: Connection, te
     return Link(source, target)
 
 
-def clock_link(source: Reference, target: Reference, connection: Connection, text: str) -> Link:
+def make_clock_link(source: Reference, target: Reference, connection: Connection, text: str) -> Link:
     """Return a link of clocks, whose target ticks when the source does; CouplingError if it is not triggered."""
     a, b = source.variable, target.variable
     if a.type != b.type:
@@ -253,9 +253,9 @@ def clock_link(source: Reference, target: Reference, connection: Connection, tex
 def check_items(source: MemberVariable, target: MemberVariable, text: str) -> None:
     """Raise CouplingError unless two enumerations agree: they are transferred as numbers."""
     target_items = dict(target.items)
-    wrong = [(name, number) for name, number in source.items if target_items and target_items.get(name) != number]
-    if wrong:
-        name, number = wrong[0]
+    mismatches = [(name, number) for name, number in source.items if target_items and target_items.get(name) != number]
+    if mismatches:
+        name, number = mismatches[0]
         other = (
             f"is {target_items[name]}" if name in target_items else f"is not there: there are {', '.join(target_items)}"
         )
@@ -299,17 +299,17 @@ def stepping_order(
     """
     representative = {name: (together or {}).get(name, name) for name in members}
     nodes = list(dict.fromkeys(representative.values()))
-    every: dict[str, list[str]] = {name: [] for name in nodes}
+    followers: dict[str, list[str]] = {name: [] for name in nodes}
     direct: dict[str, list[str]] = {name: [] for name in nodes}
     for link in links:
         source, target = representative[link.source.member], representative[link.target.member]
         if source == target and together:
             continue
-        every[source].append(target)
+        followers[source].append(target)
         if any(v.causality == "output" and feeds(link, v) for v in catalog[link.target.member].values()):
             direct[source].append(target)
     order: list[str] = []
-    for group in ordered_groups(nodes, every):
+    for group in ordered_groups(nodes, followers):
         inside = {name: [f for f in direct[name] if f in group] for name in group}
         for part in ordered_groups(group, inside):
             order += part

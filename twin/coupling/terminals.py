@@ -26,7 +26,7 @@ RULES = ("plug", "bus", "sequence")
 FLOWS = {
     "inflow": "in",
     "outflow": "out",
-}  # FMI's variableKind: what flows through a terminal, by its positive direction
+}  # FMI's variableKind of flows through a terminal, by the positive direction
 SHOWN = 6  # names in a message
 
 
@@ -75,9 +75,9 @@ def members(variables: Mapping[str, MemberVariable], terminal: str) -> dict[str,
     }
 
 
-def single(a: Terminal, b: Terminal) -> list[tuple[str, str]]:
+def expand(a: Terminal, b: Terminal) -> list[tuple[str, str]]:
     """Return (source, target) of each connection between two terminals; CouplingError with all mismatches."""
-    problems = [*misfits(a, b), *wrong_index(a), *wrong_index(b)]
+    problems = [*partner_problems(a, b), *index_problems(a), *index_problems(b)]
     pairs: list[tuple[str, str]] = []
     for name in (name for name in a.members if name in b.members):
         ends = a.end(name), b.end(name)
@@ -85,10 +85,10 @@ def single(a: Terminal, b: Terminal) -> list[tuple[str, str]]:
         if problem := flow_problem(a.members[name][1].kind, b.members[name][1].kind):
             problems.append(f"{name}: {ends[0]} and {ends[1]} {problem}")
         elif is_input[0] == is_input[1]:
-            what = (
+            problem_text = (
                 f"both {' and '.join(ends)} are inputs" if is_input[0] else f"neither {' nor '.join(ends)} is an input"
             )
-            problems.append(f"{name}: {what}. Connect terminals of opposite sides.")
+            problems.append(f"{name}: {problem_text}. Connect terminals of opposite sides.")
         else:
             pairs.append(ends if is_input[1] else ends[::-1])
     if problems:
@@ -96,9 +96,9 @@ def single(a: Terminal, b: Terminal) -> list[tuple[str, str]]:
     return pairs
 
 
-def misfits(a: Terminal, b: Terminal) -> list[str]:
+def partner_problems(a: Terminal, b: Terminal) -> list[str]:
     """Return the problem of members that lack a required partner."""
-    lonely = []
+    unmatched = []
     for terminal, partner in ((a, b), (b, a)):
         rules = {membership.rule for _, membership in terminal.members.values()}
         if unknown := sorted(rules - set(RULES)):
@@ -108,16 +108,18 @@ def misfits(a: Terminal, b: Terminal) -> list[str]:
             for n, (_, membership) in terminal.members.items()
             if n not in partner.members and membership.rule != "bus"
         ]:
-            lonely.append(f"{listed(missing)} of {terminal.path}")
-    if lonely:
+            unmatched.append(f"{shortened_list(missing)} of {terminal.path}")
+    if unmatched:
         advice = "Connect terminals with the same members, or variables one by one."
-        return [f"no partner at the other side for {' and '.join(lonely)}. {advice}"]
+        return [f"no partner at the other side for {' and '.join(unmatched)}. {advice}"]
     if not a.members.keys() & b.members.keys():
-        return [f"nothing in common: {listed(a.members)} and {listed(b.members)}. Connect terminals of one kind."]
+        return [
+            f"nothing in common: {shortened_list(a.members)} and {shortened_list(b.members)}. Connect terminals of one kind."
+        ]
     return []
 
 
-def wrong_index(terminal: Terminal) -> list[str]:
+def index_problems(terminal: Terminal) -> list[str]:
     """Return the problem of an element index that does not fit the terminal's arrays."""
     arrays = [variable for variable, _ in terminal.members.values() if variable.shape]
     if not terminal.index:
@@ -141,7 +143,7 @@ def flow_problem(a: str, b: str) -> str:
     return ""
 
 
-def listed(labels: Mapping[str, object] | list[str]) -> str:
+def shortened_list(labels: Mapping[str, object] | list[str]) -> str:
     """Join at most `SHOWN` names for a message."""
     every = list(labels)
     return ", ".join(every[:SHOWN]) + (f" and {len(every) - SHOWN} more" if len(every) > SHOWN else "")

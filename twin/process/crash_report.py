@@ -16,7 +16,7 @@ ENGINE = str(Path(__file__).parents[1])
 FRAME = re.compile(r'  File "(?P<file>.+)", line (?P<line>\d+)(?: in (?P<function>.+))?')
 CALLERS = tuple(os.path.join(ENGINE, room) for room in ("coupling", "fmi", "conformance", "run", "cli"))  # noqa: PTH118
 LINES = 5
-KILL = 9  # SIGKILL, where there is one
+KILL = 9  # SIGKILL, on POSIX
 
 
 @dataclass
@@ -56,11 +56,11 @@ class Death:
         if self.silent:
             return f"did not return for {self.silent:g} s"
         if self.asked and self.signal == KILL:
-            return f"did not stop after {name(self.asked)}, and was killed"
+            return f"did not stop after {signal_name(self.asked)}, and was killed"
         if self.signal == KILL:
             return "was killed (SIGKILL) by somebody, or by the system for want of memory"
         if self.signal:
-            return f"crashed with {name(self.signal)} ({signal.strsignal(self.signal)})"
+            return f"crashed with {signal_name(self.signal)} ({signal.strsignal(self.signal)})"
         return f"ended the process with exit code {self.exit}"
 
     @property
@@ -69,7 +69,7 @@ class Death:
         for frame in filter(None, map(FRAME.match, self.stack)):
             if frame["file"].startswith(CALLERS):
                 break  # the engine's call of native code
-            if not frame["file"].startswith((ENGINE, "<")) and not library(frame["file"]):
+            if not frame["file"].startswith((ENGINE, "<")) and not is_library(frame["file"]):
                 return f"{frame['file']}:{frame['line']}"
         return ""
 
@@ -92,12 +92,12 @@ class Death:
         return f"{self.member or self.note or 'the run'}: {self.how}{function}{when}{where}.{log}"
 
 
-def library(file: str) -> bool:
-    """Whether a file is Python's own or an installed package's."""
+def is_library(file: str) -> bool:
+    """Whether a file belongs to Python or to an installed package."""
     return "site-packages" in file or file.startswith(str(Path(os.__file__).parent))
 
 
-def name(number: int) -> str:
+def signal_name(number: int) -> str:
     """Return the name of a signal, such as `SIGSEGV`."""
     try:
         return signal.Signals(number).name
@@ -105,7 +105,7 @@ def name(number: int) -> str:
         return f"signal {number}"
 
 
-def innermost(text: str) -> list[str]:
+def current_frames(text: str) -> list[str]:
     """Return the frames of the current thread in a faulthandler dump, the innermost first."""
     _, _, current = text.rpartition("Current thread")
     body = current.partition("\n")[2]

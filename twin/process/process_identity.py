@@ -12,7 +12,7 @@ ROOM = 256 << 20  # space that must be free in MEMORY [byte]
 SMALL = 16 << 20  # largest size of files in MEMORY [byte]
 
 
-def started(pid: int) -> str:
+def start_time(pid: int) -> str:
     """Return the start time of a process in clock ticks of the system: empty if there is no process, `0` if unknown."""
     try:
         with Path(f"/proc/{pid}/stat").open("rb") as file:
@@ -23,10 +23,10 @@ def started(pid: int) -> str:
             return ""
     except (OSError, IndexError):
         return "0"
-    return "0" if there(pid) else ""
+    return "0" if exists(pid) else ""
 
 
-def there(pid: int) -> bool:
+def exists(pid: int) -> bool:
     """Whether a process exists, on systems without /proc."""
     if os.name == "nt":  # `os.kill` would end the process on Windows
         import ctypes
@@ -48,22 +48,22 @@ def there(pid: int) -> bool:
 def process_identity(pid: int = 0) -> str:
     """Return the identity of a process, by default of this one: number and start time, `1234-567890`."""
     pid = pid or os.getpid()
-    return f"{pid}-{started(pid) or '0'}"
+    return f"{pid}-{start_time(pid) or '0'}"
 
 
 def alive(identity: str) -> bool:
     """Whether the process with an identity of `process_identity` still runs."""
     pid, _, start = identity.partition("-")
-    return pid.isdecimal() and bool(start) and started(int(pid)) == start
+    return pid.isdecimal() and bool(start) and start_time(int(pid)) == start
 
 
-def temporary() -> Path:
+def temporary_folder() -> Path:
     """Return the system's folder for temporary files, as `tempfile` would."""
     candidates = (os.environ.get(name, "") for name in ("TMPDIR", "TEMP", "TMP"))
     return next((Path(path) for path in candidates if path and os.access(path, os.W_OK | os.X_OK)), Path("/tmp"))  # noqa: S108
 
 
-def memory() -> Path | None:
+def memory_folder() -> Path | None:
     """Return the folder in memory for small executable files; None if it is too small or TMPDIR names another folder.
 
     Removing a folder takes a hundred times as long on a disk, and an FMU has five folders.
@@ -74,7 +74,7 @@ def memory() -> Path | None:
     return None if about.f_flag & os.ST_NOEXEC or about.f_bavail * about.f_frsize < ROOM else MEMORY
 
 
-class Quick:
+class MemoryFolder:
     """Folder in memory that the supervisor removes when this process has ended; empty if there is none."""
 
     folder = ""
@@ -82,7 +82,7 @@ class Quick:
 
 def place_for(size: int) -> str | None:
     """Return the folder for temporary files of a size [byte]; None: the default of `tempfile`."""
-    return Quick.folder if Quick.folder and size <= SMALL else None
+    return MemoryFolder.folder if MemoryFolder.folder and size <= SMALL else None
 
 
 def folder_of(parent: Path, identity: str) -> Path:
@@ -116,6 +116,6 @@ def memory_is_limited() -> bool:
     """Whether `ulimit -v` is set: then a library that cannot be loaded lacks memory."""
     try:
         import resource
-    except ImportError:  # elsewhere than on Unix
+    except ImportError:  # not on Unix
         return False
     return resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 ENDING = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK")
 SIGNALS = [getattr(signal, name) for name in ENDING if hasattr(signal, name)]
-RETRY = 0.01  # from an interrupt that Python ignored to the next one [s]
+RETRY = 0.01  # delay after an interrupt that Python ignored [s]
 
 
 class Stop:
@@ -39,8 +39,8 @@ class Stop:
 
     def __exit__(self, *_: object) -> None:
         handler = self._before.get(self.number)
-        for number, before in self._before.items():
-            signal.signal(number, signal.SIG_IGN if handler is once else before)
+        for number, previous in self._before.items():
+            signal.signal(number, signal.SIG_IGN if handler is once else previous)
         sys.unraisablehook = self._hook
         surrounding = getattr(handler, "__self__", None)
         if isinstance(surrounding, Stop):

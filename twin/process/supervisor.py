@@ -20,8 +20,16 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
-from twin.process.crash_report import LINES, Death, innermost
-from twin.process.process_identity import Quick, folder_of, memory, process_identity, remove, sweep, temporary
+from twin.process.crash_report import LINES, Death, current_frames
+from twin.process.process_identity import (
+    MemoryFolder,
+    folder_of,
+    memory_folder,
+    process_identity,
+    remove,
+    sweep,
+    temporary_folder,
+)
 from twin.process.shared import NOTES, Drainer, Shared
 from twin.process.stop import SIGNALS, once
 from twin.process.supervisor_channel import INTERVAL, Link, Watched
@@ -46,7 +54,7 @@ def supervise(timeout: float = 0.0) -> Link:
     """
     if not Supervisor.allowed:
         return Link()
-    locations = [location for location in (temporary(), memory()) if location is not None]
+    locations = [location for location in (temporary_folder(), memory_folder()) if location is not None]
     folders = [create_folder(folder_of(location, process_identity())) for location in locations]
     with suppress(OSError):  # no process can be created
         remove_at_end([folder for folder in folders if folder])
@@ -197,7 +205,7 @@ class Supervisor:
         sys.stderr = os.fdopen(terminal, "w", buffering=1, encoding=sys.stderr.encoding, errors="backslashreplace")
         faulthandler.enable(dump)
         faulthandler.register(DUMP, dump)
-        Quick.folder = self.quick
+        MemoryFolder.folder = self.quick
         if self.folder:
             os.environ["TMPDIR"] = self.folder
             if "tempfile" in sys.modules:
@@ -349,7 +357,7 @@ class Supervisor:
             at=at,
             note=self.shared.noted,
             log={member: list(lines) for member, lines in self.lines.items()},
-            stack=innermost(self.stack.decode(errors="replace")),
+            stack=current_frames(self.stack.decode(errors="replace")),
         )
 
 

@@ -73,9 +73,9 @@ class Structure:
         """Summary of what the picture does not show: algorithm, step, usual delay, algebraic loops."""
         sentences = [f"{self.algorithm}, communication step {clock.text(self.step)}."]
         if self.usual:
-            others = any(wire.delay != self.usual for wire in self.wires)
+            differ = any(wire.delay != self.usual for wire in self.wires)
             when = "in the step in which they are computed" if self.usual == "0 s" else f"{self.usual} late"
-            sentences.append(f"Values are used {when}{', where nothing else is written' * others}.")
+            sentences.append(f"Values are used {when}{', where nothing else is written' * differ}.")
         if self.loops:
             names = "; ".join(", ".join(loop) for loop in self.loops)
             sentences.append(f"Depend on each other at one instant: {names}.")
@@ -150,11 +150,11 @@ def feedthrough(simulated: CoSimulation, name: str) -> tuple[tuple[str, tuple[st
     result = []
     for output in outputs:
         dependencies = variables[output].dependencies
-        on = (
+        connected_inputs = (
             tuple(input_name for input_name in inputs if dependencies is None or input_name in dependencies)
             if variables[output].causality == "output"
             else ()
         )
-        if on:
-            result.append((output, tuple(sorted(on))))
+        if connected_inputs:
+            result.append((output, tuple(sorted(connected_inputs))))
     return tuple(result)

@@ -55,8 +55,8 @@ def draw(
     """
     if not members:
         return ""
-    back = backward(list(members), list(connections))
-    depth = depths(list(members), [edge for edge in connections if edge[0] != edge[1]], back)
+    back = find_backward_edges(list(members), list(connections))
+    depth = assign_columns(list(members), [edge for edge in connections if edge[0] != edge[1]], back)
     layers: Layers = [[] for _ in range(max(depth.values()) + 1)]
     slots = {name: Slot(name) for name in members}
     for name, column in depth.items():
@@ -73,12 +73,14 @@ def draw(
     bottom = max(slot.y + slot.half for layer in layers for slot in layer)
     size = 16 + len(layers) * width + (len(layers) - 1) * room, bottom + 10 + NOTE * bool(notes)
     parts = [
-        line(path, edge, edge in back, left, width, list(connections[edge]), labels.get(edge, ""))
+        draw_line(path, edge, edge in back, left, width, list(connections[edge]), labels.get(edge, ""))
         for edge, path in lines.items()
     ]
-    parts += [box(slots[name], left[id(slots[name])], width, name, text, members[name]) for name, text in shown.items()]
     parts += [
-        itself(slots[source], left[id(slots[source])], width, texts)
+        draw_box(slots[name], left[id(slots[name])], width, name, text, members[name]) for name, text in shown.items()
+    ]
+    parts += [
+        draw_self_loop(slots[source], left[id(slots[source])], width, texts)
         for (source, target), texts in connections.items()
         if source == target
     ]
@@ -101,7 +103,7 @@ def standalone(svg: str) -> str:
     )
 
 
-def backward(members: list[str], edges: list[Edge]) -> set[Edge]:
+def find_backward_edges(members: list[str], edges: list[Edge]) -> set[Edge]:
     """Return the connections that close a loop, by depth-first search from the members without inputs, as declared."""
     followers = {name: [b for a, b in edges if a == name and b != name] for name in members}
     driven = {b for a, b in edges if a != b}
@@ -112,12 +114,12 @@ def backward(members: list[str], edges: list[Edge]) -> set[Edge]:
         above = {start}
         while path:
             name, rest = path[-1]
-            for other in rest:
-                if other in above:
-                    backward_edges.add((name, other))
-                elif other not in done:
-                    path.append((other, iter(followers[other])))
-                    above.add(other)
+            for follower in rest:
+                if follower in above:
+                    backward_edges.add((name, follower))
+                elif follower not in done:
+                    path.append((follower, iter(followers[follower])))
+                    above.add(follower)
                     break
             else:
                 path.pop()
@@ -126,7 +128,7 @@ def backward(members: list[str], edges: list[Edge]) -> set[Edge]:
     return backward_edges
 
 
-def depths(members: list[str], edges: list[Edge], back: set[Edge]) -> dict[str, int]:
+def assign_columns(members: list[str], edges: list[Edge], back: set[Edge]) -> dict[str, int]:
     """Return the column of each member: right of all members that drive it."""
     depth = dict.fromkeys(members, 0)
     for _ in members:
@@ -172,12 +174,12 @@ def spread(layer: list[Slot]) -> None:
     before = sum(slot.y for slot in layer)
     for upper, lower in pairwise(layer):
         lower.y = max(lower.y, upper.y + upper.half + lower.half)
-    moved = (sum(slot.y for slot in layer) - before) / len(layer)
+    shift = (sum(slot.y for slot in layer) - before) / len(layer)
     for slot in layer:
-        slot.y -= moved
+        slot.y -= shift
 
 
-def port(slot: Slot, other: Slot, edge: Edge, is_right: bool) -> float:
+def port_height(slot: Slot, other: Slot, edge: Edge, is_right: bool) -> float:
     """Return the height at which a connection to a neighbor leaves a slot: in the order of the other ends."""
     if not slot.member:
         return slot.y
@@ -189,7 +191,7 @@ def port(slot: Slot, other: Slot, edge: Edge, is_right: bool) -> float:
     return slot.y + (neighbors.index((other, edge)) - (len(neighbors) - 1) / 2) * step
 
 
-def line(
+def draw_line(
     slots: list[Slot],
     edge: Edge,
     is_back: bool,
@@ -202,11 +204,11 @@ def line(
     path = ""
     for slot, neighbor in pairwise(slots):
         begin, end = left[id(slot)] + width, left[id(neighbor)]
-        high, low = port(slot, neighbor, edge, True), port(neighbor, slot, edge, False)
+        high, low = port_height(slot, neighbor, edge, True), port_height(neighbor, slot, edge, False)
         middle = (begin + end) / 2
         path += f"{'L' if path else 'M'}{begin:.1f} {high:.1f}C{middle:.1f} {high:.1f} {middle:.1f} {low:.1f} {end:.1f} {low:.1f}"
     x = left[id(slots[0])] + width if is_back else left[id(slots[-1])]
-    y = port(slots[0], slots[1], edge, True) if is_back else port(slots[-1], slots[-2], edge, False)
+    y = port_height(slots[0], slots[1], edge, True) if is_back else port_height(slots[-1], slots[-2], edge, False)
     tail = x + 7 if is_back else x - 7
     color = "#d1495b" if is_back else "#3b8fd4"
     title = escape("\n".join(texts) or " → ".join(edge))
@@ -221,7 +223,7 @@ def line(
     )
 
 
-def itself(slot: Slot, x: float, width: float, texts: Iterable[str]) -> str:
+def draw_self_loop(slot: Slot, x: float, width: float, texts: Iterable[str]) -> str:
     """Draw the connection of a member to itself."""
     middle, top = x + width / 2, slot.y - HEIGHT / 2
     title = escape("\n".join(texts))
@@ -229,7 +231,7 @@ def itself(slot: Slot, x: float, width: float, texts: Iterable[str]) -> str:
     return f'<path stroke="#d1495b" fill="none" stroke-width="1.4" d="{path}"><title>{title}</title></path>'
 
 
-def box(slot: Slot, x: float, width: float, name: str, text: str, component: str) -> str:
+def draw_box(slot: Slot, x: float, width: float, name: str, text: str, component: str) -> str:
     """Draw a member: its name, and its component below."""
     middle, top = x + width / 2, slot.y - HEIGHT / 2
     return (

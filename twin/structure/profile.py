@@ -53,11 +53,11 @@ def profiled(watch: Stopwatch, simulated: CoSimulation, components: Mapping[str,
     total = max(watch.wall / max(watch.ticks, 1) - read, float(each.sum()))
     rows = []
     for number, name in enumerate(simulated.members):
-        own = members == number
-        steps = own & (kinds == "steps")
+        is_own = members == number
+        steps = is_own & (kinds == "steps")
         share = done[steps].sum() / max(watch.sampled, 1)  # steps in a communication step: a slow member has fewer
         step_time = float(each[steps].sum() / share) if share else 0.0
-        rows.append((name, components.get(name, ""), step_time, float(each[own].sum())))
+        rows.append((name, components.get(name, ""), step_time, float(each[is_own].sum())))
     rows.append((CONNECTIONS, "values copied and converted", 0.0, float(each[kinds == "copies"].sum())))
     rows.append((LOOP, "", 0.0, total - float(each.sum())))
     ordered = sorted(rows, key=lambda row: -row[3])

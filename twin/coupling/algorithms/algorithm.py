@@ -34,17 +34,17 @@ class AlgorithmRegistry(ABCMeta):
         argument = arguments[0] if arguments else "jacobi"
         if isinstance(argument, Algorithm):
             return argument
-        chosen = {"name": argument} if isinstance(argument, str) else dict(argument)
-        name = chosen.pop("name", None)
+        settings = {"name": argument} if isinstance(argument, str) else dict(argument)
+        name = settings.pop("name", None)
         if name not in AlgorithmRegistry.classes:
             raise CouplingError(
                 f"algorithm: there is no {name!r}. {nearest(str(name), list(AlgorithmRegistry.classes))}"
             )
         algorithm_class = AlgorithmRegistry.classes[name]
         option_names = [option.name for option in fields(algorithm_class) if option.init]  # type: ignore[arg-type]
-        if unknown := [key for key in (*chosen, *options) if key not in option_names]:
+        if unknown := [key for key in (*settings, *options) if key not in option_names]:
             raise CouplingError(f"algorithm: {name} has no option {unknown[0]!r}. {nearest(unknown[0], option_names)}")
-        return algorithm_class(**chosen, **options)
+        return algorithm_class(**settings, **options)
 
     def __len__(cls) -> int:
         return len(AlgorithmRegistry.classes)
@@ -106,10 +106,10 @@ class Algorithm(ABC, metaclass=AlgorithmRegistry):
     def _limited(self, option: str, low: float, high: float, above: bool = False) -> None:
         """Raise CouplingError if an option is outside of its range."""
         value = getattr(self, option)
-        good = isinstance(value, int | float) and not isinstance(value, bool)
-        if isinstance(low, int) and good:
-            good = value == int(value)
-        if not good or not (low < value if above else low <= value) or not value <= high:
+        is_valid = isinstance(value, int | float) and not isinstance(value, bool)
+        if isinstance(low, int) and is_valid:
+            is_valid = value == int(value)
+        if not is_valid or not (low < value if above else low <= value) or not value <= high:
             range_ = f"above {low:g} up to {high:g}" if above else f"{low:g} to {high:g}"
             raise CouplingError(f"algorithm: {option} of {self.name} is {value!r}. Give {range_}.")
 
@@ -128,8 +128,8 @@ class Algorithm(ABC, metaclass=AlgorithmRegistry):
     @property
     def options(self) -> dict[str, Any]:
         """Options that differ from the defaults."""
-        plain = vars(type(self)())
-        return {name: value for name, value in vars(self).items() if value != plain[name]}
+        defaults = vars(type(self)())
+        return {name: value for name, value in vars(self).items() if value != defaults[name]}
 
     @property
     def described(self) -> str:
@@ -175,7 +175,7 @@ class Algorithm(ABC, metaclass=AlgorithmRegistry):
         return []
 
 
-def scheme_named(name: str, owner: str) -> int:
+def scheme_number(name: str, owner: str) -> int:
     """Return the number of an acceleration scheme; CouplingError if it is unknown."""
     if name not in SCHEMES:
         raise CouplingError(f"algorithm: {owner} has no acceleration {name!r}. {nearest(name, list(SCHEMES))}")

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from twin import clock
-from twin.coupling.algorithms.algorithm import Algorithm, halvings, scheme_named
+from twin.coupling.algorithms.algorithm import Algorithm, halvings, scheme_number
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,7 +36,7 @@ class Controlled(Algorithm):
         self._limited("floor", 0.0, 1e300, above=True)
         self._limited("iterations", 0, 1000)
         self._limited("agreement", 0.0, 1.0, above=True)
-        scheme_named(self.acceleration, self.name)
+        scheme_number(self.acceleration, self.name)
 
     @property
     def is_sequential(self) -> bool:  # type: ignore[override]
@@ -46,7 +46,7 @@ class Controlled(Algorithm):
     @property
     def scheme(self) -> int:  # type: ignore[override]
         """Number of the acceleration."""
-        return scheme_named(self.acceleration, self.name)
+        return scheme_number(self.acceleration, self.name)
 
     def divisions(self, step: clock.Time) -> int:
         """Return the number of smallest steps in a step [ns]."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from twin import clock
 from twin.coupling.algorithms.algorithm import Algorithm, halvings
-from twin.coupling.bonds import bonds, powers
+from twin.coupling.bonds import find_bonds, find_power_pairs
 from twin.coupling.variable_step.record_layout import RESIDUAL
 
 if TYPE_CHECKING:
@@ -49,8 +49,8 @@ class Ecco(Algorithm):
 
     def corrected(self, links: list[Link]) -> list[Link]:
         """Return the connections of all power bonds; CouplingError if a bond has no power."""
-        powers(links)  # raises before the run starts
-        return [link for own in bonds(links).values() for link in own]
+        find_power_pairs(links)  # raises before the run starts
+        return [link for own in find_bonds(links).values() for link in own]
 
     def remarks(self, corrected: list[Link]) -> list[str]:
         """Return a note if there is no power bond to control the step."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from twin.coupling.algorithms.algorithm import Algorithm
-from twin.coupling.bonds import bonds
+from twin.coupling.bonds import find_bonds
 
 if TYPE_CHECKING:
     from twin.coupling.system import Link
@@ -36,7 +36,7 @@ class Energy(Algorithm):
 
     def corrected(self, links: list[Link]) -> list[Link]:
         """Return the connections of all power bonds."""
-        return [link for own in bonds(links).values() for link in own]
+        return [link for own in find_bonds(links).values() for link in own]
 
     def remarks(self, corrected: list[Link]) -> list[str]:
         """Return a note if there is no power bond."""

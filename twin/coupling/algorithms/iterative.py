@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from twin.coupling.algorithms.algorithm import Algorithm, scheme_named
+from twin.coupling.algorithms.algorithm import Algorithm, scheme_number
 from twin.errors import CouplingError
 
 CONSEQUENCES = ("note", "stop")
@@ -37,7 +37,7 @@ class Iterative(Algorithm):
         self._limited("agreement", 0.0, 1.0, above=True)
         self._limited("iterations", 1, 1000)
         self._limited("floor", 0.0, 1e300, above=True)
-        scheme_named(self.acceleration, self.name)
+        scheme_number(self.acceleration, self.name)
         if self.unsolved not in CONSEQUENCES:
             raise CouplingError(f"algorithm: unsolved of {self.name} is {self.unsolved!r}. Give note or stop.")
 
@@ -49,4 +49,4 @@ class Iterative(Algorithm):
     @property
     def scheme(self) -> int:  # type: ignore[override]
         """Number of the acceleration."""
-        return scheme_named(self.acceleration, self.name)
+        return scheme_number(self.acceleration, self.name)

@@ -161,9 +161,9 @@ class FiniteValueMonitor:
         """Return the note on an input that left its bounds in the step from `time` [ns]."""
         variable = self.members[key[0]].variables[key[1]]
         values = view(plan.staged[key], variable).reshape(variable.shape)
-        wrong, expected = variable.outside(values[()])
+        problem, expected = variable.outside(values[()])
         expected = expected.replace("Give", "Expected", 1)
-        return f"{key[0]}.{key[1]}{wrong} at t = {clock.text(time)}, for the first time. {expected}"
+        return f"{key[0]}.{key[1]}{problem} at t = {clock.text(time)}, for the first time. {expected}"
 
     def non_finite_members(self, failed: str = "") -> list[str]:
         """Return the members with a value that is not finite; `failed`: a member whose step has failed."""
@@ -240,13 +240,13 @@ class FiniteValueMonitor:
         """Describe the values that are not finite in one line: variable, time, cause."""
         name, is_source = self.find_source(bad)
         member = self.members[name]
-        wrong = {v.name: value for v in self.variables[name] if not np.isfinite(value := member.get(v.name)).all()}
+        invalid = {v.name: value for v in self.variables[name] if not np.isfinite(value := member.get(v.name)).all()}
         spoiled = {path.rpartition(".")[0] for path in member.driven if not finite_value(member, path)}
-        candidates = [path for path in wrong if path.rpartition(".")[0] not in spoiled] or list(wrong)
+        candidates = [path for path in invalid if path.rpartition(".")[0] not in spoiled] or list(invalid)
         first = min(
             candidates, key=lambda path: member.variables[path].causality == "output"
         )  # a cause before its effect
-        value = np.asarray(wrong[first])
+        value = np.asarray(invalid[first])
         index = tuple(np.argwhere(~np.isfinite(value))[0])
         element = f"[{','.join(str(i + 1) for i in index)}]" if index else ""
         others = [f"{name}.{path}" for path in candidates if path != first]
@@ -263,9 +263,9 @@ class FiniteValueMonitor:
             first: tuple[int, str] | None = None
             for name, variables in self.variables.items():
                 for path in (path for v in variables if (path := f"{name}.{v.name}") in signals):
-                    good = np.isfinite(signals[path].reshape(len(time), -1)).all(axis=1)
-                    if not good.all():
-                        first = min(first or (len(time), ""), (int(np.argmin(good)), path))
+                    is_finite = np.isfinite(signals[path].reshape(len(time), -1)).all(axis=1)
+                    if not is_finite.all():
+                        first = min(first or (len(time), ""), (int(np.argmin(is_finite)), path))
             if first is not None:
                 return f"{first[1]} was not finite at t = {time[first[0]]:g} s, and later was again. {REMEDY}"
         return ""

@@ -40,9 +40,9 @@ from twin.compiler import (
 )
 from twin.coupling.variable_step import record_layout
 
-ROUNDING = 1e-12  # part of a step by which a member may miss its end
+ROUNDING = 1e-12  # tolerance of the end of a step, relative to its length
 
-# what `run` returns
+# return values of `run`
 DONE, FAILED, FINISHED, FULL, NOTICED = 0, 1, 2, 3, 4
 
 # columns of the tables: int64 words unless said otherwise

@@ -8,7 +8,7 @@ import numpy as np
 
 from twin import clock
 from twin.coupling.execution import loop
-from twin.coupling.execution.plan import bits, merged, view
+from twin.coupling.execution.plan import bits, merge_rows, view
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -68,7 +68,7 @@ class Tables:
     def merge_records(self, state: Any) -> None:
         """Set the loop's recording rows, merged into as few as possible."""
         rows = self.arrays["records"][: len(self.plan.records)]
-        self._runs = merged(rows) if len(rows) else rows
+        self._runs = merge_rows(rows) if len(rows) else rows
         state["records"], state["record_count"] = self._runs.ctypes.data, len(self._runs)
 
     def reset(self, table: str, row: int) -> None:

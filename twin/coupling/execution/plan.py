@@ -257,8 +257,8 @@ class Plan:
     def _publish_at_once(self, steps: tuple[int, int], gets: tuple[int, int]) -> None:
         """Let the steps in some rows be followed directly by the calls, in other rows, that read their outputs."""
         for row in self.steps[slice(*steps)]:
-            own = [i for i in range(*gets) if self.accesses[i][-1] == row[-1]]
-            row[-3:-1] = own[0] if own else 0, len(own)
+            calls = [i for i in range(*gets) if self.accesses[i][-1] == row[-1]]
+            row[-3:-1] = calls[0] if calls else 0, len(calls)
 
     def _slot(self, divider: int, names: list[str], links: list[Link]) -> list[dict[str, Any]]:
         """Return the operations of a stage's members with equal divider: take inputs, step, publish."""
@@ -304,7 +304,7 @@ class Plan:
     def _split(self, key: Key) -> None:
         """Add rows that publish a variable element by element."""
         variable = self.members[key[0]].variables[key[1]]
-        size, word = variable.dtype.itemsize, kind(variable.dtype)
+        size, code = variable.dtype.itemsize, kind(variable.dtype)
         for i in range(variable.size):
             source, target = self.unsplit[key] + i * size, self.published[key] + i * size
             table = "copies" if size == 8 else "converts"
@@ -312,7 +312,7 @@ class Plan:
             if size == 8:
                 self.copies.append([source, target, 1])
             else:
-                self.converts.append([source, word, target, word, 1, bits(1.0), bits(0.0)])
+                self.converts.append([source, code, target, code, 1, bits(1.0), bits(0.0)])
 
     def operation_rows(self, tables: Mapping[str, np.ndarray[Any, Any]]) -> np.ndarray[Any, Any]:
         """Return the operations with the addresses of their rows in the tables."""
@@ -342,19 +342,21 @@ class Plan:
         for row in self.sets[name]:
             row_index = len(self.accesses)
             self.accesses.append(row)
-            into = [link for link in links if link.target.member == name and self.staged[link.target.key] == row[4]]
-            if len(into) != 1 or row[3] != 1:
+            target_links = [
+                link for link in links if link.target.member == name and self.staged[link.target.key] == row[4]
+            ]
+            if len(target_links) != 1 or row[3] != 1:
                 continue
-            link = into[0]
+            link = target_links[0]
             if link.target.variable.is_bounded or link.target.key in self.recorded_inputs:
                 continue  # The input is checked or recorded after the step, when the source may have changed.
             variable, foreign = (
                 link.source.variable,
                 not self.members[link.source.member].address(link.source.variable.name),
             )
-            same = variable.dtype == link.target.variable.dtype and (link.factor, link.offset) == (1.0, 0.0)
+            is_same_type = variable.dtype == link.target.variable.dtype and (link.factor, link.offset) == (1.0, 0.0)
             size = row[3] if row[5] == machine.NO_SIZE else row[5]
-            if same and foreign and link.target.size == size:
+            if is_same_type and foreign and link.target.size == size:
                 offset = link.source.first * variable.dtype.itemsize
                 row[4] = self.staged[link.target.key] = self.published[link.source.key] + offset
                 self.readers.setdefault(link.source.key, []).append(("accesses", row_index, 4, offset))
@@ -365,8 +367,8 @@ class Plan:
     def _move(self, link: Link, source: int, target: int, dtype: np.dtype[Any] | None = None) -> None:
         """Add a copy for equal representations, else a conversion; `dtype`: of the target, if not the input's."""
         a, b = link.source.variable.dtype, dtype or link.target.variable.dtype
-        same = a == b == link.target.variable.dtype and a.itemsize == 8
-        if same and (link.factor, link.offset) == (1.0, 0.0):
+        is_same_type = a == b == link.target.variable.dtype and a.itemsize == 8
+        if is_same_type and (link.factor, link.offset) == (1.0, 0.0):
             row = ("copies", len(self.copies), 0)
             self.copies.append([source, target, link.source.size])
         else:
@@ -397,7 +399,7 @@ class Plan:
         self.record_converts = (convert_begin, len(self.converts))
 
 
-def merged(rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+def merge_rows(rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     """Merge neighboring copy rows whose sources and targets are both adjacent."""
     result: list[list[int]] = []
     for source, target, words in rows.tolist():

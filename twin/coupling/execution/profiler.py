@@ -55,9 +55,9 @@ class Stopwatch:
         address = clock_address()
         readings = [[address, MONOTONIC, self._stamps[i].ctypes.data, 0, 0, 0, 0] for i in range(len(self._stamps))]
         self._readings = np.array(readings, np.int64)
-        rows = [reading(self._readings[0]), reading(self._readings[1])]
+        rows = [clock_operation(self._readings[0]), clock_operation(self._readings[1])]
         for i, (*_, row) in enumerate(pieces):
-            rows += [row, reading(self._readings[i + 2])]
+            rows += [row, clock_operation(self._readings[i + 2])]
         self._operations = np.array(rows, np.int64)
         simulated.state["operations"], simulated.state["operation_count"] = self._operations.ctypes.data, len(rows)
         self.stride = next(stride for stride in STRIDES if all(int(divider) % stride for divider in self.dividers))
@@ -103,7 +103,7 @@ class Stopwatch:
         return np.maximum(durations, 0.0) / max(self.sampled, 1)
 
 
-def reading(row: np.ndarray[Any, Any]) -> list[int]:
+def clock_operation(row: np.ndarray[Any, Any]) -> list[int]:
     """Return an operation that reads the clock."""
     return [1, 0, 0, 0, 0, 0, 0, int(row.ctypes.data), 1, 0, 0]
 
@@ -120,8 +120,8 @@ def split_operation(operation: np.ndarray[Any, Any], arrays: dict[str, Any]) -> 
             row = address + i * table.strides[0]
             words = table[(row - table.ctypes.data) // table.strides[0]]
             member = int(words[-1])
-            own = [row, 1, 0, 0] if kind == VALUES else [0, 0, row, 1]
-            pieces.append((kind, member, [*head, 0, 0, 0, 0, *own]))
+            columns = [row, 1, 0, 0] if kind == VALUES else [0, 0, row, 1]
+            pieces.append((kind, member, [*head, 0, 0, 0, 0, *columns]))
             if kind == STEP and words[GET_COUNT]:
                 pieces.append((VALUES, member, [*head, 0, 0, 0, 0, int(words[GETS]), int(words[GET_COUNT]), 0, 0]))
                 words[GET_COUNT] = 0  # They are a piece of their own.

@@ -38,7 +38,7 @@ def log_text(member: Member) -> str:
     return f" Last log: {' | '.join(member.log[-LOG_LINES:])}" if member.log else ""
 
 
-def shown(time: float) -> str:
+def time_text(time: float) -> str:
     """Format a time [s] for a message."""
     return clock.text(round(time * clock.NANOSECONDS))
 
@@ -94,10 +94,10 @@ class StepFailures:
             return
         if self.watch.replays:
             tick = self.watch.find_first_tick(tick, self._loop, self.plan)
-            again = self.watch.non_finite_members()
-            if failed and not again:
+            repeated = self.watch.non_finite_members()
+            if failed and not repeated:
                 return  # only an iteration that was rolled back was not finite
-            self._last, bad = tick, again or bad
+            self._last, bad = tick, repeated or bad
         when = clock.text(self._begin + tick * self.step)
         exact = self.watch.replays or noticed or failed
         self._raise_if_not_finite(bad, f"at t = {when}" if exact else f"at t = {when} or somewhat before")
@@ -163,22 +163,22 @@ class StepFailures:
         state = self.state
         goes_back = state["trial"] and member.name not in self._slow
         step_begin = float(state["step_begin"]) if goes_back else clock.seconds(self.time)
-        came = float(state["until"])
+        end_time = float(state["until"])
         if int(state["status"]) == DISCARD:
             last_time = member.last_successful_time(self._reported_time(step_begin))
-            came = step_begin if last_time is None else last_time
+            end_time = step_begin if last_time is None else last_time
         if not goes_back:
-            if reason or (int(state["status"]) == DISCARD and came == step_begin):
+            if reason or (int(state["status"]) == DISCARD and end_time == step_begin):
                 return False
-            able = ", ".join(candidate.name for candidate in Algorithm if candidate.rolls_back)
-            why = f"{self.algorithm} makes whole steps. Use one that goes to that time: {able}."
+            alternatives = ", ".join(candidate.name for candidate in Algorithm if candidate.rolls_back)
+            why = f"{self.algorithm} makes whole steps. Use one that goes to that time: {alternatives}."
             if state["trial"]:
                 why = "its period is to be made in whole. Leave `communication_step` out."
             raise SimulationError(
-                f"{member.name}: went to t = {shown(came)} only in the step from t = {shown(step_begin)}, and {why}{log_text(member)}"
+                f"{member.name}: went to t = {time_text(end_time)} only in the step from t = {time_text(step_begin)}, and {why}{log_text(member)}"
             )
-        if step_begin < came < step_begin + float(state["span"]) * (1 - ROUNDING):
-            state["until"], state["limited"], state["back"] = came, 1, 1
+        if step_begin < end_time < step_begin + float(state["span"]) * (1 - ROUNDING):
+            state["until"], state["limited"], state["back"] = end_time, 1, 1
             return True
         if state["control"] and state["stride"] > 1 and not reason:
             state["stride"] //= 2
@@ -198,10 +198,10 @@ class StepFailures:
     def _disagreement_text(self) -> str:
         """Describe the connections that did not converge."""
         assert self._variable_step is not None
-        far = self._variable_step.disagreements()
+        inputs = self._variable_step.disagreements()
         return (
-            f"{self.algorithm}: {', '.join(far[:3])}{' and others' if len(far) > 3 else ''} do not agree after "
-            f"{self.algorithm.iterations} iterations in the step from t = {shown(float(self.state['step_begin']))}. "
+            f"{self.algorithm}: {', '.join(inputs[:3])}{' and others' if len(inputs) > 3 else ''} do not agree after "
+            f"{self.algorithm.iterations} iterations in the step from t = {time_text(float(self.state['step_begin']))}. "
             f"Allow more `iterations`, take another `acceleration` or a smaller step."
         )
 
@@ -215,19 +215,19 @@ class StepFailures:
         state = self.state
         if not state["inside"]:
             step_begin, step = clock.seconds(self.time - self.step), clock.seconds(self.step)
-            came = self._reported_time(step_begin)
-            if step_begin < came < step_begin + step * (1 - ROUNDING):
+            end_time = self._reported_time(step_begin)
+            if step_begin < end_time < step_begin + step * (1 - ROUNDING):
                 self._last = int(state["tick"]) - 1
-                return shown(came)
+                return time_text(end_time)
             return clock.text(self.time)
-        return shown(float(state["now"] if state["off"] else state["step_begin"] + state["span"]))
+        return time_text(float(state["now"] if state["off"] else state["step_begin"] + state["span"]))
 
     def _note_step_problems(self) -> None:
         """Add notes on steps that missed tolerance, convergence or the smallest length."""
         if self._variable_step is None:
             return
         state = self.state
-        for count, first, what in (
+        for count, first, problem in (
             ("missed", "missed_tick", "steps of the smallest size were not as exact as asked for. Give a smaller one"),
             (
                 "unsolved",
@@ -238,7 +238,7 @@ class StepFailures:
             if state[count]:
                 at = clock.text(self._begin + int(state[first]) * self.step)
                 self.notes.append(
-                    f"{self.algorithm}: {int(state[count])} {what}; the first began at t = {at} or soon after."
+                    f"{self.algorithm}: {int(state[count])} {problem}; the first began at t = {at} or soon after."
                 )
                 state[count] = 0
         if state["refused"]:
@@ -252,8 +252,12 @@ class StepFailures:
         """End the simulation at a step that a member discarded to terminate; keep the time it reached."""
         self.finished = True
         step_begin = clock.seconds(self.time) if self._variable_step is None else float(self.state["step_begin"])
-        came = member.last_successful_time(step_begin)
-        if self._variable_step is None and came is not None and abs(came - clock.seconds(self.time + self.step)) < 1e-9:
+        end_time = member.last_successful_time(step_begin)
+        if (
+            self._variable_step is None
+            and end_time is not None
+            and abs(end_time - clock.seconds(self.time + self.step)) < 1e-9
+        ):
             for (owner, name), address in self.plan.published.items():
                 if self.members[owner] is member:
                     self._tables.put(owner, name, address)
@@ -262,8 +266,8 @@ class StepFailures:
             if self.state["place"] >= self.state["limit"]:
                 self.recorder.make_room()
             loop.record(self._record.view(np.recarray)[0])
-        is_within_step = came is not None and step_begin < came <= step_begin + clock.seconds(self.step) * (
+        is_within_step = end_time is not None and step_begin < end_time <= step_begin + clock.seconds(self.step) * (
             1 + ROUNDING
         )
-        when = shown(came) if is_within_step and came is not None else clock.text(self.time)
+        when = time_text(end_time) if is_within_step and end_time is not None else clock.text(self.time)
         self.failure = f"{member.name} ended the simulation at {when}: {reason}"

@@ -28,7 +28,7 @@ OK, ERROR = 0, 3
 Key = tuple[str, str]
 
 
-def flat(value: Any) -> np.ndarray[Any, Any]:
+def flatten(value: Any) -> np.ndarray[Any, Any]:
     """Return the elements of a value as objects; a numpy bytes array would drop trailing zeros."""
     if isinstance(value, np.ndarray):
         return np.asarray(value, object).reshape(-1)
@@ -49,7 +49,7 @@ class StringBinaryLinks:
         self.numbers = [link for link in links if link.source.variable.connectable]
         self.links = [link for link in links if not link.source.variable.connectable]
         keys = dict.fromkeys(link.source.key for link in self.links)
-        self.published = {key: flat(members[key[0]].get(key[1])) for key in keys}
+        self.published = {key: flatten(members[key[0]].get(key[1])) for key in keys}
         self.inputs = {link.target.key: self._current_input(link) for link in self.links}
         for link in self.links:
             self._put(link)
@@ -62,7 +62,7 @@ class StringBinaryLinks:
         variable = link.target.variable
         if link.target.size == variable.size:
             return np.full(variable.size, None, object)
-        return flat(self.members[link.target.member].get(variable.name))
+        return flatten(self.members[link.target.member].get(variable.name))
 
     def _put(self, link: Link) -> None:
         source, target = link.source, link.target
@@ -101,7 +101,7 @@ class StringBinaryLinks:
         return Way(get=addresses[0], set=addresses[1], places=tuple(ctypes.addressof(pointer) for pointer in pointers))
 
     def _take(self, key: Key) -> None:
-        self.published[key] = flat(self.members[key[0]].get(key[1]))
+        self.published[key] = flatten(self.members[key[0]].get(key[1]))
 
     def _give(self, key: Key) -> None:
         """Set a connected input if it has changed."""
@@ -114,10 +114,10 @@ class StringBinaryLinks:
             variable = self.members[key[0]].variables[key[1]]
             self.members[key[0]].set(key[1], values.reshape(variable.shape) if variable.shape else values[0])
 
-    def _row(self, name: str, word: str, call: Callable[[], None]) -> list[int]:
+    def _row(self, name: str, function_name: str, call: Callable[[], None]) -> list[int]:
         """Return a row of the table of accesses that runs a callback."""
 
-        def called(*_: int) -> int:
+        def callback(*_: int) -> int:
             try:
                 call()
             except BaseException as error:  # no exception may pass through native frames
@@ -126,8 +126,8 @@ class StringBinaryLinks:
                 return ERROR
             return OK
 
-        function = machine.ACCESS(called)
+        function = machine.ACCESS(callback)
         address = ctypes.cast(function, ctypes.c_void_p).value or 0
         self._callbacks.append(function)
-        self.names[address] = word
+        self.names[address] = function_name
         return [address, 0, 0, 0, 0, 0]

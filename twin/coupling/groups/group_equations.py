@@ -83,10 +83,10 @@ def source(writer: Writer, border: list[str]) -> list[str]:
 def slopes(writer: Writer, border: list[Variable], input_statements: list[str]) -> Tangents | str:
     """Compose the directional derivatives of a group from those of its members, or return why there are none."""
     member_tangents = {name: tangents(part.component) for name, part in writer.parts.items()}
-    lacking = [f"{name}: {reason}" for name, reason in member_tangents.items() if isinstance(reason, str)]
+    reasons = [f"{name}: {reason}" for name, reason in member_tangents.items() if isinstance(reason, str)]
     sequences = {"at": order(writer.parts, writer.links), "first": order(writer.parts, writer.links, INITIALIZATION)}
-    if lacking or None in sequences.values():
-        return lacking[0] if lacking else "its initialization goes around in a loop"
+    if reasons or None in sequences.values():
+        return reasons[0] if reasons else "its initialization goes around in a loop"
     real = {f"self.{v.name}" for v in border if v.dtype.kind == "f"}
     statements = [
         *input_statements,

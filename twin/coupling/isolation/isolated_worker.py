@@ -86,9 +86,9 @@ HAS_CORES = hasattr(os, "sched_setaffinity")  # whether the system can bind proc
 @lru_cache(maxsize=4)
 def native(build: Path) -> dict[str, int]:
     """Compile isolated.c; return the addresses of its functions."""
-    made = compiler.Sources("isolated", "", SOURCE.read_text(encoding="utf-8"))
+    sources = compiler.Sources("isolated", "", SOURCE.read_text(encoding="utf-8"))
     return dict(
-        zip(FUNCTIONS, compiler.load_symbols(made, build, tuple(f"isolated_{f}" for f in FUNCTIONS)), strict=True)
+        zip(FUNCTIONS, compiler.load_symbols(sources, build, tuple(f"isolated_{f}" for f in FUNCTIONS)), strict=True)
     )
 
 
@@ -242,9 +242,9 @@ class Worker:
 
     def answer(self, what: str, arguments: tuple[Any, ...]) -> tuple[str, Any]:
         """Process a request; return the name and text of an error, or an empty name and the result."""
-        own = getattr(self, what, None)
+        handler = getattr(self, what, None)
         try:
-            return "", (own or getattr(self.inner, what))(*arguments)
+            return "", (handler or getattr(self.inner, what))(*arguments)
         except TwinError as error:
             return type(error).__name__, str(error)
         except BaseException as error:
@@ -282,26 +282,26 @@ class Worker:
     def access(self, names: list[str], write: bool, offset: int) -> tuple[int, int, str]:
         """Fill the row at an offset; return count, size and name of its call."""
         if not all(self.inner.address(name) for name in names):
-            made = self.inner.access(names, write)
+            access = self.inner.access(names, write)
         else:
             variables = [self.inner.variables[name] for name in names]
             pieces = np.array([(self.inner.address(v.name), v.size * v.dtype.itemsize) for v in variables], np.int64)
             function = self.native["scatter" if write else "gather"]
-            made = Access(function, pieces, len(pieces), sum(v.size for v in variables))
-        self.accesses.append(made)
+            access = Access(function, pieces, len(pieces), sum(v.size for v in variables))
+        self.accesses.append(access)
         row = words(self.memory + offset, ROW)
         row["function"], row["instance"], row["references"] = (
-            made.function,
+            access.function,
             self.inner.instance,
-            made.references.ctypes.data,
+            access.references.ctypes.data,
         )
-        row["count"], row["size"] = made.count, made.size_argument
+        row["count"], row["size"] = access.count, access.size_argument
         if self.last is None:
             self.channel["rows"] = offset
         else:
             self.last["next"] = offset
         self.last = row
-        return made.count, made.size, made.name
+        return access.count, access.size, access.name
 
     def save(self) -> None:
         """Save the member's state."""

@@ -18,7 +18,7 @@ from twin.component import Role
 from twin.coupling.component_member import RecordMember
 from twin.coupling.execution import loop
 from twin.coupling.execution.plan import view
-from twin.coupling.stability.growth_by_response import answered
+from twin.coupling.stability.growth_by_response import growth_of_responses
 from twin.coupling.stability.linear_member import LinearMember
 from twin.coupling.variable_step.record_layout import FIXED
 from twin.coupling.variable_step.rollback import trial
@@ -67,11 +67,11 @@ def growth(simulated: CoSimulation) -> Growth:
     linear: dict[str, Member] = {}
     problems = []
     for name, member in simulated.members.items():
-        wrong = hidden_state_problem(simulated, name, member)
-        if wrong and (linear_member := linearized(member, simulated.links)) is not None:
+        reason = hidden_state_problem(simulated, name, member)
+        if reason and (linear_member := linearized(member, simulated.links)) is not None:
             linear[name] = linear_member
-        elif wrong:
-            problems.append(f"stability: {wrong}")
+        elif reason:
+            problems.append(f"stability: {reason}")
     if problems:
         raise CouplingError(problems)
     if linear:
@@ -87,19 +87,19 @@ def hidden_state_problem(simulated: CoSimulation, name: str, member: Member) -> 
         return ""
     if not member.can_roll_back:
         return f"{name} keeps its state to itself, and tells no directional derivatives. {HELP}"
-    wrong = trial(member, clock.seconds(simulated.time), clock.seconds(simulated.periods[name]))
-    return wrong and f"{name} says that it can be brought back, and cannot: {wrong}. {HELP}"
+    problem = trial(member, clock.seconds(simulated.time), clock.seconds(simulated.periods[name]))
+    return problem and f"{name} says that it can be brought back, and cannot: {problem}. {HELP}"
 
 
 def linearized(member: Member, links: list[Link]) -> LinearMember | None:
     """Linearize a member at its current state by directional derivatives; None if it has none."""
-    own = {
-        word: {end.variable.name: end.variable for end in ends if end.member == member.name}
-        for word, ends in (("inputs", [link.target for link in links]), ("outputs", [link.source for link in links]))
+    variables = {
+        kind: {end.variable.name: end.variable for end in ends if end.member == member.name}
+        for kind, ends in (("inputs", [link.target for link in links]), ("outputs", [link.source for link in links]))
     }
-    if not all(variable.dtype == np.float64 for ends in own.values() for variable in ends.values()):
+    if not all(variable.dtype == np.float64 for ends in variables.values() for variable in ends.values()):
         return None
-    inputs, outputs = list(own["inputs"].values()), list(own["outputs"].values())
+    inputs, outputs = list(variables["inputs"].values()), list(variables["outputs"].values())
     matrices = member.slopes(inputs, outputs)
     return None if matrices is None else LinearMember(member, inputs, outputs, matrices)
 
@@ -114,22 +114,22 @@ class Deviation:
         sizes: list[Array] = []
         self.is_complete = True  # whether the values are the complete state of the members
         for name, member in simulated.members.items():
-            for own, values, size in state_values(member):
+            for state, values, size in state_values(member):
                 self.arrays.append(values)
                 sizes.append(np.full(values.size, size))
-                self.names += [f"{name}.{own}"] * values.size
+                self.names += [f"{name}.{state}"] * values.size
             if not isinstance(member, RecordMember | LinearMember):
                 self.is_complete = False
                 self._refuse_controlled(name)
-        for (name, own), address in self.plan.published.items():
-            variable = simulated.members[name].variables[own]
+        for (name, variable_name), address in self.plan.published.items():
+            variable = simulated.members[name].variables[variable_name]
             has_readable_state = self.plan.is_read_directly(name) and isinstance(
                 simulated.members[name], RecordMember | LinearMember
             )
             if variable.dtype == np.float64 and not has_readable_state and variable.causality != "input":
                 self.arrays.append(view(address, variable))
                 sizes.append(np.full(variable.size, SMALL))
-                self.names += [f"{name}.{own}"] * variable.size
+                self.names += [f"{name}.{variable_name}"] * variable.size
         self.sizes = np.concatenate([np.zeros(0), *sizes])
         self.cycle = int(np.lcm.reduce([self.plan.divider(name) for name in simulated.members]))
         if self.cycle > LONGEST:
@@ -185,9 +185,9 @@ class Deviation:
 
         try:
             if self.is_complete:
-                value, vector = largest(lambda direction: after(1, 1, direction)[0], len(begin))
+                value, vector = largest_eigenvalue(lambda direction: after(1, 1, direction)[0], len(begin))
             else:
-                value, vector = answered(after, len(begin))
+                value, vector = growth_of_responses(after, len(begin))
         except FloatingPointError:
             return Growth(np.inf, self.seconds, ())
         finally:
@@ -230,26 +230,26 @@ def state_values(member: Member) -> Iterator[tuple[str, Array, float]]:
             yield variable.name, member.component.views[variable.name].reshape(-1), size
 
 
-def largest(applied: Callable[[Array], Array], size: int) -> tuple[complex, Array]:
+def largest_eigenvalue(apply: Callable[[Array], Array], size: int) -> tuple[complex, Array]:
     """Return the eigenvalue of largest modulus of a linear map, and its vector; FloatingPointError if not finite.
 
     Dense for up to `DENSE` values, by Arnoldi's iteration for more.
     """
     if size <= DENSE:
-        matrix = np.stack([applied(direction) for direction in np.eye(size)], axis=1)
+        matrix = np.stack([apply(direction) for direction in np.eye(size)], axis=1)
         if not np.isfinite(matrix).all():
             raise FloatingPointError
         values, vectors = np.linalg.eig(matrix)
     else:
         from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
 
-        def checked(direction: Array) -> Array:
-            image = applied(direction)
+        def apply_checked(direction: Array) -> Array:
+            image = apply(direction)
             if not np.isfinite(image).all():
                 raise FloatingPointError
             return image
 
-        operator = LinearOperator((size, size), matvec=checked, dtype=np.float64)
+        operator = LinearOperator((size, size), matvec=apply_checked, dtype=np.float64)
         try:
             values, vectors = eigs(operator, k=2, ncv=SUBSPACE, tol=1e-7, v0=np.ones(size))
         except ArpackNoConvergence as error:

@@ -22,7 +22,7 @@ STRIDES = (1, 8)  # steps between two samples: the longer one resolves slow grow
 NEAR = 0.02  # distance of the growth from 1 within which the longer stride is used
 
 
-def answered(after: Callable[[int, int, Array], Array], size: int) -> tuple[complex, Array]:
+def growth_of_responses(after: Callable[[int, int, Array], Array], size: int) -> tuple[complex, Array]:
     """Return the eigenvalue of largest modulus of the map of a step, and its vector; FloatingPointError if not finite.
 
     `after(count, stride, direction)`: response to a deviation every `stride` steps, `count` times, a row each.
@@ -38,14 +38,14 @@ def answered(after: Callable[[int, int, Array], Array], size: int) -> tuple[comp
         )  # step, value, direction
         if not np.isfinite(answers).all():
             raise FloatingPointError
-        eigenvalue, vector = realized(answers)
+        eigenvalue, vector = realize(answers)
         value = eigenvalue if stride == 1 else abs(eigenvalue) ** (1 / stride) + 0j
         if abs(abs(value) - 1.0) > NEAR:
             break
     return value, vector
 
 
-def realized(answers: Array) -> tuple[complex, Array]:
+def realize(answers: Array) -> tuple[complex, Array]:
     """Return the eigenvalue of largest modulus of the realization of responses, and its mode shape in the values."""
     if not answers.any():
         return 0j, np.zeros(answers.shape[1])
@@ -56,5 +56,5 @@ def realized(answers: Array) -> tuple[complex, Array]:
     left, right, root = left[:, :rank], right[:rank], np.sqrt(sizes[:rank])
     values, vectors = np.linalg.eig((left / root).T @ later @ (right.T / root))
     index = int(np.argmax(np.abs(values)))
-    shown = (left * root)[: answers.shape[1]] @ vectors[:, index]
-    return complex(values[index]), shown
+    shape = (left * root)[: answers.shape[1]] @ vectors[:, index]
+    return complex(values[index]), shape

@@ -22,7 +22,7 @@ CHANGE = 1e-6  # of an input, relative to its size
 SMALL = 1e-3  # size of an input that is zero [its SI unit]
 
 
-def over_step(a: Matrix, b: Matrix, c: Matrix, d: Matrix, h: float) -> Matrix:
+def derivatives_over_step(a: Matrix, b: Matrix, c: Matrix, d: Matrix, h: float) -> Matrix:
     """Return the derivatives of outputs at the end of a step of h [s] by inputs held over it."""
     from scipy.linalg import expm
 
@@ -32,20 +32,20 @@ def over_step(a: Matrix, b: Matrix, c: Matrix, d: Matrix, h: float) -> Matrix:
     return np.asarray(c @ expm(block)[:n, n:] + d)
 
 
-def by_differences(
+def derivatives_by_differences(
     member: Member, inputs: list[MemberVariable], outputs: list[MemberVariable], t: float, h: float
 ) -> Matrix | None:
     """Compute the same derivatives by differences of steps with rollback; None if the member refuses a step."""
     flags = np.zeros(5, np.int64)
 
-    def stepped() -> Matrix | None:
+    def step_outputs() -> Matrix | None:
         saved = member.save()
         status = member.try_step(t, h, flags)
         values = np.concatenate([np.ravel(member.get(variable.name)).astype(np.float64) for variable in outputs])
         member.restore(saved)
         return values if status <= 1 else None
 
-    base = stepped()
+    base = step_outputs()
     columns = []
     for variable in inputs:
         before = np.array(member.get(variable.name), np.float64)
@@ -54,7 +54,7 @@ def by_differences(
             change = CHANGE * max(abs(float(changed.reshape(-1)[i])), SMALL)
             changed.reshape(-1)[i] += change
             member.set(variable.name, changed[()])
-            shifted = stepped()
+            shifted = step_outputs()
             member.set(variable.name, before[()])
             if base is None or shifted is None:
                 return None
@@ -84,24 +84,30 @@ class Coupling:
             if not inputs or not outputs:
                 continue
             matrices = member.slopes(inputs, outputs)
-            change = by_differences(member, inputs, outputs, t, h) if matrices is None else over_step(*matrices, h)
+            change = (
+                derivatives_by_differences(member, inputs, outputs, t, h)
+                if matrices is None
+                else derivatives_over_step(*matrices, h)
+            )
             if change is None:
                 return None
             rows, columns = offsets(outputs), offsets(inputs)
-            for into in (*self.torn, *self.forward):
-                if into.link.target.member != name:
+            for target in (*self.torn, *self.forward):
+                if target.link.target.member != name:
                     continue
-                column = columns[into.link.target.variable.name] + into.link.target.first + self._place(into)
+                column = (
+                    columns[target.link.target.variable.name] + target.link.target.first + self._element_index(target)
+                )
                 for out in (*self.torn, *self.forward):
                     if out.link.source.member == name:
-                        row = rows[out.link.source.variable.name] + out.link.source.first + self._place(out)
-                        gives[out.number, into.number] = change[row, column] * out.link.factor
+                        row = rows[out.link.source.variable.name] + out.link.source.first + self._element_index(out)
+                        gives[out.number, target.number] = change[row, column] * out.link.factor
         torn, forward = ([element.number for element in chosen] for chosen in (self.torn, self.forward))
         inner = np.linalg.solve(np.eye(len(forward)) - gives[np.ix_(forward, forward)], gives[np.ix_(forward, torn)])
         jacobian: Matrix = gives[np.ix_(torn, torn)] + gives[np.ix_(torn, forward)] @ inner
         return jacobian if np.isfinite(jacobian).all() else None
 
-    def _place(self, element: Element) -> int:
+    def _element_index(self, element: Element) -> int:
         return element.number - self.plan.fed[id(element.link)][0].number
 
 

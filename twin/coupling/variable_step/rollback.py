@@ -26,25 +26,25 @@ def alternatives(algorithm: Algorithm) -> str:
     return ", ".join(candidate.name for candidate in algorithm.every() if not candidate.rolls_back)
 
 
-def refuse(algorithm: Algorithm, members: Mapping[str, Member], slow: Collection[str]) -> None:
+def check_rollback(algorithm: Algorithm, members: Mapping[str, Member], slow: Collection[str]) -> None:
     """Raise CouplingError if the algorithm needs rollback and a member lacks it; members in `slow` need none."""
     if not algorithm.rolls_back:
         return
-    lacking = [name for name, member in members.items() if name not in slow and not member.can_roll_back]
-    if lacking:
-        raise CouplingError([cannot_go_back(name, algorithm) for name in lacking])
+    unsupported = [name for name, member in members.items() if name not in slow and not member.can_roll_back]
+    if unsupported:
+        raise CouplingError([cannot_go_back(name, algorithm) for name in unsupported])
 
 
 def cannot_go_back(name: str, algorithm: Algorithm) -> str:
     """Return the message for a member without rollback."""
-    others = alternatives(algorithm)
-    return f"{name}: cannot go back to the begin of a step, which {algorithm} needs. Use {others}, or give it a longer `communication_step`."
+    names = alternatives(algorithm)
+    return f"{name}: cannot go back to the begin of a step, which {algorithm} needs. Use {names}, or give it a longer `communication_step`."
 
 
 def unfaithful(name: str, wrong: str, algorithm: Algorithm) -> str:
     """Return the message for a member whose declared rollback does not work."""
-    others = alternatives(algorithm)
-    return f"{name}: says that it can go back to the begin of a step, and cannot: {wrong}. Use {others}."
+    names = alternatives(algorithm)
+    return f"{name}: says that it can go back to the begin of a step, and cannot: {wrong}. Use {names}."
 
 
 def trial(member: Member, t: float, h: float, moved: bool = False) -> str:
@@ -72,7 +72,7 @@ def trial(member: Member, t: float, h: float, moved: bool = False) -> str:
         if machine.call_state(function, member.instance, state) > 1:
             raise SimulationError(refusal)
 
-    def back() -> None:
+    def restore() -> None:
         move(access.set, ctypes.c_int64.from_address(pointer).value, "it refuses to go back")
 
     def take_inputs() -> None:
@@ -85,16 +85,16 @@ def trial(member: Member, t: float, h: float, moved: bool = False) -> str:
         before = outputs()
         take_inputs()
         first = step()
-        back()
-        again = outputs()
+        restore()
+        restored = outputs()
         take_inputs()
         for name, expected, actual in (
-            *zip(names, before, again, strict=True),
+            *zip(names, before, restored, strict=True),
             *zip(names, first, step(), strict=True),
         ):
             if expected.tobytes() != actual.tobytes():
                 return f"{name} is {expected} at first and {actual} after going back"
-        back()
+        restore()
     except SimulationError as error:
         return str(error)
     return ""

@@ -154,24 +154,26 @@ class Stages(Plan):
 
     def _quick(self, names: list[str], links: list[Link]) -> dict[str, Any]:
         """Return a stage with variable steps."""
-        moved = self._moves([link for link in links if id(link) in self.fed])
+        moves = self._moves([link for link in links if id(link) in self.fed])
         direct = self._moves([link for link in links if id(link) not in self.fed])
         parts = []
         for uses, chosen in self._parts(names, links).items():
-            sets, more = len(self.accesses), []
+            sets, derivative_rows = len(self.accesses), []
             for name in chosen:
                 self.accesses += [list(row) for row in self.sets[name]]
                 if uses is WITH_SLOPES:
                     call, rows = self._slopes(name, links)
                     self.accesses.append(call)
-                    more += rows
+                    derivative_rows += rows
             steps, order = len(self.steps), list(self.members)
             for name in chosen:
                 member = self.members[name]
                 self.steps.append(self._step(member, order.index(name)))
             operation = {"accesses": (sets, len(self.accesses)), "steps": (steps, len(self.steps))}
             inputs = [link for link in links if link.target.member in chosen and id(link) in self.fed]
-            parts += [([*self._feeds(inputs, use), *more], operation, begin, length) for use, begin, length in uses]
+            parts += [
+                ([*self._feeds(inputs, use), *derivative_rows], operation, begin, length) for use, begin, length in uses
+            ]
         gets, publishes, converts = len(self.accesses), len(self.copies), len(self.converts)
         self.accesses += [row for name in names for row in self.gets[name]]
         for key in (key for key in self.unsplit if key[0] in names):
@@ -181,7 +183,7 @@ class Stages(Plan):
             "copies": (publishes, len(self.copies)),
             "converts": (converts, len(self.converts)),
         }
-        return {"links": moved, "direct": direct, "gets": publication, "parts": parts}
+        return {"links": moves, "direct": direct, "gets": publication, "parts": parts}
 
     def _moves(self, links: list[Link]) -> dict[str, Any]:
         """Add the rows of connections: to the elements, or directly to the staged inputs."""
@@ -203,14 +205,14 @@ class Stages(Plan):
         for name in names:
             fed = [link for link in links if link.target.member == name and self._is_course(link)]
             outputs = [v for v in self.members[name].variables.values() if v.causality == "output"]
-            through = any(feeds(link, output) for link in fed for output in outputs)
+            has_feedthrough = any(feeds(link, output) for link in fed for output in outputs)
             takes = bool(fed) and self.members[name].input_derivatives() != 0
-            groups.setdefault(WITH_SLOPES if takes else SPLIT if through else UNIFORM, []).append(name)
+            groups.setdefault(WITH_SLOPES if takes else SPLIT if has_feedthrough else UNIFORM, []).append(name)
         return groups
 
     def _is_course(self, link: Link) -> bool:
-        own = self.fed.get(id(link), [])
-        return bool(own) and own[0].source in (EXTRAPOLATED, TO_GUESS, TO_ARRIVED)
+        elements = self.fed.get(id(link), [])
+        return bool(elements) and elements[0].source in (EXTRAPOLATED, TO_GUESS, TO_ARRIVED)
 
     def _slopes(self, name: str, links: list[Link]) -> tuple[list[int], list[list[int]]]:
         """Return the call that sets a member's input derivatives, and the rows that compute them."""

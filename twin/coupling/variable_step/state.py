@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin import clock
-from twin.coupling.bonds import powers
+from twin.coupling.bonds import find_power_pairs
 from twin.coupling.execution import loop
 from twin.coupling.execution.plan import bits
 from twin.coupling.variable_step.coupling_jacobian import Coupling
@@ -81,13 +81,13 @@ class VariableStepState:
         return int(array.ctypes.data)
 
     def _operations(self, tables: Tables) -> None:
-        plan, plain = self.plan, {"divider": 1, "h": 0}
+        plan, defaults = self.plan, {"divider": 1, "h": 0}
         inner = [operation for stage in plan.stages for operation in move_operations(stage)]
         parts = [operation for stage in plan.stages for _, operation, _, _ in stage["parts"]]
         plan.operations = [
             *plan.begins,
             *plan.ends,
-            *({**plain, **operation} for operation in (*inner, *parts, plan.leading_back)),
+            *({**defaults, **operation} for operation in (*inner, *parts, plan.leading_back)),
         ]
         self.operations = plan.operation_rows(tables.arrays)
         base, size = int(self.operations.ctypes.data), WORD * len(loop.OPERATION)
@@ -103,11 +103,11 @@ class VariableStepState:
                     [self._array("", feeds, len(FEED)), len(feeds), base + size * at, bits(begin), bits(length)]
                 )
                 at += 1
-            own = [
+            addresses = [
                 base + size * (first + 3 * i + j) if j == 0 or is_work(operation) else 0
                 for j, operation in enumerate(move_operations(stage))
             ]
-            stages.append([*own, self._array("", rows, len(PART)), len(rows)])
+            stages.append([*addresses, self._array("", rows, len(PART)), len(rows)])
         self._array("stage", stages, len(STAGE))
 
     def _options(self, step: clock.Time) -> None:
@@ -138,7 +138,9 @@ class VariableStepState:
         if algorithm.control == RESIDUAL:
             state["stride"] = 1  # No error is known yet, and there is no rollback.
             state["next_step"] = state["tick_length"] / state["divisions"]
-        state["least"] = 1 if algorithm.control != DOUBLING else min(2, algorithm.divisions(step))  # a half, too
+        state["least"] = (
+            1 if algorithm.control != DOUBLING else min(2, algorithm.divisions(step))
+        )  # A half step is made too.
 
     def _elements(self, corrected: set[int]) -> None:
         plan, state = self.plan, self.state
@@ -170,10 +172,13 @@ class VariableStepState:
     def _bonds(self, links: list[Link]) -> None:
         """Add the rows of pairs whose product is a power, and allocate the energy through each bond."""
         plan, rows = self.plan, []
-        every = [[pair for pair in own if id(pair[0]) in plan.fed and id(pair[1]) in plan.fed] for own in powers(links)]
-        connected = [own for own in every if own]
-        for own in connected:
-            for there, back, size in own:
+        every = [
+            [pair for pair in own if id(pair[0]) in plan.fed and id(pair[1]) in plan.fed]
+            for own in find_power_pairs(links)
+        ]
+        connected = [pairs for pairs in every if pairs]
+        for pairs in connected:
+            for there, back, size in pairs:
                 for pair in zip(plan.fed[id(there)], plan.fed[id(back)], strict=True):
                     ends = [self._fed_and_received(element) for element in pair]
                     rows.append([*ends[0], *ends[1], bits(size), 0])

@@ -24,13 +24,13 @@ def choose_step(self: Any, stride: int) -> None:
         if self.missed == 0:
             self.missed_tick = self.tick
         self.missed += 1
-    before = self.residual
-    if before == 0.0:
-        before = current
+    previous = self.residual
+    if previous == 0.0:
+        previous = current
     order = self.order + 2.0
     gain = GROW
     if current > 0.0:
-        gain = SAFETY * current ** (-(PROPORTIONAL + INTEGRAL) / order) * before ** (PROPORTIONAL / order)
+        gain = SAFETY * current ** (-(PROPORTIONAL + INTEGRAL) / order) * previous ** (PROPORTIONAL / order)
     if not (gain >= SHRINK):  # also for NaN
         gain = SHRINK
     gain = min(gain, GROW)
@@ -55,9 +55,9 @@ def residual(self: Any, h: float) -> float:
         power += (received + delivered) / 2.0
         lost += received - delivered
         if read64(row + 40) != 0:
-            went = read_float(own) + power * h
-            largest = max(abs(went), read_float(own + 8))
-            write_float(own, went)
+            energy = read_float(own) + power * h
+            largest = max(abs(energy), read_float(own + 8))
+            write_float(own, energy)
             write_float(own + 8, largest)
             ratio = lost * h / (self.tolerance * max(largest, self.floor))
             squares += ratio * ratio
