@@ -45,13 +45,15 @@ class EventSteps:
         self.now: clock.Time | None = None  # begin of the rest of a step that was split
         self.target: clock.Time | None = None  # end of the part in progress
         self.is_part = False
-        self.rigid = [name for name, member in members.items() if member.period_ns or periods[name] != step]
+        self.fixed_step_members = [
+            name for name, member in members.items() if member.period_ns or periods[name] != step
+        ]
         events.steps = self
 
     @property
     def _due(self) -> clock.Time | None:
         """Time of the next event that splits a step [ns]; the standard allows announced events to come somewhat late."""
-        return self.events.due if self.rigid else self.events.upcoming
+        return self.events.due if self.fixed_step_members else self.events.upcoming
 
     def time(self) -> clock.Time:
         """Return the time at the end of the step in progress [ns]."""
@@ -65,14 +67,14 @@ class EventSteps:
             return
         if due is None or due <= now or (due - self.begin) % self.step == 0:
             return
-        if not self.rigid:
+        if not self.fixed_step_members:
             before = int((due - self.begin) // self.step)
             self.state["stop"] = min(int(self.state["stop"]), max(before, int(self.state["tick"]) + 1))
             return
         names = ", ".join(member.name for member in self.events.order if member.due == due)
         raise SimulationError(
             f"{names}: a clock ticks at t = {clock.text(due)}, between communication points of {clock.text(self.step)}, "
-            f"and {', '.join(self.rigid)} cannot make a shorter step. "
+            f"and {', '.join(self.fixed_step_members)} cannot make a shorter step. "
             f"Use a communication step of {clock.text(clock.common_step([self.step, due - self.begin]))}."
         )
 

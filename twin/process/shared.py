@@ -3,7 +3,7 @@
     head    words of both processes, the loop's record, the current activity
     ring    rows of fixed size: written from front to end, then from the front again
 
-One process writes, one drains: `place` in the loop's record is the address of the next row, `tail` the end of the drained
+One process writes, one drains: `next_row` in the loop's record is the address of the next row, `tail` the end of the drained
 bytes. The file has every byte once and in order, so it can be read at any length; its length is the position to resume at.
 """
 
@@ -58,7 +58,7 @@ class Drainer:
     """Moves rows from the ring to an append-only file.
 
     `layout`: file, position (another file), front (address of the ring in the writer), row and end [byte], and the
-    offsets of the words `place`, `tick` and `at` in the memory.
+    offsets of the words `next_row`, `tick` and `at` in the memory.
     """
 
     def __init__(self, shared: Shared) -> None:
@@ -85,7 +85,7 @@ class Drainer:
         """Append the new rows; on an error the rows stay in the ring and TROUBLE holds the errno."""
         if self.file < 0 or self.trouble is not None:
             return
-        position = self.shared.word(self.layout["place"]) - self.layout["front"]
+        position = self.shared.word(self.layout["next_row"]) - self.layout["front"]
         try:
             if os.fstat(self.file).st_nlink == 0:
                 raise FileNotFoundError(2, "The folder has disappeared", self.layout["file"])

@@ -175,7 +175,7 @@ class Supervisor:
         self.drainer = Drainer(self.shared)
         self.pending, self.stack = b"", b""
         self.done, self.last = False, (0, 0, 0)
-        self.quiet = 0.0
+        self.silent_time = 0.0
         self.lines: dict[str, deque[str]] = {}
         if self.attempt == 0:
             for number in SIGNALS:
@@ -274,7 +274,7 @@ class Supervisor:
                 FINISH_TIME if self.kept.get("finishing") else STOP_TIME
             )
             if (self.timeout and silent > self.timeout) or is_overdue:
-                self.quiet = silent if not is_overdue else 0.0
+                self.silent_time = silent if not is_overdue else 0.0
                 self.kill()
 
     def stuck_time(self, silent: float, passed: float) -> float:
@@ -351,7 +351,7 @@ class Supervisor:
         return Death(
             signal=number,
             exit=code if code >= 0 else None,
-            silent=round(self.timeout, 3) if self.quiet else 0.0,
+            silent=round(self.timeout, 3) if self.silent_time else 0.0,
             asked=self.stop_signal,
             tick=tick,
             at=at,

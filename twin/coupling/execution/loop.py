@@ -75,7 +75,7 @@ RECORD = np.dtype(
         (name, np.int64)
         for name in (
             "tick", "stop", "begin_ns", "step_ns", "per_second", "operations", "operation_count",
-            "place", "limit", "row_bytes", "every",  # recording: address of the next row, and of the end
+            "next_row", "limit", "row_bytes", "every",  # recording: address of the next row, and of the end
             "records", "record_count", "record_converts", "record_convert_count",
             "member", "status", "finished",
             "limits", "limit_count", "beyond",  # monitored values, and the row of a violated limit
@@ -168,9 +168,9 @@ def record_words(address: int, tick: int, row: int, count: int) -> None:
 
 def record(self: Any) -> None:
     """Write one row, outside of `run`."""
-    record_words(self.place, self.tick, self.records, self.record_count)
-    convert(self.record_converts, self.record_convert_count, self.place)
-    self.place += self.row_bytes
+    record_words(self.next_row, self.tick, self.records, self.record_count)
+    convert(self.record_converts, self.record_convert_count, self.next_row)
+    self.next_row += self.row_bytes
 
 
 def beyond(row: int, count: int, scalar: int) -> int:
@@ -224,7 +224,7 @@ def run(self: Any) -> int:
     begin_ns, step_ns, per_second, limit_count = self.begin_ns, self.step_ns, self.per_second, self.limit_count
     early_return_count, tick = self.early_return_count, self.tick
     while tick < self.stop:
-        if self.place >= self.limit:
+        if self.next_row >= self.limit:
             return FULL
         t = (begin_ns + tick * step_ns) / per_second
         operation = operations
@@ -259,11 +259,11 @@ def run(self: Any) -> int:
         tick += 1
         self.tick = tick
         if every == 1 or tick % every == 0:
-            row_address = self.place
+            row_address = self.next_row
             record_words(row_address, tick, self.records, self.record_count)
             if self.record_convert_count > 0:
                 convert(self.record_converts, self.record_convert_count, row_address)
-            self.place = row_address + self.row_bytes
+            self.next_row = row_address + self.row_bytes
         if self.finished != 0:
             return FINISHED
         if limit_count > 0:

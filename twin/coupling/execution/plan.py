@@ -192,14 +192,8 @@ class Plan:
             self.access_names[access.function, self.members[member].instance, references] = tuple(
                 f"{v.name} (value reference {', '.join(map(str, v.references[:3]))})" for v in variables
             )
-            row = [
-                access.function,
-                self.members[member].instance,
-                references,
-                access.count,
-                address,
-                access.size_argument,
-            ]
+            instance = self.members[member].instance
+            row = [access.function, instance, references, access.count, address, access.size_argument]
             rows[member].append(row)
             for variable in variables:
                 addresses[member, variable.name] = address

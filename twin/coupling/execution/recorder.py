@@ -1,7 +1,7 @@
 """Recorders of the loop's rows: in this process's memory, or through a ring buffer to a file that outlives the process.
 
-A recorder owns the loop's record (`loop.RECORD`) and provides the memory between `place` and `limit`. The loop returns when
-`place` reaches `limit`.
+A recorder owns the loop's record (`loop.RECORD`) and provides the memory between `next_row` and `limit`. The loop returns when
+`next_row` reaches `limit`.
 """
 
 from __future__ import annotations
@@ -81,11 +81,11 @@ class Memory:
     def _use(self, rows: np.ndarray[Any, Any]) -> None:
         self._rows = rows
         state = self.record[0]
-        state["place"], state["limit"] = rows.ctypes.data, rows.ctypes.data + rows.nbytes
+        state["next_row"], state["limit"] = rows.ctypes.data, rows.ctypes.data + rows.nbytes
 
     def make_room(self) -> None:
         """Keep the filled part of the buffer and allocate a new one."""
-        count = (int(self.record[0]["place"]) - self._rows.ctypes.data) // (WORD * self._words)
+        count = (int(self.record[0]["next_row"]) - self._rows.ctypes.data) // (WORD * self._words)
         if count:
             fresh = np.full_like(self._rows, 0)
             if not self._full or self._full[-1].base is not self._rows:  # guards against Ctrl-C between these two lines
@@ -130,9 +130,9 @@ class Ring:
         self._row, self._size = row, rows * row
         self._ring[: self._size : 4096] = 0
         state = self.record[0]
-        state["place"], state["limit"] = self._front, self._front + self._size
+        state["next_row"], state["limit"] = self._front, self._front + self._size
         self.file, position = self._begin(layout)
-        addresses = {name: self.link.record_offset + loop.RECORD.fields[name][1] for name in ("place", "tick", "at")}  # type: ignore[index]
+        addresses = {name: self.link.record_offset + loop.RECORD.fields[name][1] for name in ("next_row", "tick", "at")}  # type: ignore[index]
         self.link.open(
             {
                 "file": str(self.file),
@@ -149,13 +149,13 @@ class Ring:
         """Free the drained part of the ring for the loop; wait until there is one."""
         state = self.record[0]
         while True:
-            position, drained = int(state["place"]) - self._front, self.link.tail // self._row * self._row
+            position, drained = int(state["next_row"]) - self._front, self.link.tail // self._row * self._row
             if position == self._size and drained >= 2 * self._row:
                 position = 0
             limit = drained - self._row if drained > position else self._size
             if limit > position:
-                # Write `limit` first: the drainer reads `place` only.
-                state["limit"], state["place"] = self._front + limit, self._front + position
+                # Write `limit` first: the drainer reads `next_row` only.
+                state["limit"], state["next_row"] = self._front + limit, self._front + position
                 return
             self.link.wait()
             self.look()

@@ -178,19 +178,19 @@ class StepFailures:
                 f"{member.name}: went to t = {time_text(end_time)} only in the step from t = {time_text(step_begin)}, and {why}{log_text(member)}"
             )
         if step_begin < end_time < step_begin + float(state["span"]) * (1 - ROUNDING):
-            state["until"], state["limited"], state["back"] = end_time, 1, 1
+            state["until"], state["limited"], state["must_restore"] = end_time, 1, 1
             return True
         if state["control"] and state["stride"] > 1 and not reason:
             state["stride"] //= 2
             state["rejected"] += 1
-            state["limited"], state["back"] = 0, 1
+            state["limited"], state["must_restore"] = 0, 1
             return True
         return False
 
     def _roll_back(self) -> None:
         """Roll all members back to the begin of the step in progress."""
         state, stop = self.state, int(self.state["stop"])
-        state["back"], state["stop"] = 1, state["tick"]
+        state["must_restore"], state["stop"] = 1, state["tick"]
         if self._loop(self._record.ctypes.data) == loop.FAILED:
             self._handle_failure()
         state["stop"] = stop
@@ -213,7 +213,7 @@ class StepFailures:
     def _end_time_text(self) -> str:
         """Format the time at which the simulation ended; invalidates a later row."""
         state = self.state
-        if not state["inside"]:
+        if not state["in_tick"]:
             step_begin, step = clock.seconds(self.time - self.step), clock.seconds(self.step)
             end_time = self._reported_time(step_begin)
             if step_begin < end_time < step_begin + step * (1 - ROUNDING):
@@ -263,7 +263,7 @@ class StepFailures:
                     self._tables.put(owner, name, address)
             self._overrides.hold()
             self.state["tick"] += 1
-            if self.state["place"] >= self.state["limit"]:
+            if self.state["next_row"] >= self.state["limit"]:
                 self.recorder.make_room()
             loop.record(self._record.view(np.recarray)[0])
         is_within_step = end_time is not None and step_begin < end_time <= step_begin + clock.seconds(self.step) * (

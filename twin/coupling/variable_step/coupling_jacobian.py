@@ -67,7 +67,7 @@ class Coupling:
 
     def __init__(self, plan: Stages) -> None:
         self.plan = plan
-        moving = [element for element in plan.every if element.is_moving]
+        moving = [element for element in plan.all_elements if element.is_moving]
         self.torn = [element for element in moving if element.is_torn]
         self.forward = [element for element in moving if element.source in (ARRIVED, TO_ARRIVED)]
         names = {end.member for element in moving for end in (element.link.source, element.link.target)}

@@ -60,7 +60,7 @@ def attempt(self: Any, t: float, h: float, slot: int) -> int:
         status = sweep(self, t, h)
         if status > 1:
             return status
-        move(self.leading_back)
+        move(self.feedback)
     else:
         status = solve(self, t, h, slot)
         if status > 1 and status != UNSOLVED:
@@ -103,7 +103,7 @@ def solve(self: Any, t: float, h: float, slot: int) -> int:
         status = sweep(self, t, h)
         if status > 1:
             return status
-        move(self.leading_back)
+        move(self.feedback)
         ratio = difference(self, self.solver)
         if ratio <= 1.0:
             self.relaxation = relaxation
@@ -232,7 +232,7 @@ def linearize(self: Any, t: float, h: float, slot: int) -> int:
         status = sweep(self, t, h)
         if status > 1:
             return status
-        move(self.leading_back)
+        move(self.feedback)
         write_float(guess, before)
         for a in range(m):
             output = read_float(self.vectors + 8 * read64(self.torn + 8 * a))

@@ -5,7 +5,7 @@ from __future__ import annotations
 # addresses and counts; rows are int64 words unless said otherwise
 INTEGERS = (
     "begins", "begin_count", "ends", "end_count",  # operations of members with a period: at its begin, at its end
-    "stages", "stage_count", "leading_back",  # the last: operation of the torn connections (feedback)
+    "stages", "stage_count", "feedback",  # the last: operation of the torn connections (feedback)
     # indices of elements: torn ones, those that change within a tick, those with error control
     "torn", "torn_count", "moving", "moving_count", "judged", "judged_count",
     "bonds", "bond_count",  # elements of power bonds
@@ -14,11 +14,11 @@ INTEGERS = (
     "elements", "vectors", "course", "past", "weights", "solver",  # memory, see below
     "order", "recalls", "max_iterations", "scheme", "control", "trial", "strict",  # `recalls`: uses earlier points; `trial`: rolls back
     "outputs_current",  # connections were read at the end of the last step and are still valid
-    "inside", "position", "divisions", "stride",  # inside of a tick; position, divisions of a tick, next step [divisions]
+    "in_tick", "position", "divisions", "stride",  # inside of a tick; position, divisions of a tick, next step [divisions]
     "least", "passed", "refused",  # smallest step to try, last one made, and 1 + the member that refused a smaller one
     # `limited`: the step ends at `until`, where a member returned early (1) or an event is (2); `off`: it begins at `now`,
     # between divisions
-    "back", "limited", "off", "ending", "over",
+    "must_restore", "limited", "off", "ending", "over",
     "early_returns", "early_return_count",  # of the fixed-step loop: flags, step [s], member, for members that may return early
     "events",  # callback after every accepted step, if members have clocks
     "pending", "log_callback",  # whether log lines are buffered, and the callback for the outcome of their step

@@ -66,13 +66,13 @@ class Stages(Plan):
 
     algorithm: Algorithm = field(kw_only=True)
     slow: frozenset[str] = frozenset()
-    own: Memory = field(default_factory=Memory)  # memory of the variable-step master
+    work_memory: Memory = field(default_factory=Memory)  # memory of the variable-step master
     begins: list[dict[str, Any]] = field(default_factory=list)
     ends: list[dict[str, Any]] = field(default_factory=list)
     stages: list[dict[str, Any]] = field(default_factory=list)
     arrays: list[np.ndarray[Any, Any]] = field(default_factory=list)  # memory that calls point to
     fed: dict[int, list[Element]] = field(default_factory=dict)  # by the identity of their links
-    straight: dict[Key, list[tuple[str, int]]] = field(default_factory=dict)  # see `rows_at_events`
+    direct_rows: dict[Key, list[tuple[str, int]]] = field(default_factory=dict)  # see `rows_at_events`
 
     def __post_init__(self) -> None:
         periodic = (name for name, m in self.members.items() if m.period_ns or self.divider(name) > 1)
@@ -83,7 +83,7 @@ class Stages(Plan):
         return member not in self.slow
 
     @property
-    def every(self) -> list[Element]:
+    def all_elements(self) -> list[Element]:
         """All elements, by number."""
         return [element for elements in self.fed.values() for element in elements]
 
@@ -100,13 +100,13 @@ class Stages(Plan):
             self.fed[id(link)] = elements
             count += len(elements)
         self.count = count
-        self.vectors = self.own.take(FLOAT * VECTORS * count)
-        self.course = self.own.take(FLOAT * COURSES * count + FLOAT * record_layout.PAST)
+        self.vectors = self.work_memory.take(FLOAT * VECTORS * count)
+        self.course = self.work_memory.take(FLOAT * COURSES * count + FLOAT * record_layout.PAST)
         self.past = self.course + FLOAT * COURSES * count
-        self.weights = self.own.take(2 * input_extrapolation.CATEGORY + 9 * FLOAT)
+        self.weights = self.work_memory.take(2 * input_extrapolation.CATEGORY + 9 * FLOAT)
         self.memory.take(FLOAT)  # Allocates the first block; others are inserted in front of it later.
         super().build(order, links, recorded, watched)
-        self.leading_back = self._moves(
+        self.feedback = self._moves(
             [link for link in links if any(element.is_torn for element in self.fed.get(id(link), ()))]
         )
 
@@ -134,11 +134,11 @@ class Stages(Plan):
                 first = link.source.first * link.source.variable.dtype.itemsize
                 self._move(link, self.published[link.source.key] + first, self._staged(link, 0))
                 row = ("copies", counts[0]) if len(self.copies) > counts[0] else ("converts", counts[1])
-                self.straight.setdefault(link.target.key, []).append(row)
+                self.direct_rows.setdefault(link.target.key, []).append(row)
 
     def rows_at_events(self, key: Key) -> list[tuple[str, int]]:
         """Return the rows that copy directly, if there are any."""
-        return self.straight.get(key) or super().rows_at_events(key)
+        return self.direct_rows.get(key) or super().rows_at_events(key)
 
     def _stage(self, stage: list[str], links: list[Link]) -> None:
         """Add members with their own period at its begin and end, the others to a stage with variable steps."""

@@ -70,7 +70,7 @@ class VariableStepState:
             self._bonds(corrected)
         if self.algorithm.rolls_back:
             self._allocate_rollback()
-        plan.memory.blocks[:0] = plan.own.blocks  # so that saving the plan's memory saves both
+        plan.memory.blocks[:0] = plan.work_memory.blocks  # so that saving the plan's memory saves both
 
     def _array(self, name: str, rows: list[list[int]], columns: int) -> int:
         """Store rows as an array; write its address and length to the record if `name` is given; return the address."""
@@ -87,12 +87,12 @@ class VariableStepState:
         plan.operations = [
             *plan.begins,
             *plan.ends,
-            *({**defaults, **operation} for operation in (*inner, *parts, plan.leading_back)),
+            *({**defaults, **operation} for operation in (*inner, *parts, plan.feedback)),
         ]
         self.operations = plan.operation_rows(tables.arrays)
         base, size = int(self.operations.ctypes.data), WORD * len(loop.OPERATION)
         first = len(plan.begins) + len(plan.ends)
-        self.state["leading_back"] = base + size * (len(plan.operations) - 1)
+        self.state["feedback"] = base + size * (len(plan.operations) - 1)
         self.state["begins"], self.state["begin_count"] = base, len(plan.begins)
         self.state["ends"], self.state["end_count"] = base + size * len(plan.begins), len(plan.ends)
         stages, at = [], first + len(inner)
@@ -151,7 +151,7 @@ class VariableStepState:
             plan.past,
         )
         state["weights"] = plan.weights
-        every = plan.every
+        every = plan.all_elements
         for name, chosen in (
             ("torn", [element for element in every if element.is_torn]),
             ("moving", [element for element in every if element.is_moving]),
@@ -167,7 +167,7 @@ class VariableStepState:
             for member, name in (element.link.source.key, element.link.target.key):
                 sizes[element.number] = max(sizes[element.number], self.algorithm.scales.get(f"{member}.{name}", 0.0))
         m = int(state["torn_count"])
-        state["solver"] = plan.own.take(WORD * ((3 + 2 * DEPTH + 1) * m + m * m + DEPTH * (DEPTH + 2)))
+        state["solver"] = plan.work_memory.take(WORD * ((3 + 2 * DEPTH + 1) * m + m * m + DEPTH * (DEPTH + 2)))
 
     def _bonds(self, links: list[Link]) -> None:
         """Add the rows of pairs whose product is a power, and allocate the energy through each bond."""
@@ -184,7 +184,7 @@ class VariableStepState:
                     rows.append([*ends[0], *ends[1], bits(size), 0])
             rows[-1][-1] = 1
         self._array("pair", rows, len(PAIR))
-        self.state["energies"] = plan.own.take(2 * WORD * max(1, len(connected)))
+        self.state["energies"] = plan.work_memory.take(2 * WORD * max(1, len(connected)))
         if not connected:
             self.state["stride"] = self.state["divisions"]
             self.state["next_step"] = self.state["tick_length"]
@@ -216,8 +216,8 @@ class VariableStepState:
             states.append([access.get, access.set, 0, access.places[0], access.places[-1], 0])
         rows = []
         for address, words in regions:
-            first = plan.own.take(WORD * words)
-            rows.append([address, words, first, plan.own.take(WORD * words) if slots > 1 else first])
+            first = plan.work_memory.take(WORD * words)
+            rows.append([address, words, first, plan.work_memory.take(WORD * words) if slots > 1 else first])
         self._array("region", rows, len(REGION))
         self._array("state", states, len(STATE))
 
@@ -241,7 +241,7 @@ class VariableStepState:
         ratio = abs(vectors[NOW] - vectors[END]) / size / self.algorithm.agreement
         ratios = {
             f"{element.link.target.member}.{element.link.target.variable.name}": ratio[element.number]
-            for element in self.plan.every
+            for element in self.plan.all_elements
             if element.is_torn and not ratio[element.number] <= 1.0
         }
         return sorted(ratios, key=lambda name: -ratios[name])

@@ -27,18 +27,18 @@ ERROR = 3  # FMI's status
 def run(self: Any) -> int:
     """Run until `stop`, a full recording buffer, a member that fails or terminates the simulation, or a violated limit."""
     self.outputs_current = 0
-    if self.back != 0:
-        self.back = 0
+    if self.must_restore != 0:
+        self.must_restore = 0
         if restore_state(self, 0) > 1:
             return FAILED
     while self.tick < self.stop:
-        if self.place >= self.limit:
+        if self.next_row >= self.limit:
             return FULL
-        if self.inside == 0:
+        if self.in_tick == 0:
             self.ending = 0
             if periodic(self, self.begins, self.begin_count, 0) > 1:
                 return FAILED
-            self.inside, self.position, self.off, self.over = 1, 0, 0, self.ending
+            self.in_tick, self.position, self.off, self.over = 1, 0, 0, self.ending
         if advance_to_tick(self) > 1:
             return FAILED
         if self.position < self.divisions:
@@ -51,7 +51,7 @@ def run(self: Any) -> int:
             return FAILED
         if self.over != 0:
             self.member, self.finished = self.over - 1, 1
-        self.inside = 0
+        self.in_tick = 0
         self.tick += 1
         if self.every == 1 or self.tick % self.every == 0:
             record(self)
