@@ -1,6 +1,6 @@
-"""Simulated time as exact ratios: whole nanoseconds mostly, a `Fraction` of them where a step is 1/30 s. Never a sum of floats.
+"""Simulated time as exact ratios: an int of nanoseconds, or a `Fraction` of them (a step of 1/30 s). Never a sum of floats.
 
-The n-th communication point is `start + n * step`, exactly; a member is given the float next to it.
+The n-th communication point is exactly `start + n * step`; members receive the nearest float.
 """
 
 from __future__ import annotations
@@ -11,23 +11,24 @@ from fractions import Fraction
 from twin.errors import CouplingError
 
 NANOSECONDS = 1_000_000_000
-FINEST = 17  # digits of the denominator of a time that is read from decimals: any float is the nearest to such a ratio
+FINEST = 17  # largest number of digits of the denominator of a time read from decimals: covers every float
 READABLE = 1_000_000  # largest denominator [1/s] that a message shows
-PARTS = (1, 2, 4, 5, 8, 10, 20)  # into which a message advises to divide a time: they can be written exactly
-MOST = 2**62  # units of time that the loop counts
+PARTS = (1, 2, 4, 5, 8, 10, 20)  # divisors suggested in messages: the quotients can be written exactly
+MOST = 2**62  # largest number of ticks that the loop counts
 
-Time = int | Fraction  # [ns]; a whole number is an int
+Time = int | Fraction  # [ns]; integers are always an int
 
 
 def whole(time: Fraction) -> Time:
-    """The same time, as an int if it is whole."""
+    """Return a time [ns] as an int if it is a whole number of nanoseconds."""
     return int(time) if time.denominator == 1 else time
 
 
 def nanoseconds(seconds: float | str, what: str = "time") -> Time:
-    """A time in seconds, exactly: `1/30` is that ratio, 0.1 is 100 000 000 ns, and so is any decimal of whole nanoseconds.
+    """Convert seconds to an exact time [ns]: `1/30` is that ratio, 0.1 is 100 000 000 ns; decimals of whole nanoseconds are exact.
 
-    Any other decimal, as the step 0.0333333333333333 of an FMU, is the simplest ratio that is nearest to the same float.
+    Any other decimal, such as the step 0.0333333333333333 of an FMU, becomes the simplest ratio that is nearest to the same
+    float. CouplingError for text that is no time.
     """
     try:
         exact = Fraction(str(seconds))
@@ -37,7 +38,7 @@ def nanoseconds(seconds: float | str, what: str = "time") -> Time:
 
 
 def whole_nanoseconds(seconds: float | str, what: str) -> int:
-    """The same for what counts in nanoseconds; CouplingError for 1/30 s."""
+    """Convert seconds to an int of nanoseconds; CouplingError for a time that is not one, such as 1/30 s."""
     time = nanoseconds(seconds, what)
     if not isinstance(time, int):
         raise CouplingError(f"{what}: {seconds} s is not a whole number of nanoseconds. Round it to 1e-9 s.")
@@ -45,42 +46,47 @@ def whole_nanoseconds(seconds: float | str, what: str) -> int:
 
 
 def ratio(seconds: Fraction) -> Time:
-    """A decimal number of seconds as the ratio that is meant; ValueError if it is too small to be one."""
+    """Convert a decimal number of seconds to the simplest ratio [ns] with the same float; ValueError if it is too small."""
     exact = seconds * NANOSECONDS
     if exact.denominator == 1:
         return int(exact)
     value = float(seconds)
     for digits in range(1, FINEST + 1):
-        near = Fraction(value).limit_denominator(10**digits)
-        if float(near) == value and near:
-            return whole(near * NANOSECONDS)
+        candidate = Fraction(value).limit_denominator(10**digits)
+        if float(candidate) == value and candidate:
+            return whole(candidate * NANOSECONDS)
     raise ValueError
 
 
 def seconds(time: Time) -> float:
-    """The float next to a time [ns], in seconds: the `t` every member is given."""
+    """Convert a time [ns] to the nearest float in seconds: the `t` that members receive."""
     return time / NANOSECONDS if isinstance(time, int) else float(time / NANOSECONDS)
 
 
 def common_step(periods: list[Time]) -> Time:
-    """Greatest step [ns] of which every period is a multiple."""
+    """Return the greatest step [ns] of which every period is a multiple."""
     fractions = [Fraction(period) for period in periods]
-    below = math.lcm(*(one.denominator for one in fractions))
-    return whole(Fraction(math.gcd(*(int(one * below) for one in fractions)), below))
+    denominator = math.lcm(*(fraction.denominator for fraction in fractions))
+    return whole(Fraction(math.gcd(*(int(fraction * denominator) for fraction in fractions)), denominator))
 
 
 def parts_near(time: Time, part: Time) -> str:
-    """Parts of a time [ns] that are next to one that does not divide it, for messages: `0.5 ms or 0.25 ms`."""
-    counts = [one for one in PARTS if one * part < time][-1:] + [one for one in PARTS if one * part > time][:1]
-    return " or ".join(text(whole(Fraction(time) / one)) for one in counts)
+    """Format the divisors of a time [ns] nearest to a `part` that does not divide it, for messages: `0.5 ms or 0.25 ms`."""
+    divisors = [divisor for divisor in PARTS if divisor * part < time][-1:] + [
+        divisor for divisor in PARTS if divisor * part > time
+    ][:1]
+    return " or ".join(text(whole(Fraction(time) / divisor)) for divisor in divisors)
 
 
 def counted(begin: Time, step: Time, stop: Time | None = None) -> tuple[int, int, int]:
-    """Begin and step as whole numbers of a unit of time, and how many of these a second has: what the loop counts in."""
+    """Convert begin and step to integer ticks of a common unit; also return the ticks per second. The loop counts in ticks.
+
+    CouplingError if `stop` is too many ticks for 64-bit integers.
+    """
     if isinstance(begin, int) and isinstance(step, int):
         return begin, step, NANOSECONDS
     times = Fraction(begin) / NANOSECONDS, Fraction(step) / NANOSECONDS
-    per_second = math.lcm(*(one.denominator for one in times))
+    per_second = math.lcm(*(time.denominator for time in times))
     farthest = max(abs(Fraction(time)) for time in (begin, step, stop or 0))
     if farthest * Fraction(per_second, NANOSECONDS) >= MOST:
         raise CouplingError(
@@ -91,27 +97,27 @@ def counted(begin: Time, step: Time, stop: Time | None = None) -> tuple[int, int
 
 
 def at(count: int, per_second: int) -> Time:
-    """The time [ns] of a count of units."""
+    """Convert a count of ticks to a time [ns]."""
     return count if per_second == NANOSECONDS else whole(Fraction(count * NANOSECONDS, per_second))
 
 
 def plain(time: Time) -> int | str:
-    """A time [ns] as JSON knows it; `of_plain` reads it."""
+    """Convert a time [ns] to JSON: an int, or a ratio as text; `of_plain` reads it."""
     return time if isinstance(time, int) else str(time)
 
 
 def of_plain(time: int | str) -> Time:
-    """A time [ns] that was written by `plain`."""
+    """Read a time [ns] that `plain` wrote."""
     return time if isinstance(time, int) else Fraction(time)
 
 
 def exact_text(time: Time) -> str:
-    """A time [ns] as a scenario takes it."""
+    """Format a time [ns] exactly, as scenario files accept it."""
     return f"{time} ns"
 
 
 def text(time: Time) -> str:
-    """A time [ns] for messages, without needless digits: `1.5 ms`, `1/30 s`."""
+    """Format a time [ns] for messages, without needless digits: `1.5 ms`, `1/30 s`."""
     if isinstance(time, Fraction):
         exact = time / NANOSECONDS
         return f"{exact} s" if exact.denominator <= READABLE else f"{float(exact):.9g} s"

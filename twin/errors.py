@@ -1,4 +1,4 @@
-"""The exception tree: everything this project raises on purpose.
+"""Exception hierarchy of the project, and the texts of unknown names.
 
 TwinError                one line or several, each: where, what, what was expected, what to do
 ├── DeclarationError     a component's variables or functions are not well formed
@@ -7,8 +7,8 @@ TwinError                one line or several, each: where, what, what was expect
 ├── CouplingError        a system's members or connections do not fit together
 │   └── ScenarioError    a scenario file is wrong
 ├── SceneError           a drawing of an environment is wrong, or a scene cannot be drawn
-├── UnknownNameError     nothing has the name that was asked for, as a key
-└── SimulationError      a member failed while running; what was recorded is kept
+├── UnknownNameError     a key names nothing that exists
+└── SimulationError      a member failed while running; its recording is kept
 """
 
 import unicodedata
@@ -17,76 +17,91 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-LIKE = 0.61  # ratio of equal letters from which a name may be what was meant (difflib)
-TYPO = 0.8  # and from which it surely was
-MANY = 1000  # of more names only the neighbors in the alphabet are compared
-LISTED = 240  # letters of a list of names
-BIDIRECTIONAL = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}  # they reorder what is seen
+LIKE = 0.61  # similarity (difflib ratio) from which a name is suggested
+TYPO = 0.8  # similarity from which the suggestion suffices, without the list of names
+MANY = 1000  # number of names above which only the neighbors in the alphabet are compared
+LISTED = 240  # characters of a list of names
+BIDIRECTIONAL = {
+    "LRE",
+    "RLE",
+    "LRO",
+    "RLO",
+    "PDF",
+    "LRI",
+    "RLI",
+    "FSI",
+    "PDI",
+}  # control characters that reorder a line
 
 
-def nearest(name: str, known: Iterable[str], quote: str = "'") -> str:
-    """What may have been meant instead of an unknown name, and unless that is sure, the names that there are."""
-    names = sorted(set(known))
+def nearest(name: str, candidates: Iterable[str], quote: str = "'") -> str:
+    """Suggest names similar to an unknown one; without a sure match also list the available names."""
+    names = sorted(set(candidates))
     if not names:
         return "There are none."
-    close = similar(name, names)
-    meant = [f"{quote}{one}{quote}" for one, _ in close]
-    question = f"Did you mean {' or '.join(filter(None, [', '.join(meant[:-1]), *meant[-1:]]))}?" if meant else ""
+    close = find_similar(name, names)
+    quoted = [f"{quote}{match}{quote}" for match, _ in close]
+    question = f"Did you mean {' or '.join(filter(None, [', '.join(quoted[:-1]), *quoted[-1:]]))}?" if quoted else ""
     if close and close[0][1] >= TYPO:
         return question
-    return f"{question} Known: {listing(names)}.".lstrip()
+    return f"{question} Known: {join_names(names)}.".lstrip()
 
 
-def similar(name: str, names: list[str]) -> list[tuple[str, float]]:
-    """The three names most like another one, the best first, with their ratios: like letters, or a word in common."""
+def find_similar(name: str, names: list[str]) -> list[tuple[str, float]]:
+    """Return up to three names similar to `name` with their similarity ratios, the best first.
+
+    Similar: a difflib ratio of at least `LIKE`, or a word of more than two letters in common.
+    """
     if len(names) > MANY:
-        place = bisect(names, name)
-        names = names[max(place - MANY // 10, 0) : place + MANY // 10]
+        position = bisect(names, name)
+        names = names[max(position - MANY // 10, 0) : position + MANY // 10]
     import difflib
 
-    plain = name.casefold()
-    matcher, own = difflib.SequenceMatcher(b=plain), set(plain.split("_"))
-    found = []
-    for one in names:
-        matcher.set_seq1(one.casefold())
-        shared = len(max(own.intersection(one.casefold().split("_")), key=len, default="")) > 2
+    folded = name.casefold()
+    matcher, words = difflib.SequenceMatcher(b=folded), set(folded.split("_"))
+    matches = []
+    for candidate in names:
+        matcher.set_seq1(candidate.casefold())
+        shared = len(max(words.intersection(candidate.casefold().split("_")), key=len, default="")) > 2
         if shared or (matcher.real_quick_ratio() >= LIKE and matcher.quick_ratio() >= LIKE):
             ratio = matcher.ratio()
             if shared or ratio >= LIKE:
-                found.append((one, ratio))
-    found.sort(key=lambda pair: -pair[1])
-    return [(one, ratio) for one, ratio in found[:3] if ratio >= found[0][1] - (1.0 - LIKE) / 2]
+                matches.append((candidate, ratio))
+    matches.sort(key=lambda pair: -pair[1])
+    return [(candidate, ratio) for candidate, ratio in matches[:3] if ratio >= matches[0][1] - (1.0 - LIKE) / 2]
 
 
-def listing(names: list[str]) -> str:
-    """Names separated by commas, as many as one reads."""
+def join_names(names: list[str]) -> str:
+    """Join names with commas, at most `LISTED` characters; the rest is counted."""
     length = count = 0
-    for count, one in enumerate(names):
-        length += len(one) + 2
+    for count, name in enumerate(names):
+        length += len(name) + 2
         if length > LISTED and count:
             return f"{', '.join(names[:count])} and {len(names) - count} more"
     return ", ".join(names)
 
 
 def printable(text: str) -> str:
-    """Text from anywhere for one line of a terminal: what would control or reorder it becomes visible, like `\\x1b`."""
+    """Escape characters that would control or reorder a terminal line, such as `\\x1b`, in text from outside."""
     if text.isprintable():
         return text
-    return "".join(one.encode("unicode_escape").decode() if controls(one) else one for one in text)
+    return "".join(
+        character.encode("unicode_escape").decode() if is_control(character) else character for character in text
+    )
 
 
-def controls(letter: str) -> bool:
-    """Whether a character does something to a terminal or to the line instead of being seen."""
+def is_control(letter: str) -> bool:
+    """Whether a character controls the terminal or reorders the line instead of being printed."""
     return (
         unicodedata.category(letter) in ("Cc", "Cs", "Zl", "Zp") or unicodedata.bidirectional(letter) in BIDIRECTIONAL
     )
 
 
 def described(error: BaseException) -> str:
-    """Any exception in one line, with the last line of code that is not the engine's: `model.py:12: ValueError: ...`."""
+    """Format an exception as one line, with the last frame outside the engine: `model.py:12: ValueError: ...`."""
     own = str(Path(__file__).parent)
     if isinstance(error, SyntaxError):
-        place = f"{error.filename}:{error.lineno}: "
+        location = f"{error.filename}:{error.lineno}: "
     else:
         import traceback
 
@@ -95,13 +110,13 @@ def described(error: BaseException) -> str:
             for frame in traceback.extract_tb(error.__traceback__)
             if not frame.filename.startswith((own, "<")) and "importlib" not in frame.filename
         ]
-        place = f"{frames[-1].filename}:{frames[-1].lineno}: " if frames else ""
+        location = f"{frames[-1].filename}:{frames[-1].lineno}: " if frames else ""
     text = " ".join(str(getattr(error, "msg", error)).split())
-    return f"{place}{type(error).__name__}: {text}"
+    return f"{location}{type(error).__name__}: {text}"
 
 
 class TwinError(Exception):
-    """A failure told to a person. `problems`: messages of one line each."""
+    """Base class of errors that are reported to the user. `problems`: messages of one line each."""
 
     def __init__(self, problems: str | list[str] = "") -> None:
         self.problems = problems.splitlines() if isinstance(problems, str) else problems
@@ -125,20 +140,20 @@ class CouplingError(TwinError):
 
 
 class ScenarioError(CouplingError):
-    """A scenario file is wrong; `problems` lists every place."""
+    """A scenario file is wrong; `problems` lists every location."""
 
 
 class SceneError(TwinError):
-    """A drawing of an environment is wrong, or a scene cannot be drawn; `problems` lists every place."""
+    """A drawing of an environment is wrong, or a scene cannot be drawn; `problems` lists every location."""
 
 
 class UnknownNameError(TwinError, KeyError):
-    """Nothing has the name that was asked for in `[...]`; the message says which names there are."""
+    """A name in `[...]` does not exist; the message lists the available names."""
 
-    __str__ = Exception.__str__  # KeyError's own would put the message in quotes
+    __str__ = Exception.__str__  # `KeyError.__str__` would put the message in quotes.
 
 
 class SimulationError(TwinError):
-    """A member failed while running; what was recorded until then is kept, in `results` if nowhere else."""
+    """A member failed while running. `results`: the recording until then, if it is not in a file."""
 
     results: Any = None

@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all."""
+"""Atomic file writes."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from pathlib import Path
 
 
 def write_atomically(path: Path, data: bytes | str, mode: int = -1) -> None:
-    """Write a file under a temporary name and rename it; nothing is left where that fails. Text is UTF-8.
+    """Write a file under a temporary name and rename it; a failed write leaves no file. Text is UTF-8.
 
-    `mode`: permissions that are kept of the usual ones.
+    `mode`: mask of the default permissions.
 
-    Raises OSError that names `path`: what the system says of a full disk names no file.
+    Raises OSError with `path` in it: the system's own error for a full disk names no file.
     """
     partial = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}")
     try:

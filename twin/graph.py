@@ -1,4 +1,4 @@
-"""Strongly connected components in topological order: what may be evaluated when, and which loops must be solved."""
+"""Strongly connected components in topological order: order of evaluation and algebraic loops."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ Node = TypeVar("Node", bound="Hashable")
 
 
 def ordered_groups(nodes: Sequence[Node], followers: Mapping[Node, Sequence[Node]]) -> list[list[Node]]:
-    """Groups of nodes that depend on each other, each group after all it depends on; ties keep the given order.
+    """Return the strongly connected components in topological order; ties keep the given order.
 
-    Tarjan, SIAM J. Comput. 1(2), 1972, without recursion. networkx has it too, for 0.3 s of start-up.
+    Tarjan, SIAM J. Comput. 1(2), 1972, without recursion. networkx would cost 0.3 s of start-up.
     """
     index: dict[Node, int] = {}
     low: dict[Node, int] = {}
@@ -48,15 +48,15 @@ def ordered_groups(nodes: Sequence[Node], followers: Mapping[Node, Sequence[Node
                     del stack[at:]
                     on_stack.difference_update(group)
                     groups.append(group)
-    place = {node: i for i, node in enumerate(nodes)}
-    return [sorted(group, key=place.__getitem__) for group in reversed(groups)]
+    position = {node: i for i, node in enumerate(nodes)}
+    return [sorted(group, key=position.__getitem__) for group in reversed(groups)]
 
 
 def reached(graph: Mapping[Node, Collection[Node]], starts: Collection[Node]) -> set[Node]:
-    """All nodes that lie one or more steps ahead of the given ones."""
-    found: set[Node] = set()
+    """Return all nodes reachable from `starts` in one or more steps."""
+    visited: set[Node] = set()
     ahead = {follower for node in starts for follower in graph.get(node, ())}
     while ahead:
-        found |= ahead
-        ahead = {follower for node in ahead for follower in graph.get(node, ())} - found
-    return found
+        visited |= ahead
+        ahead = {follower for node in ahead for follower in graph.get(node, ())} - visited
+    return visited

@@ -46,13 +46,13 @@ class Linear:
         address = self.vectors.ctypes.data
         self.record = SimpleNamespace(
             vectors=address, elements=ELEMENTS, torn=self.torn.ctypes.data, torn_count=m, solver=self.memory.ctypes.data,
-            scheme=scheme, most=50, agreement=1e-10, floor=1.0, relaxation=0.7, control=FIXED, derives=0, jacobian=0,
-            linear_at=0.0, status=0, leading_back=0, **changes,
+            scheme=scheme, max_iterations=50, coupling_tolerance=1e-10, floor=1.0, relaxation=0.7, control=FIXED, derives=0, jacobian=0,
+            linear_at=0.0, status=0, feedback=0, **changes,
         )  # fmt: skip
         for name in ("predict", "move"):
             monkeypatch.setattr(implicit_step, name, lambda *_: None)
         monkeypatch.setattr(implicit_step, "sweep", self.sweep)
-        monkeypatch.setattr(implicit_step, "bring_back", self.bring_back)
+        monkeypatch.setattr(implicit_step, "restore_state", self.restore_state)
 
     def sweep(self, _record, _t, h):
         assert h == H
@@ -61,7 +61,7 @@ class Linear:
         self.vectors[0, self.torn] = self.gain @ self.vectors[END, self.torn] + self.constant
         return 0
 
-    def bring_back(self, _record, slot):
+    def restore_state(self, _record, slot):
         assert slot == 1
         self.returns += 1
         return 0
@@ -88,7 +88,7 @@ def test_newton_needs_one_linearization(m, seed, monkeypatch):
         seed,
         reach=3.0,
     )
-    system.record.agreement = 1e-7
+    system.record.coupling_tolerance = 1e-7
     assert system.solved(1e-6) == m + 2
 
 
@@ -134,7 +134,9 @@ def test_when_derivatives_are_asked_for(derives, jacobian, linear_at, control, a
     m = 2
     system.memory[3 * m : 3 * m + m * m] = np.eye(m).ravel()
     system.memory[3 * m + m * m : 3 * m + m * m + m].view(np.int64)[:] = [0, 1]
-    vars(system.record).update(derives=derives, jacobian=jacobian, linear_at=linear_at, control=control, most=2)
+    vars(system.record).update(
+        derives=derives, jacobian=jacobian, linear_at=linear_at, control=control, max_iterations=2
+    )
     assert (system.run() == ASKING) is asks
 
 
@@ -143,7 +145,7 @@ def test_when_derivatives_are_asked_for(derives, jacobian, linear_at, control, a
 def test_anderson_ends_as_many_iterations_after_the_unknowns(m, seed, monkeypatch):
     """On a linear coupling it is GMRES without a restart as long as `DEPTH` differences span the space: Walker and Ni, 2011."""
     system = Linear(monkeypatch, m, ANDERSON, seed, reach=2.0)
-    system.record.agreement = 1e-6
+    system.record.coupling_tolerance = 1e-6
     assert system.solved(1e-5) <= m + 2
 
 
@@ -162,6 +164,6 @@ def test_all_come_to_the_same_in_less_than_fifty(scheme, monkeypatch):
 
 def test_what_does_not_agree_in_time_is_told(monkeypatch):
     system = Linear(monkeypatch, 2, RELAXED, reach=0.9)
-    system.record.most = 3
+    system.record.max_iterations = 3
     assert system.run() == UNSOLVED
     assert (system.sweeps, system.returns) == (3, 2)

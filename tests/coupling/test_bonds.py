@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from twin.coupling import Connection, MemberVariable, System, TerminalMember
-from twin.coupling.bonds import bonds
+from twin.coupling.bonds import find_bonds
 from twin.errors import CouplingError
 
 
@@ -31,7 +31,7 @@ BOTH = [Connection("a.f", "b.f", bond="one"), Connection("b.e", "a.e", bond="one
     [("N", "mm/s"), ("N", "m"), ("mmHg", "mL/s"), ("Pa", "m^3"), ("N*m", "rad/s"), ("N*mm", "deg"), ("V", "A")],
 )
 def test_what_gives_a_power_or_an_energy_is_one(effort, flow):
-    found = bonds(system(effort, flow, BOTH))
+    found = find_bonds(system(effort, flow, BOTH))
     assert [(link.source.key, link.target.key) for link in found["one"]] == [
         (("a", "f"), ("b", "f")),
         (("b", "e"), ("a", "e")),
@@ -39,9 +39,9 @@ def test_what_gives_a_power_or_an_energy_is_one(effort, flow):
 
 
 def test_a_connection_of_terminals_is_one_by_itself():
-    found = bonds(system("N", "m/s", [Connection("a.flange", "b.flange")], terminal="flange"))
+    found = find_bonds(system("N", "m/s", [Connection("a.flange", "b.flange")], terminal="flange"))
     assert list(found) == ["a.flange -> b.flange"]
-    assert bonds(system("N", "K", [Connection("a.flange", "b.flange")], terminal="flange")) == {}, "signals, then"
+    assert find_bonds(system("N", "K", [Connection("a.flange", "b.flange")], terminal="flange")) == {}, "signals, then"
 
 
 @pytest.mark.parametrize(
@@ -58,4 +58,4 @@ def test_a_connection_of_terminals_is_one_by_itself():
 )
 def test_what_is_declared_and_is_none_is_told(connections, units, message):
     with pytest.raises(CouplingError, match=message):
-        bonds(system(*units, connections))
+        find_bonds(system(*units, connections))

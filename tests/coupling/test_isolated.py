@@ -25,7 +25,7 @@ class Endless(PythonComponent):
 
 
 def test_what_it_computed_counts_though_it_never_ends(build, monkeypatch):
-    monkeypatch.setattr(isolated_member, "CLOSING", 0.2)
+    monkeypatch.setattr(isolated_member, "CLOSE_TIMEOUT", 0.2)
     member = IsolatedMember(RecordMember("a", Endless()), build)
     run = CoSimulation({"a": member}, [], 1_000_000, build=build)
     run.initialize(0, 10_000_000)

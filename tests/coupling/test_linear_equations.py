@@ -85,7 +85,7 @@ def loop_of_vectors(kind, build, **options):
 @pytest.mark.parametrize("kind", list(WIRES))
 def test_the_jacobian_of_vectors_is_that_of_their_matrices(kind, build):
     run, direct = loop_of_vectors(kind, build)
-    torn = [one.number for one in run.plan.every if one.is_torn]
+    torn = [one.number for one in run.plan.all_elements if one.is_torn]
     found = Coupling(run.plan).jacobian(0.0, 1e-3)
     run.terminate()
     known = [i for i in range(len(direct)) if i not in torn]

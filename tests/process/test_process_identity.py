@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from twin.process.process_identity import alive, memory_is_limited, process_identity, remove, there
+from twin.process.process_identity import alive, exists, memory_is_limited, process_identity, remove
 
 
 def dead() -> int:
@@ -18,14 +18,14 @@ def dead() -> int:
 
 def test_whether_a_process_is_there(monkeypatch):
     """Where /proc is missing: also a process that belongs to another user is there."""
-    assert there(os.getpid())
-    assert not there(dead())
+    assert exists(os.getpid())
+    assert not exists(dead())
 
     def forbidden(_pid, _signal):
         raise PermissionError
 
     monkeypatch.setattr(os, "kill", forbidden)
-    assert there(1)
+    assert exists(1)
 
 
 def test_an_owner_lives_as_long_as_its_process():

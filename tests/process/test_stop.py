@@ -36,7 +36,7 @@ def ignored(number):
 def test_only_the_first_signal_interrupts(number):
     done = []
     with Stop() as stop:
-        signal.signal(number, stop._heard)
+        signal.signal(number, stop._on_signal)
         stop._before[number] = signal.SIG_IGN
         try:
             with stop.armed():

@@ -31,12 +31,12 @@ def test_memory_is_used_where_it_can_be(told, named, is_used, tmp_path, monkeypa
         monkeypatch.setenv(name, named if name == "TMPDIR" else "")
     monkeypatch.setattr(owners, "MEMORY", tmp_path)
     monkeypatch.setattr(os, "statvfs", lambda _: SimpleNamespace(**{**FREE, **told}))
-    assert owners.memory() == (tmp_path if is_used else None)
+    assert owners.memory_folder() == (tmp_path if is_used else None)
 
 
 def test_only_what_is_small_lies_in_memory(monkeypatch):
     assert place_for(1) is None  # nobody would remove it
-    monkeypatch.setattr(owners.Quick, "folder", "/memory/of/a/run")
+    monkeypatch.setattr(owners.MemoryFolder, "folder", "/memory/of/a/run")
     assert (place_for(1), place_for(owners.SMALL + 1)) == ("/memory/of/a/run", None)
 
 

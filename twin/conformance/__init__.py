@@ -1,4 +1,4 @@
-"""Whether a component is the same in every form, and the trajectory that all must reproduce."""
+"""Conformance checks of components in every execution form, and their reference trajectories."""
 
 from twin.conformance import agreement, reference
 

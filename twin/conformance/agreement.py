@@ -1,6 +1,6 @@
-"""What every component must pass; `twin test NAME` and the test suite run these same checks.
+"""Conformance checks that every component must pass; `twin test NAME` and the test suite run the same ones.
 
-A check takes a component class and the build folder and raises ConformanceError with one line if it does not hold.
+A check takes a component class and the build folder and raises ConformanceError with one line a problem.
 """
 
 from __future__ import annotations
@@ -25,37 +25,37 @@ VERSIONS = ("2.0", "3.0")
 
 
 class ConformanceError(TwinError):
-    """A component does not do what every component must."""
+    """A component fails a conformance check."""
 
 
 class MemberTarget:
-    """A member on which a reference trajectory is replayed, through the address that the loop would call.
+    """Replay target for a member: reference trajectories are replayed through the step function that the loop calls.
 
-    Arrays are read and written whole, once between two steps, though a trajectory knows their elements.
+    Arrays are read and written as a whole, once between two steps; trajectories hold single elements.
     """
 
     def __init__(self, member: Member) -> None:
         self.member = member
         self.flags = np.zeros(8, np.int64)
-        self.places = {
+        self._elements = {
             name: (variable.name, index)
             for variable in member.variables.values()
             for name, index in zip(elements(variable.name, variable.shape), np.ndindex(variable.shape), strict=True)
         }
-        # arrays are written whole; before initialization an FMU need not let them be read
+        # Arrays are written as a whole, and an FMU need not allow reading before initialization.
         self.arrays = {
             variable.name: np.array(np.broadcast_to(variable.start, variable.shape))
             for variable in member.variables.values()
             if variable.shape
         }
-        self.changed: set[str] = set()  # arrays that are still to be written
-        self.known: dict[str, np.ndarray[Any, Any]] = {}  # what was read since anything changed
+        self.changed: set[str] = set()  # arrays with pending writes
+        self._cache: dict[str, np.ndarray[Any, Any]] = {}  # values read since the last write or step
         member.instantiate()
 
     def set(self, name: str, value: Value) -> None:
         """Write an input."""
-        variable, index = self.places[name]
-        self.known.clear()
+        variable, index = self._elements[name]
+        self._cache.clear()
         if index:
             self.arrays[variable][index] = value
             self.changed.add(variable)
@@ -65,10 +65,10 @@ class MemberTarget:
     def get(self, name: str) -> Value:
         """Read an output."""
         self._write()
-        variable, index = self.places[name]
-        if variable not in self.known:
-            self.known[variable] = np.asarray(self.member.get(variable))
-        value: Value = self.known[variable][index].item()
+        variable, index = self._elements[name]
+        if variable not in self._cache:
+            self._cache[variable] = np.asarray(self.member.get(variable))
+        value: Value = self._cache[variable][index].item()
         return bool(value) if self.member.variables[variable].type == "Boolean" else value
 
     def start(self, t: float) -> None:
@@ -80,7 +80,7 @@ class MemberTarget:
     def advance(self, t: float, h: float) -> int:
         """Step from t to t + h [s]."""
         self._write()
-        self.known.clear()
+        self._cache.clear()
         member, address = self.member, int(self.flags.ctypes.data)
         return machine.call_step(member.step_function, member.step_signature, member.instance, t, h, address)
 
@@ -91,46 +91,46 @@ class MemberTarget:
 
 
 def elements(name: str, shape: tuple[int, ...]) -> list[str]:
-    """Names of the scalars of a variable, as in `Variable.elements`."""
+    """Return the names of the scalars of a variable, as `Variable.elements` does."""
     return [f"{name}[{','.join(str(i + 1) for i in index)}]" for index in np.ndindex(shape)] if shape else [name]
 
 
-def expected(cls: type[Component]) -> Trajectory:
-    """The trajectory in the component's expected.csv."""
-    path = reference.place(cls)
+def read_expected(cls: type[Component]) -> Trajectory:
+    """Read the trajectory in the component's expected.csv; ConformanceError if there is none."""
+    path = reference.reference_path(cls)
     if not path.exists():
         raise ConformanceError(f"{cls.__name__}: has no {path}. Run: {reference.command(cls)}")
     return reference.read(path, cls)
 
 
-_answers: dict[type[Component], Trajectory] = {}
+_responses: dict[type[Component], Trajectory] = {}
 
 
-def interpreted(cls: type[Component]) -> Trajectory:
-    """What the component answers as plain Python to the stimulus of its expected.csv, whatever outputs stand there.
+def run_interpreted(cls: type[Component]) -> Trajectory:
+    """Run the component as plain Python under the stimulus of its expected.csv; the outputs in the file are ignored.
 
-    Other forms are compared with it, so that a file that is missing or out of date is told once.
+    The other forms are compared with this trajectory, so a missing or outdated file is reported only once.
     """
-    if cls not in _answers:
-        _answers[cls] = reference.record_reference(cls, reference.kept_stimulus(reference.place(cls), cls))
-    return _answers[cls]
+    if cls not in _responses:
+        _responses[cls] = reference.record_reference(cls, reference.read_stimulus(reference.reference_path(cls), cls))
+    return _responses[cls]
 
 
-def same(cls: type[Component], what: str, other: str, wanted: Trajectory, found: Trajectory) -> None:
-    """Demand equality to the bit."""
-    wrong = reference.differences(wanted, found)
-    if wrong:
-        text = ", ".join(f"{name} by {size:.3g}" for name, size in wrong.items())
+def require_equal(cls: type[Component], what: str, other: str, wanted: Trajectory, actual: Trajectory) -> None:
+    """Raise ConformanceError unless two trajectories are equal to the bit."""
+    mismatches = reference.differences(wanted, actual)
+    if mismatches:
+        text = ", ".join(f"{name} by {size:.3g}" for name, size in mismatches.items())
         raise ConformanceError(f"{cls.__name__}: {what} differs from {other} in {text}.")
 
 
 def check_source(cls: type[Component], build: Path) -> None:
-    """The functions hold nothing that cannot be compiled, and write no input or parameter."""
-    demand(compiler.problems(cls, build))
+    """Check that the functions can be compiled and write no input or parameter."""
+    raise_problems(compiler.problems(cls, build))
 
 
 def check_documentation(cls: type[Component], _build: Path) -> None:
-    """Docstring and descriptions are there, units are coherent SI, parameters name their source."""
+    """Check for docstrings and descriptions, coherent SI units, and sources of parameters."""
     from twin.component import unit
 
     problems = []
@@ -150,11 +150,11 @@ def check_documentation(cls: type[Component], _build: Path) -> None:
     for name, terminal in cls.terminals.items():
         if not terminal.description:
             problems.append(f"{cls.__name__}.{name}: has no description. Say what is connected there.")
-    demand(problems)
+    raise_problems(problems)
 
 
 def check_outputs_written(cls: type[Component], _build: Path) -> None:
-    """Outputs that were poisoned with NaN are written by initialization and again by a step."""
+    """Check that initialization and a step write all outputs, which are set to NaN before."""
     part = cls()
     outputs = [v for v in cls.variables if v.role is Role.output and v.type is Float64]
     continuous = "derivatives(self, t)" if hasattr(cls, "derivatives") else ""
@@ -170,49 +170,51 @@ def check_outputs_written(cls: type[Component], _build: Path) -> None:
         for variable in outputs:
             if np.any(np.isnan(part.views[variable.name])):
                 problems.append(
-                    f"{cls.__name__}: {phase} does not write {variable.name}. {written(function, variable)}"
+                    f"{cls.__name__}: {phase} does not write {variable.name}. {output_remedy(function, variable)}"
                 )
-    demand(problems)
+    raise_problems(problems)
 
 
-def written(function: str, variable: Variable) -> str:
-    """How an output is set in a function."""
+def output_remedy(function: str, variable: Variable) -> str:
+    """Return the remedy for an output that a function does not write."""
     element = f"[{', '.join('0' * len(variable.shape))}]" if variable.shape else ""
     every = " and so on, every element" if variable.shape else ""
     return f"Write `def {function}:` with `self.{variable.name}{element} = ...`{every}, whatever branch is taken."
 
 
-def demand(problems: list[str]) -> None:
-    """Nothing may be wrong; all that is, is told."""
+def raise_problems(problems: list[str]) -> None:
+    """Raise ConformanceError with all problems, if there are any."""
     if problems:
         raise ConformanceError("\n".join(problems))
 
 
 def step_size(cls: type[Component]) -> float:
-    """A communication step that makes a component step [s]."""
+    """Return a communication step in which the component makes one step [s]."""
     return cls.period or 1e-3
 
 
 def check_interpreted(cls: type[Component], _build: Path) -> None:
-    """Interpreted, the component reproduces expected.csv to the bit."""
-    wanted = expected(cls)
-    same(cls, "interpreted", f"expected.csv (if that is wanted: {reference.command(cls)})", wanted, interpreted(cls))
+    """Check that the interpreted component reproduces expected.csv to the bit."""
+    wanted = read_expected(cls)
+    require_equal(
+        cls, "interpreted", f"expected.csv (if that is wanted: {reference.command(cls)})", wanted, run_interpreted(cls)
+    )
 
 
 def check_compiled(cls: type[Component], build: Path) -> None:
-    """Compiled in process, the component does the same to the bit."""
-    wanted = interpreted(cls)
+    """Check that the component compiled in process equals the interpreted one to the bit."""
+    wanted = run_interpreted(cls)
     member = RecordMember("part", cls(), compiler.load_component(cls, build))
-    same(cls, "compiled", "interpreted", wanted, reference.replay(MemberTarget(member), wanted))
+    require_equal(cls, "compiled", "interpreted", wanted, reference.replay(MemberTarget(member), wanted))
 
 
 def check_fmu(cls: type[Component], build: Path) -> None:
-    """As FMI 2.0 and as FMI 3.0 FMU, the component does the same to the bit and passes FMPy's validation."""
+    """Check that the FMI 2.0 and 3.0 FMUs equal the interpreted component to the bit and pass FMPy's validation."""
     from fmpy.validation import validate_fmu
 
     from twin.fmi import FMUMember, exporter
 
-    wanted = interpreted(cls)
+    wanted = run_interpreted(cls)
     for version in VERSIONS:
         path = exporter.build(cls, version, build)
         problems = validate_fmu(str(path))
@@ -220,7 +222,9 @@ def check_fmu(cls: type[Component], build: Path) -> None:
             raise ConformanceError(f"{cls.__name__}: FMPy says of {path}: {'; '.join(map(str, problems))}")
         member = FMUMember("part", path)
         try:
-            same(cls, f"the FMI {version} FMU", "interpreted", wanted, reference.replay(MemberTarget(member), wanted))
+            require_equal(
+                cls, f"the FMI {version} FMU", "interpreted", wanted, reference.replay(MemberTarget(member), wanted)
+            )
         finally:
             member.close()
 
@@ -236,7 +240,7 @@ CHECKS: dict[str, Callable[[type[Component], Path], None]] = {
 
 
 def checks(cls: type[Component]) -> dict[str, Callable[[type[Component], Path], Any]]:
-    """The checks that apply: a Python-side component is neither compiled nor an FMU."""
+    """Return the checks that apply to a component: a Python-side one is neither compiled nor exported."""
     functions(cls)
     if issubclass(cls, PythonComponent):
         return {name: CHECKS[name] for name in ("documentation", "interpreted")}

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from twin.coupling.groups.group_writer import Part
     from twin.coupling.stability.growth import Growth, growth
 
-# what no run of FMUs needs
+# Lazy attribute access (PEP 562): a run of FMUs needs none of these.
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={

@@ -1,6 +1,6 @@
-"""Power bonds: connections there and back whose product is a power, or an energy: force and velocity, pressure and flow.
+"""Power bonds: connections in both directions whose product is a power or an energy: force and velocity, pressure and flow.
 
-Those of one name in `bond:` are one; so are those of two terminals, if they are such.
+Connections with the same name in `bond:` form one bond; so do those of two terminals, if their product is a power or energy.
 """
 
 from __future__ import annotations
@@ -18,25 +18,27 @@ if TYPE_CHECKING:
     from twin.coupling.system import Link
 
 POWER, ENERGY = "W", "J"
-MEANT = (POWER, ENERGY)  # the second with a displacement in the place of its velocity
+PRODUCT_UNITS = (POWER, ENERGY)  # energy: a bond with a displacement instead of a velocity
 
 
-def bonds(links: Iterable[Link]) -> dict[str, list[Link]]:
-    """The connections of each bond; CouplingError for those that are declared and are none."""
+def find_bonds(links: Iterable[Link]) -> dict[str, list[Link]]:
+    """Return the connections of each bond by name; CouplingError for declared bonds that are none."""
     named: dict[tuple[str, bool], list[Link]] = {}
     for link in links:
         if name := link.bond or link.terminals:
             named.setdefault((name, bool(link.bond)), []).append(link)
     problems = [
-        f"bond {name}: {wrong}" for (name, declared), own in named.items() if declared and (wrong := fault(own))
+        f"bond {name}: {problem}"
+        for (name, declared), own in named.items()
+        if declared and (problem := bond_problem(own))
     ]
     if problems:
         raise CouplingError(problems)
-    return {name: own for (name, _), own in named.items() if not fault(own)}
+    return {name: own for (name, _), own in named.items() if not bond_problem(own)}
 
 
-def fault(links: list[Link]) -> str:
-    """Why connections are no power bond; empty if they are one."""
+def bond_problem(links: list[Link]) -> str:
+    """Return why connections are no power bond; empty if they are one."""
     ends = {frozenset((link.source.member, link.target.member)) for link in links}
     if len(ends) > 1:
         names = ", ".join(sorted({name for pair in ends for name in pair}))
@@ -44,50 +46,52 @@ def fault(links: list[Link]) -> str:
     sides = list(dict.fromkeys(link.source.member for link in links))
     if len(sides) != 2:
         return f"goes one way only, from {sides[0]}. Declare it at a connection back, too."
-    there, back = (
+    forward, backward = (
         [link for link in links if link.source.member == side and is_real(link.target.variable)] for side in sides
     )
-    if not any(is_power(a, b) for a, b in product(there, back)):
-        units = " and ".join(shown(one) for one in links[:2])
+    if not any(is_power(a, b) for a, b in product(forward, backward)):
+        units = " and ".join(link_label(link) for link in links[:2])
         return f"{units} give no power. Declare it at a force and a velocity, a torque and an angle, a pressure and a flow."
     return ""
 
 
-def is_power(a: Link, b: Link, meant: tuple[str, ...] = MEANT) -> bool:
-    """Whether the product of what two connections bring is a power or an energy; angles count for nothing."""
-    both = [unit.describe(one.target.variable.unit).exponents for one in (a, b)]
-    found = [x + y for x, y in zip(*both, strict=True)][:-1]
-    return any(found == list(unit.describe(one).exponents)[:-1] for one in meant)
+def is_power(a: Link, b: Link, units: tuple[str, ...] = PRODUCT_UNITS) -> bool:
+    """Whether the product of two connected quantities has one of the units (power or energy); angles are dimensionless."""
+    factors = [unit.describe(link.target.variable.unit).exponents for link in (a, b)]
+    exponents = [x + y for x, y in zip(*factors, strict=True)][:-1]
+    return any(exponents == list(unit.describe(symbol).exponents)[:-1] for symbol in units)
 
 
-def powers(links: Iterable[Link]) -> list[list[tuple[Link, Link, float]]]:
-    """Of each bond the connections there and back whose product is a power, and its unit in W.
+def find_power_pairs(links: Iterable[Link]) -> list[list[tuple[Link, Link, float]]]:
+    """Return for each bond the pairs of connections (there, back) whose product is a power, with its unit [W].
 
-    CouplingError for a declared bond that has none: with a place instead of a velocity the product is an energy.
+    CouplingError for a declared bond without one: with a position instead of a velocity the product is an energy.
     """
-    found = []
-    for name, own in bonds(links).items():
-        first = own[0].source.member
-        sides = product(*([one for one in own if (one.source.member == first) is there] for there in (True, False)))
+    result = []
+    for name, bond_links in find_bonds(links).items():
+        first = bond_links[0].source.member
+        sides = product(
+            *([link for link in bond_links if (link.source.member == first) is there] for there in (True, False))
+        )
         pairs = [
-            (a, b, in_watt(a) * in_watt(b))
+            (a, b, si_factor(a) * si_factor(b))
             for a, b in sides
             if a.target.size == b.target.size and is_power(a, b, (POWER,))
         ]
-        if not pairs and own[0].bond:
+        if not pairs and bond_links[0].bond:
             raise CouplingError(
                 f"bond {name}: has a force and a place, but no velocity, so it tells an energy and no power. "
                 "Declare it at the velocity, too, or use predictive or step_doubling."
             )
-        found += [pairs] if pairs else []
-    return found
+        result += [pairs] if pairs else []
+    return result
 
 
-def in_watt(link: Link) -> float:
-    """The unit of an input in SI."""
+def si_factor(link: Link) -> float:
+    """Return the factor from the unit of an input to SI."""
     return unit.describe(link.target.variable.unit).factor
 
 
-def shown(link: Link) -> str:
-    """`servo.position [m]`."""
+def link_label(link: Link) -> str:
+    """Return the source of a connection with its unit: `servo.position [m]`."""
     return f"{link.source.member}.{link.source.variable.name} [{link.target.variable.unit or '1'}]"

@@ -1,4 +1,4 @@
-"""A component of ours as a member: its record lies in this process, and its functions are compiled or interpreted."""
+"""Component as a member: its record lies in this process; its functions are compiled or interpreted."""
 
 # ruff: noqa: D102, ARG002 - described in the abstract class
 from __future__ import annotations
@@ -24,23 +24,23 @@ CAUSALITY = {Role.input: "input", Role.output: "output", Role.parameter: "parame
 
 
 def declared_variables(cls: type[Component]) -> dict[str, MemberVariable]:
-    """The variables of a component as its members show them."""
+    """Return the member variables of a component by name."""
     feedthrough = dependencies(cls)
     continuous = evaluation(cls) is not None
-    places: dict[str, list[TerminalMember]] = {}
+    memberships: dict[str, list[TerminalMember]] = {}
     for name, terminal in cls.terminals.items():
         for member, variable in terminal.members.items():
-            places.setdefault(variable.name, []).append(TerminalMember(name, member, terminal.rule))
+            memberships.setdefault(variable.name, []).append(TerminalMember(name, member, terminal.rule))
     return {
-        v.name: declared(v, continuous, feedthrough.get(v.name, ()), tuple(places.get(v.name, ())))
+        v.name: member_variable(v, continuous, feedthrough.get(v.name, ()), tuple(memberships.get(v.name, ())))
         for v in cls.variables
     }
 
 
-def declared(
+def member_variable(
     variable: Variable, continuous: bool, feedthrough: tuple[str, ...], terminals: tuple[TerminalMember, ...] = ()
 ) -> MemberVariable:
-    """A component's variable as its members show it."""
+    """Convert a component's variable to a member variable."""
     variability = "continuous" if continuous and variable.type == "Float64" else "discrete"
     if variable.role is Role.parameter:
         variability = "fixed" if variable.fixed else "tunable"
@@ -52,7 +52,7 @@ def declared(
 
 
 def driven(cls: type[Component]) -> frozenset[str]:
-    """Local variables of a group that are inputs of its parts: `part.variable`, set by a connection inside."""
+    """Return the local variables of a group that are inputs of its parts (`part.variable`), set by an inner connection."""
     parts = getattr(cls, "parts", {})
     local = {v.name for v in cls.variables if v.role is Role.local}
     return frozenset(
@@ -63,14 +63,14 @@ def driven(cls: type[Component]) -> frozenset[str]:
     )
 
 
-def importable(cls: type[Component]) -> tuple[type[Component], int]:
-    """A class that another process can import, and the period [ns] at which it is to sample."""
+def importable_class(cls: type[Component]) -> tuple[type[Component], int]:
+    """Return a class that another process can import, and its sample period [ns]; PicklingError if there is none."""
     if cls.__module__ == "__main__":
         raise pickle.PicklingError(f"{cls.__name__} is in the script that runs")
     return (cls.__mro__[1] if "sampled_as" in vars(cls) else cls), cls.period_ns
 
 
-def _made_again(
+def _recreate(
     name: str,
     base: type[Component],
     period_ns: int,
@@ -87,7 +87,7 @@ def _made_again(
 
 @dataclass
 class RecordMember(Member):
-    """A component whose record lies in this process: interpreted, Python-side, or compiled (`code` given).
+    """Member whose record lies in this process: interpreted, Python-side, or compiled (with `code`).
 
     `code`: addresses of `initialize(record, t)` and `advance(record, t, h)`; without it the Python functions run.
     """
@@ -116,13 +116,13 @@ class RecordMember(Member):
             self.step_function = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Not yet initialized, for another process, which calls `load` next."""
+        """Pickle for another process, not yet initialized; `load` must be called there next."""
         part = self.component
-        values = {one.name: np.array(part.views[one.name]) for one in type(part).variables}
-        return _made_again, (self.name, *importable(type(part)), values, bool(self.code), self.log, self.identity)
+        values = {variable.name: np.array(part.views[variable.name]) for variable in type(part).variables}
+        return _recreate, (self.name, *importable_class(type(part)), values, bool(self.code), self.log, self.identity)
 
     def load(self, build: Path) -> None:
-        """Find the compiled code once more, where there was some."""
+        """Load the compiled code in this process, if the member is compiled."""
         if self.code:
             self.code = compiler.load_component(type(self.component), build)
             self.__post_init__()
@@ -134,13 +134,13 @@ class RecordMember(Member):
     def _step(self, _instance: int, t: float, h: float, *_: int) -> int:
         try:
             return self.component.advance(t, h)
-        except BaseException as error:  # also Ctrl-C: nothing may pass through native frames
+        except BaseException as error:  # also KeyboardInterrupt: no exception may pass through native frames
             self.failure = error
             self.log.append(str(error) if isinstance(error, TwinError) else described(error))
             return solver.ERROR
 
     def instantiate(self) -> None:
-        """Nothing to do: the component was made with its start values."""
+        """No-op: the component was created with its start values."""
 
     def enter_initialization(self, t: float, stop: float | None) -> None:
         self._t = t
@@ -187,6 +187,6 @@ class RecordMember(Member):
             self._closed = True
             try:
                 self.component.close()
-            except Exception as error:  # the others are to be closed all the same
+            except Exception as error:  # The other members must be closed too.
                 self.log.append(f"close failed: {described(error)}")
         self._closed = True

@@ -1,4 +1,4 @@
-"""The co-simulation: initialize, advance, terminate. Owns time and memory; the work is done by the compiled loop."""
+"""Co-simulation master: initialize, advance, terminate. Owns time and memory; the compiled loop does the steps."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from twin.coupling import events, initialization, model_exchange_groups
 from twin.coupling.algorithms import Algorithm
 from twin.coupling.event_steps import EventSteps
 from twin.coupling.execution import loop
-from twin.coupling.execution.finite_value_monitor import Watch
+from twin.coupling.execution.finite_value_monitor import FiniteValueMonitor
 from twin.coupling.execution.loop_tables import Tables
 from twin.coupling.execution.plan import Key, Plan, view
 from twin.coupling.execution.recorder import Layout, Memory, Recorder
-from twin.coupling.execution.step_failures import Endings, log_text
-from twin.coupling.execution.string_binary_links import Objects
+from twin.coupling.execution.step_failures import StepFailures, log_text
+from twin.coupling.execution.string_binary_links import StringBinaryLinks
 from twin.coupling.isolation.isolated_member import IsolatedMember
 from twin.coupling.overrides import Overrides
 from twin.coupling.system import Link
-from twin.coupling.variable_step import stepping as walk
-from twin.coupling.variable_step.events import WalkedEvents
-from twin.coupling.variable_step.rollback import Logs, refuse, trial, unfaithful
+from twin.coupling.variable_step import stepping
+from twin.coupling.variable_step.events import VariableStepEvents
+from twin.coupling.variable_step.rollback import StepLogs, check_rollback, trial, unfaithful
 from twin.coupling.variable_step.stage_tables import Stages
-from twin.coupling.variable_step.state import Walk
+from twin.coupling.variable_step.state import VariableStepState
 from twin.errors import CouplingError, SimulationError
 
 if TYPE_CHECKING:
@@ -38,32 +38,35 @@ if TYPE_CHECKING:
 
     from twin.coupling.member import Member
 
-CHUNK_SECONDS = 0.05  # wall-clock length of one native call: how fast Ctrl-C and the progress bar react
-FIRST_STEPS = 16  # length of the first one
+CHUNK_SECONDS = 0.05  # wall-clock length of one native call [s]: latency of Ctrl-C and of the progress bar
+FIRST_STEPS = 16  # communication steps of the first native call
 
 
 @lru_cache(maxsize=8)
 def compiled_loop(build: Path, plain: bool = True) -> Callable[[int], int]:
-    """The loop, or the walk of algorithms that are not plain, as a native function of its record's address."""
-    name, function = ("cosimulation", loop.run) if plain else ("walk", walk.run)
+    """Compile the fixed-step loop, or the variable-step master for algorithms that are not plain.
+
+    Returns a native function of the record's address.
+    """
+    name, function = ("cosimulation", loop.run) if plain else ("walk", stepping.run)
     address = compiler.load_record_function(loop.RECORD, name, function, f"The {name} loop.", build)
     return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(address)
 
 
 @dataclass
 class Recording:
-    """What was recorded: time [s], and per variable an array of rows (and elements)."""
+    """Recorded signals: time [s], and per variable an array of rows (and elements)."""
 
     time: np.ndarray[Any, Any]
     signals: dict[str, np.ndarray[Any, Any]]
 
 
-class CoSimulation(Endings):
-    """Members coupled by links, from `initialize` over `advance` to `terminate`.
+class CoSimulation(StepFailures):
+    """Co-simulation of members coupled by links: `initialize`, `advance`, `terminate`.
 
-    `step`: communication step [ns]. A member's period must be a multiple of it: never a rounding. `record`: variables
-    to record every `every` [ns] as (member, variable). `split`: variables of which elements will be overridden.
-    `recorder`: where the rows go, by default into memory. `exempt`: members that may compute what is not finite.
+    `step`: communication step [ns]. A member's period must be an exact multiple of it. `record`: variables to record
+    every `every` [ns] as (member, variable). `split`: variables of which elements will be overridden. `recorder`:
+    destination of the rows, by default memory. `exempt`: members that may compute values that are not finite.
     """
 
     def __init__(
@@ -82,15 +85,15 @@ class CoSimulation(Endings):
         exempt: Collection[str] = (),
     ) -> None:
         self.members, self.step = members, step
-        self.links, self._wires = events.split(links)
+        self.links, self._wires = events.split_links(links)
         links = self.links
         self.algorithm: Algorithm = Algorithm(algorithm)
         self.periods = {name: (periods or {}).get(name) or m.period_ns or step for name, m in members.items()}
         self.every = every or step
         self._check_periods()
         self._slow = [name for name, period in self.periods.items() if period != step or members[name].period_ns]
-        events.refuse(members, self._wires, self.algorithm, self.periods, step)
-        refuse(self.algorithm, members, self._slow)
+        events.check_supported(members, self._wires, self.algorithm, self.periods, step)
+        check_rollback(self.algorithm, members, self._slow)
         self._corrected = self.algorithm.corrected(links)
         model_exchange_groups.join(members, links, self.periods)
         outputs = [
@@ -101,18 +104,18 @@ class CoSimulation(Endings):
         ]
         self.recorded = outputs if record is None else record
         self._build, self._loop = build, compiled_loop(build, self.algorithm.is_plain)
-        self._walk: Walk | None = None
-        self._logs: Logs | None = None
-        self._parts: EventSteps | None = None
+        self._variable_step: VariableStepState | None = None
+        self._logs: StepLogs | None = None
+        self._event_steps: EventSteps | None = None
         self._isolated = [member for member in members.values() if isinstance(member, IsolatedMember)]
         self._ready = False  # whether the tables are filled
         self.failure: str = ""
         self.finished = False
         self.recorder: Recorder = recorder or Memory()
-        self.watch = Watch(members, links, exempt)
+        self.watch = FiniteValueMonitor(members, links, exempt)
         self.notes = self.algorithm.remarks(self._corrected)
-        self._last: int | None = None  # tick of the last row that is wanted
-        self._looked = 0.0  # wall-clock time of the last look at all members [s]
+        self._last: int | None = None  # tick of the last valid row
+        self._last_check = 0.0  # wall-clock time of the last check for finite values [s]
         self._split = frozenset(split)
         self._begin: clock.Time = 0
 
@@ -132,29 +135,29 @@ class CoSimulation(Endings):
             raise CouplingError(problems)
 
     def order(self) -> list[list[str]]:
-        """The stages: all members at once, or one by one along their dependencies."""
+        """Return the stages: all members at once, or one by one along their dependencies."""
         return self.algorithm.order_of(self.members, self.links)
 
     def delays(self) -> list[tuple[Link, clock.Time]]:
-        """How late each connection's value is when it is used, beyond what the source's own step says [ns]."""
-        place = {name: i for i, stage in enumerate(self.order()) for name in stage}
+        """Return each connection with the age of its value when it is used, beyond the source's own step [ns]."""
+        stage_index = {name: i for i, stage in enumerate(self.order()) for name in stage}
         inside = model_exchange_groups.between(self.members, self.links)
-        found = []
+        delays = []
         for link in self.links:
             ends = link.source.member, link.target.member
-            fresh = place[ends[0]] < place[ends[1]] and self.periods[ends[0]] == self.step
+            fresh = stage_index[ends[0]] < stage_index[ends[1]] and self.periods[ends[0]] == self.step
             if not self.algorithm.is_plain:
                 fresh = (fresh or self.algorithm.iterations > 0) and not any(name in self._slow for name in ends)
             at_event = self.members[link.target.member].clocked and link.target.variable.variability != "continuous"
-            found.append((link, 0 if fresh or link in inside or at_event else self.periods[link.target.member]))
-        return [*found, *((wire, 0) for wire in self._wires)]
+            delays.append((link, 0 if fresh or link in inside or at_event else self.periods[link.target.member]))
+        return [*delays, *((wire, 0) for wire in self._wires)]
 
     def initialize(self, start: clock.Time, stop: clock.Time | None = None) -> None:
         """Take all members through InitializationMode at `start` [ns] and record the first row."""
         self._begin = start
         if self.algorithm.rolls_back:
-            # those in a process of their own log when they like, not when their steps are at work
-            self._logs = Logs(one for one in self.members.values() if one not in self._isolated)
+            # Isolated members log asynchronously, so their lines cannot be assigned to steps.
+            self._logs = StepLogs(member for member in self.members.values() if member not in self._isolated)
             for name, member in self.members.items():
                 member.early = member.early or name not in self._slow
         for name, member in self.members.items():
@@ -163,20 +166,22 @@ class CoSimulation(Endings):
         for name, member in self.members.items():
             self._guard(name, "initialization", partial(member.enter_initialization, clock.seconds(start), end))
         try:
-            initialization.solve(self.members, self.links)
+            initialization.solve_initialization(self.members, self.links)
         except SimulationError as error:
-            self._blame(self.watch.bad(), f"at t = {clock.text(start)}", sure=True, cause=error)
+            self._raise_if_not_finite(
+                self.watch.non_finite_members(), f"at t = {clock.text(start)}", sure=True, cause=error
+            )
             raise
         for name, member in self.members.items():
             self._guard(name, "initialization", member.exit_initialization)
-        self._fill(stop)
+        self._build_tables(stop)
 
     def with_members(self, members: Mapping[str, Member]) -> CoSimulation:
-        """The same coupling, from the time reached on, of these members, all initialized; what it does, it does to them."""
+        """Return the same coupling of other, initialized members from the time reached; their state changes with its steps."""
         links, periods = [*self.links, *self._wires], self.periods
         other = CoSimulation(members, links, self.step, self.algorithm, record=[], build=self._build, periods=periods)
         other._begin, other._logs = self.time, self._logs
-        other._fill(None)
+        other._build_tables(None)
         return other
 
     def _guard(self, name: str, phase: str, call: Callable[[], object]) -> None:
@@ -188,11 +193,11 @@ class CoSimulation(Endings):
         except Exception as error:
             raise SimulationError(f"{name}: {phase} failed: {error}{log_text(self.members[name])}") from error
 
-    def _fill(self, stop: clock.Time | None) -> None:
-        """Build the tables, publish what the members hold, and record the first row."""
+    def _build_tables(self, stop: clock.Time | None) -> None:
+        """Build the tables, publish the members' values, and record the first row."""
         parts = self.members, self.step, self.periods, self._split
         plan = self.plan = Plan(*parts) if self.algorithm.is_plain else Stages(*parts, algorithm=self.algorithm)
-        plan.objects = Objects(self.members, self.links)
+        plan.objects = StringBinaryLinks(self.members, self.links)
         if any(member.clocked for member in self.members.values()):
             plan.events = events.Events(self.members, self.links, self._wires)
         plan.build(self.order(), plan.objects.numbers, self.recorded, self.watch.published())
@@ -207,12 +212,12 @@ class CoSimulation(Endings):
             self._begin, self.step, stop
         )
         self.state["every"] = self.every // self.step
-        self._tables.tell(self.state)
+        self._tables.write_addresses(self.state)
         if isinstance(plan, Stages):
-            self._try()
-            self._walk = Walk(plan, self._tables, self.state, self.step, self._corrected)
+            self._verify_rollback()
+            self._variable_step = VariableStepState(plan, self._tables, self.state, self.step, self._corrected)
             if self._logs is not None:
-                self._logs.tell(self.state)
+                self._logs.connect(self.state)
         count = None if stop is None else (stop - self._begin) // self.every + 2
         columns = [(key, first, self.members[key[0]].variables[key[1]]) for key, first, _ in plan.columns]
         calls = plan.calls(self._tables.arrays)
@@ -223,35 +228,35 @@ class CoSimulation(Endings):
         self.state["limits"], self.state["limit_count"] = self._limits.ctypes.data, self.watch.row_count
         self.state["scalar"] = self._scalar.ctypes.data
         loop.record(self._record.view(np.recarray)[0])
-        self._blame(self.watch.bad(), f"at t = {clock.text(self._begin)}")
+        self._raise_if_not_finite(self.watch.non_finite_members(), f"at t = {clock.text(self._begin)}")
 
-    def _begin_events(self, found: events.Events) -> None:
-        """The event that every member with clocks is in after initialization, at its end."""
-        found.connect(self.plan, self._tables.arrays)
+    def _begin_events(self, clock_events: events.Events) -> None:
+        """Process the event in which members with clocks are after initialization."""
+        clock_events.connect(self.plan, self._tables.arrays)
         record = self.recorder.record[0]
         if isinstance(self.plan, Stages):
-            WalkedEvents(found, self.plan, record, self._begin, self.step)
+            VariableStepEvents(clock_events, self.plan, record, self._begin, self.step)
         else:
-            self._parts = EventSteps(found, self.members, self.periods, record, self._begin, self.step)
-        found.react(self._begin)
+            self._event_steps = EventSteps(clock_events, self.members, self.periods, record, self._begin, self.step)
+        clock_events.react(self._begin)
         self._tables.publish()
 
-    def _try(self) -> None:
-        """Let those prove it who say of themselves that they can go back."""
+    def _verify_rollback(self) -> None:
+        """Verify by trial that members support rollback, except our own."""
         if not self.algorithm.rolls_back:
             return
         for name, member in self.members.items():
             if name in self._slow or member.can_restore:
                 continue
             assert self._logs is not None
-            with self._logs.nothing_told():
-                wrong = trial(member, clock.seconds(self._begin), clock.seconds(self.step))
-            if wrong:
-                raise CouplingError(unfaithful(name, wrong, self.algorithm))
+            with self._logs.discarding():
+                problem = trial(member, clock.seconds(self._begin), clock.seconds(self.step))
+            if problem:
+                raise CouplingError(unfaithful(name, problem, self.algorithm))
 
     @property
     def last(self) -> int | None:
-        """Tick of the last recorded row that counts; None: all do."""
+        """Tick of the last valid recorded row; None: all rows are valid."""
         return self._last
 
     @property
@@ -260,7 +265,7 @@ class CoSimulation(Endings):
         return self._begin + int(self.state["tick"]) * self.step
 
     def advance(self, until: clock.Time, progress: Callable[[clock.Time], object] | None = None) -> None:
-        """Go to `until` [ns], a communication point; SimulationError if a member fails, with all that is known.
+        """Advance to `until` [ns], a communication point; SimulationError if a member fails.
 
         Stops early, with `finished` set, when a member ends the simulation.
         """
@@ -270,7 +275,7 @@ class CoSimulation(Endings):
         chunk = FIRST_STEPS
         if not self.watch.is_saved:
             self.watch.save(self._record, self.plan)
-            self._looked = wall.perf_counter()
+            self._last_check = wall.perf_counter()
         while self.state["tick"] < last and not self.finished:
             self.state["stop"] = min(last, int(self.state["tick"]) + chunk)
             begin = wall.perf_counter()
@@ -279,7 +284,7 @@ class CoSimulation(Endings):
                 self._logs.stepping() if self._logs is not None else nullcontext(),
             ):
                 run = partial(self._loop, self._record.ctypes.data)
-                result = run() if self._parts is None else self._parts.go(run)
+                result = run() if self._event_steps is None else self._event_steps.go(run)
             took = wall.perf_counter() - begin
             if self.plan.events is not None and (name := self.plan.events.ended):
                 self.finished = True
@@ -289,14 +294,14 @@ class CoSimulation(Endings):
                 self.recorder.make_room()
             elif result == loop.FINISHED:
                 self.finished = True
-                self.failure = f"{self._member_name()} ended the simulation at {self._reached()}"
+                self.failure = f"{self._member_name()} ended the simulation at {self._end_time_text()}"
             elif result == loop.FAILED:
-                self._fail()
+                self._handle_failure()
             elif result == loop.NOTICED:
-                self._notice()
+                self._report_limit()
             is_over = self.finished or self.state["tick"] == last
-            if result in (loop.DONE, loop.FINISHED) and (is_over or begin + took - self._looked > CHUNK_SECONDS):
-                self._examine()
+            if result in (loop.DONE, loop.FINISHED) and (is_over or begin + took - self._last_check > CHUNK_SECONDS):
+                self._check_finite()
             chunk = max(1, min(chunk * 4, int(chunk * CHUNK_SECONDS / max(took, 1e-6))))
             self.state["at"] = 0
             self.recorder.look()
@@ -304,7 +309,7 @@ class CoSimulation(Endings):
                 progress(self.time)
 
     def value(self, key: Key) -> np.ndarray[Any, Any]:
-        """A variable at the communication point that was reached, as others see it: a slow member is not ahead of it."""
+        """Return a variable as published at the communication point reached: never ahead of it, also for slow members."""
         variable = self.members[key[0]].variables[key[1]]
         if key in self.plan.published:
             return view(self.plan.published[key], variable).copy().reshape(variable.shape)
@@ -313,7 +318,7 @@ class CoSimulation(Endings):
         return np.asarray(self.members[key[0]].get(key[1]))
 
     def set(self, key: Key, value: Any) -> None:
-        """Set a parameter or an unconnected input, or element of one, of a member, from now on."""
+        """Set a parameter or an unconnected input of a member from now on."""
         self._forget()
         self.members[key[0]].set(key[1], value)
         if self.plan.events is not None and self.members[key[0]].clocked:
@@ -323,13 +328,13 @@ class CoSimulation(Endings):
 
     def _forget(self) -> None:
         self.watch.forget()
-        if self._walk is not None:
-            self._walk.forget()
+        if self._variable_step is not None:
+            self._variable_step.forget()
 
     def override(self, key: Key, value: Any, element: int | None = None) -> None:
-        """From now on all who read this output, or the member that has this input, see `value` instead.
+        """Replace an output for all its readers, or an input for its member, by `value` from now on.
 
-        `element`: of an output in `split` only this one, counted from 0.
+        `element`: only this element of an output in `split`, counted from 0.
         """
         self._forget()
         self.members[key[0]].override(key[1], value, element)
@@ -350,7 +355,7 @@ class CoSimulation(Endings):
         self._tables.merge_records(self.state)
 
     def recording(self) -> Recording:
-        """All that was recorded until now, decoded."""
+        """Return the decoded recording until now."""
         if not self._ready:
             return Recording(np.zeros(0), {})
         words = self.recorder.words()
@@ -371,8 +376,8 @@ class CoSimulation(Endings):
         return Recording(time, signals)
 
     def terminate(self) -> None:
-        """Close all members, whatever state they are in."""
-        self._conclude()
+        """Close all members, in any state."""
+        self._note_step_problems()
         for name, member in self.members.items():
             self.recorder.note(f"{name}: termination")
             member.close()

@@ -1,6 +1,6 @@
-"""Communication steps that are cut where a clock ticks: all members step to the tick, have their event, and step on.
+"""Communication steps that are split at clock ticks: all members step to the tick, process their event, and continue.
 
-The loop makes whole steps, so it is told of each part as if it were one: another time, another length, no row.
+The loop only makes complete steps, so each part is passed to it as a step of another time and length, without a row.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ TIMES = ("begin_ns", "step_ns", "per_second", "every")
 
 
 class EventSteps:
-    """Runs the loop to where it is told to go, or to the next tick. `state`: the loop's record.
+    """Runs the loop to its `stop`, or to the next tick. `state`: the loop's record.
 
     `begin`, `step`: of the communication points [ns].
     """
@@ -42,42 +42,44 @@ class EventSteps:
         step: clock.Time,
     ) -> None:
         self.events, self.state, self.begin, self.step = events, state, begin, step
-        self.now: clock.Time | None = None  # where the step was cut that is at work
-        self.target: clock.Time | None = None  # where the part of it ends that is at work
+        self.now: clock.Time | None = None  # begin of the rest of a step that was split
+        self.target: clock.Time | None = None  # end of the part in progress
         self.is_part = False
-        self.rigid = [name for name, one in members.items() if one.period_ns or periods[name] != step]
+        self.fixed_step_members = [
+            name for name, member in members.items() if member.period_ns or periods[name] != step
+        ]
         events.steps = self
 
     @property
     def _due(self) -> clock.Time | None:
-        """When the next event is that a step is cut for [ns]; what is announced may come somewhat late, says the standard."""
-        return self.events.due if self.rigid else self.events.upcoming
+        """Time of the next event that splits a step [ns]; the standard allows announced events to come somewhat late."""
+        return self.events.due if self.fixed_step_members else self.events.upcoming
 
     def time(self) -> clock.Time:
-        """Where the members are at the end of the step that is at work [ns]."""
+        """Return the time at the end of the step in progress [ns]."""
         return self.begin + (int(self.state["tick"]) + 1) * self.step if self.target is None else self.target
 
     def check(self, now: clock.Time) -> None:
-        """Let the loop stop before the next tick if that is no communication point; SimulationError if it cannot be met."""
+        """Stop the loop before the next tick if that is no communication point; SimulationError if it cannot be reached."""
         due = self._due
         if self.events.ended:
             self.state["stop"] = int(self.state["tick"]) + 1
             return
         if due is None or due <= now or (due - self.begin) % self.step == 0:
             return
-        if not self.rigid:
+        if not self.fixed_step_members:
             before = int((due - self.begin) // self.step)
             self.state["stop"] = min(int(self.state["stop"]), max(before, int(self.state["tick"]) + 1))
             return
-        names = ", ".join(one.name for one in self.events.order if one.due == due)
+        names = ", ".join(member.name for member in self.events.order if member.due == due)
         raise SimulationError(
             f"{names}: a clock ticks at t = {clock.text(due)}, between communication points of {clock.text(self.step)}, "
-            f"and {', '.join(self.rigid)} cannot make a shorter step. "
+            f"and {', '.join(self.fixed_step_members)} cannot make a shorter step. "
             f"Use a communication step of {clock.text(clock.common_step([self.step, due - self.begin]))}."
         )
 
     def go(self, run: Callable[[], int]) -> int:
-        """On to `stop`, or less far: what the loop returned."""
+        """Run the loop to `stop` or less far; return its result."""
         start = self.begin + int(self.state["tick"]) * self.step
         due = self._due
         if self.now is None and (due is None or not start < due < start + self.step):
@@ -86,22 +88,22 @@ class EventSteps:
         return self._part(run, start if self.now is None else self.now, start + self.step)
 
     def _part(self, run: Callable[[], int], now: clock.Time, end: clock.Time) -> int:
-        """From where the members are to the next tick, or to the end of the communication step."""
+        """Run from `now` to the next tick, or to the end of the communication step."""
         due, state = self._due, self.state
         self.target = due if due is not None and now < due < end else end
         is_last = self.target == end
         self.is_part = not is_last
-        tick, kept = int(state["tick"]), {name: int(state[name]) for name in TIMES}
+        tick, saved = int(state["tick"]), {name: int(state[name]) for name in TIMES}
         lengths = self._lengths()
-        whole, at = lengths.copy(), Fraction(now) / clock.NANOSECONDS
+        saved_lengths, at = lengths.copy(), Fraction(now) / clock.NANOSECONDS
         state["begin_ns"], state["step_ns"], state["per_second"] = at.numerator, 0, at.denominator
-        state["every"], state["stop"] = kept["every"] if is_last else NEVER, tick + 1
+        state["every"], state["stop"] = saved["every"] if is_last else NEVER, tick + 1
         lengths[lengths != 0] = bits(clock.seconds(self.target - now))
         try:
             result = run()
         finally:
-            lengths[:] = whole
-            for name, value in kept.items():
+            lengths[:] = saved_lengths
+            for name, value in saved.items():
                 state[name] = value
         if result in (loop.DONE, loop.NOTICED):
             self.now = None if is_last else self.target
@@ -110,7 +112,7 @@ class EventSteps:
         return result
 
     def _lengths(self) -> np.ndarray[Any, Any]:
-        """Lengths of the steps in the loop's operations, Float64 bits, in place."""
+        """Return a view of the step lengths in the loop's operations (Float64 bits)."""
         columns = len(loop.OPERATION)
         words = (ctypes.c_int64 * (int(self.state["operation_count"]) * columns)).from_address(
             int(self.state["operations"])

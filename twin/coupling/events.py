@@ -1,11 +1,11 @@
-"""Events of members with clocks: all of them at one instant, between two communication steps.
+"""Events of members with clocks, processed for all of them at one instant between two communication steps.
 
-At a communication point all members have come to that time and published. If a clock ticks there, or a member has an event,
-all members with clocks are in Event Mode. Clocks tick, values and ticks go along the connections in the order of the members,
-again and again until nothing changes: that is one instant of super-dense time. Another follows if a member needs it, or a
+At a communication point all members have reached that time and published. If a clock ticks there, or a member has an event,
+all members with clocks enter Event Mode. Clocks tick; values and ticks propagate along the connections in the order of the
+members until nothing changes: that is one instant of super-dense time. Another instant follows if a member needs it, or a
 clock ticks once more at the same time. Then the next communication step begins.
 
-The loop calls this as it calls `fmiNGetXXX`, by a row at the end of its operations; a system without clocks has none.
+The loop calls this like `fmiNGetXXX`, by a row at the end of its operations; a system without clocks has no such row.
 """
 
 from __future__ import annotations
@@ -28,82 +28,82 @@ if TYPE_CHECKING:
     from twin.coupling.system import Link
 
 OK, ERROR = 0, 3
-INSTANTS = 100  # of super-dense time, at most, at one communication point
-SWEEPS = 100  # over all members, at most, in one instant
+INSTANTS = 100  # largest number of instants of super-dense time at one communication point
+SWEEPS = 100  # largest number of sweeps over all members in one instant
 
 
 class Clocked(Protocol):
-    """A member with clocks, as it is seen here."""
+    """Interface of a member with clocks."""
 
     name: str
     variables: Mapping[str, MemberVariable]
     ended: bool
-    has_jumped: bool  # whether its continuous values are others after the last event
-    event_time: clock.Time | None  # of an event that the member announced [ns]
+    has_jumped: bool  # whether its continuous values changed in the last event
+    event_time: clock.Time | None  # time of an event that the member announced [ns]
 
     def slot(self, name: str) -> Any:
-        """Where a variable's values lie for others."""
+        """Return the memory of a variable's values."""
 
     @property
     def due(self) -> clock.Time | None:
-        """When the next time-based clock ticks [ns]; None: no one knows of any."""
+        """Time of the next tick of a time-based clock [ns]; None if unknown."""
 
     def due_clocks(self, now: clock.Time) -> list[str]:
-        """Clocks that tick now."""
+        """Return the clocks that tick now."""
 
     def has_news(self, now: clock.Time) -> bool:
-        """Whether there is an event now, whatever the clocks say."""
+        """Whether the member has an event now, regardless of its clocks."""
 
     def enter_events(self, now: clock.Time) -> None:
-        """To Event Mode."""
+        """Enter Event Mode."""
 
     def tick(self, name: str, now: clock.Time) -> bool:
-        """Let an input clock tick in this instant; whether it does not do so already."""
+        """Activate an input clock in this instant; return whether it was inactive."""
 
     def evaluate(self, now: clock.Time) -> bool:
-        """Tell the member its ticks and inputs, then look at its outputs; whether it was told anything."""
+        """Set the member's clocks and inputs, then read its outputs; return whether anything was set."""
 
     def found(self) -> list[str]:
-        """Clocks of the member that were found to tick since this was asked last."""
+        """Return the output clocks that have ticked since the last call."""
 
     def finish(self, now: clock.Time) -> bool:
-        """End the instant; whether another one is needed."""
+        """End the instant; return whether another one is needed."""
 
     def leave_events(self) -> None:
-        """Back to where steps are made."""
+        """Leave Event Mode for Step Mode."""
 
     def rest(self) -> None:
-        """A new communication step: none of the clocks has ticked in it."""
+        """Begin a new communication step: all clocks are inactive."""
 
 
 class Steps(Protocol):
-    """The steps between which events are. `is_part`: the communication step at work is cut behind this part."""
+    """Interface of the stepping between events."""
 
     @property
     def is_part(self) -> bool:
-        """Whether it is."""
+        """Whether the communication step in progress continues after the event."""
 
     def time(self) -> clock.Time:
-        """Where the members are at the end of the step that is at work [ns]."""
+        """Return the time at the end of the step in progress [ns]."""
 
     def check(self, now: clock.Time) -> None:
-        """Look, after an event, when the next one is."""
+        """Plan the steps to the next event, after an event."""
 
 
-def split(links: list[Link]) -> tuple[list[Link], list[Link]]:
-    """The connections of values, and those of clocks."""
+def split_links(links: list[Link]) -> tuple[list[Link], list[Link]]:
+    """Split connections into those of values and those of clocks."""
     wires = [link for link in links if link.source.variable.type == "Clock"]
     return [link for link in links if link.source.variable.type != "Clock"], wires
 
 
-def refuse(
+def check_supported(
     members: Mapping[str, Member],
     wires: list[Link],
     algorithm: Algorithm,
     periods: Mapping[str, clock.Time],
     step: clock.Time,
 ) -> None:
-    """CouplingError where clocks cannot be served."""
+    """Raise CouplingError where members or the algorithm cannot process clocks."""
     for wire in wires:
         if not all(members[end.member].clocked for end in (wire.source, wire.target)):
             source, target = (f"{end.member}.{end.variable.name}" for end in (wire.source, wire.target))
@@ -113,14 +113,14 @@ def refuse(
             )
     clocked = [name for name, member in members.items() if member.clocked]
     for name in clocked if not algorithm.is_plain else ():
-        wrong = ""
+        reason = ""
         if algorithm.rolls_back and not members[name].can_roll_back:
-            wrong = "cannot save its state (canGetAndSetFMUState), which is needed to take a step back"
+            reason = "cannot save its state (canGetAndSetFMUState), which is needed to take a step back"
         elif members[name].period_ns:
-            wrong = "makes steps of one length only, which an event between two communication points would cut"
-        if wrong:
+            reason = "makes steps of one length only, which an event between two communication points would cut"
+        if reason:
             raise CouplingError(
-                f"{name}: has clocks and {wrong}, with algorithm {algorithm}. Use jacobi or gauss_seidel, of order 0."
+                f"{name}: has clocks and {reason}, with algorithm {algorithm}. Use jacobi or gauss_seidel, of order 0."
             )
     for name in clocked:
         if periods[name] != step:
@@ -131,84 +131,84 @@ def refuse(
 
 
 class Events:
-    """The members with clocks of a co-simulation, their connections, and what happens at an event.
+    """Event iteration over the members with clocks of a co-simulation.
 
-    `links`: of values, `wires`: of clocks. `steps`: where the loop is at the end of its step.
+    `links`: connections of values, `wires`: connections of clocks. `steps`: the stepping that asks for events.
     """
 
     def __init__(self, members: Mapping[str, Member], links: list[Link], wires: list[Link]) -> None:
-        self.members: dict[str, Clocked] = {name: one for name, one in members.items() if one.clocked}  # type: ignore[misc]
+        self.members: dict[str, Clocked] = {name: member for name, member in members.items() if member.clocked}  # type: ignore[misc]
         self.index = list(members).index(next(iter(self.members))) if self.members else 0
         self.links = [link for link in links if link.target.member in self.members]
         inside = [link for link in self.links + wires if link.source.member in self.members]
-        catalog = {name: one.variables for name, one in members.items() if name in self.members}
+        catalog = {name: member.variables for name, member in members.items() if name in self.members}
         self.order = [self.members[name] for name in stepping_order(list(self.members), inside, catalog)]
         self.wires: dict[tuple[str, str], list[tuple[str, str]]] = {}
         for link in wires:
             self.wires.setdefault(link.source.key, []).append(link.target.key)
         self._rows: dict[str, list[tuple[str, int]]] = {}
         self._objects = [link for link in inside if not link.source.variable.connectable]
-        self._callback = machine.ACCESS(self._called)
+        self._callback = machine.ACCESS(self._call)
         self.address = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
         self.failure: BaseException | None = None
-        self.now: clock.Time = 0  # of the last event [ns]
-        self.goes_on = False  # whether the step at work was cut before
+        self.now: clock.Time = 0  # time of the last event [ns]
+        self.goes_on = False  # whether the step in progress was split before
         self.steps: Steps
 
     def connect(self, plan: Plan, arrays: Mapping[str, Any]) -> None:
-        """Know the rows by which the loop moves values to the members, overrides and all."""
+        """Store the rows by which the loop moves values to the members, with overrides."""
         self._arrays = arrays
         self._rows = {name: [] for name in self.members}
         for link in self.links:
             rows = plan.rows_at_events(link.target.key)
-            own = self._rows[link.target.member]
-            own += [one for one in rows if one not in own]
+            member_rows = self._rows[link.target.member]
+            member_rows += [row for row in rows if row not in member_rows]
 
     @property
     def due(self) -> clock.Time | None:
-        """When the next clock ticks [ns]."""
-        return min((due for one in self.order if (due := one.due) is not None), default=None)
+        """Time of the next clock tick [ns]; None if unknown."""
+        return min((due for member in self.order if (due := member.due) is not None), default=None)
 
     @property
     def upcoming(self) -> clock.Time | None:
-        """When the next event is due, be it a tick or what a member has announced [ns]."""
-        announced = (one.event_time for one in self.order)
+        """Time of the next event [ns]: a tick, or an event announced by a member."""
+        announced = (member.event_time for member in self.order)
         return min((time for time in (self.due, *announced) if time is not None), default=None)
 
     @property
     def ended(self) -> str:
-        """The member that wants the end; none: empty."""
-        return next((one.name for one in self.order if one.ended), "")
+        """Name of the member that terminates the simulation, or empty."""
+        return next((member.name for member in self.order if member.ended), "")
 
-    def _called(self, *_: int) -> int:
+    def _call(self, *_: int) -> int:
         try:
             self.look(self.steps.time())
-        except BaseException as error:  # also Ctrl-C: nothing may pass through native frames
+        except BaseException as error:  # also KeyboardInterrupt: no exception may pass through native frames
             self.failure = error
             return ERROR
         return OK
 
     def look(self, now: clock.Time) -> None:
-        """Where all members have come to: is there an event?"""
-        for one in self.order:
+        """Process an event at `now`, the time of all members, if there is one."""
+        for member in self.order:
             if not self.goes_on:
-                one.rest()
-            self._move(one)
+                member.rest()
+            self._move(member)
         self.goes_on = self.steps.is_part
         due = self.due
-        if (due is not None and due <= now) or any(one.has_news(now) for one in self.order):
+        if (due is not None and due <= now) or any(member.has_news(now) for member in self.order):
             self.react(now)
 
     def interfere(self, now: clock.Time) -> None:
-        """An event from outside, behind a communication point: its ticks belong to the next step."""
+        """Process an external event after a communication point; its ticks belong to the next step."""
         if not self.goes_on:
-            for one in self.order:
-                one.rest()
+            for member in self.order:
+                member.rest()
         self.goes_on = True
         self.react(now)
 
     def react(self, now: clock.Time) -> None:
-        """All members with clocks through an event."""
+        """Run the event iteration over all members with clocks."""
         self.now = now
         try:
             self._iterate(now)
@@ -219,15 +219,15 @@ class Events:
         self.steps.check(now)
 
     def _iterate(self, now: clock.Time) -> None:
-        for one in self.order:
-            one.enter_events(now)
-        needed = True  # fmi3UpdateDiscreteStates comes once at least
+        for member in self.order:
+            member.enter_events(now)
+        needed = True  # fmi3UpdateDiscreteStates must be called at least once
         for _ in range(INSTANTS):
-            told = self._tick(now)
-            if not (self._settle(now) or told or needed):
+            has_ticked = self._tick(now)
+            if not (self._settle(now) or has_ticked or needed):
                 break
-            wishes = [one.finish(now) for one in self.order]
-            needed = any(wishes)
+            requests = [member.finish(now) for member in self.order]
+            needed = any(requests)
             if self.ended:
                 break
         else:
@@ -235,53 +235,55 @@ class Events:
                 f"{', '.join(self.members)}: the event at t = {clock.text(now)} has no end after {INSTANTS} instants. "
                 "Look for clocks that let each other tick, and values that switch each other."
             )
-        for one in self.order:
-            one.leave_events()
+        for member in self.order:
+            member.leave_events()
 
     def _tick(self, now: clock.Time) -> bool:
-        """Let the clocks tick that are due, with those that are connected to them."""
-        ticked = [self._tick_one(one, name, now) for one in self.order for name in one.due_clocks(now)]
+        """Tick the clocks that are due, and those connected to them."""
+        ticked = [self._tick_clock(member, name, now) for member in self.order for name in member.due_clocks(now)]
         return any(ticked)
 
-    def _tick_one(self, one: Clocked, name: str, now: clock.Time) -> bool:
-        return one.tick(name, now) | self._wire(one, name, now)
+    def _tick_clock(self, member: Clocked, name: str, now: clock.Time) -> bool:
+        return member.tick(name, now) | self._wire(member, name, now)
 
-    def _wire(self, one: Clocked, name: str, now: clock.Time) -> bool:
-        ticked = [self._tick_one(self.members[to], own, now) for to, own in self.wires.get((one.name, name), ())]
+    def _wire(self, member: Clocked, name: str, now: clock.Time) -> bool:
+        ticked = [self._tick_clock(self.members[to], own, now) for to, own in self.wires.get((member.name, name), ())]
         return any(ticked)
 
     def _settle(self, now: clock.Time) -> bool:
-        """One instant: until nothing changes; whether anything did."""
-        any_told = False
+        """Iterate one instant to a fixed point; return whether anything changed."""
+        any_changed = False
         for _ in range(SWEEPS):
-            told = False
-            for one in self.order:
-                self._move(one)
-                told = one.evaluate(now) or told
-                for name in one.found():
-                    told = self._wire(one, name, now) or told
-            if not told:
-                return any_told
-            any_told = True
+            has_changed = False
+            for member in self.order:
+                self._move(member)
+                has_changed = member.evaluate(now) or has_changed
+                for name in member.found():
+                    has_changed = self._wire(member, name, now) or has_changed
+            if not has_changed:
+                return any_changed
+            any_changed = True
         raise SimulationError(
             f"{', '.join(self.members)}: values and clocks at t = {clock.text(now)} change each other without end, "
             f"{SWEEPS} times. Break the loop."
         )
 
-    def _move(self, one: Clocked) -> None:
-        """What is connected to a member goes to where it reads it."""
-        for table, row in self._rows.get(one.name, ()):
+    def _move(self, member: Clocked) -> None:
+        """Move the values of all connections to a member into its inputs."""
+        for table, row in self._rows.get(member.name, ()):
             array = self._arrays[table]
             move = loop.copy if table == "copies" else convert
             move(int(array.ctypes.data) + row * array.strides[0], 1)
         for link in self._objects:
-            if link.target.member == one.name:
+            if link.target.member == member.name:
                 source, target = link.source, link.target
-                held = self.members[source.member].slot(source.variable.name).values
-                into = one.slot(target.variable.name).values
-                into[target.first : target.first + target.size] = held[source.first : source.first + source.size]
+                source_values = self.members[source.member].slot(source.variable.name).values
+                target_values = member.slot(target.variable.name).values
+                target_values[target.first : target.first + target.size] = source_values[
+                    source.first : source.first + source.size
+                ]
 
 
 def convert(row: int, count: int) -> None:
-    """Conversions, as the loop makes them."""
+    """Run conversion rows as the loop does."""
     loop.convert(row, count, 0)

@@ -1,4 +1,4 @@
-"""Initialization: values go along the connections in the order of dependencies; algebraic loops are solved."""
+"""Initialization: propagate values along the connections in the order of dependencies; solve algebraic loops."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ if TYPE_CHECKING:
 
 Key = tuple[str, str]
 
-TOLERANCE = 1e-10  # relative change of a loop's values at which it counts as solved
+TOLERANCE = 1e-10  # relative change of a loop's values at which the iteration ends
 ITERATIONS = 50
-SINGULAR = 1e7  # condition number at which differences of 1e-7 no longer tell a solution from none
+SINGULAR = 1e7  # condition number above which a Jacobian by differences of 1e-7 is useless
 
 
-def solve(members: Mapping[str, Member], links: list[Link]) -> None:
-    """Set every connected input from its source, members being in InitializationMode."""
+def solve_initialization(members: Mapping[str, Member], links: list[Link]) -> None:
+    """Set every connected input from its source; the members must be in InitializationMode."""
     by_source: dict[Key, list[Link]] = {}
     for link in links:
         by_source.setdefault(link.source.key, []).append(link)
     followers = direct_followers(links, {name: member.variables for name, member in members.items()})
     for keys in ordered_groups(list(by_source), followers):
         if len(keys) == 1 and keys[0] not in followers[keys[0]]:
-            push(members, by_source[keys[0]], members[keys[0][0]].get(keys[0][1]))
+            set_targets(members, by_source[keys[0]], members[keys[0][0]].get(keys[0][1]))
         else:
             _solve_loop(members, keys, by_source)
 
 
-def push(members: Mapping[str, Member], links: list[Link], value: Any) -> None:
-    """Set the targets of one source from its value."""
-    flat = np.ravel(value) if links[0].source.variable.connectable else string_binary_links.flat(value)
+def set_targets(members: Mapping[str, Member], links: list[Link], value: Any) -> None:
+    """Set the targets of a source to its value."""
+    flat = np.ravel(value) if links[0].source.variable.connectable else string_binary_links.flatten(value)
     for link in links:
         part = flat[link.source.first : link.source.first + link.source.size]
         if is_real(link.target.variable):
@@ -48,25 +48,25 @@ def push(members: Mapping[str, Member], links: list[Link], value: Any) -> None:
         if target.size == variable.size:
             member.set(variable.name, np.reshape(part, variable.shape) if variable.shape else part[0])
         else:
-            whole = np.array(member.get(variable.name))
-            whole.reshape(-1)[target.first : target.first + target.size] = part
-            member.set(variable.name, whole)
+            full = np.array(member.get(variable.name))
+            full.reshape(-1)[target.first : target.first + target.size] = part
+            member.set(variable.name, full)
 
 
 def _solve_loop(members: Mapping[str, Member], group: list[Key], by_source: dict[Key, list[Link]]) -> None:
-    """Solve a loop; strings and binaries in it go around until they stay as they are."""
+    """Solve a loop; strings and binaries in it are propagated until they no longer change."""
     words = [(member, name) for member, name in group if not members[member].variables[name].connectable]
     numbers = [key for key in group if key not in words]
     if not words:
         _solve_numbers(members, numbers, by_source)
         return
     for _ in range(ITERATIONS):
-        before = [string_binary_links.flat(members[member].get(name)).tolist() for member, name in words]
+        previous = [string_binary_links.flatten(members[member].get(name)).tolist() for member, name in words]
         for member, name in words:
-            push(members, by_source[member, name], members[member].get(name))
+            set_targets(members, by_source[member, name], members[member].get(name))
         if numbers:
             _solve_numbers(members, numbers, by_source)
-        if [string_binary_links.flat(members[member].get(name)).tolist() for member, name in words] == before:
+        if [string_binary_links.flatten(members[member].get(name)).tolist() for member, name in words] == previous:
             return
     names = ", ".join(f"{m}.{n}" for m, n in words)
     raise SimulationError(f"initialization: the values of {names} change each other without end. Break the loop.")
@@ -79,7 +79,7 @@ def _solve_numbers(members: Mapping[str, Member], group: list[Key], by_source: d
         at = 0
         for member, name in group:
             size = members[member].variables[name].size
-            push(members, by_source[member, name], x[at : at + size])
+            set_targets(members, by_source[member, name], x[at : at + size])
             at += size
         return read()
 
@@ -105,14 +105,14 @@ def _solve_numbers(members: Mapping[str, Member], group: list[Key], by_source: d
 
 
 def _newton(evaluate: Any, x: np.ndarray[Any, Any], y: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """One Newton step for G(x) - x = 0 with a Jacobian by differences."""
+    """Make one Newton step for G(x) - x = 0 with a Jacobian by differences; NaN if that is singular."""
     n = len(x)
     jacobian = np.empty((n, n))
     for i in range(n):
         step = 1e-7 * max(abs(x[i]), 1e-6)
-        moved = x.copy()
-        moved[i] += step
-        jacobian[:, i] = (evaluate(moved) - y) / step
+        shifted = x.copy()
+        shifted[i] += step
+        jacobian[:, i] = (evaluate(shifted) - y) / step
     system = np.eye(n) - jacobian
     if np.linalg.cond(system) > SINGULAR:
         return np.full(n, np.nan)

@@ -1,7 +1,7 @@
-"""A member: one component or FMU as the co-simulation algorithm sees it, whatever it is made of.
+"""Interface of a member: a component or FMU for the co-simulation algorithm.
 
-Call sequence (FMI's): `instantiate`, `set` start values, `enter_initialization(t)`, `set` and `get` while inputs are
-being found, `exit_initialization`, then the loop calls `step_function` by its address, at last `close`.
+Call sequence (FMI's): `instantiate`, `set` start values, `enter_initialization(t)`, `set` and `get` while initial inputs
+are computed, `exit_initialization`, then the loop calls `step_function` by its address, finally `close`.
 """
 
 from __future__ import annotations
@@ -36,15 +36,16 @@ DTYPES: dict[str, np.dtype[Any]] = {
     "String":  np.dtype(object),     "Binary":  np.dtype(object),
 }  # fmt: skip
 
-ROUNDING = 8  # units in the last place by which a converted value may miss a bound that it is meant to meet
+ROUNDING = 8  # tolerance of bounds for converted values [units in the last place]
 
 
 @dataclass(frozen=True, slots=True)
 class TerminalMember:
-    """The place of a variable in a terminal, in FMI 3.0's words.
+    """Membership of a variable in a terminal, in the terms of FMI 3.0.
 
-    `name`: what the same quantity is called at the other side. `rule`: FMI's matchingRule, "plug", "bus", "sequence" or
-    another standard's. `kind`: FMI's variableKind, "signal", "inflow", "outflow" or another's; "stream" for streams.
+    `name`: FMI's memberName, by which variables of two terminals match. `rule`: FMI's matchingRule, "plug", "bus",
+    "sequence" or another standard's. `kind`: FMI's variableKind, "signal", "inflow", "outflow" or another's; "stream"
+    for streams.
     """
 
     terminal: str
@@ -55,7 +56,7 @@ class TerminalMember:
 
 @dataclass(frozen=True, slots=True)
 class MemberVariable:
-    """A variable of a member. `dtype` is how one scalar lies in memory where the loop reads or writes it.
+    """Variable of a member. `dtype`: representation of one scalar in memory where the loop reads or writes it.
 
     `causality` is FMI's (input, output, parameter, local, ...). `dependencies`: names of the inputs an output depends
     on directly at one instant, or None if unknown (then all).
@@ -77,8 +78,8 @@ class MemberVariable:
     items: tuple[tuple[str, int], ...] = ()  # of an enumeration: name and number
     minimum: float | None = None
     maximum: float | None = None
-    terminals: tuple[TerminalMember, ...] = ()  # that it belongs to
-    interval: str = ""  # intervalVariability of a clock that ticks by time; empty: triggered
+    terminals: tuple[TerminalMember, ...] = ()  # its terminals
+    interval: str = ""  # intervalVariability of a time-based clock; empty: triggered
 
     @property
     def size(self) -> int:
@@ -87,7 +88,7 @@ class MemberVariable:
 
     @property
     def connectable(self) -> bool:
-        """Whether the loop can move its values: numbers and Booleans, not strings and binaries."""
+        """Whether the loop moves its values: numbers and Booleans, not strings and binaries."""
         return self.dtype.kind != "O"
 
     @property
@@ -97,7 +98,7 @@ class MemberVariable:
 
     @property
     def limits(self) -> tuple[float, float]:
-        """Smallest and largest value that is within the declared bounds, but for rounding; what is finite if none is."""
+        """Smallest and largest value within the declared bounds, with a margin for rounding; the finite range without bounds."""
         largest = float(np.finfo(np.float64).max)
         part = ROUNDING * float(np.finfo(self.dtype).eps) if self.dtype.kind == "f" else 0.0
         low, high = self.minimum, self.maximum
@@ -107,28 +108,31 @@ class MemberVariable:
         )
 
     def outside(self, value: Any) -> tuple[str, str]:
-        """(`[2]: -5 ms is below the minimum`, `Give at least 1 ms.`) if a value leaves the declared bounds; else empty."""
+        """Return problem and remedy if a value violates the bounds, else empty texts.
+
+        For example `[2]: -5 ms is below the minimum` and `Give at least 1 ms.`
+        """
         low, high = self.limits
         if not (self.is_bounded and self.connectable):
             return "", ""
         flat = np.atleast_1d(value)
-        wrong = np.argwhere(~((flat >= low) & (flat <= high)))
-        if not len(wrong):
+        indices = np.argwhere(~((flat >= low) & (flat <= high)))
+        if not len(indices):
             return "", ""
-        found = flat[tuple(wrong[0])].item()
-        place = f"[{','.join(str(i + 1) for i in wrong[0])}]" if np.ndim(value) else ""
-        bounds = [None if one is None else self.shown(one) for one in (self.minimum, self.maximum)]
-        side = "below the minimum" if found < low else "above the maximum" if found > high else "no number"
-        text = self.shown(found) if self.shown(found) not in bounds else self.shown(found, 15)
+        first_value = flat[tuple(indices[0])].item()
+        index = f"[{','.join(str(i + 1) for i in indices[0])}]" if np.ndim(value) else ""
+        bounds = [None if bound is None else self.shown(bound) for bound in (self.minimum, self.maximum)]
+        side = "below the minimum" if first_value < low else "above the maximum" if first_value > high else "no number"
+        text = self.shown(first_value) if self.shown(first_value) not in bounds else self.shown(first_value, 15)
         range_ = (
             f"{bounds[0]} to {bounds[1]}"
             if None not in bounds
             else (f"at least {bounds[0]}" if bounds[0] else f"at most {bounds[1]}")
         )
-        return f"{place}: {text} is {side}", f"Give {range_}."
+        return f"{index}: {text} is {side}", f"Give {range_}."
 
     def shown(self, value: float, digits: int = 6) -> str:
-        """A value for people, in the unit that they prefer."""
+        """Format a value in its display unit."""
         symbol, factor, offset = self.unit, 1.0, 0.0
         if self.display_unit and self.unit:
             with suppress(CouplingError):  # an FMU may have any text for a unit
@@ -140,31 +144,32 @@ class MemberVariable:
 
 @dataclass(slots=True)
 class Access:
-    """One call that moves values between a member and memory: `fmiNGetXXX` or `fmiNSetXXX` by address."""
+    """Call that moves values between a member and memory: `fmiNGetXXX` or `fmiNSetXXX` by address."""
 
     function: int
     references: np.ndarray[Any, Any]  # uint32 value references
     count: int  # number of references
     size: int  # number of values
-    name: str = "access"  # of the function, for whoever looks after a crash
-    takes_size: bool = True  # whether the number of values is an argument: not in FMI 2.0
+    name: str = "access"  # of the function, for crash reports
+    takes_size: bool = True  # whether the number of values is an argument: false for FMI 2.0
 
     @property
     def size_argument(self) -> int:
-        """The last argument, for `machine.call_access`."""
+        """Last argument of `machine.call_access`."""
         return self.size if self.takes_size else machine.NO_SIZE
 
     def call(self, instance: int, values: int) -> int:
-        """Move the values to or from an address; the function's status."""
+        """Move the values to or from an address; return the FMI status."""
         references = self.references.ctypes.data
         return machine.call_access(self.function, instance, references, self.count, values, self.size_argument)
 
 
 @dataclass(slots=True)
 class Way:
-    """The way back for a member, as the loop goes it: memory that is copied, or functions of FMI's form.
+    """Access to the state of a member for rollback by the loop: memory to copy, or functions with FMI's signature.
 
-    `get` and `set`: addresses of `fmiNGetFMUState` and `fmiNSetFMUState`, `places`: of a pointer for each saved state.
+    `get` and `set`: addresses of `fmiNGetFMUState` and `fmiNSetFMUState`; `places`: addresses of a pointer for each saved
+    state. The member must outlive it.
     """
 
     address: int = 0
@@ -175,39 +180,39 @@ class Way:
 
 
 class Member(ABC):
-    """Base of the two kinds of members: records in this process, and FMUs."""
+    """Base class of members: records in this process, and FMUs."""
 
     name: str
     variables: dict[str, MemberVariable]
     period_ns: clock.Time = 0  # the member's own period; 0: every communication point
     step_function: int = 0  # address
-    step_signature: int = machine.FMI3  # which arguments it takes
-    step_name: str = "step"  # of that function
+    step_signature: int = machine.FMI3  # signature of the step function
+    step_name: str = "step"  # name of the step function
     instance: int = 0  # address of the instance
-    writes_flags: bool = True  # whether its step writes what FMI 3.0's does: event, terminate, early return
-    log: list[str]  # last lines it logged
-    logs: bool = False  # whether it is to log more than what went wrong; told before `instantiate`
-    identity: dict[str, str]  # what ran: kind, version, content hash
-    can_restore: bool = False  # whether `save` and `restore` are there, and may be called as one likes
-    early: bool = False  # whether it is told that its steps may end before their end
-    is_hasty: bool = False  # whether it might do so without being told: somebody else's FMU of FMI 3.0
-    can_roll_back: bool = False  # whether `way` is there: what somebody else's FMU says of itself
-    driven: frozenset[str] = frozenset()  # local variables that are inputs of a part, in a group
-    death: str = ""  # how the process ended that the member had of its own, in one line
-    continuous: bool = False  # whether it is solved together with those of its kind that it is connected with
-    clocked: bool = False  # whether it has clocks, and takes part in `events`
-    failure: BaseException | None = None  # what was raised in its step, if that is Python
+    writes_flags: bool = True  # whether its step writes the flags of FMI 3.0: event, terminate, early return
+    log: list[str]  # last log lines
+    logs: bool = False  # whether to log more than errors; set before `instantiate`
+    identity: dict[str, str]  # kind, version and content hash of the executed model
+    can_restore: bool = False  # whether `save` and `restore` are implemented and may be called at any time
+    early: bool = False  # whether early return is allowed (earlyReturnAllowed)
+    is_hasty: bool = False  # whether its steps may return early in any case: third-party FMUs of FMI 3.0
+    can_roll_back: bool = False  # whether `way` is available: for third-party FMUs by their own declaration
+    driven: frozenset[str] = frozenset()  # local variables of a group that are inputs of a part
+    death: str = ""  # description of the exit of the member's own process, in one line
+    continuous: bool = False  # whether its equations are integrated together with connected members of this kind
+    clocked: bool = False  # whether it has clocks and takes part in `events`
+    failure: BaseException | None = None  # exception raised in its step, if that is Python
 
     def join(self, members: list[Member], links: list[Link]) -> None:
-        """Be solved together with others that are `continuous`, along these connections; before instantiation."""
+        """Integrate together with other `continuous` members along these connections; called before instantiation."""
         raise NotImplementedError
 
     def override(self, name: str, value: Any, element: int | None = None) -> None:
-        """Let those it is solved with see a value instead of a variable's own; None: no longer."""
+        """Replace a variable's value for the members integrated together; None ends the override."""
 
     @abstractmethod
     def instantiate(self) -> None:
-        """Bring the member into the state Instantiated, start values applied."""
+        """Enter the state Instantiated, with start values applied."""
 
     @abstractmethod
     def enter_initialization(self, t: float, stop: float | None) -> None:
@@ -227,74 +232,77 @@ class Member(ABC):
 
     @abstractmethod
     def address(self, name: str) -> int:
-        """Where the variable lies in memory, or 0 if it can only be reached by calls."""
+        """Return the memory address of a variable, or 0 if it can only be reached by calls."""
 
     @abstractmethod
     def access(self, names: list[str], write: bool) -> Access:
-        """The call that moves these variables, which share one dtype and type, in this order."""
+        """Return the call that moves these variables in this order; they must share one dtype and type."""
 
     def finish_reason(self) -> str:
-        """Why the member discarded its step, if that was its wish to end the simulation; else empty."""
+        """Return why the member discarded its step if it terminates the simulation, else empty."""
         return ""
 
     def failed(self, status: int) -> None:
-        """Take note that a step by address returned `status`, ERROR or FATAL: `close` calls nothing forbidden then."""
+        """Store that a step by address returned ERROR or FATAL, so that `close` makes only calls allowed in that state."""
 
     def lost(self, time: clock.Time) -> str:
-        """`death`, if that came in the step from `time` [ns]; empty if the member is there."""
+        """Return `death` if the member's process died in the step from `time` [ns], else empty."""
         return ""
 
     def release(self) -> None:
-        """Free what this process holds of a member that another process has instantiated and closed."""
+        """Free this process's resources of a member that another process has instantiated and closed."""
 
     def last_successful_time(self, reached: float) -> float | None:
-        """Until where [s] the last step came; `reached` is what the member itself wrote, if it did."""
+        """Return the time [s] that the last step reached; `reached`: the time that the member wrote, if any."""
         return reached
 
     def try_step(self, t: float, h: float, flags: np.ndarray[Any, Any]) -> int:
-        """Step from t by h [s] as a step that may be taken back; its status. `flags`: four words that it may write."""
+        """Step from t by h [s] with rollback allowed; return the status. `flags`: four words that the step may write."""
         return machine.call_trial(self.step_function, self.step_signature, self.instance, t, h, flags.ctypes.data)
 
     def save(self) -> Any:
-        """All that the member holds, for `restore`; the latest is valid."""
+        """Save the member's state for `restore`; only the latest one is valid."""
         raise NotImplementedError
 
     def restore(self, saved: Any) -> None:
-        """Be again as when `saved` was saved, also after a failure."""
+        """Restore a saved state, also after a failure."""
         raise NotImplementedError
 
     def input_derivatives(self) -> int:
-        """Address of `fmi2SetRealInputDerivatives`, or 0 if the member takes no derivatives of inputs."""
+        """Return the address of `fmi2SetRealInputDerivatives`, or 0 if the member takes no derivatives of inputs."""
         return 0
 
     def slopes(self, inputs: list[MemberVariable], outputs: list[MemberVariable]) -> tuple[Any, Any, Any, Any] | None:
-        """A, B, C, D of der(x) = A x + B u, y = C x + D u in small changes, from here; None if it does not tell."""
+        """Return A, B, C, D of der(x) = A x + B u, y = C x + D u, linearized at the current state; None if unavailable."""
         return None
 
     def way(self, count: int) -> Way:
-        """How the loop brings the member back to any of `count` points that it keeps: here by `save` and `restore`."""
+        """Return the state access for rollback to any of `count` saved points; here by `save` and `restore`.
+
+        CouplingError if the member cannot keep so many points.
+        """
         if count > 1:
             raise CouplingError(f"{self.name}: can be brought back to one point only, since it is isolated.")
         saved: list[Any] = []
 
-        def tried(call: Callable[[], object]) -> int:
+        def guarded(call: Callable[[], object]) -> int:
             try:
                 call()
-            except Exception as error:  # nothing may pass through native frames
+            except Exception as error:  # no exception may pass through native frames
                 self.log.append(str(error) if isinstance(error, TwinError) else described(error))
                 return solver.ERROR
             return solver.OK
 
-        def get(_instance: int, place: int) -> int:
-            ctypes.c_void_p.from_address(place).value = place
-            return tried(lambda: saved.__setitem__(slice(None), [self.save()]))
+        def get(_instance: int, address: int) -> int:
+            ctypes.c_void_p.from_address(address).value = address
+            return guarded(lambda: saved.__setitem__(slice(None), [self.save()]))
 
         def back(_instance: int, _state: int) -> int:
-            return tried(lambda: self.restore(saved[0]))
+            return guarded(lambda: self.restore(saved[0]))
 
-        self._way = machine.STATE(get), machine.STATE(back), ctypes.c_void_p()
-        addresses = [ctypes.cast(one, ctypes.c_void_p).value or 0 for one in self._way[:2]]
-        return Way(get=addresses[0], set=addresses[1], places=(ctypes.addressof(self._way[2]),))
+        self._state_callbacks = machine.STATE(get), machine.STATE(back), ctypes.c_void_p()
+        addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in self._state_callbacks[:2]]
+        return Way(get=addresses[0], set=addresses[1], places=(ctypes.addressof(self._state_callbacks[2]),))
 
     @abstractmethod
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Members whose equations are solved together: those that are `continuous`, where they are connected with each other."""
+"""Groups of connected `continuous` members (Model Exchange), whose equations are integrated together."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 
 def between(members: Mapping[str, Member], links: list[Link]) -> list[Link]:
-    """The connections of numbers between continuous members."""
+    """Return the connections of numbers between continuous members."""
     numbers = [link for link in links if link.source.variable.connectable]
     return [link for link in numbers if all(members[end.member].continuous for end in (link.source, link.target))]
 
 
 def together(members: Mapping[str, Member], links: list[Link]) -> dict[str, str]:
-    """By member that is solved with others: the first of them."""
+    """Return the first member of the group for each member that is integrated with others."""
     graph: dict[str, list[str]] = {}
     for link in between(members, links):
         graph.setdefault(link.source.member, []).append(link.target.member)
@@ -32,15 +32,15 @@ def together(members: Mapping[str, Member], links: list[Link]) -> dict[str, str]
 
 
 def join(members: Mapping[str, Member], links: list[Link], periods: Mapping[str, clock.Time]) -> None:
-    """Let them know each other; CouplingError if they do not step together."""
+    """Join the members of each group; CouplingError if their periods differ."""
     inside = between(members, links)
     first = together(members, links)
     for leader in dict.fromkeys(first.values()):
         names = [name for name in members if first.get(name) == leader]
         if len({periods[name] for name in names}) > 1:
-            told = ", ".join(f"{name} {clock.text(periods[name])}" for name in names)
+            steps = ", ".join(f"{name} {clock.text(periods[name])}" for name in names)
             raise CouplingError(
-                f"{', '.join(names)}: are connected and integrated together, but step differently ({told}). "
+                f"{', '.join(names)}: are connected and integrated together, but step differently ({steps}). "
                 "Give them one communication step."
             )
         own = [link for link in inside if link.source.member in names]

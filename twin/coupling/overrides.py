@@ -1,4 +1,4 @@
-"""Overrides: readers of a variable see another value, without its member knowing of it."""
+"""Overrides: replace a variable's value for its readers, without changing the member that computes it."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from twin.coupling.execution.plan import Key, Place, bits, kind, view
+from twin.coupling.execution.plan import Key, RowReference, bits, kind, view
 from twin.errors import CouplingError
 
 if TYPE_CHECKING:
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
 
 
 class Overrides:
-    """What is overridden in the tables of a co-simulation."""
+    """Overrides in the tables of a co-simulation."""
 
     def __init__(self, tables: Tables, members: Mapping[str, Member]) -> None:
         self.tables, self.plan, self.members = tables, tables.plan, members
-        self._shadows: dict[Key, int] = {}  # where an overriding value lies
-        self._held: dict[tuple[Key, int], np.ndarray[Any, Any]] = {}  # overridden elements
+        self._shadows: dict[Key, int] = {}  # addresses of overriding values
+        self._elements: dict[tuple[Key, int], np.ndarray[Any, Any]] = {}  # overridden elements
 
     def set(self, key: Key, value: Any) -> None:
-        """Let all who read this output, or the member that has this input, see `value` instead."""
+        """Replace an output for all its readers, or an input for its member, by `value`."""
         variable = self.members[key[0]].variables[key[1]]
         rows = self._rows(key)
         if key not in self._shadows:
@@ -38,30 +38,30 @@ class Overrides:
                 entry[[1, 5, 6]] = kind(variable.dtype), bits(1.0), bits(0.0)
 
     def release(self, key: Key) -> None:
-        """Let them see what the member publishes, or the input's source."""
+        """End an override: readers get the published value again, an input its source."""
         for table, row, _, _ in self._rows(key):
             self.tables.reset(table, row)
 
     def set_element(self, key: Key, element: int, value: Any) -> None:
-        """Publish `value`, which is kept in place, or again what the member has if it is None."""
+        """Publish `value` for an element until it is changed; None: publish the member's own value again."""
         if key not in self.plan.elements:
             raise CouplingError(f"{key[0]}.{key[1]}: nothing reads it, so overriding it has no effect. Use set.")
         variable = self.members[key[0]].variables[key[1]]
         table, row = self.plan.elements[key][element]
         self.tables.reset(table, row)
-        self._held.pop((key, element), None)
+        self._elements.pop((key, element), None)
         now = np.ravel(self.members[key[0]].get(key[1]))[element]
         if value is not None:
-            now = self._held[key, element] = np.array([value], variable.dtype)
+            now = self._elements[key, element] = np.array([value], variable.dtype)
             self.tables.arrays[table][row][0] = now.ctypes.data
         view(self.plan.published[key], variable)[element : element + 1] = now
 
     def hold(self) -> None:
-        """Put overridden elements again where the whole array was published."""
-        for (key, element), value in self._held.items():
+        """Write the overridden elements again after the array was published."""
+        for (key, element), value in self._elements.items():
             view(self.plan.published[key], self.members[key[0]].variables[key[1]])[element : element + 1] = value
 
-    def _rows(self, key: Key) -> list[Place]:
+    def _rows(self, key: Key) -> list[RowReference]:
         variable = self.members[key[0]].variables[key[1]]
         rows = self.plan.writers.get(key, []) if variable.causality == "input" else self.plan.readers.get(key, [])
         if not rows:

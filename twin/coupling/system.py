@@ -1,7 +1,7 @@
-"""A system in SSP's words, as pure data: members with their variables, and connections between connectors.
+"""System description as pure data (SSP terms): members with their variables, and connections between connectors.
 
-A connection may be of two terminals: then it stands for one of each pair of their members. `check` lists every problem
-at once; `links` is what the algorithm couples.
+A connection of two terminals stands for one connection of each pair of their members. `check` lists all problems at once;
+`links` returns the resolved connections for the algorithm.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ READABLE = ("output", "local", "calculatedParameter", "parameter", "structuralPa
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """`member.variable` to `member.variable`; an element of an array is `member.variable[2]` (counted from 1).
+    """Connection from `member.variable` to `member.variable`; an array element is `member.variable[2]` (counted from 1).
 
-    Or `member.terminal` to `member.terminal`. `terminals`: the connection of terminals that it is a part of.
-    target = factor * source + offset, after units are converted, unless `convert` is false. `bond`: of the connections
-    with the same name, of which one brings an effort and the other one takes the flow back. `hold`: the input stays what it
-    was at the begin of a step, whatever the algorithm's order.
+    It may also connect two terminals, `member.terminal`. `terminals`: the connection of terminals that it is part of.
+    target = factor * source + offset, after conversion of units, unless `convert` is false. `bond`: name shared by the
+    connections of a power bond, one with an effort and one with the flow in the other direction. `hold`: the input is
+    constant over a step, whatever the algorithm's order.
     """
 
     source: str
@@ -44,13 +44,13 @@ class Connection:
 
     @property
     def place(self) -> str:
-        """Where it is said, for the beginning of a message."""
-        return "".join(f"{one}: " for one in (self.where, self.terminals) if one)
+        """Location of the connection, as the prefix of a message."""
+        return "".join(f"{part}: " for part in (self.where, self.terminals) if part)
 
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """A variable of a member, or one element of it (`first` counts scalars from 0)."""
+    """Reference to a variable of a member, or to one element of it (`first` counts scalars from 0)."""
 
     member: str
     variable: MemberVariable
@@ -64,15 +64,15 @@ class Reference:
 
     @property
     def element(self) -> int | None:
-        """Which of several elements of an array, counted from 0; None for the whole variable."""
+        """Element of an array, counted from 0; None for a complete variable."""
         return self.first if self.size != self.variable.size else None
 
 
 @dataclass(frozen=True, slots=True)
 class Link:
-    """A connection that was found to be sound: target = factor * source + offset.
+    """Resolved and valid connection: target = factor * source + offset.
 
-    `bond`: the name of the power bond that it is declared to be part of; `terminals`: what it may be a part of.
+    `bond`: name of its declared power bond; `terminals`: connection of terminals that it is part of.
     """
 
     source: Reference
@@ -85,7 +85,7 @@ class Link:
 
 
 def find(path: str, catalog: Catalog) -> Reference:
-    """The variable or array element that `member.variable` or `member.variable[2]` names."""
+    """Resolve `member.variable` or `member.variable[2]`; CouplingError with a suggestion if it does not exist."""
     member, dot, name = path.partition(".")
     if not dot or member not in catalog:
         raise CouplingError(f"{path!r}: no member {member!r}. {nearest(member, catalog)}")
@@ -100,53 +100,53 @@ def find(path: str, catalog: Catalog) -> Reference:
         if len(index) == len(variable.shape) and all(0 <= i < n for i, n in zip(index, variable.shape, strict=True)):
             return Reference(member, variable, int(np.ravel_multi_index(index, variable.shape)), 1)
         raise CouplingError(f"{path!r}: {element[1]} has shape {list(variable.shape)}, elements count from 1.")
-    known = [*variables, *terminals.names(variables)]
-    raise CouplingError(f"{path!r}: {member} has no variable {name!r}. {nearest(name, known)}")
+    names = [*variables, *terminals.names(variables)]
+    raise CouplingError(f"{path!r}: {member} has no variable {name!r}. {nearest(name, names)}")
 
 
 @dataclass
 class System:
-    """Members' variables and connections."""
+    """Variables of members, and connections between them."""
 
     catalog: Catalog
     connections: list[Connection] = field(default_factory=list)
 
     def check(self) -> list[str]:
-        """Every problem of the connections, one line each."""
+        """Return all problems of the connections, one line each."""
         return self._resolve()[1]
 
     def links(self) -> list[Link]:
-        """The links of a sound system; CouplingError with all problems otherwise."""
+        """Return the links of a valid system; CouplingError with all problems otherwise."""
         links, problems = self._resolve()
         if problems:
             raise CouplingError(problems)
         return links
 
     def single(self) -> tuple[list[Connection], list[str]]:
-        """The connections of variables, those of terminals taken apart, and what is wrong with those."""
-        found: list[Connection] = []
+        """Expand connections of terminals to connections of variables; return these and the problems."""
+        connections: list[Connection] = []
         problems: list[str] = []
         for connection in self.connections:
             try:
-                found += self._single(connection)
+                connections += self._single(connection)
             except CouplingError as error:
                 text = f"{connection.source} -> {connection.target}"
-                problems += [f"{connection.place}{text}: {one}" for one in error.problems]
-        return found, problems
+                problems += [f"{connection.place}{text}: {problem}" for problem in error.problems]
+        return connections, problems
 
     def _single(self, connection: Connection) -> list[Connection]:
-        """What a connection stands for: itself, unless it is one of terminals."""
+        """Expand a connection of terminals; any other one is returned as it is."""
         paths = connection.source, connection.target
         ends = [terminals.find(path, self.catalog) for path in paths]
         if ends == [None, None]:
             return [connection]
         a, b = ends
         if a is None or b is None:
-            known, other = (paths[0], paths[1]) if b is None else (paths[1], paths[0])
-            find(other, self.catalog)  # it may be that there is nothing of this name
-            raise CouplingError(f"{known} is a terminal, {other} is a variable. Connect two of one kind.")
+            terminal, variable = (paths[0], paths[1]) if b is None else (paths[1], paths[0])
+            find(variable, self.catalog)  # raises if the name does not exist
+            raise CouplingError(f"{terminal} is a terminal, {variable} is a variable. Connect two of one kind.")
         text = f"{connection.source} -> {connection.target}"
-        return [replace(connection, source=x, target=y, terminals=text) for x, y in terminals.single(a, b)]
+        return [replace(connection, source=x, target=y, terminals=text) for x, y in terminals.expand(a, b)]
 
     def _resolve(self) -> tuple[list[Link], list[str]]:
         links: list[Link] = []
@@ -156,13 +156,13 @@ class System:
             try:
                 link = self._link(connection)
             except CouplingError as error:
-                problems += [f"{connection.place}{one}" for one in error.problems]
+                problems += [f"{connection.place}{problem}" for problem in error.problems]
                 continue
             target = link.target
             for i in range(target.first, target.first + target.size):
                 other = sources.setdefault((*target.key, i), connection)
                 if other.source != connection.source:
-                    first = ", ".join(one for one in (other.where, other.terminals) if one)
+                    first = ", ".join(part for part in (other.where, other.terminals) if part)
                     problems.append(
                         f"{connection.place}{connection.target} has two sources, {other.source} and "
                         f"{connection.source}{f' (the first: {first})' if first else ''}. Keep one."
@@ -177,9 +177,9 @@ class System:
         if source.size != target.size:
             raise CouplingError(f"{text}: {source.size} values do not fit {target.size}. Connect elements, like x[1].")
         if "Clock" in (source.variable.type, target.variable.type):
-            return clock_link(source, target, connection, text)
+            return make_clock_link(source, target, connection, text)
         if not (source.variable.connectable and target.variable.connectable):
-            return object_link(source, target, connection, text)
+            return make_object_link(source, target, connection, text)
         check_items(source.variable, target.variable, text)
         if is_real(source.variable) and not is_real(target.variable):
             raise CouplingError(
@@ -208,28 +208,28 @@ class System:
         return Link(source, target, factor, offset, connection.bond, connection.terminals, connection.hold)
 
     def _ends(self, connection: Connection) -> tuple[Reference, Reference]:
-        """What a connection connects; what is wrong with each end is told at once."""
+        """Resolve both ends of a connection; CouplingError with the problems of both."""
         text = f"{connection.source} -> {connection.target}"
-        found, problems = [], []
+        references, problems = [], []
         for number, path in enumerate((connection.source, connection.target)):
             try:
-                found.append(find(path, self.catalog))
+                references.append(find(path, self.catalog))
             except CouplingError as error:
                 problems += error.problems
                 continue
-            causality = found[-1].variable.causality
-            is_clock = found[-1].variable.type == "Clock"  # one that ticks by time may let others tick
-            if number == 0 and causality not in READABLE and not (is_clock and found[-1].variable.interval):
+            causality = references[-1].variable.causality
+            is_clock = references[-1].variable.type == "Clock"  # A time-based clock may be the source of others.
+            if number == 0 and causality not in READABLE and not (is_clock and references[-1].variable.interval):
                 problems.append(f"{text}: the source is an {causality}. Connect from an output.")
             elif number == 1 and causality != "input":
                 problems.append(f"{text}: the target is no input but {causality}. Connect to an input.")
         if problems:
             raise CouplingError(problems)
-        return found[0], found[1]
+        return references[0], references[1]
 
 
-def object_link(source: Reference, target: Reference, connection: Connection, text: str) -> Link:
-    """A connection of strings or binaries."""
+def make_object_link(source: Reference, target: Reference, connection: Connection, text: str) -> Link:
+    """Return a link of strings or binaries; CouplingError if the types differ."""
     a, b = source.variable.type, target.variable.type
     if a != b:
         raise CouplingError(f"{text}: {a} does not fit {b}. Connect two of one type.")
@@ -238,8 +238,8 @@ def object_link(source: Reference, target: Reference, connection: Connection, te
     return Link(source, target)
 
 
-def clock_link(source: Reference, target: Reference, connection: Connection, text: str) -> Link:
-    """A connection of clocks: the target ticks when the source does."""
+def make_clock_link(source: Reference, target: Reference, connection: Connection, text: str) -> Link:
+    """Return a link of clocks, whose target ticks when the source does; CouplingError if it is not triggered."""
     a, b = source.variable, target.variable
     if a.type != b.type:
         raise CouplingError(f"{text}: {a.type} does not fit {b.type}. Connect two clocks.")
@@ -251,12 +251,14 @@ def clock_link(source: Reference, target: Reference, connection: Connection, tex
 
 
 def check_items(source: MemberVariable, target: MemberVariable, text: str) -> None:
-    """Enumerations go as numbers: the same number must be the same item."""
-    known = dict(target.items)
-    wrong = [(name, number) for name, number in source.items if known and known.get(name) != number]
-    if wrong:
-        name, number = wrong[0]
-        other = f"is {known[name]}" if name in known else f"is not there: there are {', '.join(known)}"
+    """Raise CouplingError unless two enumerations agree: they are transferred as numbers."""
+    target_items = dict(target.items)
+    mismatches = [(name, number) for name, number in source.items if target_items and target_items.get(name) != number]
+    if mismatches:
+        name, number = mismatches[0]
+        other = (
+            f"is {target_items[name]}" if name in target_items else f"is not there: there are {', '.join(target_items)}"
+        )
         raise CouplingError(
             f"{text}: `{name}` is {number} in the source, and {other} in the target. Convert it between."
         )
@@ -273,7 +275,7 @@ def feeds(link: Link, output: MemberVariable) -> bool:
 
 
 def direct_followers(links: list[Link], catalog: Catalog) -> dict[tuple[str, str], list[tuple[str, str]]]:
-    """For each connected output, the connected outputs that depend on it directly, through one member."""
+    """Return for each connected output the connected outputs that depend on it directly, through one member."""
     by_source: dict[tuple[str, str], list[Link]] = {}
     for link in links:
         by_source.setdefault(link.source.key, []).append(link)
@@ -291,23 +293,23 @@ def direct_followers(links: list[Link], catalog: Catalog) -> dict[tuple[str, str
 def stepping_order(
     members: list[str], links: list[Link], catalog: Catalog, together: Mapping[str, str] | None = None
 ) -> list[str]:
-    """Gauss-Seidel order: along the connections; inside a loop, along direct feedthrough; else as declared.
+    """Return the Gauss-Seidel order: along the connections; inside a loop, along direct feedthrough; else as declared.
 
-    `together`: by member that steps as one with others, the one that stands for them in the order.
+    `together`: for members that step together with others, the representative of their group.
     """
-    as_one = {name: (together or {}).get(name, name) for name in members}
-    nodes = list(dict.fromkeys(as_one.values()))
-    every: dict[str, list[str]] = {name: [] for name in nodes}
+    representative = {name: (together or {}).get(name, name) for name in members}
+    nodes = list(dict.fromkeys(representative.values()))
+    followers: dict[str, list[str]] = {name: [] for name in nodes}
     direct: dict[str, list[str]] = {name: [] for name in nodes}
     for link in links:
-        source, target = as_one[link.source.member], as_one[link.target.member]
+        source, target = representative[link.source.member], representative[link.target.member]
         if source == target and together:
             continue
-        every[source].append(target)
+        followers[source].append(target)
         if any(v.causality == "output" and feeds(link, v) for v in catalog[link.target.member].values()):
             direct[source].append(target)
     order: list[str] = []
-    for group in ordered_groups(nodes, every):
+    for group in ordered_groups(nodes, followers):
         inside = {name: [f for f in direct[name] if f in group] for name in group}
         for part in ordered_groups(group, inside):
             order += part

@@ -1,7 +1,7 @@
-"""Terminals, variables that are connected together: a connection of two as the single connections that it stands for.
+"""Terminals (FMI 3.0): expand a connection of two terminals to connections of their variables.
 
-Members match by name, as FMI 3.0 has it (section 2.4.9.2): of a plug each must have its partner, of a bus some may be
-missing; those of a sequence are named by their places, 1, 2, ... Which side is the source of a pair, causality says.
+Members match by name (FMI 3.0, section 2.4.9.2): every member of a plug needs a partner, members of a bus may lack one;
+those of a sequence are named by their positions, 1, 2, ... The causality decides which side of a pair is the source.
 """
 
 from __future__ import annotations
@@ -26,64 +26,69 @@ RULES = ("plug", "bus", "sequence")
 FLOWS = {
     "inflow": "in",
     "outflow": "out",
-}  # FMI's variableKind: what flows through a terminal, by its positive direction
+}  # FMI's variableKind of flows through a terminal, by the positive direction
 SHOWN = 6  # names in a message
 
 
 @dataclass(frozen=True, slots=True)
 class Terminal:
-    """A terminal of a member as a connection names it. `index`: the element of its arrays, `[2]`, or nothing."""
+    """Terminal of a member in a connection. `index`: the selected element of its arrays, `[2]`, or empty."""
 
     path: str
     member: str
     index: str
-    members: dict[str, Pair]  # by the name that they have at the other side
+    members: dict[str, Pair]  # by memberName
 
     def end(self, name: str) -> str:
-        """A member as the end of a single connection."""
+        """Return the path of a terminal member, for a connection of variables."""
         variable = self.members[name][0]
         return f"{self.member}.{variable.name}{self.index if variable.shape else ''}"
 
 
 def names(variables: Mapping[str, MemberVariable]) -> list[str]:
-    """The terminals of a member."""
-    return list(dict.fromkeys(place.terminal for one in variables.values() for place in one.terminals))
+    """Return the names of a member's terminals."""
+    return list(
+        dict.fromkeys(membership.terminal for variable in variables.values() for membership in variable.terminals)
+    )
 
 
 def find(path: str, catalog: Catalog) -> Terminal | None:
-    """The terminal that `member.terminal` or `member.terminal[2]` names; None if it names none."""
+    """Resolve `member.terminal` or `member.terminal[2]`; None if it is no terminal."""
     member, _, name = path.partition(".")
     variables = catalog.get(member, {})
     element = ELEMENT.fullmatch(name)
     if name in variables or (element and element[1] in variables):
         return None
-    found, index = members(variables, name), ""
-    if not found and element:
-        found, index = members(variables, element[1]), f"[{element[2]}]"
-    return Terminal(path, member, index, found) if found else None
+    matched, index = members(variables, name), ""
+    if not matched and element:
+        matched, index = members(variables, element[1]), f"[{element[2]}]"
+    return Terminal(path, member, index, matched) if matched else None
 
 
 def members(variables: Mapping[str, MemberVariable], terminal: str) -> dict[str, Pair]:
-    """What belongs to a terminal."""
+    """Return the members of a terminal by memberName."""
     return {
-        place.name: (one, place) for one in variables.values() for place in one.terminals if place.terminal == terminal
+        membership.name: (variable, membership)
+        for variable in variables.values()
+        for membership in variable.terminals
+        if membership.terminal == terminal
     }
 
 
-def single(a: Terminal, b: Terminal) -> list[tuple[str, str]]:
-    """Source and target of each connection between two terminals; CouplingError with all that does not fit."""
-    problems = [*misfits(a, b), *wrong_index(a), *wrong_index(b)]
+def expand(a: Terminal, b: Terminal) -> list[tuple[str, str]]:
+    """Return (source, target) of each connection between two terminals; CouplingError with all mismatches."""
+    problems = [*partner_problems(a, b), *index_problems(a), *index_problems(b)]
     pairs: list[tuple[str, str]] = []
     for name in (name for name in a.members if name in b.members):
         ends = a.end(name), b.end(name)
-        is_input = [one.members[name][0].causality == "input" for one in (a, b)]
+        is_input = [terminal.members[name][0].causality == "input" for terminal in (a, b)]
         if problem := flow_problem(a.members[name][1].kind, b.members[name][1].kind):
             problems.append(f"{name}: {ends[0]} and {ends[1]} {problem}")
         elif is_input[0] == is_input[1]:
-            what = (
+            problem_text = (
                 f"both {' and '.join(ends)} are inputs" if is_input[0] else f"neither {' nor '.join(ends)} is an input"
             )
-            problems.append(f"{name}: {what}. Connect terminals of opposite sides.")
+            problems.append(f"{name}: {problem_text}. Connect terminals of opposite sides.")
         else:
             pairs.append(ends if is_input[1] else ends[::-1])
     if problems:
@@ -91,40 +96,46 @@ def single(a: Terminal, b: Terminal) -> list[tuple[str, str]]:
     return pairs
 
 
-def misfits(a: Terminal, b: Terminal) -> list[str]:
-    """Members that have no partner and need one."""
-    lonely = []
-    for one, other in ((a, b), (b, a)):
-        rules = {place.rule for _, place in one.members.values()}
+def partner_problems(a: Terminal, b: Terminal) -> list[str]:
+    """Return the problem of members that lack a required partner."""
+    unmatched = []
+    for terminal, partner in ((a, b), (b, a)):
+        rules = {membership.rule for _, membership in terminal.members.values()}
         if unknown := sorted(rules - set(RULES)):
-            return [f"{one.path} has the matching rule {unknown[0]!r}. Connect its variables one by one."]
-        if missing := [n for n, (_, place) in one.members.items() if n not in other.members and place.rule != "bus"]:
-            lonely.append(f"{listed(missing)} of {one.path}")
-    if lonely:
+            return [f"{terminal.path} has the matching rule {unknown[0]!r}. Connect its variables one by one."]
+        if missing := [
+            n
+            for n, (_, membership) in terminal.members.items()
+            if n not in partner.members and membership.rule != "bus"
+        ]:
+            unmatched.append(f"{shortened_list(missing)} of {terminal.path}")
+    if unmatched:
         advice = "Connect terminals with the same members, or variables one by one."
-        return [f"no partner at the other side for {' and '.join(lonely)}. {advice}"]
+        return [f"no partner at the other side for {' and '.join(unmatched)}. {advice}"]
     if not a.members.keys() & b.members.keys():
-        return [f"nothing in common: {listed(a.members)} and {listed(b.members)}. Connect terminals of one kind."]
+        return [
+            f"nothing in common: {shortened_list(a.members)} and {shortened_list(b.members)}. Connect terminals of one kind."
+        ]
     return []
 
 
-def wrong_index(one: Terminal) -> list[str]:
-    """What is wrong with the element that a terminal is meant for."""
-    arrays = [variable for variable, _ in one.members.values() if variable.shape]
-    if not one.index:
+def index_problems(terminal: Terminal) -> list[str]:
+    """Return the problem of an element index that does not fit the terminal's arrays."""
+    arrays = [variable for variable, _ in terminal.members.values() if variable.shape]
+    if not terminal.index:
         return []
     if not arrays:
-        return [f"{one.path}: none of its variables is an array. Leave the brackets out."]
-    index = [int(part) for part in one.index[1:-1].split(",")]
+        return [f"{terminal.path}: none of its variables is an array. Leave the brackets out."]
+    index = [int(part) for part in terminal.index[1:-1].split(",")]
     for variable in arrays:
         shape = variable.shape
         if len(index) != len(shape) or not all(1 <= i <= n for i, n in zip(index, shape, strict=True)):
-            return [f"{one.path}: {variable.name} has shape {list(shape)}, elements count from 1."]
+            return [f"{terminal.path}: {variable.name} has shape {list(shape)}, elements count from 1."]
     return []
 
 
 def flow_problem(a: str, b: str) -> str:
-    """Why the value of one member is not that of the other."""
+    """Return why the values of two members cannot be copied: kinds that differ, or flows of equal direction."""
     if unknown := [kind for kind in (a, b) if kind not in (*FLOWS, "signal")]:
         return f"are of the kind {unknown[0]!r}, whose values are not just copied. Connect them by themselves."
     if a == b and a in FLOWS:
@@ -132,7 +143,7 @@ def flow_problem(a: str, b: str) -> str:
     return ""
 
 
-def listed(found: Mapping[str, object] | list[str]) -> str:
-    """Some names for a message."""
-    every = list(found)
+def shortened_list(labels: Mapping[str, object] | list[str]) -> str:
+    """Join at most `SHOWN` names for a message."""
+    every = list(labels)
     return ", ".join(every[:SHOWN]) + (f" and {len(every) - SHOWN} more" if len(every) > SHOWN else "")

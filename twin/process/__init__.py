@@ -1,4 +1,4 @@
-"""The processes of a run: one works, another watches it and keeps what it recorded. Imports nothing heavy."""
+"""Processes of a run: a supervised worker and the supervisor that saves its recording. Imports no large packages."""
 
 from twin.process.crash_report import Death
 from twin.process.process_identity import PREFIX, alive, memory_is_limited, place_for, process_identity, sweep

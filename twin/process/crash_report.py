@@ -1,4 +1,4 @@
-"""How a process ended that did not end by itself, and where it was."""
+"""Report of a process that crashed, was killed or did not return: cause, time and function."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ ENGINE = str(Path(__file__).parents[1])
 FRAME = re.compile(r'  File "(?P<file>.+)", line (?P<line>\d+)(?: in (?P<function>.+))?')
 CALLERS = tuple(os.path.join(ENGINE, room) for room in ("coupling", "fmi", "conformance", "run", "cli"))  # noqa: PTH118
 LINES = 5
-KILL = 9  # SIGKILL, where there is one
+KILL = 9  # SIGKILL, on POSIX
 
 
 @dataclass
 class Death:
-    """What is known of the end of a process. `member` and `function` were at work in the step from `time_ns`."""
+    """Crash report of a process. `member` and `function` were being executed in the step from `time_ns`."""
 
     signal: int = 0
     exit: int | None = None
-    silent: float = 0.0  # killed since nothing had happened for this time [s]
-    asked: int = 0  # signal that had asked it to stop
-    tick: int = 0  # communication points done
-    at: int = 0  # address of the loop's row that was at work, or 0
-    note: str = ""  # what it was at outside of the loop
+    silent: float = 0.0  # time without progress after which it was killed [s]
+    asked: int = 0  # earlier signal that requested a stop
+    tick: int = 0  # communication points reached
+    at: int = 0  # address of the loop's row that was being executed, or 0
+    note: str = ""  # activity outside of the loop
     member: str = ""
     function: str = ""
     time_ns: clock.Time | None = None
@@ -37,44 +37,44 @@ class Death:
     stack: list[str] = field(default_factory=list)  # of Python, the innermost frame first
 
     def told(self) -> dict[str, Any]:
-        """As plain data."""
+        """Convert to a dictionary of plain data."""
         return asdict(self)
 
     @classmethod
-    def of(cls, told: dict[str, Any]) -> Self:
-        """From plain data."""
-        return cls(**{key: told[key] for key in cls.__dataclass_fields__ if key in told})
+    def of(cls, data: dict[str, Any]) -> Self:
+        """Create from a dictionary that `told` wrote; unknown keys are ignored."""
+        return cls(**{key: data[key] for key in cls.__dataclass_fields__ if key in data})
 
     @property
     def from_outside(self) -> bool:
-        """Whether somebody, or the system for want of memory, ended it: then nothing else is to be begun."""
+        """Whether a user or the system (out of memory) ended the process: then nothing else is started."""
         return bool(self.asked) or (self.signal == KILL and not self.silent)
 
     @property
     def how(self) -> str:
-        """What happened, in words."""
+        """Cause of the end as text."""
         if self.silent:
             return f"did not return for {self.silent:g} s"
         if self.asked and self.signal == KILL:
-            return f"did not stop after {name(self.asked)}, and was killed"
+            return f"did not stop after {signal_name(self.asked)}, and was killed"
         if self.signal == KILL:
             return "was killed (SIGKILL) by somebody, or by the system for want of memory"
         if self.signal:
-            return f"crashed with {name(self.signal)} ({signal.strsignal(self.signal)})"
+            return f"crashed with {signal_name(self.signal)} ({signal.strsignal(self.signal)})"
         return f"ended the process with exit code {self.exit}"
 
     @property
     def place(self) -> str:
-        """The line of somebody's Python code that was at work: `model.py:12`."""
-        for found in filter(None, map(FRAME.match, self.stack)):
-            if found["file"].startswith(CALLERS):
-                break  # what called native code
-            if not found["file"].startswith((ENGINE, "<")) and not library(found["file"]):
-                return f"{found['file']}:{found['line']}"
+        """Line of user code in Python that was being executed, `model.py:12`, or empty."""
+        for frame in filter(None, map(FRAME.match, self.stack)):
+            if frame["file"].startswith(CALLERS):
+                break  # the engine's call of native code
+            if not frame["file"].startswith((ENGINE, "<")) and not is_library(frame["file"]):
+                return f"{frame['file']}:{frame['line']}"
         return ""
 
     def text(self) -> str:
-        """The whole in one line."""
+        """Format the report as one line."""
         from twin import clock
 
         when = (
@@ -92,21 +92,21 @@ class Death:
         return f"{self.member or self.note or 'the run'}: {self.how}{function}{when}{where}.{log}"
 
 
-def library(file: str) -> bool:
-    """Whether a file is Python's own or an installed package's."""
+def is_library(file: str) -> bool:
+    """Whether a file belongs to Python or to an installed package."""
     return "site-packages" in file or file.startswith(str(Path(os.__file__).parent))
 
 
-def name(number: int) -> str:
-    """`SIGSEGV`."""
+def signal_name(number: int) -> str:
+    """Return the name of a signal, such as `SIGSEGV`."""
     try:
         return signal.Signals(number).name
     except ValueError:
         return f"signal {number}"
 
 
-def innermost(text: str) -> list[str]:
-    """The frames of the thread that a dump of Python's stacks is about, the innermost first."""
+def current_frames(text: str) -> list[str]:
+    """Return the frames of the current thread in a faulthandler dump, the innermost first."""
     _, _, current = text.rpartition("Current thread")
     body = current.partition("\n")[2]
     frames = []

@@ -1,4 +1,4 @@
-"""Who a process is, so that what a dead one left is told from what a living one uses: number and time of its start."""
+"""Identity of a process, its number and start time, and temporary folders that are removed when it is dead."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from pathlib import Path
 
 PREFIX = "twin-"
 MEMORY = Path("/dev/shm")  # noqa: S108 - of Linux
-ROOM = 256 << 20  # that has to be free there [byte]
-SMALL = 16 << 20  # files that may lie there [byte]
+ROOM = 256 << 20  # space that must be free in MEMORY [byte]
+SMALL = 16 << 20  # largest size of files in MEMORY [byte]
 
 
-def started(pid: int) -> str:
-    """When a process started, as the system counts; nothing if there is none, `0` where the system does not tell."""
+def start_time(pid: int) -> str:
+    """Return the start time of a process in clock ticks of the system: empty if there is no process, `0` if unknown."""
     try:
         with Path(f"/proc/{pid}/stat").open("rb") as file:
             fields = file.read().rpartition(b")")[2].split()
@@ -23,12 +23,12 @@ def started(pid: int) -> str:
             return ""
     except (OSError, IndexError):
         return "0"
-    return "0" if there(pid) else ""
+    return "0" if exists(pid) else ""
 
 
-def there(pid: int) -> bool:
-    """Whether a process is there, on systems without /proc."""
-    if os.name == "nt":  # where `os.kill` would end it
+def exists(pid: int) -> bool:
+    """Whether a process exists, on systems without /proc."""
+    if os.name == "nt":  # `os.kill` would end the process on Windows
         import ctypes
 
         system = ctypes.windll.kernel32  # type: ignore[attr-defined,unused-ignore]
@@ -46,27 +46,27 @@ def there(pid: int) -> bool:
 
 
 def process_identity(pid: int = 0) -> str:
-    """`1234-567890`: a process and its start."""
+    """Return the identity of a process, by default of this one: number and start time, `1234-567890`."""
     pid = pid or os.getpid()
-    return f"{pid}-{started(pid) or '0'}"
+    return f"{pid}-{start_time(pid) or '0'}"
 
 
-def alive(who: str) -> bool:
-    """Whether the process that `process_identity` named is there."""
-    pid, _, start = who.partition("-")
-    return pid.isdecimal() and bool(start) and started(int(pid)) == start
+def alive(identity: str) -> bool:
+    """Whether the process with an identity of `process_identity` still runs."""
+    pid, _, start = identity.partition("-")
+    return pid.isdecimal() and bool(start) and start_time(int(pid)) == start
 
 
-def temporary() -> Path:
-    """The system's folder for temporary files, as `tempfile` would find it."""
-    given = (os.environ.get(name, "") for name in ("TMPDIR", "TEMP", "TMP"))
-    return next((Path(one) for one in given if one and os.access(one, os.W_OK | os.X_OK)), Path("/tmp"))  # noqa: S108
+def temporary_folder() -> Path:
+    """Return the system's folder for temporary files, as `tempfile` would."""
+    candidates = (os.environ.get(name, "") for name in ("TMPDIR", "TEMP", "TMP"))
+    return next((Path(path) for path in candidates if path and os.access(path, os.W_OK | os.X_OK)), Path("/tmp"))  # noqa: S108
 
 
-def memory() -> Path | None:
-    """Where small files that may be executed lie in memory; None where it is small, or somebody named another place.
+def memory_folder() -> Path | None:
+    """Return the folder in memory for small executable files; None if it is too small or TMPDIR names another folder.
 
-    On a disk, to remove a folder takes a hundred times as long as here, and an FMU is five.
+    Removing a folder takes a hundred times as long on a disk, and an FMU has five folders.
     """
     if any(map(os.environ.get, ("TMPDIR", "TEMP", "TMP"))) or not os.access(MEMORY, os.W_OK | os.X_OK):
         return None
@@ -74,48 +74,48 @@ def memory() -> Path | None:
     return None if about.f_flag & os.ST_NOEXEC or about.f_bavail * about.f_frsize < ROOM else MEMORY
 
 
-class Quick:
-    """The folder in memory that somebody removes when this process has ended, if there is one."""
+class MemoryFolder:
+    """Folder in memory that the supervisor removes when this process has ended; empty if there is none."""
 
     folder = ""
 
 
 def place_for(size: int) -> str | None:
-    """Where temporary files of a size [byte] are to lie; None: where `tempfile` puts them."""
-    return Quick.folder if Quick.folder and size <= SMALL else None
+    """Return the folder for temporary files of a size [byte]; None: the default of `tempfile`."""
+    return MemoryFolder.folder if MemoryFolder.folder and size <= SMALL else None
 
 
-def folder_of(place: Path, who: str) -> Path:
-    """The folder for temporary files of a run; what begins with its name is its process's too, and is swept with it."""
-    return place / f"{PREFIX}{who}"
+def folder_of(parent: Path, identity: str) -> Path:
+    """Return the folder for temporary files of a process; `sweep` removes all folders with this prefix."""
+    return parent / f"{PREFIX}{identity}"
 
 
-def sweep(place: Path) -> None:
-    """Remove the folders that dead runs left."""
+def sweep(parent: Path) -> None:
+    """Remove temporary folders of processes that no longer run."""
     try:
-        left = [one for one in place.iterdir() if one.name.startswith(PREFIX)]
+        leftovers = [folder for folder in parent.iterdir() if folder.name.startswith(PREFIX)]
     except OSError:
         return
-    for one in left:
-        pid, start, *_ = [*one.name.removeprefix(PREFIX).split("-"), ""]
+    for folder in leftovers:
+        pid, start, *_ = [*folder.name.removeprefix(PREFIX).split("-"), ""]
         if pid.isdecimal() and start.isdecimal() and not alive(f"{pid}-{start}"):
-            remove(one)
+            remove(folder)
 
 
-def remove(one: Path) -> None:
-    """Remove a folder, as far as it goes."""
+def remove(folder: Path) -> None:
+    """Remove a folder; errors are ignored."""
     with suppress(OSError):
-        one.rmdir()  # most are empty
+        folder.rmdir()  # fast path: most folders are empty
         return
     import shutil
 
-    shutil.rmtree(one, ignore_errors=True)
+    shutil.rmtree(folder, ignore_errors=True)
 
 
 def memory_is_limited() -> bool:
-    """Whether `ulimit -v` is set: then what cannot be loaded lacks memory."""
+    """Whether `ulimit -v` is set: then a library that cannot be loaded lacks memory."""
     try:
         import resource
-    except ImportError:  # elsewhere than on Unix
+    except ImportError:  # not on Unix
         return False
     return resource.getrlimit(resource.RLIMIT_AS)[0] != resource.RLIM_INFINITY

@@ -1,4 +1,4 @@
-"""The one stop path: the first signal that would end this process ends the run instead; more of them change nothing."""
+"""Signal handling: the first termination signal stops the run in order; further ones are ignored."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 ENDING = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK")
-SIGNALS = [getattr(signal, one) for one in ENDING if hasattr(signal, one)]
-RETRY = 0.01  # from an interrupt that Python ignored to the next one [s]
+SIGNALS = [getattr(signal, name) for name in ENDING if hasattr(signal, name)]
+RETRY = 0.01  # delay after an interrupt that Python ignored [s]
 
 
 class Stop:
-    """While it is entered, the first signal raises KeyboardInterrupt where it is `armed`; elsewhere it is only noted.
+    """Context manager: the first signal raises KeyboardInterrupt inside `armed` blocks and is only stored elsewhere.
 
-    At its end a signal that would have killed the process does so; a surrounding `Stop` takes it over; and where a command
-    was interrupted (`once`), further signals change nothing. Outside of the main thread it does nothing.
+    On exit, a signal that would have killed the process does so; a surrounding `Stop` takes it over; where a command was
+    interrupted (`once`), further signals are ignored. No-op outside of the main thread.
     """
 
     def __init__(self) -> None:
@@ -32,15 +32,15 @@ class Stop:
     def __enter__(self) -> Self:
         self._hook = sys.unraisablehook
         if threading.current_thread() is threading.main_thread():
-            for one in SIGNALS:
-                if signal.getsignal(one) not in (signal.SIG_IGN, None):
-                    self._before[one] = signal.signal(one, self._heard)
+            for number in SIGNALS:
+                if signal.getsignal(number) not in (signal.SIG_IGN, None):
+                    self._before[number] = signal.signal(number, self._on_signal)
         return self
 
     def __exit__(self, *_: object) -> None:
         handler = self._before.get(self.number)
-        for one, before in self._before.items():
-            signal.signal(one, signal.SIG_IGN if handler is once else before)
+        for number, previous in self._before.items():
+            signal.signal(number, signal.SIG_IGN if handler is once else previous)
         sys.unraisablehook = self._hook
         surrounding = getattr(handler, "__self__", None)
         if isinstance(surrounding, Stop):
@@ -48,19 +48,19 @@ class Stop:
         elif handler is signal.SIG_DFL:
             signal.raise_signal(self.number)
 
-    def _heard(self, number: int, _frame: object) -> None:
+    def _on_signal(self, number: int, _frame: object) -> None:
         first, self.number = not self.number, self.number or number
         if first and self._armed:
             interrupt(self.check)
 
     def check(self) -> None:
-        """Raise again what native frames or a callback swallowed."""
+        """Raise KeyboardInterrupt again if native frames or a callback swallowed it."""
         if self.number and self._armed:
             raise KeyboardInterrupt
 
     @contextmanager
     def armed(self) -> Iterator[None]:
-        """What is done here may be interrupted; a signal that came before does it at once."""
+        """Allow interrupts in the block; a signal that came before interrupts at once."""
         self._armed += 1
         try:
             self.check()
@@ -70,38 +70,39 @@ class Stop:
 
 
 def once(_number: int, _frame: object) -> None:
-    """A handler of signals: the first one interrupts, and no other changes how that ends."""
-    for one in SIGNALS:
-        signal.signal(one, signal.SIG_IGN)
+    """Signal handler: the first signal raises KeyboardInterrupt, further ones are ignored."""
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
     interrupt(once_more)
 
 
 def once_more() -> NoReturn:
-    """Raise an interrupt that was ignored."""
+    """Raise an interrupt again that Python ignored."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     raise KeyboardInterrupt
 
 
 def is_interrupted() -> bool:
-    """Whether a signal has reached `once`, which no other signal follows."""
+    """Whether `once` has handled a signal."""
     return signal.getsignal(signal.SIGINT) is signal.SIG_IGN
 
 
 def handle_signals() -> None:
-    """Let the first signal interrupt the process of a command; those that it was told to ignore stay ignored.
+    """Install `once` for the process of a command; signals that are ignored already stay ignored.
 
-    Not so SIGINT and SIGTERM, which a script's background jobs would ignore: what may move a machine has to be stoppable.
+    Exceptions are SIGINT and SIGTERM, which a script's background jobs would ignore: a command that may move a machine must
+    be stoppable.
     """
-    for one in SIGNALS:
-        if one in (signal.SIGINT, signal.SIGTERM) or signal.getsignal(one) is not signal.SIG_IGN:
-            signal.signal(one, once)
+    for number in SIGNALS:
+        if number in (signal.SIGINT, signal.SIGTERM) or signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, once)
 
 
 def interrupt(retry: Callable[[], object]) -> NoReturn:
-    """Raise KeyboardInterrupt in a handler of signals.
+    """Raise KeyboardInterrupt in a signal handler.
 
-    Python ignores exceptions in callbacks, such as those of weak references, and prints them. Then `retry` is called in a
-    handler a moment later.
+    Python prints and ignores exceptions in callbacks, such as those of weak references. In that case `retry` is called in
+    a signal handler a moment later.
     """
     before = sys.unraisablehook
 
@@ -119,7 +120,7 @@ def interrupt(retry: Callable[[], object]) -> NoReturn:
 
 
 def interrupt_main_thread() -> None:
-    """Send SIGINT to the main thread: a real signal, where there are any, ends what it waits for."""
+    """Send SIGINT to the main thread; a real signal, where available, ends blocking calls."""
     if hasattr(signal, "pthread_kill") and (number := threading.main_thread().ident) is not None:
         signal.pthread_kill(number, signal.SIGINT)
     else:

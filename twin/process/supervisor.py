@@ -1,8 +1,8 @@
-"""A small process that watches the one that works, and is left when that dies.
+"""Supervisor process of a run: records for a forked child and outlives its crash.
 
-`supervise` is called before anything heavy is imported. It forks: in the child it returns, in the parent never. What
-the child records lies in memory of both; the parent takes it into a file, passes signals on, and when the child dies
-forks another one, which is told how, and finishes. Without `fork` the process watches itself by a thread.
+`supervise` is called before large packages are imported. It forks: it returns in the child, never in the parent. The child
+records into shared memory; the parent drains it into a file and forwards signals. When the child dies, the parent forks
+another one, which gets the crash report and finishes the run. Without `fork` a thread of the process drains the memory.
 """
 
 from __future__ import annotations
@@ -20,43 +20,51 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
-from twin.process.crash_report import LINES, Death, innermost
-from twin.process.process_identity import Quick, folder_of, memory, process_identity, remove, sweep, temporary
+from twin.process.crash_report import LINES, Death, current_frames
+from twin.process.process_identity import (
+    MemoryFolder,
+    folder_of,
+    memory_folder,
+    process_identity,
+    remove,
+    sweep,
+    temporary_folder,
+)
 from twin.process.shared import NOTES, Drainer, Shared
 from twin.process.stop import SIGNALS, once
 from twin.process.supervisor_channel import INTERVAL, Link, Watched
 
-STOP_TIME = 10.0  # a case has this time to end after a signal [s]
-FINISH_TIME = 120.0  # and all that is to be written [s]
-DUMP_TIME = 0.5  # and Python to tell its stack [s]
+STOP_TIME = 10.0  # for a case to end after a signal [s]
+FINISH_TIME = 120.0  # for writing all results after a signal [s]
+DUMP_TIME = 0.5  # for Python to dump its stack [s]
 DUMP = getattr(signal, "SIGUSR2", 0)
-UNLIMITED = ": termination"  # of what takes as long as it takes: drives are stopped there
-TRIES = 2  # deaths while finishing that are borne
+UNLIMITED = ": termination"  # activities without a timeout: drives are stopped in them
+TRIES = 2  # crashes while finishing before the supervisor gives up
 
 
 def command_line() -> None:
-    """Say that the process is that of a command alone: `supervise` may fork it."""
+    """Declare that this process runs a command and nothing else: `supervise` may fork it."""
     Supervisor.allowed = hasattr(os, "fork")
 
 
 def supervise(timeout: float = 0.0) -> Link:
-    """Go on in a child that is watched; `timeout`: kill it where one thing takes longer [s], 0: never.
+    """Continue in a supervised child process; it is killed after `timeout` without progress [s], 0: never.
 
-    Elsewhere than on a command line, and without `fork`, the process goes on alone.
+    Outside of a command line, and without `fork`, the process continues unsupervised.
     """
     if not Supervisor.allowed:
         return Link()
-    places = [one for one in (temporary(), memory()) if one is not None]
-    folders = [made(folder_of(one, process_identity())) for one in places]
-    with suppress(OSError):  # no process can be had
-        remove_at_end([one for one in folders if one])
+    locations = [location for location in (temporary_folder(), memory_folder()) if location is not None]
+    folders = [create_folder(folder_of(location, process_identity())) for location in locations]
+    with suppress(OSError):  # no process can be created
+        remove_at_end([folder for folder in folders if folder])
     supervisor = Supervisor(Shared(), timeout, *folders)
     link = supervisor.begin()
     if link is not None:
         return link
     try:
-        for place in places:
-            sweep(place)
+        for location in locations:
+            sweep(location)
         code_or_link = supervisor.run()
     finally:
         if supervisor.link is None:
@@ -65,8 +73,8 @@ def supervise(timeout: float = 0.0) -> Link:
     return code_or_link if isinstance(code_or_link, Link) else leave(code_or_link)
 
 
-def made(folder: Path) -> str:
-    """A folder for temporary files; nothing where there can be none: a full disk, or somebody else's."""
+def create_folder(folder: Path) -> str:
+    """Create a folder for temporary files; empty if that fails: a full disk, or a folder of another user."""
     try:
         folder.mkdir(mode=0o700)
     except OSError:
@@ -75,9 +83,9 @@ def made(folder: Path) -> str:
 
 
 def remove_at_end(folders: list[str]) -> None:
-    """Start a process that removes folders when this one and its children are dead, even if all are killed at once.
+    """Start a process that removes folders when this process and its children have ended, even if all are killed at once.
 
-    It has a session of its own and holds nothing open but the end of a pipe, whose other ends these processes hold.
+    It has its own session and keeps only the end of a pipe open, whose other ends these processes hold.
     """
     if not folders:
         return
@@ -88,11 +96,11 @@ def remove_at_end(folders: list[str]) -> None:
         return
     os.setsid()
     if os.fork() == 0:
-        for one in SIGNALS:
-            signal.signal(one, signal.SIG_IGN)
+        for number in SIGNALS:
+            signal.signal(number, signal.SIG_IGN)
         nothing = os.open(os.devnull, os.O_RDWR)
-        for one in range(3):
-            os.dup2(nothing, one)
+        for descriptor in range(3):
+            os.dup2(nothing, descriptor)
         os.closerange(3, end)
         os.closerange(end + 1, os.sysconf("SC_OPEN_MAX"))
         os.read(end, 1)
@@ -102,9 +110,9 @@ def remove_at_end(folders: list[str]) -> None:
 
 
 def leave(code: int) -> NoReturn:
-    """End this process, which has begun nothing that would have to be ended; no signal changes how."""
-    for one in SIGNALS:
-        signal.signal(one, signal.SIG_IGN)
+    """Exit this process at once, ignoring signals; it holds nothing that needs cleaning up."""
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
     with suppress(OSError, ValueError):
         sys.stdout.flush()
         sys.stderr.flush()
@@ -112,43 +120,43 @@ def leave(code: int) -> NoReturn:
 
 
 def end(code: int) -> NoReturn:
-    """End the process of a command whose work is done: a child of `supervise` at once.
+    """Exit the process of a command that is done; a child of `supervise` without Python's finalization.
 
-    All of it is closed and written then, and to take Python apart takes as long as a tenth of what it was started for.
+    Everything is closed and written by then, and finalizing Python takes a tenth of the time of a typical run.
     """
-    if any(not one.daemon for one in threading.enumerate() if one is not threading.main_thread()):
-        sys.exit(code)  # after those threads, which a signal may have to end
-    for one in SIGNALS:
-        signal.signal(one, signal.SIG_IGN)
+    if any(not thread.daemon for thread in threading.enumerate() if thread is not threading.main_thread()):
+        sys.exit(code)  # waits for the non-daemon threads, which a signal may have to end
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
     if not Supervisor.forked:
         sys.exit(code)
     atexit._run_exitfuncs()
     import ctypes
 
     with suppress(OSError, AttributeError):
-        ctypes.CDLL(None).fflush(None)  # what native code printed
+        ctypes.CDLL(None).fflush(None)  # buffered output of native code
     leave(code)
 
 
 class Supervisor:
-    """The parent. In a child that it forks, `link` is set."""
+    """Parent process of a run. `link` is set in a forked child."""
 
     allowed = False  # whether this process may be forked
-    forked = False  # whether it is such a child
+    forked = False  # whether this process is a forked child
 
     def __init__(self, shared: Shared, timeout: float, folder: str, quick: str = "") -> None:
         self.shared, self.timeout, self.folder, self.quick = shared, timeout, folder, quick
         self.link: Watched | None = None
         self.kept: dict[str, Any] = {}
         self.attempt = self.tries = 0
-        self.asked = 0  # first signal that came
-        self.asked_at = 0.0
+        self.stop_signal = 0  # first signal that came
+        self.stop_requested_at = 0.0
         self.wake, self._woken = os.pipe()
         for end in (self.wake, self._woken):
             os.set_blocking(end, False)
 
-    def begin(self, death: Death | None = None) -> Watched | None:
-        """Fork; the link in the child, nothing in the parent."""
+    def begin(self, previous: Death | None = None) -> Watched | None:
+        """Fork a child; return its link in the child, None in the parent."""
         self.shared.clear()
         pipes = [os.pipe() for _ in range(4)]  # messages, answers, native stderr, stacks
         before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
@@ -156,7 +164,7 @@ class Supervisor:
         sys.stderr.flush()
         self.pid = os.fork()
         if self.pid == 0:
-            self.link = self._child(pipes, death)
+            self.link = self._child(pipes, previous)
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
             return self.link
         (self.messages, out), (back, self.answers), (self.errors, err), (self.stacks, dump) = pipes
@@ -167,27 +175,27 @@ class Supervisor:
         self.drainer = Drainer(self.shared)
         self.pending, self.stack = b"", b""
         self.done, self.last = False, (0, 0, 0)
-        self.quiet = 0.0
+        self.silent_time = 0.0
         self.lines: dict[str, deque[str]] = {}
         if self.attempt == 0:
-            for one in SIGNALS:
-                if signal.getsignal(one) is not signal.SIG_IGN or one == signal.SIGINT:
-                    signal.signal(one, self._heard)
+            for number in SIGNALS:
+                if signal.getsignal(number) is not signal.SIG_IGN or number == signal.SIGINT:
+                    signal.signal(number, self._forward_signal)
             signal.signal(signal.SIGCHLD, lambda *_: None)
             signal.set_wakeup_fd(self._woken, warn_on_full_buffer=False)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         return None
 
-    def _child(self, pipes: list[tuple[int, int]], death: Death | None) -> Watched:
+    def _child(self, pipes: list[tuple[int, int]], previous: Death | None) -> Watched:
         import faulthandler
 
         Supervisor.allowed, Supervisor.forked = False, True
         parent = os.getppid()
         signal.set_wakeup_fd(-1)
         signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-        for one in SIGNALS:
-            if signal.getsignal(one) is not signal.SIG_IGN:
-                signal.signal(one, once)
+        for number in SIGNALS:
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, once)
         (messages, out), (back, answers), (errors, err), (stacks, dump) = pipes
         for end in (messages, answers, errors, stacks, self.wake, self._woken):
             os.close(end)
@@ -197,82 +205,84 @@ class Supervisor:
         sys.stderr = os.fdopen(terminal, "w", buffering=1, encoding=sys.stderr.encoding, errors="backslashreplace")
         faulthandler.enable(dump)
         faulthandler.register(DUMP, dump)
-        Quick.folder = self.quick
+        MemoryFolder.folder = self.quick
         if self.folder:
             os.environ["TMPDIR"] = self.folder
             if "tempfile" in sys.modules:
                 sys.modules["tempfile"].tempdir = None  # type: ignore[attr-defined]
         link = Watched(self.shared, out, back, parent)
-        link.attempt, link.kept, link.death, link.temporary = self.attempt, dict(self.kept), death, self.folder
+        link.attempt, link.kept, link.death, link.temporary = self.attempt, dict(self.kept), previous, self.folder
         atexit.register(link.done)
         die_with(parent)
         return link
 
-    def _heard(self, number: int, _frame: object) -> None:
-        """Pass a signal on: a terminal sends it to both, and to the child the first one is all that counts."""
-        if not self.asked:
-            self.asked, self.asked_at = number, time.monotonic()
+    def _forward_signal(self, number: int, _frame: object) -> None:
+        """Forward a signal to the child. A terminal sends it to both; the child reacts to the first one only."""
+        if not self.stop_signal:
+            self.stop_signal, self.stop_requested_at = number, time.monotonic()
         if self.pid:
             with suppress(ProcessLookupError):
                 os.kill(self.pid, number)
 
     def run(self) -> int | Link:
-        """Watch children until one ends by itself; its exit code. In a further child: its link."""
+        """Supervise children until one ends normally; return its exit code, or in a further child its link."""
         while True:
             status = self.watch()
             code = os.waitstatus_to_exitcode(status)
             if self.done or (code == 0 and not self.kept):
                 return max(code, 0) if code >= 0 else self.kept.get("code", 1)
-            death = self.death(code)
+            crash = self.crash_report(code)
             self.tries += bool(self.kept.pop("finishing", False)) or not self.kept.pop("begun", False)
             if "resume" not in self.kept or self.tries >= TRIES:
-                return self.give_up(death)
+                return self.give_up(crash)
             self.attempt += 1
-            self.asked_at = time.monotonic()
+            self.stop_requested_at = time.monotonic()
             for end in (self.messages, self.answers, self.errors, self.stacks):
                 os.close(end)
-            if (link := self.begin(death)) is not None:
+            if (link := self.begin(crash)) is not None:
                 return link
 
-    def give_up(self, death: Death) -> int:
-        """Say what happened where nothing can be finished."""
-        print(f"error: {death.text()}", file=sys.stderr)
+    def give_up(self, crash: Death) -> int:
+        """Report a crash after which nothing can be finished; return the exit code."""
+        print(f"error: {crash.text()}", file=sys.stderr)
         if hint := self.kept.get("hint"):
             print(hint, file=sys.stderr)
-        return 130 if death.from_outside else 1
+        return 130 if crash.from_outside else 1
 
     def watch(self) -> int:
-        """Drain and listen until the child is dead; its status."""
+        """Drain the ring and read the pipes until the child has ended; return its wait status."""
         silent = 0.0
-        then = time.monotonic()
+        previous_time = time.monotonic()
         while True:
-            busy = self.drainer.file >= 0 or self.timeout or self.asked
+            busy = self.drainer.file >= 0 or self.timeout or self.stop_signal
             with suppress(InterruptedError):
                 select.select([self.messages, self.errors, self.stacks, self.wake], [], [], INTERVAL if busy else 1.0)
             with suppress(BlockingIOError):
                 os.read(self.wake, 512)
-            self.listen()
+            self.read_pipes()
             self.drainer.drain()
             pid, status = os.waitpid(self.pid, os.WNOHANG)
             if pid:
-                self.listen()
+                self.read_pipes()
                 self.drainer.drain()
                 self.drainer.close()
                 self.pid = 0
                 return status
             now = time.monotonic()
-            silent, then = self.stuck(silent, min(now - then, 4 * INTERVAL)), now
-            late = self.asked and now - self.asked_at > (FINISH_TIME if self.kept.get("finishing") else STOP_TIME)
-            if (self.timeout and silent > self.timeout) or late:
-                self.quiet = silent if not late else 0.0
+            silent, previous_time = self.stuck_time(silent, min(now - previous_time, 4 * INTERVAL)), now
+            is_overdue = self.stop_signal and now - self.stop_requested_at > (
+                FINISH_TIME if self.kept.get("finishing") else STOP_TIME
+            )
+            if (self.timeout and silent > self.timeout) or is_overdue:
+                self.silent_time = silent if not is_overdue else 0.0
                 self.kill()
 
-    def stuck(self, silent: float, passed: float) -> float:
-        """For how long the child has been at the same thing [s]; a process that was stopped is not stuck."""
-        told = self.drainer.told
+    def stuck_time(self, silent: float, passed: float) -> float:
+        """Return how long the child has made no progress [s]; a suspended process does not count as stuck."""
+        layout = self.drainer.layout
         words = (
             self.shared.word(NOTES),
-            *((self.shared.word(told[key]) for key in ("tick", "at")) if told else (0, 0)),
+            *((self.shared.word(layout[key]) for key in ("tick", "at")) if layout else (0, 0)),
         )
         noted = self.shared.noted
         at_work = bool(words[2]) or (bool(noted) and not noted.endswith(UNLIMITED))
@@ -282,37 +292,37 @@ class Supervisor:
         return 0.0
 
     def kill(self) -> None:
-        """End the child, after it has told where Python is."""
+        """Kill the child after it has dumped its Python stack."""
         with suppress(ProcessLookupError):
             os.kill(self.pid, DUMP)
             end = time.monotonic() + DUMP_TIME
             while time.monotonic() < end and b"Current thread" not in self.stack:
                 select.select([self.stacks], [], [], 0.05)
-                self.listen()
+                self.read_pipes()
             time.sleep(0.02)
-            self.listen()
+            self.read_pipes()
             os.kill(self.pid, signal.SIGKILL)
 
-    def listen(self) -> None:
-        """Take what the child says, on all ways."""
-        self.pending += taken(self.messages)
+    def read_pipes(self) -> None:
+        """Read the child's messages, stack dump and stderr."""
+        self.pending += read_available(self.messages)
         while len(self.pending) >= 4 and len(self.pending) >= 4 + (size := int.from_bytes(self.pending[:4], "little")):
             message = marshal.loads(self.pending[4 : 4 + size])  # noqa: S302 - from our own child
             self.pending = self.pending[4 + size :]
-            self.hear(message)
-        self.stack += taken(self.stacks)
+            self.handle_message(message)
+        self.stack += read_available(self.stacks)
         self.pass_on()
 
     def pass_on(self) -> None:
-        """Pass on what native code printed to stderr."""
-        if text := taken(self.errors):
+        """Forward what native code printed to stderr, and keep its last lines."""
+        if text := read_available(self.errors):
             with suppress(OSError):
                 os.write(2, text)
             lines = self.lines.setdefault("", deque(maxlen=LINES))
             lines.extend(line for line in text.decode(errors="replace").splitlines() if line.strip())
 
-    def hear(self, message: dict[str, Any]) -> None:
-        """Do what the child asks for."""
+    def handle_message(self, message: dict[str, Any]) -> None:
+        """Process a message of the child."""
         if "open" in message:
             self.drainer.open(message["open"])
         if "sync" in message:
@@ -320,9 +330,9 @@ class Supervisor:
         if "shut" in message:
             self.drainer.drain()
             self.drainer.close()
-            self.drainer.told = {}
+            self.drainer.layout = {}
             self.pass_on()
-            self.lines.clear()  # what this case logged says nothing of the next
+            self.lines.clear()  # log lines belong to one case
         if "keep" in message:
             self.kept |= message["keep"]
         if "log" in message:
@@ -333,35 +343,35 @@ class Supervisor:
             with suppress(BrokenPipeError):
                 os.write(self.answers, bytes([message["count"]]))
 
-    def death(self, code: int) -> Death:
-        """How the child ended, and where it was."""
-        told = self.drainer.told
-        tick, at = (self.shared.word(told[key]) for key in ("tick", "at")) if told else (0, 0)
+    def crash_report(self, code: int) -> Death:
+        """Return the crash report of the child."""
+        layout = self.drainer.layout
+        tick, at = (self.shared.word(layout[key]) for key in ("tick", "at")) if layout else (0, 0)
         number = -code if code < 0 else 0
         return Death(
             signal=number,
             exit=code if code >= 0 else None,
-            silent=round(self.timeout, 3) if self.quiet else 0.0,
-            asked=self.asked,
+            silent=round(self.timeout, 3) if self.silent_time else 0.0,
+            asked=self.stop_signal,
             tick=tick,
             at=at,
             note=self.shared.noted,
             log={member: list(lines) for member, lines in self.lines.items()},
-            stack=innermost(self.stack.decode(errors="replace")),
+            stack=current_frames(self.stack.decode(errors="replace")),
         )
 
 
-def taken(file: int) -> bytes:
-    """All that can be read at once."""
-    found = b""
+def read_available(file: int) -> bytes:
+    """Read all available bytes of a non-blocking pipe."""
+    result = b""
     with suppress(BlockingIOError):
         while data := os.read(file, 1 << 16):
-            found += data
-    return found
+            result += data
+    return result
 
 
 def die_with(parent: int) -> None:
-    """Have the system send SIGTERM when who watches dies; where it cannot, the loop notices it a moment later."""
+    """Request SIGTERM from the system when the supervisor dies; elsewhere the loop detects it a moment later."""
     if sys.platform != "linux":
         return
     import ctypes

@@ -1,4 +1,4 @@
-"""What a process that works says to the one that watches it; where nobody watches, a thread takes the rows."""
+"""Channel from a worker process to its supervisor; without a supervisor a thread drains the recording."""
 
 from __future__ import annotations
 
@@ -17,42 +17,45 @@ from twin.process.shared import HEAD, NOTES, RECORD, TAIL, TROUBLE, Drainer, Sha
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-INTERVAL = 0.03  # between two looks at the ring [s]: what is younger than 0.1 s may be lost, on a busy machine too
-LETTERS = 1000  # of a log line that is told
-PATIENCE = 0.0005  # between two looks for room in the ring [s]
+INTERVAL = 0.03  # between two drains of the ring [s]: at most 0.1 s may be lost, also on a busy machine
+LETTERS = 1000  # largest length of a log line that is sent
+RETRY_INTERVAL = 0.0005  # between two checks for space in the ring [s]
 
 
 class Link:
-    """A process alone: a thread of its own drains the ring. `kept` and `death` are of the process before this one, if any."""
+    """Channel of an unsupervised process: a thread drains the ring.
+
+    `kept`: values kept for a successor process; `death`: the crash report of the process before this one, if any.
+    """
 
     attempt = 0
-    temporary = ""  # folder for temporary files that somebody else removes, or nothing
+    temporary = ""  # folder for temporary files that the supervisor removes, or empty
     watched = False
-    stopped = False  # whether who watched is gone: then this process is to stop too
+    stopped = False  # whether the supervisor has died: then this process must stop too
 
     def __init__(self, shared: Shared | None = None) -> None:
         self.shared = shared or Shared()
         self.kept: dict[str, Any] = {}
         self.death: Death | None = None
-        self.told: dict[str, Any] | None = None
+        self.layout: dict[str, Any] | None = None
         self._lock = threading.Lock()
         self._drainer: Drainer | None = None
         self._end = threading.Event()
 
-    def open(self, told: dict[str, Any]) -> None:
-        """Have the rows of a case taken into a file, from the front of the ring."""
+    def open(self, layout: dict[str, Any]) -> None:
+        """Start draining the rows of a case into a file, from the front of the ring."""
         self.shared.put(TAIL, 0)
         self.shared.put(TROUBLE, 0)
-        self.told = told
+        self.layout = layout
         self._begin()
 
     def _begin(self) -> None:
-        assert self.told is not None
+        assert self.layout is not None
         with self._lock:
             if self._drainer is None:
                 self._drainer = Drainer(self.shared)
                 threading.Thread(target=self._drain, name="recording", daemon=True).start()
-            self._drainer.open(self.told)
+            self._drainer.open(self.layout)
 
     def _drain(self) -> None:
         while not self._end.wait(INTERVAL):
@@ -67,75 +70,75 @@ class Link:
                 self._drainer.drain()
 
     def shut(self) -> None:
-        """Take what is left of a case, and close its file."""
+        """Drain the remaining rows of a case and close its file."""
         if self._drainer is not None:
             with self._lock:
                 self._drainer.drain()
                 self._drainer.close()
-        self.told = None
+        self.layout = None
 
     def wait(self) -> None:
-        """Let a little time pass, for the ring is full."""
+        """Drain and sleep briefly: the ring is full."""
         self.sync()
-        time.sleep(PATIENCE)
+        time.sleep(RETRY_INTERVAL)
 
     @property
     def owners(self) -> str:
-        """The processes that look after what is recorded."""
+        """Identity of the process that can finish the recording."""
         return process_identity()
 
     @property
     def tail(self) -> int:
-        """How far the ring was taken [byte]."""
+        """Drained part of the ring [byte]."""
         return self.shared.word(TAIL)
 
     @property
     def trouble(self) -> OSError | None:
-        """Why rows cannot be written, or nothing."""
+        """Error that keeps rows from being written, or None."""
         number = self.shared.word(TROUBLE)
         if not number:
             return None
         text = "its folder has disappeared" if number == ENOENT else os.strerror(number)
-        return OSError(number, text, (self.told or {}).get("file"))
+        return OSError(number, text, (self.layout or {}).get("file"))
 
     @property
-    def record_place(self) -> int:
-        """Where in the memory the loop's record lies."""
+    def record_offset(self) -> int:
+        """Offset of the loop's record in the shared memory [byte]."""
         return RECORD
 
     @property
-    def ring_place(self) -> int:
-        """Where in the memory the ring begins."""
+    def ring_offset(self) -> int:
+        """Offset of the ring in the shared memory [byte]."""
         return HEAD
 
     def look(self) -> None:
-        """Notice whether who watched is dead."""
+        """Check whether the supervisor is alive; no-op here."""
 
     def note(self, text: str) -> None:
-        """Say what this process is at outside of the loop."""
+        """Publish the current activity outside of the loop."""
         self.shared.note(text)
 
     def beat(self) -> None:
-        """Say that what was noted goes on."""
+        """Signal progress of the current activity."""
         self.shared.put(NOTES, self.shared.word(NOTES) + 1)
 
     def keep(self, **values: Any) -> None:
-        """Small values that the next process is to have, should this one die."""
+        """Keep small values for a successor process, should this one die."""
         self.kept |= values
 
     def log(self, member: str, line: str) -> None:
-        """Tell a line that a member logged."""
+        """Send a line that a member logged; no-op without a supervisor."""
 
     def close(self) -> None:
-        """Take what is left, and end."""
+        """Drain the remaining rows and stop the thread. Safe to call twice."""
         self.shut()
         self._end.set()
-        with self._lock:  # the thread may be between its look at it and its use
+        with self._lock:  # the thread may be about to use the drainer
             self._drainer = None
 
 
 class Watched(Link):
-    """A process that a supervisor watches, and drains."""
+    """Channel of a process whose supervisor drains the ring."""
 
     watched = True
 
@@ -146,85 +149,85 @@ class Watched(Link):
 
     @property
     def owners(self) -> str:
-        """The processes that look after what is recorded: either can finish it."""
+        """Identities of the processes that can finish the recording: this one and its supervisor."""
         return f"{process_identity()} {process_identity(self._supervisor)}"
 
     def _send(self, **message: Any) -> bool:
-        """Tell something, in one piece; False if nobody is there any more."""
+        """Send a message atomically; False if the supervisor has died."""
         if self._out < 0:
             return False
         data = marshal.dumps(message)
         try:
             os.write(self._out, len(data).to_bytes(4, "little") + data)
         except BrokenPipeError:
-            self._alone()
+            self._continue_alone()
             return False
         return True
 
-    def _ask(self, **message: Any) -> bool:
-        """Tell something, and wait until it was done."""
+    def _request(self, **message: Any) -> bool:
+        """Send a message and wait until it is processed; False if the supervisor has died."""
         self._count = self._count % 250 + 1
         if not self._send(count=self._count, **message):
             return False
         while (answer := os.read(self._back, 1)) != bytes([self._count]):
             if not answer:
-                self._alone()
+                self._continue_alone()
                 return False
         return True
 
-    def _alone(self) -> None:
-        """Who watched is dead: go on draining here."""
+    def _continue_alone(self) -> None:
+        """Drain in this process: the supervisor has died."""
         if self._out >= 0:
             os.close(self._out)
             self._out, self.stopped = -1, True
-            if self.told is not None:
+            if self.layout is not None:
                 super()._begin()
 
     def _begin(self) -> None:
-        if not self._ask(open=self.told) and self._drainer is None:
+        if not self._request(open=self.layout) and self._drainer is None:
             super()._begin()
 
     def sync(self) -> None:
         """Return when every row is in the file, or cannot be written."""
-        if self.told is None:
+        if self.layout is None:
             return
-        if not self._ask(sync=True):
+        if not self._request(sync=True):
             super().sync()
 
     def shut(self) -> None:
-        """Take what is left of a case, and close its file."""
-        if self.told is not None and not self._ask(shut=True):
+        """Drain the remaining rows of a case and close its file."""
+        if self.layout is not None and not self._request(shut=True):
             super().shut()
-        self.told = None
+        self.layout = None
 
     def look(self) -> None:
-        """Notice whether who watched is dead."""
+        """Check whether the supervisor is alive; drain in this process if it has died."""
         if self._out >= 0 and os.getppid() != self._supervisor:
-            self._alone()
+            self._continue_alone()
 
     def keep(self, **values: Any) -> None:
-        """Small values that the next process is to have, should this one die."""
+        """Keep small values for a successor process, should this one die."""
         super().keep(**values)
         self._send(keep=values)
 
     def log(self, member: str, line: str) -> None:
-        """Tell a line that a member logged."""
+        """Send a line that a member logged; no-op without a supervisor."""
         with suppress(OSError):
             self._send(log=(member, line[:LETTERS]))
 
     def done(self) -> None:
-        """Say that this process ends by itself."""
+        """Announce that this process ends normally."""
         self._send(done=True)
 
 
 class Lines(list[str]):
-    """Log lines of a member, each of which is also told at once."""
+    """Log lines of a member; each appended line is also passed to a callback at once."""
 
-    def __init__(self, lines: Sequence[str], tell: Callable[[str], object]) -> None:
+    def __init__(self, lines: Sequence[str], on_line: Callable[[str], object]) -> None:
         super().__init__(lines)
-        self._tell = tell
+        self._on_line = on_line
 
     def append(self, line: str) -> None:
-        """Keep a line, and tell it."""
+        """Append a line and pass it on."""
         super().append(line)
-        self._tell(line)
+        self._on_line(line)

@@ -1,4 +1,4 @@
-"""How a co-simulation hangs together: who steps when, what flows with which delay, what depends on what at one instant."""
+"""Structure of a co-simulation: stepping order, delays of connections, direct feedthrough and algebraic loops."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Part:
-    """A member. `place`: when it steps within a communication step, counted from 1; equal ones step at the same time.
+    """Member of the structure. `place`: rank in the stepping order, counted from 1; members of equal rank step together.
 
-    `period`: of its steps [ns]. `feedthrough`: outputs and the connected inputs that they depend on at the same instant.
+    `period`: of its steps [ns]. `feedthrough`: outputs with the connected inputs that they depend on at the same instant.
     """
 
     name: str
@@ -35,9 +35,9 @@ class Part:
 
 @dataclass
 class Wire:
-    """What goes from one member to another. `texts`: connections as they are written, those of terminals as one.
+    """All connections from one member to another. `texts`: connections as written, those of terminals as one.
 
-    `delays` [ns]: how late the values are where they are used, beyond what the source's own step says; one of each.
+    `delays` [ns]: age of the values when they are used, beyond the source's own step; each different one once.
     """
 
     source: str
@@ -48,13 +48,13 @@ class Wire:
 
     @property
     def delay(self) -> str:
-        """`0 s`, `1 ms`, or `0 s, 5 ms` where they differ."""
-        return ", ".join(clock.text(one) for one in sorted(self.delays))
+        """Delays as text: `0 s`, `1 ms`, or `0 s, 5 ms` where they differ."""
+        return ", ".join(clock.text(delay) for delay in sorted(self.delays))
 
 
 @dataclass(frozen=True)
 class Structure:
-    """A co-simulation, described. `loops`: variables that depend on each other at one instant."""
+    """Structure of a co-simulation. `loops`: algebraic loops, as the variables in them."""
 
     parts: tuple[Part, ...]
     wires: tuple[Wire, ...]
@@ -64,25 +64,25 @@ class Structure:
 
     @property
     def usual(self) -> str:
-        """The delay that most wires have."""
-        counts = Counter(one.delay for one in self.wires)
+        """Most frequent delay of the wires."""
+        counts = Counter(wire.delay for wire in self.wires)
         return counts.most_common(1)[0][0] if counts else ""
 
     @property
     def told(self) -> str:
-        """One or two sentences on what the picture does not show."""
+        """Summary of what the picture does not show: algorithm, step, usual delay, algebraic loops."""
         sentences = [f"{self.algorithm}, communication step {clock.text(self.step)}."]
         if self.usual:
-            others = any(one.delay != self.usual for one in self.wires)
+            differ = any(wire.delay != self.usual for wire in self.wires)
             when = "in the step in which they are computed" if self.usual == "0 s" else f"{self.usual} late"
-            sentences.append(f"Values are used {when}{', where nothing else is written' * others}.")
+            sentences.append(f"Values are used {when}{', where nothing else is written' * differ}.")
         if self.loops:
             names = "; ".join(", ".join(loop) for loop in self.loops)
             sentences.append(f"Depend on each other at one instant: {names}.")
         return " ".join(sentences)
 
     def svg(self, alone: bool = False) -> str:
-        """The picture; `alone`: as a file of its own."""
+        """Draw the structure as SVG; `alone`: as a standalone file."""
         several = len({part.place for part in self.parts}) > 1
         notes = {
             part.name: " · ".join(
@@ -90,24 +90,24 @@ class Structure:
             )
             for part in self.parts
         }
-        labels = {(one.source, one.target): one.delay for one in self.wires if one.delay != self.usual}
-        drawn = picture.draw(
+        labels = {(wire.source, wire.target): wire.delay for wire in self.wires if wire.delay != self.usual}
+        svg = picture.draw(
             {part.name: part.component for part in self.parts},
-            {(one.source, one.target): [*one.texts, f"delay {one.delay}"] for one in self.wires},
+            {(wire.source, wire.target): [*wire.texts, f"delay {wire.delay}"] for wire in self.wires},
             {name: note for name, note in notes.items() if note},
             labels,
         )
-        return picture.standalone(drawn) if alone else drawn
+        return picture.standalone(svg) if alone else svg
 
 
 def structure(
     simulated: CoSimulation, components: Mapping[str, str], connections: Iterable[tuple[str, str]]
 ) -> Structure:
-    """What a co-simulation is like; `components`: what its members are made of, for people, by name.
+    """Describe the structure of a co-simulation; `components`: what to display as each member's component, by name.
 
-    `connections`: as they are written, terminals whole; nothing is initialized or stepped.
+    `connections`: as written, those of terminals as one. Nothing is initialized or stepped.
     """
-    place = {name: i for i, stage in enumerate(simulated.order(), 1) for name in stage}
+    stage_number = {name: i for i, stage in enumerate(simulated.order(), 1) for name in stage}
     catalog = {name: member.variables for name, member in simulated.members.items()}
     wires: dict[Edge, Wire] = {}
     for link, delay in simulated.delays():
@@ -126,7 +126,13 @@ def structure(
     ]
     return Structure(
         tuple(
-            Part(name, components.get(name, ""), place[name], simulated.periods[name], feedthrough(simulated, name))
+            Part(
+                name,
+                components.get(name, ""),
+                stage_number[name],
+                simulated.periods[name],
+                feedthrough(simulated, name),
+            )
             for name in simulated.members
         ),
         tuple(wires.values()),
@@ -137,18 +143,18 @@ def structure(
 
 
 def feedthrough(simulated: CoSimulation, name: str) -> tuple[tuple[str, tuple[str, ...]], ...]:
-    """The connected outputs of a member that depend on connected inputs at the same instant, with those inputs."""
+    """Return the connected outputs of a member that depend on connected inputs at the same instant, with those inputs."""
     variables = simulated.members[name].variables
-    taken = {link.target.variable.name for link in simulated.links if link.target.member == name}
-    given = dict.fromkeys(link.source.variable.name for link in simulated.links if link.source.member == name)
-    found = []
-    for output in given:
-        known = variables[output].dependencies
-        on = (
-            tuple(one for one in taken if known is None or one in known)
+    inputs = {link.target.variable.name for link in simulated.links if link.target.member == name}
+    outputs = dict.fromkeys(link.source.variable.name for link in simulated.links if link.source.member == name)
+    result = []
+    for output in outputs:
+        dependencies = variables[output].dependencies
+        connected_inputs = (
+            tuple(input_name for input_name in inputs if dependencies is None or input_name in dependencies)
             if variables[output].causality == "output"
             else ()
         )
-        if on:
-            found.append((output, tuple(sorted(on))))
-    return tuple(found)
+        if connected_inputs:
+            result.append((output, tuple(sorted(connected_inputs))))
+    return tuple(result)

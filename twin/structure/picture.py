@@ -1,7 +1,7 @@
-"""A system as a picture: members in columns along what flows between them, as SVG in the colors of the text around it.
+"""Layered drawing of a system as SVG: members in columns along the connections, in the colors of the surrounding text.
 
-Columns by the longest way from a source, order within them by the neighbors' mean place: Sugiyama, Tagawa, Toda, IEEE
-Trans. Syst. Man Cybern. 11(2), 1981. Connections that close a loop are drawn from right to left.
+Columns by the longest path from a source, order within them by the mean position of the neighbors: Sugiyama, Tagawa, Toda,
+IEEE Trans. Syst. Man Cybern. 11(2), 1981. Connections that close a loop are drawn from right to left.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ if TYPE_CHECKING:
     Layers = list[list["Slot"]]
 
 HEIGHT = 40.0  # of a box [px]
-NOTE = 13.0  # a line below it that a member has a note on
+NOTE = 13.0  # of a line for a note below a box [px]
 GAP = 18.0  # between boxes of a column
-LINE = 10.0  # what a line that passes a column takes there
+LINE = 10.0  # height that a passing line takes in a column
 ROOM = 56.0  # between columns
 SWEEPS = 8
-LETTER, SMALL = 7.0, 6.1  # width of a letter of a name, and of a component
-LONGEST = 22  # letters of a component that are shown
+LETTER, SMALL = 7.0, 6.1  # width of a letter of a member's name, and of a component [px]
+LONGEST = 22  # characters of a component that are shown
 
 
 @dataclass(eq=False)
 class Slot:
-    """A place in a column: a member, or a line that passes. `before`, `behind`: left and right, by which connection."""
+    """Position in a column: a member or a passing line. `before`, `behind`: left and right neighbors with their connections."""
 
     member: str = ""
     before: list[tuple[Slot, Edge]] = field(default_factory=list)
@@ -39,7 +39,7 @@ class Slot:
 
     @property
     def half(self) -> float:
-        """Half of what it takes in its column."""
+        """Half of its height in the column [px]."""
         return (HEIGHT + GAP if self.member else LINE) / 2
 
 
@@ -49,18 +49,18 @@ def draw(
     notes: Mapping[str, str] = MappingProxyType({}),
     labels: Mapping[Edge, str] = MappingProxyType({}),
 ) -> str:
-    """Members (name -> component) and what connects them (source and target member -> texts) as an SVG element.
+    """Draw members (name -> component) and connections (source and target member -> texts) as an SVG element.
 
     `notes` stand below members, `labels` at the ends of connections.
     """
     if not members:
         return ""
-    back = backward(list(members), list(connections))
-    depth = depths(list(members), [edge for edge in connections if edge[0] != edge[1]], back)
+    back = find_backward_edges(list(members), list(connections))
+    depth = assign_columns(list(members), [edge for edge in connections if edge[0] != edge[1]], back)
     layers: Layers = [[] for _ in range(max(depth.values()) + 1)]
     slots = {name: Slot(name) for name in members}
-    for name, place in depth.items():
-        layers[place].append(slots[name])
+    for name, column in depth.items():
+        layers[column].append(slots[name])
     lines = {edge: route(edge, edge in back, depth, slots, layers) for edge in connections if edge[0] != edge[1]}
     arrange(layers)
     shown = {
@@ -69,18 +69,20 @@ def draw(
     }
     width = max(70.0, 18 + max(max(LETTER * len(name), SMALL * len(text)) for name, text in shown.items()))
     room = max(ROOM, 22 + SMALL * max(map(len, labels.values()), default=0))
-    left = {id(slot): 8 + place * (width + room) for place, layer in enumerate(layers) for slot in layer}
+    left = {id(slot): 8 + column * (width + room) for column, layer in enumerate(layers) for slot in layer}
     bottom = max(slot.y + slot.half for layer in layers for slot in layer)
     size = 16 + len(layers) * width + (len(layers) - 1) * room, bottom + 10 + NOTE * bool(notes)
     parts = [
-        line(way, edge, edge in back, left, width, list(connections[edge]), labels.get(edge, ""))
-        for edge, way in lines.items()
+        draw_line(path, edge, edge in back, left, width, list(connections[edge]), labels.get(edge, ""))
+        for edge, path in lines.items()
     ]
-    parts += [box(slots[name], left[id(slots[name])], width, name, text, members[name]) for name, text in shown.items()]
     parts += [
-        itself(slots[one], left[id(slots[one])], width, texts)
-        for (one, other), texts in connections.items()
-        if one == other
+        draw_box(slots[name], left[id(slots[name])], width, name, text, members[name]) for name, text in shown.items()
+    ]
+    parts += [
+        draw_self_loop(slots[source], left[id(slots[source])], width, texts)
+        for (source, target), texts in connections.items()
+        if source == target
     ]
     parts += [
         f'<text x="{left[id(slots[name])] + width / 2:.1f}" y="{slots[name].y + HEIGHT / 2 + NOTE - 1:.1f}" '
@@ -94,40 +96,40 @@ def draw(
     )
 
 
-def standalone(drawn: str) -> str:
-    """A drawn system as a file of its own, on white."""
-    return drawn.replace("<svg ", '<svg xmlns="http://www.w3.org/2000/svg" ', 1).replace(
+def standalone(svg: str) -> str:
+    """Convert the SVG element of `draw` to a standalone file with a white background."""
+    return svg.replace("<svg ", '<svg xmlns="http://www.w3.org/2000/svg" ', 1).replace(
         "color: inherit", "color: #1f2933; background: #fff"
     )
 
 
-def backward(members: list[str], edges: list[Edge]) -> set[Edge]:
-    """The connections that close a loop, found by walking from the members that nobody drives, as declared."""
+def find_backward_edges(members: list[str], edges: list[Edge]) -> set[Edge]:
+    """Return the connections that close a loop, by depth-first search from the members without inputs, as declared."""
     followers = {name: [b for a, b in edges if a == name and b != name] for name in members}
     driven = {b for a, b in edges if a != b}
-    found: set[Edge] = set()
+    backward_edges: set[Edge] = set()
     done: set[str] = set()
     for start in sorted(members, key=lambda name: name in driven):
-        way = [(start, iter(followers[start]))] if start not in done else []
+        path = [(start, iter(followers[start]))] if start not in done else []
         above = {start}
-        while way:
-            name, rest = way[-1]
-            for other in rest:
-                if other in above:
-                    found.add((name, other))
-                elif other not in done:
-                    way.append((other, iter(followers[other])))
-                    above.add(other)
+        while path:
+            name, rest = path[-1]
+            for follower in rest:
+                if follower in above:
+                    backward_edges.add((name, follower))
+                elif follower not in done:
+                    path.append((follower, iter(followers[follower])))
+                    above.add(follower)
                     break
             else:
-                way.pop()
+                path.pop()
                 above.discard(name)
                 done.add(name)
-    return found
+    return backward_edges
 
 
-def depths(members: list[str], edges: list[Edge], back: set[Edge]) -> dict[str, int]:
-    """Column of each member: one behind all that drive it."""
+def assign_columns(members: list[str], edges: list[Edge], back: set[Edge]) -> dict[str, int]:
+    """Return the column of each member: right of all members that drive it."""
     depth = dict.fromkeys(members, 0)
     for _ in members:
         for source, target in edges:
@@ -137,29 +139,29 @@ def depths(members: list[str], edges: list[Edge], back: set[Edge]) -> dict[str, 
 
 
 def route(edge: Edge, is_back: bool, depth: dict[str, int], slots: dict[str, Slot], layers: Layers) -> list[Slot]:
-    """The slots of a connection from left to right, with new ones in the columns that it passes."""
+    """Return the slots of a connection from left to right; adds slots in the columns that it passes."""
     first, last = reversed(edge) if is_back else edge
-    way = [slots[first]]
-    for place in range(depth[first] + 1, depth[last]):
-        way.append(Slot())
-        layers[place].append(way[-1])
-    way.append(slots[last])
-    for one, other in pairwise(way):
-        one.behind.append((other, edge))
-        other.before.append((one, edge))
-    return way
+    path = [slots[first]]
+    for column in range(depth[first] + 1, depth[last]):
+        path.append(Slot())
+        layers[column].append(path[-1])
+    path.append(slots[last])
+    for slot, neighbor in pairwise(path):
+        slot.behind.append((neighbor, edge))
+        neighbor.before.append((slot, edge))
+    return path
 
 
 def arrange(layers: Layers) -> None:
-    """Find the order and the heights in all columns, sweeping from left to right and back."""
+    """Compute order and heights in all columns, sweeping from left to right and back."""
     for layer in layers:
         spread(layer)
     for sweep in range(SWEEPS):
         forward = sweep % 2 == 0
         for layer in layers if forward else reversed(layers):
             for slot in layer:
-                near = slot.before if forward else slot.behind
-                slot.y = sum(one.y for one, _ in near) / len(near) if near else slot.y
+                neighbors = slot.before if forward else slot.behind
+                slot.y = sum(neighbor.y for neighbor, _ in neighbors) / len(neighbors) if neighbors else slot.y
             layer.sort(key=lambda slot: slot.y)
             spread(layer)
     top = min(slot.y - slot.half for layer in layers for slot in layer)
@@ -168,26 +170,29 @@ def arrange(layers: Layers) -> None:
 
 
 def spread(layer: list[Slot]) -> None:
-    """Move the slots of a column apart, keeping their mean."""
+    """Remove overlaps of the slots of a column, keeping their mean height."""
     before = sum(slot.y for slot in layer)
-    for one, other in pairwise(layer):
-        other.y = max(other.y, one.y + one.half + other.half)
-    moved = (sum(slot.y for slot in layer) - before) / len(layer)
+    for upper, lower in pairwise(layer):
+        lower.y = max(lower.y, upper.y + upper.half + lower.half)
+    shift = (sum(slot.y for slot in layer) - before) / len(layer)
     for slot in layer:
-        slot.y -= moved
+        slot.y -= shift
 
 
-def port(slot: Slot, other: Slot, edge: Edge, is_right: bool) -> float:
-    """Height at which a connection to a neighbor leaves a slot: in the order of the other ends."""
+def port_height(slot: Slot, other: Slot, edge: Edge, is_right: bool) -> float:
+    """Return the height at which a connection to a neighbor leaves a slot: in the order of the other ends."""
     if not slot.member:
         return slot.y
-    near = sorted(slot.behind if is_right else slot.before, key=lambda one: (one[0].y, sorted(one[1]), one[1]))
-    step = min(9.0, (HEIGHT - 8) / max(len(near), 1))
-    return slot.y + (near.index((other, edge)) - (len(near) - 1) / 2) * step
+    neighbors = sorted(
+        slot.behind if is_right else slot.before,
+        key=lambda connection: (connection[0].y, sorted(connection[1]), connection[1]),
+    )
+    step = min(9.0, (HEIGHT - 8) / max(len(neighbors), 1))
+    return slot.y + (neighbors.index((other, edge)) - (len(neighbors) - 1) / 2) * step
 
 
-def line(
-    way: list[Slot],
+def draw_line(
+    slots: list[Slot],
     edge: Edge,
     is_back: bool,
     left: dict[int, float],
@@ -195,39 +200,39 @@ def line(
     texts: list[str],
     label: str,
 ) -> str:
-    """A connection with its arrow; what it carries is told to the mouse."""
+    """Draw a connection with its arrow; a tooltip lists the signals."""
     path = ""
-    for one, other in pairwise(way):
-        begin, end = left[id(one)] + width, left[id(other)]
-        high, low = port(one, other, edge, True), port(other, one, edge, False)
+    for slot, neighbor in pairwise(slots):
+        begin, end = left[id(slot)] + width, left[id(neighbor)]
+        high, low = port_height(slot, neighbor, edge, True), port_height(neighbor, slot, edge, False)
         middle = (begin + end) / 2
         path += f"{'L' if path else 'M'}{begin:.1f} {high:.1f}C{middle:.1f} {high:.1f} {middle:.1f} {low:.1f} {end:.1f} {low:.1f}"
-    x = left[id(way[0])] + width if is_back else left[id(way[-1])]
-    y = port(way[0], way[1], edge, True) if is_back else port(way[-1], way[-2], edge, False)
+    x = left[id(slots[0])] + width if is_back else left[id(slots[-1])]
+    y = port_height(slots[0], slots[1], edge, True) if is_back else port_height(slots[-1], slots[-2], edge, False)
     tail = x + 7 if is_back else x - 7
     color = "#d1495b" if is_back else "#3b8fd4"
     title = escape("\n".join(texts) or " → ".join(edge))
-    beside = (
+    label_svg = (
         f'<text x="{tail + (2 if is_back else -2):.1f}" y="{y - 3:.1f}" text-anchor="{"start" if is_back else "end"}" '
         f'font-size="10" fill="{color}">{escape(label)}</text>'
     )
-    return (beside if label else "") + (
+    return (label_svg if label else "") + (
         f'<g stroke="{color}" fill="none"><title>{title}</title><path stroke-width="1.4" d="{path}"/>'
         f'<path fill="{color}" d="M{x:.1f} {y:.1f}L{tail:.1f} {y - 3.5:.1f}L{tail:.1f} {y + 3.5:.1f}Z"/>'
         f'<path stroke="transparent" stroke-width="10" d="{path}"/></g>'
     )
 
 
-def itself(slot: Slot, x: float, width: float, texts: Iterable[str]) -> str:
-    """A member that is connected to itself."""
+def draw_self_loop(slot: Slot, x: float, width: float, texts: Iterable[str]) -> str:
+    """Draw the connection of a member to itself."""
     middle, top = x + width / 2, slot.y - HEIGHT / 2
     title = escape("\n".join(texts))
     path = f"M{middle + 14:.1f} {top:.1f}C{middle + 18:.1f} {top - 14:.1f} {middle - 18:.1f} {top - 14:.1f} {middle - 14:.1f} {top:.1f}"
     return f'<path stroke="#d1495b" fill="none" stroke-width="1.4" d="{path}"><title>{title}</title></path>'
 
 
-def box(slot: Slot, x: float, width: float, name: str, text: str, component: str) -> str:
-    """A member: its name, and below it its component."""
+def draw_box(slot: Slot, x: float, width: float, name: str, text: str, component: str) -> str:
+    """Draw a member: its name, and its component below."""
     middle, top = x + width / 2, slot.y - HEIGHT / 2
     return (
         f"<g><title>{escape(f'{name}: {component}')}</title>"

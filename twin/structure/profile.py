@@ -1,4 +1,4 @@
-"""Which member of a co-simulation costs what."""
+"""Computing time of each member of a co-simulation."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Cost:
-    """What a member costs. `step`: one of its steps [s]; `per_tick`: of a communication step, its values moved, too [s]."""
+    """Computing time of a member. `step`: of one of its steps [s]; `per_tick`: per communication step with value transfer [s]."""
 
     name: str
     what: str
@@ -28,17 +28,17 @@ class Cost:
 
 @dataclass(frozen=True)
 class Profile:
-    """Costs, the largest first. `per_tick`: of a whole communication step [s], the clock's readings taken off."""
+    """Costs, the largest first. `per_tick`: of a complete communication step [s], without the clock readings."""
 
     costs: tuple[Cost, ...]
     per_tick: float
     step: float  # communication step [s]
     overhead: float  # of reading the clock once [s]
-    seen: int  # communication steps that were looked at
+    seen: int  # sampled communication steps
 
     @property
     def real_time_factor(self) -> float:
-        """Simulated time over the time the loop takes."""
+        """Simulated time divided by the computing time of the loop."""
         return self.step / self.per_tick
 
 
@@ -46,20 +46,22 @@ CONNECTIONS, LOOP = "connections", "loop and recording"
 
 
 def profiled(watch: Stopwatch, simulated: CoSimulation, components: Mapping[str, str], step: float) -> Profile:
-    """What a stopwatch has measured."""
+    """Evaluate the measurements of a stopwatch."""
     each = watch.per_tick()
     kinds, members, done = np.array(watch.kinds), np.array(watch.members), watch.done
     read = (len(each) + 2) * watch.overhead
-    whole = max(watch.wall / max(watch.ticks, 1) - read, float(each.sum()))
+    total = max(watch.wall / max(watch.ticks, 1) - read, float(each.sum()))
     rows = []
     for number, name in enumerate(simulated.members):
-        own = members == number
-        steps = own & (kinds == "steps")
-        share = done[steps].sum() / max(watch.seen, 1)  # steps in a communication step: a slow member has fewer
-        one = float(each[steps].sum() / share) if share else 0.0
-        rows.append((name, components.get(name, ""), one, float(each[own].sum())))
+        is_own = members == number
+        steps = is_own & (kinds == "steps")
+        share = done[steps].sum() / max(watch.sampled, 1)  # steps in a communication step: a slow member has fewer
+        step_time = float(each[steps].sum() / share) if share else 0.0
+        rows.append((name, components.get(name, ""), step_time, float(each[is_own].sum())))
     rows.append((CONNECTIONS, "values copied and converted", 0.0, float(each[kinds == "copies"].sum())))
-    rows.append((LOOP, "", 0.0, whole - float(each.sum())))
+    rows.append((LOOP, "", 0.0, total - float(each.sum())))
     ordered = sorted(rows, key=lambda row: -row[3])
-    costs = tuple(Cost(name, what, one, per_tick, per_tick / whole) for name, what, one, per_tick in ordered)
-    return Profile(costs, whole, step, watch.overhead, watch.seen)
+    costs = tuple(
+        Cost(name, what, step_time, per_tick, per_tick / total) for name, what, step_time, per_tick in ordered
+    )
+    return Profile(costs, total, step, watch.overhead, watch.sampled)

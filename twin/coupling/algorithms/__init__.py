@@ -1,4 +1,4 @@
-"""Co-simulation algorithms, one per file: each is data that the loop, or the walk, is told."""
+"""Co-simulation algorithms, one per file: options of the fixed-step loop or of the variable-step master."""
 
 from twin.coupling.algorithms.algorithm import Algorithm
 from twin.coupling.algorithms.ecco import Ecco

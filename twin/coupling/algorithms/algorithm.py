@@ -1,4 +1,4 @@
-"""What an algorithm is: how members see each other within a step, and what a step is; data, no code that runs in it."""
+"""Base class of co-simulation algorithms: order of stepping, extrapolation and step control, as data for the compiled loop."""
 
 from __future__ import annotations
 
@@ -19,49 +19,56 @@ if TYPE_CHECKING:
     from twin.coupling.member import Member
     from twin.coupling.system import Link
 
-FINEST = 1 << 16  # divisions of a step: times in them stay exact
+FINEST = 1 << 16  # largest number of divisions of a step, with which times stay exact
 
 
-class Named(ABCMeta):
-    """Lets `Algorithm("jacobi")` be the algorithm of that name, and `Algorithm` go through them all."""
+class AlgorithmRegistry(ABCMeta):
+    """Metaclass and registry: `Algorithm("jacobi")` creates an algorithm by name, iterating `Algorithm` yields all."""
 
-    known: ClassVar[dict[str, type[Algorithm]]] = {}
+    classes: ClassVar[dict[str, type[Algorithm]]] = {}
 
     def __call__(cls, *arguments: Any, **options: Any) -> Any:
-        """An algorithm by its name, or by a mapping of `name` and options."""
+        """Create an algorithm from its name, or from a mapping of `name` and options; CouplingError if one is unknown."""
         if cls.__name__ != "Algorithm":
             return super().__call__(**options)
-        given = arguments[0] if arguments else "jacobi"
-        if isinstance(given, Algorithm):
-            return given
-        chosen = {"name": given} if isinstance(given, str) else dict(given)
-        name = chosen.pop("name", None)
-        if name not in Named.known:
-            raise CouplingError(f"algorithm: there is no {name!r}. {nearest(str(name), list(Named.known))}")
-        found = Named.known[name]
-        own = [one.name for one in fields(found) if one.init]  # type: ignore[arg-type]
-        if unknown := [key for key in (*chosen, *options) if key not in own]:
-            raise CouplingError(f"algorithm: {name} has no option {unknown[0]!r}. {nearest(unknown[0], own)}")
-        return found(**chosen, **options)
+        argument = arguments[0] if arguments else "jacobi"
+        if isinstance(argument, Algorithm):
+            return argument
+        settings = {"name": argument} if isinstance(argument, str) else dict(argument)
+        name = settings.pop("name", None)
+        if name not in AlgorithmRegistry.classes:
+            raise CouplingError(
+                f"algorithm: there is no {name!r}. {nearest(str(name), list(AlgorithmRegistry.classes))}"
+            )
+        algorithm_class = AlgorithmRegistry.classes[name]
+        option_names = [option.name for option in fields(algorithm_class) if option.init]  # type: ignore[arg-type]
+        if unknown := [key for key in (*settings, *options) if key not in option_names]:
+            raise CouplingError(f"algorithm: {name} has no option {unknown[0]!r}. {nearest(unknown[0], option_names)}")
+        return algorithm_class(**settings, **options)
 
     def __len__(cls) -> int:
-        return len(Named.known)
+        return len(AlgorithmRegistry.classes)
 
-    def __contains__(cls, one: object) -> bool:
-        return isinstance(one, Algorithm)
+    def __contains__(cls, item: object) -> bool:
+        return isinstance(item, Algorithm)
 
     def __iter__(cls) -> Iterator[Algorithm]:
-        """Each with what is given where nothing is said, the plain ones first."""
-        every = [one() for one in Named.known.values()]
-        return iter(sorted(every, key=lambda one: (not one.is_plain, one.rolls_back, one.is_sequential)))
+        """Iterate over all algorithms with default options, the plain ones first."""
+        algorithms = [algorithm_class() for algorithm_class in AlgorithmRegistry.classes.values()]
+        return iter(
+            sorted(
+                algorithms,
+                key=lambda algorithm: (not algorithm.is_plain, algorithm.rolls_back, algorithm.is_sequential),
+            )
+        )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Algorithm(ABC, metaclass=Named):
-    """How members see each other within one communication step.
+class Algorithm(ABC, metaclass=AlgorithmRegistry):
+    """Coupling of members within one communication step.
 
-    `order`: of the polynomial that an input is thought to follow over a step. `smoothing`: 0 to 1, how far its jumps
-    at the begin of steps are taken out.
+    `order`: of the polynomial that extrapolates an input over a step. `smoothing`: 0 to 1, the share of its jumps at the
+    begin of steps that is removed.
     """
 
     name: ClassVar[str] = ""
@@ -72,13 +79,13 @@ class Algorithm(ABC, metaclass=Named):
     order: int = 0
     smoothing: float = 0.0
 
-    # what those have that iterate, choose steps, or correct
+    # options of algorithms that iterate, control steps, or correct energy
     iterations: ClassVar[int] = 0
     agreement: ClassVar[float] = 0.0
     tolerance: ClassVar[float] = 0.0
     floor: ClassVar[float] = 0.0
     correction: ClassVar[float] = 0.0
-    scales: ClassVar[Mapping[str, Any]] = {}  # sizes [SI] by `member.variable` that are known before they show
+    scales: ClassVar[Mapping[str, Any]] = {}  # known sizes [SI] by `member.variable`
     is_strict: ClassVar[bool] = False  # a step whose iterations do not suffice ends the run
 
     jacobi: ClassVar[Algorithm]
@@ -86,23 +93,23 @@ class Algorithm(ABC, metaclass=Named):
 
     if TYPE_CHECKING:
 
-        def __init__(self, given: object = None, /, **options: Any) -> None: ...
+        def __init__(self, argument: object = None, /, **options: Any) -> None: ...
 
     def __init_subclass__(cls, **_: Any) -> None:
         if cls.name:
-            Named.known[cls.name] = cls
+            AlgorithmRegistry.classes[cls.name] = cls
 
     def __post_init__(self) -> None:
         self._limited("order", 0, 2)
         self._limited("smoothing", 0.0, 1.0)
 
     def _limited(self, option: str, low: float, high: float, above: bool = False) -> None:
-        """CouplingError if an option is outside of its range."""
+        """Raise CouplingError if an option is outside of its range."""
         value = getattr(self, option)
-        good = isinstance(value, int | float) and not isinstance(value, bool)
-        if isinstance(low, int) and good:
-            good = value == int(value)
-        if not good or not (low < value if above else low <= value) or not value <= high:
+        is_valid = isinstance(value, int | float) and not isinstance(value, bool)
+        if isinstance(low, int) and is_valid:
+            is_valid = value == int(value)
+        if not is_valid or not (low < value if above else low <= value) or not value <= high:
             range_ = f"above {low:g} up to {high:g}" if above else f"{low:g} to {high:g}"
             raise CouplingError(f"algorithm: {option} of {self.name} is {value!r}. Give {range_}.")
 
@@ -110,9 +117,9 @@ class Algorithm(ABC, metaclass=Named):
         return self.name
 
     def __eq__(self, other: object) -> bool:
-        """Also with a name: that of an algorithm with no option given."""
+        """Compare with an algorithm, or with a name, which means default options."""
         if isinstance(other, str):
-            return other in Named.known and self == Named.known[other]()
+            return other in AlgorithmRegistry.classes and self == AlgorithmRegistry.classes[other]()
         return type(self) is type(other) and vars(self) == vars(other)
 
     def __hash__(self) -> int:
@@ -120,13 +127,13 @@ class Algorithm(ABC, metaclass=Named):
 
     @property
     def options(self) -> dict[str, Any]:
-        """What is not as it is where nothing is said."""
-        plain = vars(type(self)())
-        return {name: value for name, value in vars(self).items() if value != plain[name]}
+        """Options that differ from the defaults."""
+        defaults = vars(type(self)())
+        return {name: value for name, value in vars(self).items() if value != defaults[name]}
 
     @property
     def described(self) -> str:
-        """`iterative (order: 1)`."""
+        """Name with the options that differ from the defaults: `iterative (order: 1)`."""
         options = ", ".join(f"{name}: {value}" for name, value in self.options.items())
         return f"{self.name} ({options})" if options else self.name
 
@@ -137,46 +144,49 @@ class Algorithm(ABC, metaclass=Named):
 
     @property
     def rolls_back(self) -> bool:
-        """Whether members have to go back to where a step began."""
+        """Whether members must support rollback."""
         return self.iterations > 0 or self.control in (DOUBLING, PREDICTED)
 
     def order_of(self, members: Mapping[str, Member], links: list[Link]) -> list[list[str]]:
-        """The stages: all members at once, or one by one along their dependencies."""
+        """Return the stages: all members at once, or one by one along their dependencies."""
         if not self.is_sequential:
             return [list(members)]
         catalog = {name: member.variables for name, member in members.items()}
         joined = model_exchange_groups.together(members, links)
         order = stepping_order(list(members), links, catalog, joined)
-        return [[one for one in members if joined.get(one, one) == name] for name in order]
+        return [[member for member in members if joined.get(member, member) == name] for name in order]
 
     def divisions(self, step: clock.Time) -> int:
-        """Into how many of the smallest steps a step [ns] may be divided: a power of two."""
+        """Return the number of smallest steps in a step [ns]: a power of two."""
         return 1 if step else 0
 
     @staticmethod
     def every() -> list[Algorithm]:
-        """All algorithms, with what is given where nothing is said."""
+        """Return all algorithms with default options."""
         return list(Algorithm)
 
     def corrected(self, links: list[Link]) -> list[Link]:
-        """The connections that are corrected; CouplingError if what is declared cannot be."""
+        """Return the connections with energy correction; CouplingError if a declared bond is invalid."""
         return links[:0]
 
     def remarks(self, corrected: list[Link]) -> list[str]:
-        """What the person who runs this has to know of it."""
+        """Return notes for the user."""
         del corrected
         return []
 
 
-def scheme_named(name: str, owner: str) -> int:
-    """The number of a way to accelerate."""
+def scheme_number(name: str, owner: str) -> int:
+    """Return the number of an acceleration scheme; CouplingError if it is unknown."""
     if name not in SCHEMES:
         raise CouplingError(f"algorithm: {owner} has no acceleration {name!r}. {nearest(name, list(SCHEMES))}")
     return SCHEMES.index(name)
 
 
 def halvings(step: clock.Time, smallest: clock.Time, fewest: int = 1) -> int:
-    """The power of two that divides a step into the smallest ones that are no shorter than `smallest` [ns]."""
+    """Return the power of two that divides a step [ns] into the shortest parts of at least `smallest` [ns].
+
+    CouplingError if fewer than `fewest` parts of that length fit.
+    """
     count = 1
     while step >= 2 * count * smallest and count < FINEST:
         count *= 2

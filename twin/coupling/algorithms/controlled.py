@@ -1,4 +1,4 @@
-"""Algorithms that choose their steps, between two ticks, by an error that they measure."""
+"""Base class of algorithms with step control by an error estimate."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from twin import clock
-from twin.coupling.algorithms.algorithm import Algorithm, halvings, scheme_named
+from twin.coupling.algorithms.algorithm import Algorithm, halvings, scheme_number
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Controlled(Algorithm):
-    """Members in parallel or in sequence; the scenario's step is the longest, `smallest` [ns] the shortest.
+    """Step control with members in parallel or in sequence; the scenario's step is the longest, `smallest` [ns] the shortest.
 
-    `tolerance`: of each value in a step, relative to the largest it had, or to `floor` [SI]; `scales`: such values that
-    are known before. Steps are divisions of the longest by powers of two, so that points of the recording and events are
-    met. `iterations` above 0: every step is solved as `iterative` does, with `acceleration` and `agreement`; one that
-    is not is made shorter.
+    `tolerance`: of each value in a step, relative to its largest value so far, or to `floor` [SI]; `scales`: such values
+    known in advance. Steps are divisions of the longest by powers of two, so that they meet recorded points and events.
+    `iterations` above 0: every step is iterated as by `iterative`, with `acceleration` and `agreement`; a step that does
+    not converge is shortened.
     """
 
     sequential: bool = False
@@ -36,7 +36,7 @@ class Controlled(Algorithm):
         self._limited("floor", 0.0, 1e300, above=True)
         self._limited("iterations", 0, 1000)
         self._limited("agreement", 0.0, 1.0, above=True)
-        scheme_named(self.acceleration, self.name)
+        scheme_number(self.acceleration, self.name)
 
     @property
     def is_sequential(self) -> bool:  # type: ignore[override]
@@ -46,8 +46,8 @@ class Controlled(Algorithm):
     @property
     def scheme(self) -> int:  # type: ignore[override]
         """Number of the acceleration."""
-        return scheme_named(self.acceleration, self.name)
+        return scheme_number(self.acceleration, self.name)
 
     def divisions(self, step: clock.Time) -> int:
-        """Down to the smallest one."""
+        """Return the number of smallest steps in a step [ns]."""
         return halvings(step, self.smallest)

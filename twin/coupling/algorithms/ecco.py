@@ -1,4 +1,4 @@
-"""Steps as long as the energy allows that power bonds make or lose: ECCO, with no way back.
+"""ECCO: step control by the energy that power bonds create or lose, without rollback.
 
 Sadjina, Kyllingstad, Skjong, Pedersen: Energy conservation and power bonds in co-simulations: non-iterative adaptive step
 size control and error estimation, Eng. Comput. 33(3), 2017.
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from twin import clock
 from twin.coupling.algorithms.algorithm import Algorithm, halvings
-from twin.coupling.bonds import bonds, powers
+from twin.coupling.bonds import find_bonds, find_power_pairs
 from twin.coupling.variable_step.record_layout import RESIDUAL
 
 if TYPE_CHECKING:
@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ecco(Algorithm):
-    """Members in parallel, each step made once; the scenario's step is the longest, `smallest` [ns] the shortest.
+    """ECCO with members in parallel; the scenario's step is the longest, `smallest` [ns] the shortest.
 
-    `tolerance`: of the energy that a bond makes or loses in a step, relative to the largest that went through it, or to
-    `floor` [J]. A step that turns out too long stays; the next one is shorter. `correction` above 0 gives back, as `energy`
-    does, what the last step owed.
+    `tolerance`: of the energy that a bond creates or loses in a step, relative to the largest energy transferred, or to
+    `floor` [J]. A step that turns out too long is kept; the next one is shorter. `correction` above 0 adds the energy
+    correction of `energy`.
     """
 
     name: ClassVar[str] = "ecco"
@@ -44,15 +44,15 @@ class Ecco(Algorithm):
         self._limited("correction", 0.0, 1.0)
 
     def divisions(self, step: clock.Time) -> int:
-        """Down to the smallest one."""
+        """Return the number of smallest steps in a step [ns]."""
         return halvings(step, self.smallest)
 
     def corrected(self, links: list[Link]) -> list[Link]:
-        """Those of all power bonds."""
-        powers(links)  # refused here, before a run
-        return [link for own in bonds(links).values() for link in own]
+        """Return the connections of all power bonds; CouplingError if a bond has no power."""
+        find_power_pairs(links)  # raises before the run starts
+        return [link for own in find_bonds(links).values() for link in own]
 
     def remarks(self, corrected: list[Link]) -> list[str]:
-        """That nothing tells how long steps may be."""
+        """Return a note if there is no power bond to control the step."""
         advice = "Write `bond: name` at a force and at the velocity back, or take predictive, which needs no bond."
         return [] if corrected else [f"ecco: no connection is a power bond, so all steps are the longest. {advice}"]

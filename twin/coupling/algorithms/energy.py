@@ -1,4 +1,4 @@
-"""Power bonds whose ends agree on what went through: what an input got too little in a step it gets in the next.
+"""Energy correction of power bonds: an input's error over a step is added in the next step.
 
 Benedikt, Watzenig, Hofer: Modelling and analysis of the non-iterative coupling process for co-simulation, Math. Comput.
 Model. Dyn. Syst. 19(5), 2013 (the nearly energy-preserving coupling element); Sadjina, Pedersen: Energy conservation and
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 from twin.coupling.algorithms.algorithm import Algorithm
-from twin.coupling.bonds import bonds
+from twin.coupling.bonds import find_bonds
 
 if TYPE_CHECKING:
     from twin.coupling.system import Link
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Energy(Algorithm):
-    """Members in parallel; inputs of power bonds get the share `correction` of what the last step owed them.
+    """Energy correction with members in parallel; inputs of power bonds get the share `correction` of the last step's error.
 
-    All inputs are extrapolated with `order`. What is owed: the mean of what a connection gave over the last step (of its
-    begin and end) minus that of the course that was fed.
+    All inputs are extrapolated with `order`. The error is the mean of a connection's values at begin and end of the last
+    step minus the mean of the extrapolated input.
     """
 
     name: ClassVar[str] = "energy"
@@ -35,11 +35,11 @@ class Energy(Algorithm):
         self._limited("correction", 0.0, 1.0, above=True)
 
     def corrected(self, links: list[Link]) -> list[Link]:
-        """Those of all power bonds."""
-        return [link for own in bonds(links).values() for link in own]
+        """Return the connections of all power bonds."""
+        return [link for own in find_bonds(links).values() for link in own]
 
     def remarks(self, corrected: list[Link]) -> list[str]:
-        """That there are no bonds."""
+        """Return a note if there is no power bond."""
         advice = (
             "Write `bond: name` at a force and at the velocity or position back, or connect terminals that have both."
         )

@@ -1,4 +1,4 @@
-"""One member after the other, along the connections: whoever comes later sees what was published just before."""
+"""Gauss-Seidel: members step one after the other along the connections; later members use outputs of the same step."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from twin.coupling.algorithms.algorithm import Algorithm
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GaussSeidel(Algorithm):
-    """Members in sequence; with an `order`, inputs are interpolated where the source went before, else extrapolated."""
+    """Gauss-Seidel coupling; with an `order`, inputs are interpolated if the source stepped before, else extrapolated."""
 
     name: ClassVar[str] = "gauss_seidel"
     is_sequential: ClassVar[bool] = True

@@ -1,4 +1,4 @@
-"""Every step is repeated until the inputs at its end agree with the outputs there: an implicit coupling."""
+"""Implicit coupling: every step is iterated until the inputs at its end agree with the outputs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-from twin.coupling.algorithms.algorithm import Algorithm, scheme_named
+from twin.coupling.algorithms.algorithm import Algorithm, scheme_number
 from twin.errors import CouplingError
 
 CONSEQUENCES = ("note", "stop")
@@ -14,12 +14,12 @@ CONSEQUENCES = ("note", "stop")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Iterative(Algorithm):
-    """Members in sequence, again and again.
+    """Implicit coupling with members in sequence.
 
-    `order` 0: inputs are those of the end of the step; 1, 2: their course over the step, which is more exact.
-    `acceleration`: relaxed, aitken, anderson or newton. `agreement`: of each value, relative to the largest it had, or
-    to `floor` [SI]. `scales`: such values that are known before. `unsolved`: what follows if `iterations` do not
-    suffice: `note`, and the last one counts, or `stop`.
+    `order` 0: inputs have the values of the end of the step; 1, 2: they follow a polynomial over the step, which is more
+    accurate. `acceleration`: relaxed, aitken, anderson or newton. `agreement`: tolerance of each value, relative to its
+    largest value so far, or to `floor` [SI]. `scales`: such values known in advance. `unsolved`: consequence if
+    `iterations` do not suffice: `note` (the last iteration is kept) or `stop`.
     """
 
     name: ClassVar[str] = "iterative"
@@ -37,16 +37,16 @@ class Iterative(Algorithm):
         self._limited("agreement", 0.0, 1.0, above=True)
         self._limited("iterations", 1, 1000)
         self._limited("floor", 0.0, 1e300, above=True)
-        scheme_named(self.acceleration, self.name)
+        scheme_number(self.acceleration, self.name)
         if self.unsolved not in CONSEQUENCES:
             raise CouplingError(f"algorithm: unsolved of {self.name} is {self.unsolved!r}. Give note or stop.")
 
     @property
     def is_strict(self) -> bool:  # type: ignore[override]
-        """Whether a step that stays unsolved ends the run."""
+        """Whether a step that does not converge ends the run."""
         return self.unsolved == "stop"
 
     @property
     def scheme(self) -> int:  # type: ignore[override]
         """Number of the acceleration."""
-        return scheme_named(self.acceleration, self.name)
+        return scheme_number(self.acceleration, self.name)

@@ -1,4 +1,4 @@
-"""All members at once: everybody sees the others as they were at the begin of the step, or as they tend from there."""
+"""Jacobi: all members step at once, with inputs of the begin of the step, or extrapolated from it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from twin.coupling.algorithms.algorithm import Algorithm
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Jacobi(Algorithm):
-    """Members in parallel; with an `order`, inputs are extrapolated."""
+    """Jacobi coupling; with an `order`, inputs are extrapolated."""
 
     name: ClassVar[str] = "jacobi"
 

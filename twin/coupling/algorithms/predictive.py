@@ -1,4 +1,4 @@
-"""Steps as long as the error allows: what inputs were thought to become, against what they became."""
+"""Step control by the prediction error: extrapolated inputs against the values reached."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from twin.coupling.variable_step.record_layout import PREDICTED
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Predictive(Controlled):
-    """A step costs one step and what it takes to go back, a third of step doubling."""
+    """Step control by the prediction error; a step costs one step and a saved state, a third of step doubling."""
 
     name: ClassVar[str] = "predictive"
     control: ClassVar[int] = PREDICTED

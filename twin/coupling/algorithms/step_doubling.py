@@ -1,4 +1,4 @@
-"""Steps as long as the error allows: every step is made whole and in two halves, and what differs tells the error."""
+"""Step control by step doubling: the difference between one step and two halves estimates the error."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from twin.coupling.variable_step.record_layout import DOUBLING
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StepDoubling(Controlled):
-    """Error by Richardson's extrapolation: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.4.
+    """Step doubling with Richardson extrapolation: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.4.
 
-    The halves stay; they are no shorter than `smallest`.
+    The two halves are kept; they are no shorter than `smallest`.
     """
 
     name: ClassVar[str] = "step_doubling"
     control: ClassVar[int] = DOUBLING
 
     def divisions(self, step: clock.Time) -> int:
-        """Down to the smallest half."""
+        """Return the number of smallest halves in a step [ns]."""
         return halvings(step, self.smallest, 2)

@@ -1,9 +1,9 @@
-"""What goes wrong without a word: values that are no finite numbers, inputs beyond their declared bounds.
+"""Monitor of values that are not finite and of inputs beyond their declared bounds.
 
-Inputs with bounds are looked at by the loop, in every communication step. Values that have to be finite are looked at
-between native calls, which costs the loop nothing; when one is found, the members go back to where all was well, and
-forward again to the first communication point where it is not. A member that cannot go back (Python-side, or somebody
-else's FMU) makes the loop look at every step instead, at what lies in memory.
+The loop checks inputs with bounds in every communication step. Values that must be finite are checked between native calls,
+which costs the loop nothing; when one is not finite, the members are restored to the last valid point and stepped again to
+the first communication point where it is not. With a member that cannot be restored (Python-side, or a third-party FMU)
+the loop checks the values in memory in every step instead.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ if TYPE_CHECKING:
 
 COMPUTED = ("output", "local")
 REMEDY = "Correct its parameters or start values, or write `finite: false` for the member if that is meant."
-NEVER = 1 << 62  # communication points between two rows of a recording that is not wanted
+NEVER = 1 << 62  # communication points between two rows: no recording
 
 
-def finite(member: Member) -> list[MemberVariable]:
-    """Variables whose values have to be finite: outputs, and of a component of ours states and local variables too."""
+def finite_variables(member: Member) -> list[MemberVariable]:
+    """Return the variables that must be finite: outputs, and for our own components states and local variables too."""
     inside = isinstance(member, RecordMember) or member.can_restore
     return [
         v
@@ -43,24 +43,24 @@ def finite(member: Member) -> list[MemberVariable]:
 
 
 @dataclass
-class Look:
-    """One look at a member: the memory to look at, and what fills it first."""
+class ValueReader:
+    """Reader of a member's values: memory to check, and the calls that fill it first."""
 
     values: list[np.ndarray[Any, Any]] = field(default_factory=list)
     fill: list[Callable[[], int]] = field(default_factory=list)
-    kept: list[Access] = field(default_factory=list)  # what `fill` points into
+    accesses: list[Access] = field(default_factory=list)  # memory that `fill` points to
 
     def is_bad(self) -> bool:
-        """Whether anything is not finite."""
+        """Whether any value is not finite."""
         for fill in self.fill:
             if fill() > 1:
-                return False  # a member that failed may say nothing
+                return False  # A failed member may refuse its values.
         return not all(np.isfinite(values).all() for values in self.values)
 
 
-def look_at(member: Member, variables: list[MemberVariable]) -> Look:
-    """How to look at some variables of a member: in place, in as few runs as may be, or by one call for each type."""
-    look = Look()
+def value_reader(member: Member, variables: list[MemberVariable]) -> ValueReader:
+    """Create a reader of a member's variables: in place, in as few blocks as possible, or by one call for each type."""
+    reader = ValueReader()
     if all(member.address(v.name) for v in variables):
         runs: list[list[int]] = []
         for variable in sorted(variables, key=lambda v: member.address(v.name)):
@@ -70,30 +70,30 @@ def look_at(member: Member, variables: list[MemberVariable]) -> Look:
             else:
                 runs.append([begin, begin + 8 * variable.size])
         raw = [(ctypes.c_double * ((end - begin) // 8)).from_address(begin) for begin, end in runs]
-        look.values = [np.ctypeslib.as_array(one) for one in raw]
-        return look
+        reader.values = [np.ctypeslib.as_array(buffer) for buffer in raw]
+        return reader
     for dtype in dict.fromkeys(v.dtype for v in variables):
         access = member.access([v.name for v in variables if v.dtype == dtype], write=False)
         values = np.zeros(access.size, dtype)
         call = partial(access.call, member.instance, int(values.ctypes.data))
-        look.kept.append(access)
-        look.values.append(values)
-        look.fill.append(call)
-    return look
+        reader.accesses.append(access)
+        reader.values.append(values)
+        reader.fill.append(call)
+    return reader
 
 
 @dataclass
 class Saved:
-    """All that a co-simulation holds at a communication point."""
+    """Saved state of a co-simulation at a communication point."""
 
     record: np.ndarray[Any, Any]  # of the loop
     blocks: list[np.ndarray[Any, Any]]
     members: dict[str, Any]
-    lines: dict[str, int]  # of the members' logs
+    lines: dict[str, int]  # number of log lines by member
 
 
-def adjoined(rows: list[list[int]]) -> list[list[int]]:
-    """Rows of the loop's table of limits, those of neighbors in memory as one."""
+def merge_adjacent(rows: list[list[int]]) -> list[list[int]]:
+    """Merge rows of the loop's table of limits that are adjacent in memory."""
     result: list[list[int]] = []
     for row in sorted(rows):
         last = result[-1] if result else row
@@ -104,40 +104,42 @@ def adjoined(rows: list[list[int]]) -> list[list[int]]:
     return result
 
 
-class Watch:
-    """Looks after the members of a co-simulation. `exempt`: those that may compute what is not finite."""
+class FiniteValueMonitor:
+    """Monitor of the members of a co-simulation. `exempt`: members that may compute values that are not finite."""
 
     def __init__(self, members: Mapping[str, Member], links: list[Link], exempt: Collection[str]) -> None:
         self.members, self.links = members, links
         self.replays = all(member.can_restore for member in members.values())
-        self.variables = {name: found for name, m in members.items() if name not in exempt and (found := finite(m))}
-        self._looks: dict[str, Look] = {}
+        self.variables = {
+            name: variables for name, m in members.items() if name not in exempt and (variables := finite_variables(m))
+        }
+        self._readers: dict[str, ValueReader] = {}
         self._saved: Saved | None = None
         self._rows: list[tuple[Key | None, list[int]]] = []
 
     def published(self) -> list[Key]:
-        """What has to be fetched in every step, since it cannot be looked at later."""
+        """Return the variables to publish in every step, because they cannot be checked later."""
         if self.replays:
             return []
         return [
             (name, v.name)
-            for name, found in self.variables.items()
-            for v in found
+            for name, variables in self.variables.items()
+            for v in variables
             if v.causality == "output" and not isinstance(self.members[name], RecordMember)
         ]
 
     def rows(self, plan: Plan) -> np.ndarray[Any, Any]:
-        """The loop's table of limits: first what has to be finite, if it cannot be looked at later; then inputs."""
+        """Return the loop's table of limits: values that must be finite, if they cannot be checked later; then inputs."""
         self._rows = []
         largest = float(np.finfo(np.float64).max)
-        for name, found in {} if self.replays else self.variables.items():
-            for variable in found:
+        for name, variables in {} if self.replays else self.variables.items():
+            for variable in variables:
                 key = name, variable.name
-                published = plan.whole.get(key) or plan.published.get(key)
+                published = plan.unsplit.get(key) or plan.published.get(key)
                 if address := self.members[name].address(variable.name) or published:
                     row = [address, kind(variable.dtype), variable.size, bits(-largest), bits(largest)]
                     self._rows.append((None, row))
-        self._rows = [(None, row) for row in adjoined([row for _, row in self._rows])]
+        self._rows = [(None, row) for row in merge_adjacent([row for _, row in self._rows])]
         for (name, input_), address in plan.staged.items():
             variable = self.members[name].variables[input_]
             if variable.is_bounded:
@@ -146,52 +148,52 @@ class Watch:
                 self._rows.append(((name, input_), row))
         return np.array([row for _, row in self._rows] or [[0] * 5], np.int64)
 
-    def row(self, place: int) -> Key | None:
-        """The input that a row is for; None: a value that has to be finite."""
-        return self._rows[place][0]
+    def row(self, index: int) -> Key | None:
+        """Return the input of a row; None for a value that must be finite."""
+        return self._rows[index][0]
 
     @property
     def row_count(self) -> int:
-        """Rows of the table that count."""
+        """Number of valid rows of the table."""
         return len(self._rows)
 
     def input_note(self, key: Key, plan: Plan, time: clock.Time) -> str:
-        """That an input left its bounds in the step from `time` [ns]."""
+        """Return the note on an input that left its bounds in the step from `time` [ns]."""
         variable = self.members[key[0]].variables[key[1]]
         values = view(plan.staged[key], variable).reshape(variable.shape)
-        wrong, expected = variable.outside(values[()])
+        problem, expected = variable.outside(values[()])
         expected = expected.replace("Give", "Expected", 1)
-        return f"{key[0]}.{key[1]}{wrong} at t = {clock.text(time)}, for the first time. {expected}"
+        return f"{key[0]}.{key[1]}{problem} at t = {clock.text(time)}, for the first time. {expected}"
 
-    def bad(self, failed: str = "") -> list[str]:
-        """Members that hold a value that is not finite; `failed`: one that may not like to be asked."""
-        for name, found in self.variables.items():
-            if name not in self._looks:
-                self._looks[name] = look_at(self.members[name], found)
+    def non_finite_members(self, failed: str = "") -> list[str]:
+        """Return the members with a value that is not finite; `failed`: a member whose step has failed."""
+        for name, variables in self.variables.items():
+            if name not in self._readers:
+                self._readers[name] = value_reader(self.members[name], variables)
         return [
             name
-            for name, look in self._looks.items()
-            if (name != failed or self.members[name].can_restore) and look.is_bad()
+            for name, reader in self._readers.items()
+            if (name != failed or self.members[name].can_restore) and reader.is_bad()
         ]
 
     def save(self, record: np.ndarray[Any, Any], plan: Plan) -> None:
-        """Remember where all is well, unless a member cannot come back to it."""
+        """Save the state at a valid point, unless a member cannot be restored."""
         if self.replays:
-            kept = {name: member.save() for name, member in self.members.items()}
+            states = {name: member.save() for name, member in self.members.items()}
             lines = {name: len(member.log) for name, member in self.members.items()}
-            self._saved = Saved(record.copy(), [block.copy() for block in plan.memory.blocks], kept, lines)
+            self._saved = Saved(record.copy(), [block.copy() for block in plan.memory.blocks], states, lines)
 
     def forget(self) -> None:
-        """Something was set from outside: what was saved leads elsewhere."""
+        """Discard the saved state: after a change from outside its steps would differ."""
         self._saved = None
 
     @property
     def is_saved(self) -> bool:
-        """Whether there is a point to go back to, or none is needed."""
+        """Whether there is a saved state, or none is needed."""
         return self._saved is not None or not self.replays
 
     def _restore(self, plan: Plan) -> np.ndarray[Any, Any]:
-        """Bring everything back to the saved point; a loop's record that records and notices nothing."""
+        """Restore the saved state; return a loop record that records and reports nothing."""
         assert self._saved is not None
         for block, saved in zip(plan.memory.blocks, self._saved.blocks, strict=True):
             block[:] = saved
@@ -200,13 +202,13 @@ class Watch:
             del member.log[self._saved.lines[name] :]
         record = self._saved.record.copy()
         record["every"], record["limit_count"], record["limit"] = NEVER, 0, NEVER
-        record["derives"] = 0  # nobody would answer
+        record["derives"] = 0  # Requests for a Jacobian would not be answered here.
         return record
 
-    def began(self, end: int, run: Callable[[int], int], plan: Plan) -> int:
-        """The first tick at which something is not finite, all being there again; `end`: one where something is.
+    def find_first_tick(self, end: int, run: Callable[[int], int], plan: Plan) -> int:
+        """Find the first tick with a value that is not finite, by bisection up to `end`; the members are at it afterwards.
 
-        That a value once spoiled stays so is taken for granted.
+        Assumes that a value stays not finite once it is.
         """
         assert self._saved is not None
         record = self._restore(plan)
@@ -215,7 +217,7 @@ class Watch:
             middle = (low + high) // 2
             record["stop"] = middle
             run(record.ctypes.data)
-            if self.bad():
+            if self.non_finite_members():
                 high, record = middle, self._restore(plan)
             else:
                 low = middle
@@ -224,49 +226,51 @@ class Watch:
         run(record.ctypes.data)
         return high
 
-    def source(self, bad: list[str]) -> tuple[str, bool]:
-        """The member where it began: the first, along the data, with finite inputs; and whether there is one."""
+    def find_source(self, bad: list[str]) -> tuple[str, bool]:
+        """Find the first member along the data flow with finite inputs; the Boolean tells whether there is one."""
         catalog = {name: member.variables for name, member in self.members.items()}
         order = [name for name in stepping_order(list(self.members), self.links, catalog) if name in bad]
         for name in order:
             inputs = [v.name for v in catalog[name].values() if v.causality == "input" and v.dtype.kind == "f"]
-            if all(np.isfinite(self.members[name].get(one)).all() for one in inputs):
+            if all(np.isfinite(self.members[name].get(input_name)).all() for input_name in inputs):
                 return name, True
         return order[0], False
 
     def described(self, bad: list[str], when: str) -> str:
-        """What is not finite, where and when, in one line."""
-        name, is_source = self.source(bad)
+        """Describe the values that are not finite in one line: variable, time, cause."""
+        name, is_source = self.find_source(bad)
         member = self.members[name]
-        wrong = {v.name: value for v in self.variables[name] if not np.isfinite(value := member.get(v.name)).all()}
-        spoiled = {one.rpartition(".")[0] for one in member.driven if not finite_value(member, one)}
-        whole = [one for one in wrong if one.rpartition(".")[0] not in spoiled] or list(wrong)
-        first = min(whole, key=lambda one: member.variables[one].causality == "output")  # a cause before its effect
-        value = np.asarray(wrong[first])
+        invalid = {v.name: value for v in self.variables[name] if not np.isfinite(value := member.get(v.name)).all()}
+        spoiled = {path.rpartition(".")[0] for path in member.driven if not finite_value(member, path)}
+        candidates = [path for path in invalid if path.rpartition(".")[0] not in spoiled] or list(invalid)
+        first = min(
+            candidates, key=lambda path: member.variables[path].causality == "output"
+        )  # a cause before its effect
+        value = np.asarray(invalid[first])
         index = tuple(np.argwhere(~np.isfinite(value))[0])
-        place = f"[{','.join(str(i + 1) for i in index)}]" if index else ""
-        others = [f"{name}.{one}" for one in whole if one != first]
+        element = f"[{','.join(str(i + 1) for i in index)}]" if index else ""
+        others = [f"{name}.{path}" for path in candidates if path != first]
         more = f" ({', '.join(others[:2])}{' and others' if len(others) > 2 else ''} too)" if others else ""
         cause = f"with finite inputs. {REMEDY}" if is_source else f"and not all of its inputs are finite. {REMEDY}"
-        return f"{name}.{first}{place} is {value[index]:g} {when}{more}, {cause}"
+        return f"{name}.{first}{element} is {value[index]:g} {when}{more}, {cause}"
 
     def spell(self, parts: Iterable[tuple[np.ndarray[Any, Any], Mapping[str, np.ndarray[Any, Any]]]]) -> str:
-        """What was recorded as not finite, and was finite again before anybody looked; empty if nothing was.
+        """Describe values that were recorded as not finite between two checks and finite again; empty if there are none.
 
-        `parts`: times and signals, one after the other.
+        `parts`: consecutive pieces of times and signals.
         """
         for time, signals in parts:
             first: tuple[int, str] | None = None
-            for name, found in self.variables.items():
-                for path in (path for v in found if (path := f"{name}.{v.name}") in signals):
-                    good = np.isfinite(signals[path].reshape(len(time), -1)).all(axis=1)
-                    if not good.all():
-                        first = min(first or (len(time), ""), (int(np.argmin(good)), path))
+            for name, variables in self.variables.items():
+                for path in (path for v in variables if (path := f"{name}.{v.name}") in signals):
+                    is_finite = np.isfinite(signals[path].reshape(len(time), -1)).all(axis=1)
+                    if not is_finite.all():
+                        first = min(first or (len(time), ""), (int(np.argmin(is_finite)), path))
             if first is not None:
                 return f"{first[1]} was not finite at t = {time[first[0]]:g} s, and later was again. {REMEDY}"
         return ""
 
 
 def finite_value(member: Member, name: str) -> bool:
-    """Whether a variable's value is finite; whole numbers are."""
+    """Whether a variable's value is finite; integers always are."""
     return member.variables[name].dtype.kind != "f" or bool(np.isfinite(member.get(name)).all())

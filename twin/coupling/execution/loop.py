@@ -1,19 +1,19 @@
-"""The loop: one function that walks tables of addresses. Topology is data; a new system compiles nothing.
+"""The fixed-step loop: one function over tables of addresses. Topology is data; a new system needs no compilation.
 
 `run` is plain Python over a record, like a component: compiled it costs what a hand-written C loop costs, interpreted
 it can be stepped through. It allocates nothing and calls no Python but Python-side members.
 
-From communication point k to k + 1 it works off a list of operations, each with its own divider: it is due at every
-n-th communication point, counted at k, or for those that publish at k + 1. An operation moves values (copies,
-conversions, fmiGetXXX or fmiSetXXX), then steps members. Stage by stage (Jacobi: one stage; Gauss-Seidel: one per
-member) they are:
+From communication point k to k + 1 it executes a list of operations, each with its own divider: it is due at every n-th
+communication point, counted at k, or at k + 1 for operations that publish. An operation moves values (copies, conversions,
+fmiGetXXX or fmiSetXXX), then steps members. Stage by stage (Jacobi: one stage; Gauss-Seidel: one per member) they are:
 
 1. members that are due take their inputs
 2. members that are due step, over their own period
 3. members whose period ends at k + 1 publish
 
-so a slow member's outputs appear when its step is due, and within a stage nobody sees another's future. Where all members of
-a stage are due at every point, each publishes right after its step, while a cache holds it: inputs have been taken by then.
+so a slow member's outputs appear when its step is due, and within a stage no member sees outputs of the same step. Where
+all members of a stage are due at every point, each publishes right after its step, while its data is in the cache: all
+inputs have been taken by then.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ from twin.compiler import (
     write_float,
     write_float32,
 )
-from twin.coupling.variable_step import record_layout as walk
+from twin.coupling.variable_step import record_layout
 
-ROUNDING = 1e-12  # part of a step by which a member may miss its end
+ROUNDING = 1e-12  # tolerance of the end of a step, relative to its length
 
-# what `run` returns
+# return values of `run`
 DONE, FAILED, FINISHED, FULL, NOTICED = 0, 1, 2, 3, 4
 
 # columns of the tables: int64 words unless said otherwise
@@ -64,9 +64,9 @@ CONVERT = ("source", "source_kind", "target", "target_kind", "count", "factor", 
 ACCESS = ("function", "instance", "references", "count", "values", "size", "member")
 # `signature`: as in compiler.machine; `gets`: rows of accesses that publish at once
 STEP = ("function", "signature", "instance", "flags", "gets", "get_count", "member")
-LIMIT = ("address", "kind", "count", "low", "high")  # the last two Float64 bits; not a number is beyond any limit
+LIMIT = ("address", "kind", "count", "low", "high")  # the last two Float64 bits; NaN violates any limit
 
-# how a scalar lies in memory, for conversions
+# representation of a scalar in memory, for conversions
 KINDS = {"f8": 0, "f4": 1, "i1": 2, "u1": 3, "i2": 4, "u2": 5, "i4": 6, "u4": 7, "i8": 8, "u8": 9, "b1": 10}
 WIDTHS = (8, 4, 1, 1, 2, 2, 4, 4, 8, 8, 1)
 
@@ -75,58 +75,58 @@ RECORD = np.dtype(
         (name, np.int64)
         for name in (
             "tick", "stop", "begin_ns", "step_ns", "per_second", "operations", "operation_count",
-            "place", "limit", "row_bytes", "every",  # recording: address of the next row, and of the end
+            "next_row", "limit", "row_bytes", "every",  # recording: address of the next row, and of the end
             "records", "record_count", "record_converts", "record_convert_count",
             "member", "status", "finished",
-            "limits", "limit_count", "beyond",  # values that are watched, and the row that one is beyond
-            "scalar",  # address of a word for one that is no Float64
-            "at",  # address of the row of the call that is at work: whoever looks after a crash finds the member
-            *walk.INTEGERS,
+            "limits", "limit_count", "beyond",  # monitored values, and the row of a violated limit
+            "scalar",  # address of a word for converting a value to Float64
+            "at",  # address of the row of the call in progress: crash reports derive the member from it
+            *record_layout.INTEGERS,
         )
     ]
-    + [(name, np.float64) for name in walk.FLOATS],
+    + [(name, np.float64) for name in record_layout.FLOATS],
     align=True,
 )  # fmt: skip
 
 
-def convert_one(source: int, source_kind: int, target: int, target_kind: int, factor: float, offset: float) -> None:
-    """Move one scalar to another representation; whole numbers go as integers, so that none is rounded."""
+def convert_scalar(source: int, source_kind: int, target: int, target_kind: int, factor: float, offset: float) -> None:
+    """Convert one scalar to another representation; integers are not converted to float, so none is rounded."""
     if source_kind < 2:
         value = read_float(source) if source_kind == 0 else read_float32(source)
         value = value * factor + offset
-        whole = 0
+        integer = 0
     else:
         if source_kind >= 8 and source_kind < 10:
-            whole = read64(source)
+            integer = read64(source)
         elif source_kind >= 6 and source_kind < 8:
-            whole = read32(source)
+            integer = read32(source)
             if source_kind == 7:
-                whole = whole & 0xFFFFFFFF
+                integer = integer & 0xFFFFFFFF
         elif source_kind >= 4 and source_kind < 6:
-            whole = read16(source)
+            integer = read16(source)
             if source_kind == 5:
-                whole = whole & 0xFFFF
+                integer = integer & 0xFFFF
         else:
-            whole = read8(source)
+            integer = read8(source)
             if source_kind != 2:
-                whole = whole & 0xFF
-        value = whole * factor + offset
+                integer = integer & 0xFF
+        value = integer * factor + offset
     if target_kind == 0:
         write_float(target, value)
     elif target_kind == 1:
         write_float32(target, value)
     elif target_kind >= 8 and target_kind < 10:
-        write64(target, whole)
+        write64(target, integer)
     elif target_kind >= 6 and target_kind < 8:
-        write32(target, whole)
+        write32(target, integer)
     elif target_kind >= 4 and target_kind < 6:
-        write16(target, whole)
+        write16(target, integer)
     else:
-        write8(target, whole)
+        write8(target, integer)
 
 
 def copy(row: int, count: int) -> None:
-    """Runs of 64-bit words from source to target."""
+    """Copy blocks of 64-bit words from source to target."""
     for _ in range(count):
         source, target = read64(row), read64(row + 8)
         for j in range(read64(row + 16)):
@@ -135,7 +135,7 @@ def copy(row: int, count: int) -> None:
 
 
 def convert(row: int, count: int, shift: int) -> None:
-    """Conversions of type or unit; `shift` moves the target (to the row being recorded)."""
+    """Convert types and units; `shift` is added to the target address (the row being recorded)."""
     for _ in range(count):
         source, source_kind = read64(row), read64(row + 8)
         target, target_kind = read64(row + 16) + shift, read64(row + 24)
@@ -143,12 +143,12 @@ def convert(row: int, count: int, shift: int) -> None:
         source_width, target_width = width(source_kind), width(target_kind)
         for j in range(read64(row + 32)):
             at, to = source + j * source_width, target + j * target_width
-            convert_one(at, source_kind, to, target_kind, factor, offset)
+            convert_scalar(at, source_kind, to, target_kind, factor, offset)
         row += 56
 
 
 def width(kind: int) -> int:
-    """Size of a scalar of a kind [byte]."""
+    """Return the size of a scalar of a kind [byte]."""
     if kind == 0 or kind == 8 or kind == 9:
         return 8
     if kind == 1 or kind == 6 or kind == 7:
@@ -156,11 +156,11 @@ def width(kind: int) -> int:
     return 2 if kind == 4 or kind == 5 else 1
 
 
-def record_words(place: int, tick: int, row: int, count: int) -> None:
-    """Write the tick, then the recorded 64-bit values: small enough to become part of `run`."""
-    write64(place, tick)
+def record_words(address: int, tick: int, row: int, count: int) -> None:
+    """Write the tick, then the recorded 64-bit values; small enough to be inlined in `run`."""
+    write64(address, tick)
     for _ in range(count):
-        source, target = read64(row), read64(row + 8) + place
+        source, target = read64(row), read64(row + 8) + address
         for j in range(read64(row + 16)):
             write64(target + 8 * j, read64(source + 8 * j))
         row += 24
@@ -168,13 +168,13 @@ def record_words(place: int, tick: int, row: int, count: int) -> None:
 
 def record(self: Any) -> None:
     """Write one row, outside of `run`."""
-    record_words(self.place, self.tick, self.records, self.record_count)
-    convert(self.record_converts, self.record_convert_count, self.place)
-    self.place += self.row_bytes
+    record_words(self.next_row, self.tick, self.records, self.record_count)
+    convert(self.record_converts, self.record_convert_count, self.next_row)
+    self.next_row += self.row_bytes
 
 
 def beyond(row: int, count: int, scalar: int) -> int:
-    """Address of the first row with a value that is not within its limits, or 0."""
+    """Return the address of the first row with a value outside its limits, or 0."""
     for _ in range(count):
         at, value_kind = read64(row), read64(row + 8)
         low, high = read_float(row + 24), read_float(row + 32)
@@ -184,7 +184,7 @@ def beyond(row: int, count: int, scalar: int) -> int:
             if value_kind == 0:
                 value = read_float(at)
             else:
-                convert_one(at, value_kind, scalar, 0, 1.0, 0.0)
+                convert_scalar(at, value_kind, scalar, 0, 1.0, 0.0)
                 value = read_float(scalar)
             if not (value >= low and value <= high):
                 return row
@@ -193,13 +193,13 @@ def beyond(row: int, count: int, scalar: int) -> int:
     return 0
 
 
-def came_back(self: Any, t: float) -> int:
-    """Whether one of those that may came back from its step from t before its end."""
-    row = self.hasty
-    for _ in range(self.hasty_count):
+def has_returned_early(self: Any, t: float) -> int:
+    """Return 1 if a member returned early from its step from t, else 0."""
+    row = self.early_returns
+    for _ in range(self.early_return_count):
         flags, h = read64(row), read_float(row + 8)
         if read8(flags + 16) != 0 and read_float(flags + 24) < t + h - ROUNDING * h:
-            self.member, self.status, self.until = read64(row + 16), walk.EARLY, read_float(flags + 24)
+            self.member, self.status, self.until = read64(row + 16), record_layout.EARLY, read_float(flags + 24)
             return 1
         row += 24
     return 0
@@ -219,12 +219,12 @@ def access(self: Any, row: int, count: int) -> int:
 
 
 def run(self: Any) -> int:
-    """Go on until `stop`, a full recording buffer, a member that fails or finishes the simulation, or a limit."""
+    """Run until `stop`, a full recording buffer, a member that fails or terminates the simulation, or a violated limit."""
     operations, operation_count, every = self.operations, self.operation_count, self.every
     begin_ns, step_ns, per_second, limit_count = self.begin_ns, self.step_ns, self.per_second, self.limit_count
-    hasty_count, tick = self.hasty_count, self.tick
+    early_return_count, tick = self.early_return_count, self.tick
     while tick < self.stop:
-        if self.place >= self.limit:
+        if self.next_row >= self.limit:
             return FULL
         t = (begin_ns + tick * step_ns) / per_second
         operation = operations
@@ -254,16 +254,16 @@ def run(self: Any) -> int:
                         return FAILED
                     row += 56
             operation += 88
-        if hasty_count > 0 and came_back(self, t) != 0:
+        if early_return_count > 0 and has_returned_early(self, t) != 0:
             return FAILED
         tick += 1
         self.tick = tick
         if every == 1 or tick % every == 0:
-            place = self.place
-            record_words(place, tick, self.records, self.record_count)
+            row_address = self.next_row
+            record_words(row_address, tick, self.records, self.record_count)
             if self.record_convert_count > 0:
-                convert(self.record_converts, self.record_convert_count, place)
-            self.place = place + self.row_bytes
+                convert(self.record_converts, self.record_convert_count, row_address)
+            self.next_row = row_address + self.row_bytes
         if self.finished != 0:
             return FINISHED
         if limit_count > 0:

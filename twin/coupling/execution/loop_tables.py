@@ -1,4 +1,4 @@
-"""What the loop walks: the plan's rows as arrays, and what members hold where others read it."""
+"""Tables of the loop: the plan's rows as arrays, and the initial published values."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from twin import clock
 from twin.coupling.execution import loop
-from twin.coupling.execution.plan import bits, merged, view
+from twin.coupling.execution.plan import bits, merge_rows, view
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class Tables:
-    """The tables of a plan. `arrays`: by name, a row per operation; overrides change rows in place."""
+    """Tables of a plan. `arrays`: by name, a row per operation; overrides change rows in place. Must outlive the loop."""
 
     def __init__(self, plan: Plan, members: Mapping[str, Member]) -> None:
         self.plan, self.members = plan, members
@@ -35,20 +35,20 @@ class Tables:
         self._operations = plan.operation_rows(self.arrays)
 
     def publish(self) -> None:
-        """Put what members hold to where others read it; those that step with the loop are read in place."""
+        """Copy the members' values to the published memory; members that step with the loop are read in place."""
         for (member, name), address in self.plan.published.items():
-            direct = self.members[member].address(name) and (member, name) not in self.plan.whole
-            if not direct or not self.plan.in_place(member):
+            direct = self.members[member].address(name) and (member, name) not in self.plan.unsplit
+            if not direct or not self.plan.is_read_directly(member):
                 self.put(member, name, address)
         for (member, name), address in self.plan.buffers.items():
             self.put(member, name, address)
 
     def put(self, member: str, name: str, address: int) -> None:
-        """Copy what a member holds to an address."""
+        """Copy the value of a member's variable to an address."""
         view(address, self.members[member].variables[name])[:] = np.ravel(self.members[member].get(name))
 
-    def tell(self, state: Any) -> None:
-        """Tell the loop's record where the tables are."""
+    def write_addresses(self, state: Any) -> None:
+        """Write the addresses of the tables into the loop's record."""
         state["operations"], state["operation_count"] = self._operations.ctypes.data, len(self._operations)
         state["row_bytes"] = 8 * self.plan.row_words
         begin, end = self.plan.record_converts
@@ -62,15 +62,15 @@ class Tables:
             for i, name in enumerate(order)
             if self.members[name].is_hasty
         ]
-        self._hasty = np.array(rows, np.int64)
-        state["hasty"], state["hasty_count"] = self._hasty.ctypes.data, len(rows)
+        self._early_return_rows = np.array(rows, np.int64)
+        state["early_returns"], state["early_return_count"] = self._early_return_rows.ctypes.data, len(rows)
 
     def merge_records(self, state: Any) -> None:
-        """Hand the loop the rows that record, in as few runs as may be."""
+        """Set the loop's recording rows, merged into as few as possible."""
         rows = self.arrays["records"][: len(self.plan.records)]
-        self._runs = merged(rows) if len(rows) else rows
+        self._runs = merge_rows(rows) if len(rows) else rows
         state["records"], state["record_count"] = self._runs.ctypes.data, len(self._runs)
 
     def reset(self, table: str, row: int) -> None:
-        """A row as the plan has it."""
+        """Reset a row to the plan's values."""
         self.arrays[table][row] = getattr(self.plan, table)[row]

@@ -1,8 +1,7 @@
-"""From members and links to the tables that the loop walks.
+"""Plan of the loop: converts members and links to the tables that the loop executes.
 
-All memory outside the members lies in one buffer: staged inputs and published outputs of FMUs, published copies of
-slow records, shadows of overridden variables, and the flags of FMI 3.0. A record in this process is read and written
-in place.
+All memory outside the members lies in one buffer: staged inputs and published outputs of FMUs, published copies of slow
+records, overriding values, and the flags of FMI 3.0. A record in this process is read and written in place.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from twin import clock
 from twin.compiler import machine
 from twin.coupling.events import Events
 from twin.coupling.execution import loop
-from twin.coupling.execution.string_binary_links import Objects
+from twin.coupling.execution.string_binary_links import StringBinaryLinks
 from twin.coupling.system import Link
 
 if TYPE_CHECKING:
@@ -25,22 +24,22 @@ if TYPE_CHECKING:
 
     from twin.coupling.member import Access, Member, MemberVariable
 
-MOVES = ("copies", "converts", "accesses")  # tables of operations beside that of steps
-FLAGS = 32  # byte that a step writes: event, terminate, early return, last successful time
+MOVES = ("copies", "converts", "accesses")  # tables of operations, except steps
+FLAGS = 32  # size of the flags of a step [byte]: event, terminate, early return, last successful time
 
 Key = tuple[str, str]
-Place = tuple[str, int, int, int]
+RowReference = tuple[str, int, int, int]
 
 
 @dataclass
 class Memory:
-    """A zeroed buffer that grows by blocks, which never move; every place is on a multiple of 8 byte."""
+    """Zeroed buffer that grows by blocks, which never move; all addresses are multiples of 8 byte."""
 
     blocks: list[np.ndarray[Any, Any]] = field(default_factory=list)
     used: int = 0
 
     def take(self, size: int) -> int:
-        """Address of `size` fresh bytes."""
+        """Allocate `size` zeroed bytes; return the address."""
         words = -(-max(size, 1) // 8)
         if not self.blocks or self.used + words > len(self.blocks[-1]):
             self.blocks.append(np.zeros(max(4096, words), np.int64))
@@ -51,27 +50,27 @@ class Memory:
 
 
 def view(address: int, variable: MemberVariable) -> np.ndarray[Any, Any]:
-    """The values of a variable where they lie, flat."""
+    """Return a flat view of a variable's values at an address."""
     raw = (ctypes.c_uint8 * (variable.size * variable.dtype.itemsize)).from_address(address)
     return np.ctypeslib.as_array(raw).view(variable.dtype)
 
 
 def kind(dtype: np.dtype[Any]) -> int:
-    """The loop's word for a type in memory."""
+    """Return the loop's code of a type in memory."""
     return loop.KINDS[f"{dtype.kind}{dtype.itemsize}"]
 
 
 def bits(value: float) -> int:
-    """A Float64 as the word it is."""
+    """Return the bits of a Float64 as an integer."""
     return int(np.float64(value).view(np.int64))
 
 
 @dataclass
 class Plan:
-    """Tables of the loop, and where everything lies.
+    """Tables of the loop, and the addresses of all values.
 
-    `readers[key]`: rows that read a variable where it is published, `writers[key]`: rows that write an input; both as
-    (table, row, column of the source, offset in byte of the element), so that an override can point them elsewhere.
+    `readers[key]`: rows that read a published variable, `writers[key]`: rows that write an input; both as (table, row,
+    column of the source, offset of the element [byte]), so that an override can redirect them.
     `split`: variables of which single elements will be overridden; they are published element by element, by the rows
     (table, row) in `elements[key]`.
     """
@@ -83,12 +82,12 @@ class Plan:
     memory: Memory = field(default_factory=Memory)
     published: dict[Key, int] = field(default_factory=dict)
     staged: dict[Key, int] = field(default_factory=dict)
-    given: set[Key] = field(default_factory=set)  # inputs that are recorded as their FMUs were given them
-    buffers: dict[Key, int] = field(default_factory=dict)  # where an FMU's connected inputs are kept for its setters
-    readers: dict[Key, list[Place]] = field(default_factory=dict)
-    writers: dict[Key, list[Place]] = field(default_factory=dict)
+    recorded_inputs: set[Key] = field(default_factory=set)  # inputs that are recorded as they were set
+    buffers: dict[Key, int] = field(default_factory=dict)  # memory that the setters of FMUs read
+    readers: dict[Key, list[RowReference]] = field(default_factory=dict)
+    writers: dict[Key, list[RowReference]] = field(default_factory=dict)
     elements: dict[Key, list[tuple[str, int]]] = field(default_factory=dict)
-    whole: dict[Key, int] = field(default_factory=dict)  # where a split variable would have been published
+    unsplit: dict[Key, int] = field(default_factory=dict)  # address of a split variable before the split
     operations: list[dict[str, Any]] = field(default_factory=list)  # ranges by table; addresses come with the tables
     records: list[list[int]] = field(default_factory=list)
     copies: list[list[int]] = field(default_factory=list)
@@ -100,48 +99,52 @@ class Plan:
     sets: dict[str, list[list[int]]] = field(default_factory=dict)
     publishes: dict[str, list[list[int]]] = field(default_factory=dict)
     keep: list[Access] = field(default_factory=list)
-    # variables that a call moves, by its function, instance and references
-    asked: dict[tuple[int, int, int], tuple[str, ...]] = field(default_factory=dict)
-    references: dict[bytes, int] = field(default_factory=dict)  # where they lie: equal ones once, which a cache holds
-    no_flags: int = 0  # where those look for flags who write none: all at one place
+    # Names of the variables of a call, by its function, instance and references.
+    access_names: dict[tuple[int, int, int], tuple[str, ...]] = field(default_factory=dict)
+    references: dict[bytes, int] = field(default_factory=dict)  # addresses of value references, equal ones shared
+    no_flags: int = 0  # address of the flags shared by members that write none
     functions: dict[int, str] = field(default_factory=dict)  # names of the functions that are called, by address
-    objects: Objects | None = None  # what is no number
-    events: Events | None = None  # what happens at a communication point when all have published
+    objects: StringBinaryLinks | None = None  # connections of strings and binaries
+    events: Events | None = None  # event handling at communication points
     row_words: int = 1
     record_converts: tuple[int, int] = (0, 0)
 
     def divider(self, member: str) -> int:
-        """Communication points per step of a member."""
+        """Return the communication points per step of a member."""
         return max(1, self.periods[member] // self.step_ns)
 
-    def in_place(self, member: str) -> bool:
-        """Whether others may read the memory of a record: it publishes whenever it is stepped."""
+    def is_read_directly(self, member: str) -> bool:
+        """Whether other members read the memory of a record: it publishes at every communication point."""
         return self.divider(member) == 1
 
-    def is_given(self, member: str, name: str) -> bool:
-        """Whether a variable is known from what its FMU was given: many refuse to be asked for their inputs."""
-        one = self.members[member]
-        return one.variables[name].causality == "input" and not one.address(name) and self.in_place(member)
+    def is_recorded_input(self, member: str, name: str) -> bool:
+        """Whether an input is recorded as it was set: many FMUs refuse to return their inputs."""
+        instance = self.members[member]
+        return (
+            instance.variables[name].causality == "input"
+            and not instance.address(name)
+            and self.is_read_directly(member)
+        )
 
     def build(
         self, order: list[list[str]], links: list[Link], recorded: list[Key], watched: Iterable[Key] = ()
     ) -> None:
-        """Fill the tables. `order`: the stages, each a list of members; `watched`: to be published all the same."""
+        """Fill the tables. `order`: the stages, each a list of members; `watched`: further variables to publish."""
         needed: dict[str, dict[str, MemberVariable]] = {name: {} for name in self.members}
         inputs: dict[str, dict[str, MemberVariable]] = {name: {} for name in self.members}
         for link in links:
             needed[link.source.member][link.source.variable.name] = link.source.variable
             inputs[link.target.member][link.target.variable.name] = link.target.variable
         for key in (*recorded, *watched):
-            if self.is_given(*key):
-                self.given.add(key)
+            if self.is_recorded_input(*key):
+                self.recorded_inputs.add(key)
             else:
                 needed[key[0]][key[1]] = self.members[key[0]].variables[key[1]]
         for index, name in enumerate(self.members):
             self._publish(index, name, needed[name])
         for index, name in enumerate(self.members):
             self._stage_inputs(index, name, inputs[name])
-        for key in self.given:
+        for key in self.recorded_inputs:
             variable = self.members[key[0]].variables[key[1]]
             if key not in self.staged:
                 self.buffers[key] = self.memory.take(variable.size * variable.dtype.itemsize)
@@ -152,20 +155,20 @@ class Plan:
         self._record(recorded)
 
     def _events(self) -> None:
-        """An operation behind all others, if there are clocks."""
+        """Append the operation of event handling, if there are clocks."""
         if self.events is None:
             return
-        place = len(self.accesses)
+        row = len(self.accesses)
         self.accesses.append([self.events.address, 0, 0, 0, 0, 0, self.events.index])
         self.functions[self.events.address] = "events"
-        self.operations.append({"divider": 1, "h": bits(0.0), "accesses": (place, place + 1)})
+        self.operations.append({"divider": 1, "h": bits(0.0), "accesses": (row, row + 1)})
 
     def rows_at_events(self, key: Key) -> list[tuple[str, int]]:
-        """The rows (table, row) that move to an input what is connected to it."""
+        """Return the rows (table, row) that move connected values to an input."""
         return list(dict.fromkeys((table, row) for table, row, *_ in self.writers.get(key, [])))
 
     def _stage(self, stage: list[str], links: list[Link]) -> None:
-        """Operations of the members of a stage."""
+        """Add the operations of the members of a stage."""
         slots = []
         for divider in sorted({self.divider(name) for name in stage}):
             names = [name for name in stage if self.divider(name) == divider]
@@ -173,11 +176,11 @@ class Plan:
         self._operations(slots)
 
     def _grouped(self, member: str, names: dict[str, MemberVariable], write: bool) -> list[Access]:
-        """Calls that move variables of an FMU, one per type, with their places in the buffer."""
+        """Return the calls that move variables of an FMU, one per type, and allocate their memory."""
         by_type: dict[tuple[str, Any], list[MemberVariable]] = {}
         for variable in names.values():
             by_type.setdefault((variable.type, variable.dtype), []).append(variable)
-        places = self.staged if write else self.published
+        addresses = self.staged if write else self.published
         calls = []
         for variables in by_type.values():
             access = self.members[member].access([v.name for v in variables], write)
@@ -186,32 +189,26 @@ class Plan:
             self.functions[access.function] = access.name
             rows = self.sets if write else self.gets
             references = self.references.setdefault(access.references.tobytes(), int(access.references.ctypes.data))
-            self.asked[access.function, self.members[member].instance, references] = tuple(
+            self.access_names[access.function, self.members[member].instance, references] = tuple(
                 f"{v.name} (value reference {', '.join(map(str, v.references[:3]))})" for v in variables
             )
-            row = [
-                access.function,
-                self.members[member].instance,
-                references,
-                access.count,
-                address,
-                access.size_argument,
-            ]
+            instance = self.members[member].instance
+            row = [access.function, instance, references, access.count, address, access.size_argument]
             rows[member].append(row)
             for variable in variables:
-                places[member, variable.name] = address
+                addresses[member, variable.name] = address
                 if write:
                     self.buffers[member, variable.name] = address
                 address += variable.size * variable.dtype.itemsize
         return calls
 
     def _publish(self, index: int, name: str, needed: dict[str, MemberVariable]) -> None:
-        """Decide where a member's needed variables can be read."""
+        """Set the addresses at which a member's needed variables are read."""
         member = self.members[name]
         self.gets[name], self.publishes[name] = [], []
         if not all(member.address(v) for v in needed):
             self.keep += self._grouped(name, needed, write=False)
-        elif self.in_place(name):
+        elif self.is_read_directly(name):
             self.published.update({(name, v): member.address(v) for v in needed})
         else:
             for variable in needed.values():
@@ -225,11 +222,11 @@ class Plan:
         for row in self.gets[name]:
             row.append(index)
         for key in ((name, v) for v in needed if (name, v) in self.split):
-            self.whole[key] = self.published[key]
+            self.unsplit[key] = self.published[key]
             self.published[key] = self.memory.take(needed[key[1]].size * needed[key[1]].dtype.itemsize)
 
     def _stage_inputs(self, index: int, name: str, inputs: dict[str, MemberVariable]) -> None:
-        """Decide where a member's connected inputs are written."""
+        """Set the addresses at which a member's connected inputs are written."""
         member = self.members[name]
         self.sets[name] = []
         if not all(member.address(v) for v in inputs):
@@ -241,24 +238,24 @@ class Plan:
             row.append(index)
 
     def _operations(self, slots: list[list[dict[str, Any]]]) -> None:
-        """Operations of a stage: all take their inputs, all step, all publish; one slot does the first two in one."""
+        """Add the operations of a stage: all take inputs, all step, all publish; a single slot merges the first two."""
         if len(slots) == 1:
             inputs, steps, gets, *more = slots[0]
             if gets["divider"] == 1:
                 self._publish_at_once(steps["steps"], gets.pop("accesses"))
-            publish = [gets] if any(begin < end for begin, end in (gets.get(one, (0, 0)) for one in MOVES)) else []
+            publish = [gets] if any(begin < end for begin, end in (gets.get(table, (0, 0)) for table in MOVES)) else []
             self.operations += [{**inputs, "steps": steps["steps"]}, *publish, *more]
         else:
             self.operations += [slot[phase] for phase in range(4) for slot in slots if phase < len(slot)]
 
     def _publish_at_once(self, steps: tuple[int, int], gets: tuple[int, int]) -> None:
-        """Let the steps in these rows be followed by the calls, in those, that read what came of them."""
+        """Let the steps in some rows be followed directly by the calls, in other rows, that read their outputs."""
         for row in self.steps[slice(*steps)]:
-            own = [i for i in range(*gets) if self.accesses[i][-1] == row[-1]]
-            row[-3:-1] = own[0] if own else 0, len(own)
+            calls = [i for i in range(*gets) if self.accesses[i][-1] == row[-1]]
+            row[-3:-1] = calls[0] if calls else 0, len(calls)
 
     def _slot(self, divider: int, names: list[str], links: list[Link]) -> list[dict[str, Any]]:
-        """Members of a stage with the same divider: what takes their inputs, steps them, and publishes."""
+        """Return the operations of a stage's members with equal divider: take inputs, step, publish."""
         common = {"divider": divider, "h": bits(clock.seconds(divider * self.step_ns))}
         copies, converts, sets = len(self.copies), len(self.converts), len(self.accesses)
         direct = {id(link) for name in names for link in self._set_rows(name, links)}
@@ -277,7 +274,7 @@ class Plan:
             member = self.members[name]
             self.steps.append(self._step(member, order.index(name)))
         accesses, copied, converted = len(self.accesses), len(self.copies), len(self.converts)
-        for key in (key for key in self.whole if key[0] in names):
+        for key in (key for key in self.unsplit if key[0] in names):
             self._split(key)
         elements = {"copies": (copied, len(self.copies)), "converts": (converted, len(self.converts))}
         return [
@@ -288,31 +285,31 @@ class Plan:
         ]
 
     def _step(self, member: Member, index: int) -> list[int]:
-        """The row of a member's step; what it publishes at once is filled in later."""
+        """Return the row of a member's step; the calls that publish at once are filled in later."""
         return [member.step_function, member.step_signature, member.instance, self._flags(member), 0, 0, index]
 
     def _flags(self, member: Member) -> int:
-        """Where a member's step writes its flags."""
+        """Return the address of a member's step flags."""
         if member.writes_flags:
             return self.memory.take(FLAGS)
         self.no_flags = self.no_flags or self.memory.take(FLAGS)
         return self.no_flags
 
     def _split(self, key: Key) -> None:
-        """Publish a variable element by element."""
+        """Add rows that publish a variable element by element."""
         variable = self.members[key[0]].variables[key[1]]
-        size, word = variable.dtype.itemsize, kind(variable.dtype)
+        size, code = variable.dtype.itemsize, kind(variable.dtype)
         for i in range(variable.size):
-            source, target = self.whole[key] + i * size, self.published[key] + i * size
+            source, target = self.unsplit[key] + i * size, self.published[key] + i * size
             table = "copies" if size == 8 else "converts"
             self.elements.setdefault(key, []).append((table, len(getattr(self, table))))
             if size == 8:
                 self.copies.append([source, target, 1])
             else:
-                self.converts.append([source, word, target, word, 1, bits(1.0), bits(0.0)])
+                self.converts.append([source, code, target, code, 1, bits(1.0), bits(0.0)])
 
     def operation_rows(self, tables: Mapping[str, np.ndarray[Any, Any]]) -> np.ndarray[Any, Any]:
-        """The operations with the addresses of the rows in the tables they refer to."""
+        """Return the operations with the addresses of their rows in the tables."""
         rows = []
         for operation in self.operations:
             row = [operation["divider"], operation.get("shift", 0), operation["h"]]
@@ -323,47 +320,49 @@ class Plan:
         return np.array(rows, np.int64).reshape(len(rows), len(loop.OPERATION))
 
     def calls(self, tables: Mapping[str, np.ndarray[Any, Any]]) -> dict[int, tuple[str, str]]:
-        """Member and function of every row that calls one, by the row's address."""
+        """Return member and function of every calling row, by the row's address."""
         names, functions = list(self.members), self.functions | (self.objects.names if self.objects else {})
-        found = {}
+        result = {}
         for table, rows in (("accesses", self.accesses), ("steps", self.steps)):
             for i, row in enumerate(rows):
                 member = names[row[-1]]
                 function = functions[row[0]] if table == "accesses" else self.members[member].step_name
-                found[int(tables[table].ctypes.data) + i * tables[table].strides[0]] = (member, function)
-        return found
+                result[int(tables[table].ctypes.data) + i * tables[table].strides[0]] = (member, function)
+        return result
 
     def _set_rows(self, name: str, links: list[Link]) -> list[Link]:
-        """Add the calls that set a member's inputs; the links that need no copy since the call reads the source."""
+        """Add the calls that set a member's inputs; return links without a copy, whose call reads the source directly."""
         direct = []
         for row in self.sets[name]:
-            place = len(self.accesses)
+            row_index = len(self.accesses)
             self.accesses.append(row)
-            into = [link for link in links if link.target.member == name and self.staged[link.target.key] == row[4]]
-            if len(into) != 1 or row[3] != 1:
+            target_links = [
+                link for link in links if link.target.member == name and self.staged[link.target.key] == row[4]
+            ]
+            if len(target_links) != 1 or row[3] != 1:
                 continue
-            link = into[0]
-            if link.target.variable.is_bounded or link.target.key in self.given:
-                continue  # what the member saw is looked at after its step, when the source may have gone on
+            link = target_links[0]
+            if link.target.variable.is_bounded or link.target.key in self.recorded_inputs:
+                continue  # The input is checked or recorded after the step, when the source may have changed.
             variable, foreign = (
                 link.source.variable,
                 not self.members[link.source.member].address(link.source.variable.name),
             )
-            same = variable.dtype == link.target.variable.dtype and (link.factor, link.offset) == (1.0, 0.0)
+            is_same_type = variable.dtype == link.target.variable.dtype and (link.factor, link.offset) == (1.0, 0.0)
             size = row[3] if row[5] == machine.NO_SIZE else row[5]
-            if same and foreign and link.target.size == size:
+            if is_same_type and foreign and link.target.size == size:
                 offset = link.source.first * variable.dtype.itemsize
                 row[4] = self.staged[link.target.key] = self.published[link.source.key] + offset
-                self.readers.setdefault(link.source.key, []).append(("accesses", place, 4, offset))
-                self.writers.setdefault(link.target.key, []).append(("accesses", place, 4, 0))
+                self.readers.setdefault(link.source.key, []).append(("accesses", row_index, 4, offset))
+                self.writers.setdefault(link.target.key, []).append(("accesses", row_index, 4, 0))
                 direct.append(link)
         return direct
 
     def _move(self, link: Link, source: int, target: int, dtype: np.dtype[Any] | None = None) -> None:
-        """A copy where the values lie alike, else a conversion; `dtype`: of the target, if not the input's."""
+        """Add a copy for equal representations, else a conversion; `dtype`: of the target, if not the input's."""
         a, b = link.source.variable.dtype, dtype or link.target.variable.dtype
-        same = a == b == link.target.variable.dtype and a.itemsize == 8
-        if same and (link.factor, link.offset) == (1.0, 0.0):
+        is_same_type = a == b == link.target.variable.dtype and a.itemsize == 8
+        if is_same_type and (link.factor, link.offset) == (1.0, 0.0):
             row = ("copies", len(self.copies), 0)
             self.copies.append([source, target, link.source.size])
         else:
@@ -375,7 +374,7 @@ class Plan:
         self.writers.setdefault(link.target.key, []).append((*row, offset))
 
     def _record(self, recorded: list[Key]) -> None:
-        """Rows that record: word 0 is the tick; every scalar takes a word, Float64 or Int64."""
+        """Add the recording rows: word 0 is the tick; every scalar takes a word, Float64 or Int64."""
         convert_begin, word = len(self.converts), 1
         for key in recorded:
             variable = self.members[key[0]].variables[key[1]]
@@ -394,8 +393,8 @@ class Plan:
         self.record_converts = (convert_begin, len(self.converts))
 
 
-def merged(rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Copy rows with neighbors made one where both their sources and their targets adjoin."""
+def merge_rows(rows: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Merge neighboring copy rows whose sources and targets are both adjacent."""
     result: list[list[int]] = []
     for source, target, words in rows.tolist():
         if result and result[-1][0] + 8 * result[-1][2] == source and result[-1][1] + 8 * result[-1][2] == target:

@@ -1,7 +1,7 @@
-"""Where the loop's rows go: into this process's memory, or through a ring into a file that outlives the process.
+"""Recorders of the loop's rows: in this process's memory, or through a ring buffer to a file that outlives the process.
 
-A recorder has the loop's record (`loop.RECORD`), and gives it the memory between `place` and `limit`. The loop comes back
-when `place` reaches `limit`.
+A recorder owns the loop's record (`loop.RECORD`) and provides the memory between `next_row` and `limit`. The loop returns when
+`next_row` reaches `limit`.
 """
 
 from __future__ import annotations
@@ -21,22 +21,22 @@ if TYPE_CHECKING:
 
     from twin.coupling.member import MemberVariable
 
-BUFFER_BYTES = 64 << 20  # of a buffer in this process, touched before the loop runs: no page faults in it
+BUFFER_BYTES = 64 << 20  # size of a buffer in this process; touched before the loop runs, to avoid page faults in it
 WORD = 8
-FEWEST = 4  # rows in a ring
+FEWEST = 4  # smallest number of rows in a ring
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How a row lies in memory: the tick, then each variable's scalars, a word each, Float64 or Int64.
+    """Layout of a row: the tick, then each variable's scalars, a word each, Float64 or Int64.
 
-    `columns`: (member, variable), first word, the variable. `calls`: what the loop calls, member and function by the
-    address of its row. `count`: rows at most, or None.
+    `columns`: (member, variable), first word, the variable. `calls`: member and function of each call of the loop, by the
+    address of its row. `count`: largest number of rows, or None.
     """
 
     begin: int
     step: int
-    per_second: int  # what begin and step are counted in
+    per_second: int  # ticks of `begin` and `step` per second
     words: int
     columns: list[tuple[tuple[str, str], int, MemberVariable]]
     calls: Mapping[int, tuple[str, str]] = field(default_factory=dict)
@@ -44,28 +44,28 @@ class Layout:
 
 
 class Recorder(Protocol):
-    """What the co-simulation records into."""
+    """Interface of a recorder."""
 
     record: np.ndarray[Any, Any]  # one loop.RECORD
 
     def open(self, layout: Layout) -> None:
-        """Be ready for rows."""
+        """Provide memory for rows."""
 
     def make_room(self) -> None:
-        """The loop has reached the limit."""
+        """Provide more memory: the loop has reached the limit."""
 
     def words(self) -> np.ndarray[Any, Any]:
-        """All rows until now, as words."""
+        """Return all rows until now, as words."""
 
     def look(self) -> None:
-        """Between two calls of the loop: an error if there is no use in going on."""
+        """Raise an error if recording cannot continue; called between two calls of the loop."""
 
     def note(self, text: str) -> None:
-        """What is done outside of the loop from now on."""
+        """Publish the activity outside of the loop."""
 
 
 class Memory:
-    """Keeps all rows in this process, in buffers of `size` byte."""
+    """Recorder in this process's memory, in buffers of `size` byte."""
 
     def __init__(self, size: int = BUFFER_BYTES) -> None:
         self.size = size
@@ -73,7 +73,7 @@ class Memory:
         self._full: list[np.ndarray[Any, Any]] = []
 
     def open(self, layout: Layout) -> None:
-        """Take a buffer, no larger than needed."""
+        """Allocate a buffer, no larger than needed."""
         self._words = layout.words
         rows = max(16, self.size // (WORD * layout.words))
         self._use(np.full((rows if layout.count is None else min(rows, layout.count), layout.words), 0, np.int64))
@@ -81,45 +81,45 @@ class Memory:
     def _use(self, rows: np.ndarray[Any, Any]) -> None:
         self._rows = rows
         state = self.record[0]
-        state["place"], state["limit"] = rows.ctypes.data, rows.ctypes.data + rows.nbytes
+        state["next_row"], state["limit"] = rows.ctypes.data, rows.ctypes.data + rows.nbytes
 
     def make_room(self) -> None:
-        """Take the filled part of the buffer, and a fresh one rather than a copy."""
-        count = (int(self.record[0]["place"]) - self._rows.ctypes.data) // (WORD * self._words)
+        """Keep the filled part of the buffer and allocate a new one."""
+        count = (int(self.record[0]["next_row"]) - self._rows.ctypes.data) // (WORD * self._words)
         if count:
             fresh = np.full_like(self._rows, 0)
-            if not self._full or self._full[-1].base is not self._rows:  # else Ctrl-C came between these two lines
+            if not self._full or self._full[-1].base is not self._rows:  # guards against Ctrl-C between these two lines
                 self._full.append(self._rows[:count])
             self._use(fresh)
 
     def words(self) -> np.ndarray[Any, Any]:
-        """All rows until now."""
+        """Return all rows until now."""
         self.make_room()
         return np.concatenate(self._full) if self._full else np.zeros((0, self._words), np.int64)
 
     def look(self) -> None:
-        """Nothing can go wrong."""
+        """No-op."""
 
     def note(self, text: str) -> None:
-        """Nobody looks."""
+        """No-op."""
 
 
 class Ring:
-    """Hands the rows over to whoever drains the ring of a `Link`.
+    """Recorder through the ring of a `Link`, which is drained to a file.
 
-    `begin`: told the layout, gives the file of the rows and that of the position.
+    `begin`: function of the layout that returns the paths of the files of rows and of the position.
     """
 
     def __init__(self, link: Link, begin: Callable[[Layout], tuple[Path, Path]]) -> None:
         self.link, self._begin = link, begin
         memory = np.frombuffer(link.shared.memory, np.uint8)
-        self.record = memory[link.record_place :][: loop.RECORD.itemsize].view(loop.RECORD)
+        self.record = memory[link.record_offset :][: loop.RECORD.itemsize].view(loop.RECORD)
         self.record[:] = 0
-        self._ring = memory[link.ring_place :]
+        self._ring = memory[link.ring_offset :]
         self._front = int(self._ring.ctypes.data)
 
     def open(self, layout: Layout) -> None:
-        """Touch what will be used, so that the loop meets no page faults, and begin the file."""
+        """Touch the memory in use, to avoid page faults in the loop, and open the file."""
         row = WORD * layout.words
         rows = len(self._ring) // row
         if rows < FEWEST:
@@ -130,9 +130,9 @@ class Ring:
         self._row, self._size = row, rows * row
         self._ring[: self._size : 4096] = 0
         state = self.record[0]
-        state["place"], state["limit"] = self._front, self._front + self._size
+        state["next_row"], state["limit"] = self._front, self._front + self._size
         self.file, position = self._begin(layout)
-        places = {name: self.link.record_place + loop.RECORD.fields[name][1] for name in ("place", "tick", "at")}  # type: ignore[index]
+        addresses = {name: self.link.record_offset + loop.RECORD.fields[name][1] for name in ("next_row", "tick", "at")}  # type: ignore[index]
         self.link.open(
             {
                 "file": str(self.file),
@@ -140,28 +140,28 @@ class Ring:
                 "front": self._front,
                 "row": row,
                 "end": self._size,
-                **places,
+                **addresses,
             }
         )
         self.look()
 
     def make_room(self) -> None:
-        """Let the loop go on behind what was taken; wait while nothing was."""
+        """Free the drained part of the ring for the loop; wait until there is one."""
         state = self.record[0]
         while True:
-            place, taken = int(state["place"]) - self._front, self.link.tail // self._row * self._row
-            if place == self._size and taken >= 2 * self._row:
-                place = 0
-            limit = taken - self._row if taken > place else self._size
-            if limit > place:
-                # `limit` first: whoever drains looks at `place` only
-                state["limit"], state["place"] = self._front + limit, self._front + place
+            position, drained = int(state["next_row"]) - self._front, self.link.tail // self._row * self._row
+            if position == self._size and drained >= 2 * self._row:
+                position = 0
+            limit = drained - self._row if drained > position else self._size
+            if limit > position:
+                # Write `limit` first: the drainer reads `next_row` only.
+                state["limit"], state["next_row"] = self._front + limit, self._front + position
                 return
             self.link.wait()
             self.look()
 
     def words(self) -> np.ndarray[Any, Any]:
-        """All rows until now, as they lie in the file."""
+        """Return all rows until now, from the file."""
         self.link.sync()
         self.look()
         count = self.file.stat().st_size // self._row
@@ -170,7 +170,7 @@ class Ring:
         return np.memmap(self.file, np.int64, "r", shape=(count, self._row // WORD))
 
     def look(self) -> None:
-        """Stop if the rows cannot be written, or if who watched this process is gone."""
+        """Raise SimulationError if rows cannot be written, KeyboardInterrupt if the supervisor has died."""
         self.link.look()
         if self.link.stopped:
             raise KeyboardInterrupt
@@ -178,6 +178,6 @@ class Ring:
             raise SimulationError(f"the recording {trouble.filename} cannot go on ({trouble.strerror}).")
 
     def note(self, text: str) -> None:
-        """Tell who watches what is done outside of the loop from now on."""
+        """Publish the activity outside of the loop to the supervisor."""
         self.record[0]["at"] = 0
         self.link.note(text)

@@ -1,4 +1,4 @@
-"""How the loop came back, in words: a member failed, discarded its step, ended the simulation, or holds no number."""
+"""Messages for steps that did not succeed: failed or discarded steps, early termination, values that are not finite."""
 
 from __future__ import annotations
 
@@ -18,38 +18,38 @@ from twin.errors import SimulationError
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from twin.coupling.execution.finite_value_monitor import Watch
+    from twin.coupling.execution.finite_value_monitor import FiniteValueMonitor
     from twin.coupling.execution.loop_tables import Tables
     from twin.coupling.execution.recorder import Recorder
     from twin.coupling.member import Member
     from twin.coupling.overrides import Overrides
-    from twin.coupling.variable_step.state import Walk
+    from twin.coupling.variable_step.state import VariableStepState
 
 LOG_LINES = 5
-SHOWN = 3  # variables that are named
+SHOWN = 3  # largest number of variables in a message
 
 STATUS = {2: "DISCARD", 3: "ERROR", 4: "FATAL"}
 DISCARD = 2
-ROUNDING = 1e-12  # part of a step by which a time may miss its end
+ROUNDING = 1e-12  # tolerance of the end of a step, relative to its length
 
 
 def log_text(member: Member) -> str:
-    """The end of a member's log, for a message."""
+    """Return the last log lines of a member, for a message."""
     return f" Last log: {' | '.join(member.log[-LOG_LINES:])}" if member.log else ""
 
 
-def shown(time: float) -> str:
-    """A time [s] for a message."""
+def time_text(time: float) -> str:
+    """Format a time [s] for a message."""
     return clock.text(round(time * clock.NANOSECONDS))
 
 
-class Endings:
-    """The part of a co-simulation that tells what happened."""
+class StepFailures:
+    """Mixin of `CoSimulation`: handles and describes steps that did not succeed."""
 
     members: Mapping[str, Member]
     algorithm: Algorithm
     plan: Plan
-    watch: Watch
+    watch: FiniteValueMonitor
     recorder: Recorder
     state: Any
     step: clock.Time
@@ -58,14 +58,14 @@ class Endings:
     notes: list[str]
     _begin: clock.Time
     _last: int | None
-    _looked: float
+    _last_check: float
     _loop: Callable[[int], int]
     _record: np.ndarray[Any, Any]
     _limits: np.ndarray[Any, Any]
     _slow: list[str]
     _tables: Tables
     _overrides: Overrides
-    _walk: Walk | None
+    _variable_step: VariableStepState | None
 
     @property
     def time(self) -> clock.Time:
@@ -75,157 +75,159 @@ class Endings:
     def _member_name(self) -> str:
         return list(self.members)[int(self.state["member"])]
 
-    def _notice(self) -> None:
-        """A value is beyond its limits: not finite, which is the end, or an input, which is noted once."""
+    def _report_limit(self) -> None:
+        """Handle a violated limit: raise SimulationError if a value is not finite; note an input's bounds once."""
         row = (int(self.state["beyond"]) - self._limits.ctypes.data) // self._limits.strides[0]
-        self._examine(noticed=True)
+        self._check_finite(noticed=True)
         if (key := self.watch.row(row)) is not None:
             self.notes.append(self.watch.input_note(key, self.plan, self.time - self.step))
         self._limits[row, 2] = 0
 
-    def _examine(self, noticed: bool = False, failed: str = "") -> None:
-        """End the simulation if a value is not finite, and tell where that began; else remember that all is well."""
-        bad = self.watch.bad(failed)
+    def _check_finite(self, noticed: bool = False, failed: str = "") -> None:
+        """Raise SimulationError with its origin if a value is not finite; else save the valid state."""
+        bad = self.watch.non_finite_members(failed)
         tick = int(self.state["tick"]) + bool(failed)
         if not bad:
             if not noticed and not failed:
                 self.watch.save(self._record, self.plan)
-                self._looked = wall.perf_counter()
+                self._last_check = wall.perf_counter()
             return
         if self.watch.replays:
-            tick = self.watch.began(tick, self._loop, self.plan)
-            again = self.watch.bad()
-            if failed and not again:
-                return  # it was so in an iteration alone
-            self._last, bad = tick, again or bad
+            tick = self.watch.find_first_tick(tick, self._loop, self.plan)
+            repeated = self.watch.non_finite_members()
+            if failed and not repeated:
+                return  # only an iteration that was rolled back was not finite
+            self._last, bad = tick, repeated or bad
         when = clock.text(self._begin + tick * self.step)
         exact = self.watch.replays or noticed or failed
-        self._blame(bad, f"at t = {when}" if exact else f"at t = {when} or somewhat before")
+        self._raise_if_not_finite(bad, f"at t = {when}" if exact else f"at t = {when} or somewhat before")
 
-    def _blame(self, bad: list[str], when: str, sure: bool = False, cause: Exception | None = None) -> None:
-        """SimulationError if members hold values that are not finite; `sure`: only if one of them began it."""
-        if bad and (not sure or self.watch.source(bad)[1]):
+    def _raise_if_not_finite(
+        self, bad: list[str], when: str, sure: bool = False, cause: Exception | None = None
+    ) -> None:
+        """Raise SimulationError if members have values that are not finite; `sure`: only if the origin is among them."""
+        if bad and (not sure or self.watch.find_source(bad)[1]):
             raise SimulationError(self.watch.described(bad, when)) from cause
 
-    def _fail(self) -> None:
-        """Turn a member's failure into one line: name, time, status, last inputs, last log lines."""
+    def _handle_failure(self) -> None:
+        """Raise SimulationError with name, time, status, last inputs and log of a failed member, unless it can continue."""
         if int(self.state["status"]) == ASKING:
-            self._go_back()
-            self._walk.derive()  # type: ignore[union-attr]
+            self._roll_back()
+            self._variable_step.derive()  # type: ignore[union-attr]
             return
         if int(self.state["status"]) == UNSOLVED:
-            raise SimulationError(self._disagreement())
+            raise SimulationError(self._disagreement_text())
         if self.plan.events is not None and self.plan.events.failure is not None:
             raise self.plan.events.failure
         name = self._member_name()
         member = self.members[name]
         if isinstance(member.failure, KeyboardInterrupt):
             raise member.failure
-        if death := member.lost(self.time):
-            raise SimulationError(death)
+        if loss := member.lost(self.time):
+            raise SimulationError(loss)
         reason = member.finish_reason() if int(self.state["status"]) == DISCARD else ""
-        if int(self.state["status"]) in (DISCARD, EARLY) and self._shortened(member, reason):
+        if int(self.state["status"]) in (DISCARD, EARLY) and self._accept_shorter_step(member, reason):
             return
         if reason:
-            self._finish(member, reason)
+            self._finish_discarded(member, reason)
             return
         status = STATUS.get(int(self.state["status"]), "ERROR")
         member.failed(int(self.state["status"]))
         if status != "FATAL":
-            self._examine(failed=name)
+            self._check_finite(failed=name)
         inputs = ", ".join(
             f"{v}={np.array2string(view(address, self.members[m].variables[v]), threshold=6, precision=6)}"
             for (m, v), address in self.plan.staged.items()
             if m == name
         )
         raise SimulationError(
-            f"{name}: failed with {status} in the step from t = {clock.text(self.time)}.{self._refused()} "
+            f"{name}: failed with {status} in the step from t = {clock.text(self.time)}.{self._refused_access()} "
             f"Last inputs: {inputs or 'none'}.{log_text(member)}"
         ) from member.failure
 
-    def _refused(self) -> str:
-        """What a member was asked for, if it refused a value rather than a step."""
+    def _refused_access(self) -> str:
+        """Describe the refused access, if a getter or setter failed rather than a step."""
         rows = self._tables.arrays["accesses"]
-        place, rest = divmod(int(self.state["at"]) - rows.ctypes.data, rows.strides[0])
-        if rest or not 0 <= place < len(self.plan.accesses):
+        index, rest = divmod(int(self.state["at"]) - rows.ctypes.data, rows.strides[0])
+        if rest or not 0 <= index < len(self.plan.accesses):
             return ""
-        function, instance, references, *_ = self.plan.accesses[place]
-        names = self.plan.asked.get((function, instance, references), ())
+        function, instance, references, *_ = self.plan.accesses[index]
+        names = self.plan.access_names.get((function, instance, references), ())
         if not names:
             return ""
         more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
         return f" It refused {self.plan.functions[function]} of {', '.join(names[:SHOWN])}{more}."
 
-    def _shortened(self, member: Member, reason: str) -> bool:
-        """Whether a step that a member did not make in whole is made to where it came, or shorter; one line if not."""
+    def _accept_shorter_step(self, member: Member, reason: str) -> bool:
+        """Repeat an incomplete step up to the time the member reached, or shorter; return whether that is possible."""
         state = self.state
         goes_back = state["trial"] and member.name not in self._slow
-        begun = float(state["begun"]) if goes_back else clock.seconds(self.time)
-        came = float(state["until"])
+        step_begin = float(state["step_begin"]) if goes_back else clock.seconds(self.time)
+        end_time = float(state["until"])
         if int(state["status"]) == DISCARD:
-            told = member.last_successful_time(self._written(begun))
-            came = begun if told is None else told
+            last_time = member.last_successful_time(self._reported_time(step_begin))
+            end_time = step_begin if last_time is None else last_time
         if not goes_back:
-            if reason or (int(state["status"]) == DISCARD and came == begun):
+            if reason or (int(state["status"]) == DISCARD and end_time == step_begin):
                 return False
-            able = ", ".join(one.name for one in Algorithm if one.rolls_back)
-            why = f"{self.algorithm} makes whole steps. Use one that goes to that time: {able}."
+            alternatives = ", ".join(candidate.name for candidate in Algorithm if candidate.rolls_back)
+            why = f"{self.algorithm} makes whole steps. Use one that goes to that time: {alternatives}."
             if state["trial"]:
                 why = "its period is to be made in whole. Leave `communication_step` out."
             raise SimulationError(
-                f"{member.name}: went to t = {shown(came)} only in the step from t = {shown(begun)}, and {why}{log_text(member)}"
+                f"{member.name}: went to t = {time_text(end_time)} only in the step from t = {time_text(step_begin)}, and {why}{log_text(member)}"
             )
-        if begun < came < begun + float(state["span"]) * (1 - ROUNDING):
-            state["until"], state["limited"], state["back"] = came, 1, 1
+        if step_begin < end_time < step_begin + float(state["span"]) * (1 - ROUNDING):
+            state["until"], state["limited"], state["must_restore"] = end_time, 1, 1
             return True
         if state["control"] and state["stride"] > 1 and not reason:
             state["stride"] //= 2
             state["rejected"] += 1
-            state["limited"], state["back"] = 0, 1
+            state["limited"], state["must_restore"] = 0, 1
             return True
         return False
 
-    def _go_back(self) -> None:
-        """Have all members where the step began that is at work."""
+    def _roll_back(self) -> None:
+        """Roll all members back to the begin of the step in progress."""
         state, stop = self.state, int(self.state["stop"])
-        state["back"], state["stop"] = 1, state["tick"]
+        state["must_restore"], state["stop"] = 1, state["tick"]
         if self._loop(self._record.ctypes.data) == loop.FAILED:
-            self._fail()
+            self._handle_failure()
         state["stop"] = stop
 
-    def _disagreement(self) -> str:
-        """Which connections did not agree."""
-        assert self._walk is not None
-        far = self._walk.apart()
+    def _disagreement_text(self) -> str:
+        """Describe the connections that did not converge."""
+        assert self._variable_step is not None
+        inputs = self._variable_step.disagreements()
         return (
-            f"{self.algorithm}: {', '.join(far[:3])}{' and others' if len(far) > 3 else ''} do not agree after "
-            f"{self.algorithm.iterations} iterations in the step from t = {shown(float(self.state['begun']))}. "
+            f"{self.algorithm}: {', '.join(inputs[:3])}{' and others' if len(inputs) > 3 else ''} do not agree after "
+            f"{self.algorithm.iterations} iterations in the step from t = {time_text(float(self.state['step_begin']))}. "
             f"Allow more `iterations`, take another `acceleration` or a smaller step."
         )
 
-    def _written(self, begun: float) -> float:
-        """How far [s] a step of FMI 3.0's form from `begun` says that it came, of the member that ended the run; no less."""
+    def _reported_time(self, step_begin: float) -> float:
+        """Return the last successful time [s] that the terminating member's step from `step_begin` wrote (FMI 3.0)."""
         rows = [row for row in self._tables.arrays["steps"].tolist() if row[-1] == int(self.state["member"])]
-        return max([begun, *(machine.read_float(flags + 24) for _, _, flags, *_ in rows)])
+        return max([step_begin, *(machine.read_float(flags + 24) for _, _, flags, *_ in rows)])
 
-    def _reached(self) -> str:
-        """The time at which the simulation ended, for a message; a row beyond that does not count."""
+    def _end_time_text(self) -> str:
+        """Format the time at which the simulation ended; invalidates a later row."""
         state = self.state
-        if not state["inside"]:
-            begun, step = clock.seconds(self.time - self.step), clock.seconds(self.step)
-            came = self._written(begun)
-            if begun < came < begun + step * (1 - ROUNDING):
+        if not state["in_tick"]:
+            step_begin, step = clock.seconds(self.time - self.step), clock.seconds(self.step)
+            end_time = self._reported_time(step_begin)
+            if step_begin < end_time < step_begin + step * (1 - ROUNDING):
                 self._last = int(state["tick"]) - 1
-                return shown(came)
+                return time_text(end_time)
             return clock.text(self.time)
-        return shown(float(state["now"] if state["off"] else state["begun"] + state["span"]))
+        return time_text(float(state["now"] if state["off"] else state["step_begin"] + state["span"]))
 
-    def _conclude(self) -> None:
-        """Say what the walk could not do as it was told."""
-        if self._walk is None:
+    def _note_step_problems(self) -> None:
+        """Add notes on steps that missed tolerance, convergence or the smallest length."""
+        if self._variable_step is None:
             return
         state = self.state
-        for count, first, what in (
+        for count, first, problem in (
             ("missed", "missed_tick", "steps of the smallest size were not as exact as asked for. Give a smaller one"),
             (
                 "unsolved",
@@ -236,7 +238,7 @@ class Endings:
             if state[count]:
                 at = clock.text(self._begin + int(state[first]) * self.step)
                 self.notes.append(
-                    f"{self.algorithm}: {int(state[count])} {what}; the first began at t = {at} or soon after."
+                    f"{self.algorithm}: {int(state[count])} {problem}; the first began at t = {at} or soon after."
                 )
                 state[count] = 0
         if state["refused"]:
@@ -246,20 +248,26 @@ class Endings:
             self.notes.append(f"{self.algorithm}: {name} makes no steps shorter than {shortest}, and so did nobody.")
             state["refused"] = 0
 
-    def _finish(self, member: Member, reason: str) -> None:
-        """A member discarded its step in order to end the simulation: keep how far it came."""
+    def _finish_discarded(self, member: Member, reason: str) -> None:
+        """End the simulation at a step that a member discarded to terminate; keep the time it reached."""
         self.finished = True
-        begun = clock.seconds(self.time) if self._walk is None else float(self.state["begun"])
-        came = member.last_successful_time(begun)
-        if self._walk is None and came is not None and abs(came - clock.seconds(self.time + self.step)) < 1e-9:
+        step_begin = clock.seconds(self.time) if self._variable_step is None else float(self.state["step_begin"])
+        end_time = member.last_successful_time(step_begin)
+        if (
+            self._variable_step is None
+            and end_time is not None
+            and abs(end_time - clock.seconds(self.time + self.step)) < 1e-9
+        ):
             for (owner, name), address in self.plan.published.items():
                 if self.members[owner] is member:
                     self._tables.put(owner, name, address)
             self._overrides.hold()
             self.state["tick"] += 1
-            if self.state["place"] >= self.state["limit"]:
+            if self.state["next_row"] >= self.state["limit"]:
                 self.recorder.make_room()
             loop.record(self._record.view(np.recarray)[0])
-        is_known = came is not None and begun < came <= begun + clock.seconds(self.step) * (1 + ROUNDING)
-        when = shown(came) if is_known and came is not None else clock.text(self.time)
+        is_within_step = end_time is not None and step_begin < end_time <= step_begin + clock.seconds(self.step) * (
+            1 + ROUNDING
+        )
+        when = time_text(end_time) if is_within_step and end_time is not None else clock.text(self.time)
         self.failure = f"{member.name} ended the simulation at {when}: {reason}"

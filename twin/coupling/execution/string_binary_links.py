@@ -1,8 +1,8 @@
-"""Strings and binaries between members: moved by Python, at the points where the loop moves numbers.
+"""Connections of strings and binaries: moved by Python callbacks where the loop moves numbers.
 
-The loop calls a row of its table, as it calls `fmiNGetXXX`; a system without such connections has none. What a member
-publishes is kept here until it publishes again, so that nobody sees its future. An algorithm that takes a step back takes
-this back, too.
+The loop calls a row of its table, as it calls `fmiNGetXXX`; a system without such connections has no such row. Published
+values are stored here until the member publishes again, so that readers never see values of a later time. Rollback covers
+these values too.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ OK, ERROR = 0, 3
 Key = tuple[str, str]
 
 
-def flat(value: Any) -> np.ndarray[Any, Any]:
-    """The elements of a value; numpy would take bytes for something shorter, without the zeros at their end."""
+def flatten(value: Any) -> np.ndarray[Any, Any]:
+    """Return the elements of a value as objects; a numpy bytes array would drop trailing zeros."""
     if isinstance(value, np.ndarray):
         return np.asarray(value, object).reshape(-1)
     elements = value if isinstance(value, list) else [value]
-    found = np.empty(len(elements), object)
-    found[:] = elements
-    return found
+    result = np.empty(len(elements), object)
+    result[:] = elements
+    return result
 
 
-class Objects:
-    """The connections whose values are no numbers, of all `links`; `numbers` are the others.
+class StringBinaryLinks:
+    """Connections of strings and binaries among `links`; `numbers` are the other ones.
 
-    Members must have been initialized: what they hold then is what they publish first.
+    Members must be initialized: their current values are the first published ones.
     """
 
     def __init__(self, members: Mapping[str, Member], links: list[Link]) -> None:
@@ -49,20 +49,20 @@ class Objects:
         self.numbers = [link for link in links if link.source.variable.connectable]
         self.links = [link for link in links if not link.source.variable.connectable]
         keys = dict.fromkeys(link.source.key for link in self.links)
-        self.published = {key: flat(members[key[0]].get(key[1])) for key in keys}
-        self.inputs = {link.target.key: self._held(link) for link in self.links}
+        self.published = {key: flatten(members[key[0]].get(key[1])) for key in keys}
+        self.inputs = {link.target.key: self._current_input(link) for link in self.links}
         for link in self.links:
             self._put(link)
-        self.given = {key: list(values) for key, values in self.inputs.items()}
-        self._kept: list[Any] = []  # callbacks
-        self.names: dict[int, str] = {}  # of the callbacks, by address
+        self.last_set = {key: list(values) for key, values in self.inputs.items()}
+        self._callbacks: list[Any] = []  # must outlive the loop
+        self.names: dict[int, str] = {}  # names of the callbacks by address
 
-    def _held(self, link: Link) -> np.ndarray[Any, Any]:
-        """What an input holds that is connected, perhaps in some of its elements only."""
+    def _current_input(self, link: Link) -> np.ndarray[Any, Any]:
+        """Return the current value of a connected input, of which only some elements may be connected."""
         variable = link.target.variable
         if link.target.size == variable.size:
             return np.full(variable.size, None, object)
-        return flat(self.members[link.target.member].get(variable.name))
+        return flatten(self.members[link.target.member].get(variable.name))
 
     def _put(self, link: Link) -> None:
         source, target = link.source, link.target
@@ -70,64 +70,64 @@ class Objects:
         self.inputs[target.key][target.first : target.first + target.size] = part
 
     def gets(self, name: str) -> list[list[int]]:
-        """Rows that take what a member publishes."""
+        """Return rows that publish a member's values."""
         return [self._row(name, "get", partial(self._take, key)) for key in self.published if key[0] == name]
 
     def sets(self, name: str) -> list[list[int]]:
-        """Rows that give a member its inputs."""
+        """Return rows that set a member's inputs."""
         return [self._row(name, "set", partial(self._give, key)) for key in self.inputs if key[0] == name]
 
     def way(self, count: int) -> Way:
-        """How the loop brings back what is kept here, to any of `count` points."""
-        saved: dict[int, tuple[Any, ...]] = {}  # by the address of their places
-        places = [ctypes.c_void_p() for _ in range(count)]
+        """Return the state access for rollback of the values stored here, with `count` saved points."""
+        saved: dict[int, tuple[Any, ...]] = {}  # by the address of their pointers
+        pointers = [ctypes.c_void_p() for _ in range(count)]
 
-        def save(_instance: int, place: int) -> int:
-            machine.write64(place, place)
+        def save(_instance: int, address: int) -> int:
+            machine.write64(address, address)
             inputs = {key: values.copy() for key, values in self.inputs.items()}
-            saved[place] = dict(self.published), inputs, dict(self.given)
+            saved[address] = dict(self.published), inputs, dict(self.last_set)
             return OK
 
-        def restore(_instance: int, place: int) -> int:
-            published, inputs, given = saved[place]
-            self.published, self.given = dict(published), dict(given)
+        def restore(_instance: int, address: int) -> int:
+            published, inputs, last_set = saved[address]
+            self.published, self.last_set = dict(published), dict(last_set)
             for key, values in inputs.items():
                 self.inputs[key][:] = values
             return OK
 
-        made = machine.STATE(save), machine.STATE(restore)
-        self._kept += [*made, *places]
-        addresses = [ctypes.cast(one, ctypes.c_void_p).value or 0 for one in made]
-        return Way(get=addresses[0], set=addresses[1], places=tuple(ctypes.addressof(one) for one in places))
+        callbacks = machine.STATE(save), machine.STATE(restore)
+        self._callbacks += [*callbacks, *pointers]
+        addresses = [ctypes.cast(callback, ctypes.c_void_p).value or 0 for callback in callbacks]
+        return Way(get=addresses[0], set=addresses[1], places=tuple(ctypes.addressof(pointer) for pointer in pointers))
 
     def _take(self, key: Key) -> None:
-        self.published[key] = flat(self.members[key[0]].get(key[1]))
+        self.published[key] = flatten(self.members[key[0]].get(key[1]))
 
     def _give(self, key: Key) -> None:
-        """Set an input if it has changed."""
+        """Set a connected input if it has changed."""
         for link in self.links:
             if link.target.key == key:
                 self._put(link)
         values = self.inputs[key]
-        if list(values) != self.given[key]:
-            self.given[key] = list(values)
+        if list(values) != self.last_set[key]:
+            self.last_set[key] = list(values)
             variable = self.members[key[0]].variables[key[1]]
             self.members[key[0]].set(key[1], values.reshape(variable.shape) if variable.shape else values[0])
 
-    def _row(self, name: str, word: str, call: Callable[[], None]) -> list[int]:
-        """A row of the table of accesses."""
+    def _row(self, name: str, function_name: str, call: Callable[[], None]) -> list[int]:
+        """Return a row of the table of accesses that runs a callback."""
 
-        def called(*_: int) -> int:
+        def callback(*_: int) -> int:
             try:
                 call()
-            except BaseException as error:  # nothing may pass through native frames
+            except BaseException as error:  # no exception may pass through native frames
                 self.members[name].failure = error
                 self.members[name].log.append(str(error) if isinstance(error, TwinError) else described(error))
                 return ERROR
             return OK
 
-        function = machine.ACCESS(called)
+        function = machine.ACCESS(callback)
         address = ctypes.cast(function, ctypes.c_void_p).value or 0
-        self._kept.append(function)
-        self.names[address] = word
+        self._callbacks.append(function)
+        self.names[address] = function_name
         return [address, 0, 0, 0, 0, 0]

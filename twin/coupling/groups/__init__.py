@@ -1,1 +1,1 @@
-"""Several coupled components as one component."""
+"""Composition of coupled components into one component."""

@@ -1,8 +1,8 @@
-"""Several coupled components as one: the records nested in one record, the connections compiled in.
+"""Composition of coupled components into one: records nested in one record, connections compiled in.
 
-A group is a sampled component whose period is the communication step of its members; they keep their own periods in
-it. What its `step` does is written out as Python source, one statement per connection, step and publication, in the
-order in which the co-simulation loop would do it: the result equals the ungrouped system to the bit.
+A group is a sampled component whose period is the communication step of its members; they keep their own periods in it. Its
+`step` is generated as Python source, one statement per connection, step and publication, in the order of the co-simulation
+loop: the result equals the ungrouped system to the bit.
 """
 
 from __future__ import annotations
@@ -38,14 +38,16 @@ SWEEPS = 100  # largest number of substitutions in an algebraic loop at initiali
 
 
 class Group(Component):
-    """Base of the classes that `compose` makes."""
+    """Base class of the classes that `compose` creates."""
 
     parts: ClassVar[dict[str, Part]] = {}
     flows: ClassVar[dict[str, frozenset[str]]] = {}
-    reaches: ClassVar[dict[str, frozenset[str]]] = {}  # what follows what at once, where there are equations
+    reaches: ClassVar[dict[str, frozenset[str]]] = {}  # dependencies at one instant, for groups with equations
     starts: ClassVar[dict[str, Any]] = {}
-    text: ClassVar[str] = ""  # the generated source
-    fields: ClassVar[dict[str, str]] = {}  # where its own inputs lie, and what slow members publish
+    text: ClassVar[str] = ""  # generated source
+    fields: ClassVar[
+        dict[str, str]
+    ] = {}  # record fields of its own inputs, and of the published values of slow members
 
     def __init__(self, **values: Any) -> None:
         self.settle(np.zeros(1, self.layout.dtype))
@@ -53,7 +55,7 @@ class Group(Component):
             self.views[name][...] = value
 
     def settle(self, record: np.ndarray[Any, Any]) -> None:
-        """Lie in a record, with the start values in it; one that lies in another's is of a group in a group."""
+        """Bind the group to a record and write the start values; the record of a nested group lies in its parent's."""
         self.record = record
         raw = self.record.view(np.uint8)
         self.views = {}
@@ -72,12 +74,12 @@ class Group(Component):
 
     @classmethod
     def start_values(cls) -> dict[str, Any]:
-        """Start values by `member.variable`."""
+        """Return start values by `member.variable`."""
         return dict(cls.starts)
 
 
 def nested(cls: type[Component], record: np.ndarray[Any, Any]) -> Component:
-    """An instance of a component over memory that lies in another record."""
+    """Create an instance of a component over memory in another record."""
     part = cls.__new__(cls)
     if isinstance(part, Group):
         part.settle(record)
@@ -91,19 +93,19 @@ def nested(cls: type[Component], record: np.ndarray[Any, Any]) -> Component:
 
 
 def initialization(writer: Writer, border: list[Variable]) -> list[str]:
-    """`initialize(self)`: values go along the connections in the order of dependencies, as in the loop's own."""
+    """Generate `initialize(self, t)`: values propagate in the order of dependencies, as in `coupling.initialization`."""
     lines = ["def initialize(self, t):", "    self._count[0] = 0"]
     stale = dict.fromkeys(writer.parts, True)
     lines += [line for i, variable in enumerate(border) for line in take_border(writer, i, variable)]
     sources: dict[Key, list[Link]] = {}
     for link in writer.links:
         sources.setdefault(link.source.key, []).append(link)
-    known = {name: dependencies(part.component) for name, part in writer.parts.items()}
+    feedthrough = {name: dependencies(part.component) for name, part in writer.parts.items()}
 
     def follows(link: Link, other: Key) -> bool:
         if other[0] != link.target.member:
             return False
-        return link.target.variable.name in known[other[0]].get(other[1], ())
+        return link.target.variable.name in feedthrough[other[0]].get(other[1], ())
 
     followers = {key: [o for link in links for o in sources if follows(link, o)] for key, links in sources.items()}
     for keys in ordered_groups(list(sources), followers):
@@ -126,7 +128,7 @@ def initialization(writer: Writer, border: list[Variable]) -> list[str]:
 
 
 def settle(writer: Writer, keys: list[Key], sources: dict[Key, list[Link]]) -> list[str]:
-    """Statements that solve an algebraic loop by substitution; most only look like one, and settle at once."""
+    """Generate statements that solve an algebraic loop by substitution; most apparent loops converge at once."""
     lines = [f"    for sweep in range({SWEEPS}):", "        moved = 0"]
     for member in dict.fromkeys(member for member, _ in keys):
         lines.append(f"        initialize_{member}(self.{member}, t)")
@@ -152,29 +154,29 @@ def settle(writer: Writer, keys: list[Key], sources: dict[Key, list[Link]]) -> l
 
 
 def take_border(writer: Writer, number: int, variable: Variable) -> list[str]:
-    """The group's own input goes to the member that has it."""
+    """Generate the copy of a group's own input to its member."""
     member, _, name = variable.name.partition(".")
-    place = writer.place((member, name))
+    location = writer.location((member, name))
     return [
-        f"    {subscript(place, variable.shape, i)} = {subscript(f'self._border{number}', variable.shape or (1,), i)}"
+        f"    {subscript(location, variable.shape, i)} = {subscript(f'self._border{number}', variable.shape or (1,), i)}"
         for i in range(variable.size)
     ]
 
 
 def publish(writer: Writer, member: str, name: str) -> list[str]:
-    """Copy what a slow member publishes; nothing for one that steps at every communication point."""
+    """Generate the copies that publish a slow member's variable; none if it steps at every communication point."""
     if writer.divider(member) == 1:
         return []
     shape = writer.variable((member, name)).shape
     shadow = writer.published((member, name))
     return [
-        f"    {subscript(shadow, shape, i)} = {subscript(writer.place((member, name)), shape, i)}"
+        f"    {subscript(shadow, shape, i)} = {subscript(writer.location((member, name)), shape, i)}"
         for i in range(int(np.prod(shape, dtype=int)))
     ]
 
 
 def stepping(writer: Writer, border: list[Variable], stages: list[list[str]]) -> list[str]:
-    """`step(self, t, h)`: one communication step, stage by stage: take inputs, step, publish."""
+    """Generate `step(self, t, h)`: one communication step, stage by stage: take inputs, step, publish."""
     lines = ["def step(self, t, h):", "    tick = self._count[0]", "    status = 0"]
     by_member = {name: [v for v in border if v.name.split(".")[0] == name] for name in writer.parts}
     for stage in stages:
@@ -193,7 +195,7 @@ def stepping(writer: Writer, border: list[Variable], stages: list[list[str]]) ->
 
 
 def when(body: list[str], divider: int, tick: str) -> list[str]:
-    """Statements that are due at every n-th communication point only."""
+    """Guard statements that are due only at every n-th communication point."""
     if divider == 1 or not body:
         return body
     return [f"    if {tick} % {divider} == 0:", *(f"    {line}" for line in body)]
@@ -202,10 +204,11 @@ def when(body: list[str], divider: int, tick: str) -> list[str]:
 def compose(
     name: str, parts: dict[str, Part], links: list[Link], step: int, stages: list[list[str]], outputs: list[Key]
 ) -> type[Component]:
-    """The members as one component class called `name`.
+    """Compose members into one component class called `name`.
 
-    `links`: the connections inside; inputs without one become the group's inputs. `step` [ns]: communication step of
-    the system it comes from, the group's period. `outputs`: what becomes an output, as (member, variable).
+    `links`: inner connections; inputs without one become the group's inputs. `step` [ns]: communication step of the
+    original system, the group's period. `outputs`: variables that become outputs, as (member, variable). CouplingError
+    for Python-side members, or without outputs.
     """
     for member, part in parts.items():
         if issubclass(part.component, PythonComponent):
@@ -220,9 +223,9 @@ def compose(
         writer.published(key)
     source = initialization(writer, border) + stepping(writer, border, stages)
     if has_equations:
-        taken = [line for i, variable in enumerate(border) for line in take_border(writer, i, variable)]
-        source += group_equations.source(writer, taken)
-    place = group_layout(writer, variables, border)
+        input_statements = [line for i, variable in enumerate(border) for line in take_border(writer, i, variable)]
+        source += group_equations.source(writer, input_statements)
+    struct_layout = group_layout(writer, variables, border)
     text = "\n".join(source)
     code: dict[str, Any] = dict(writer.scope)
     define("step", text, code, f"group {name}")
@@ -239,11 +242,13 @@ def compose(
         ends = (Role.input, Role.state)
         body["reaches"] = group_equations.follows(parts, links, variables, ("derivatives",), ends)
         body["_evaluation"] = staticmethod(code["evaluate"])
-        body["_tangents"] = group_equations.slopes(writer, border, taken)
+        body["_tangents"] = group_equations.slopes(writer, border, input_statements)
     cls: type[Group] = type(name, (Group,), body)
-    cls.variables, cls.layout, cls.period_ns = tuple(variables), place, step
+    cls.variables, cls.layout, cls.period_ns = tuple(variables), struct_layout, step
     if has_equations:
-        cls.switches = tuple(f"{member}.{one}" for member, part in parts.items() for one in part.component.switches)
+        cls.switches = tuple(
+            f"{member}.{switch}" for member, part in parts.items() for switch in part.component.switches
+        )
     cls.starts, cls.terminals = starts(parts, variables), carried_over(parts, variables)
     advance = solver.sampled_advance(code["step"], step, inputs_of(at_border(border)))
     cls._functions = (group_start(code["initialize"]), advance)  # type: ignore[attr-defined]
@@ -251,7 +256,7 @@ def compose(
 
 
 def group_start(initialize: Callable[..., Any]) -> Callable[..., Any]:
-    """Begin the group's ticks, then initialize its members."""
+    """Return the start function: reset the group's ticks, then initialize its members."""
     begin = solver.initialization(None, None, sampled=True)
 
     def start(self: Any, t: float) -> int:
@@ -264,7 +269,7 @@ def group_start(initialize: Callable[..., Any]) -> Callable[..., Any]:
 def exposed(
     parts: dict[str, Part], driven: set[Key], outputs: list[Key], has_equations: bool
 ) -> tuple[list[Variable], list[Variable]]:
-    """All variables as `member.variable` with the role they have outside, and those that are the group's inputs."""
+    """Return all variables as `member.variable` with their outer roles, and those that are the group's inputs."""
     variables, border = [], []
     for member, part in parts.items():
         for variable in part.component.variables:
@@ -283,12 +288,12 @@ def exposed(
 
 
 def at_border(border: list[Variable]) -> list[Variable]:
-    """The group's own inputs as fields of its record: arrays all, which are written in place."""
+    """Return the group's own inputs as fields of its record: all are arrays, which are written in place."""
     return [replace(v, name=f"_border{i}", shape=v.shape or (1,)) for i, v in enumerate(border)]
 
 
 def group_layout(writer: Writer, variables: list[Variable], border: list[Variable]) -> Layout:
-    """The group's struct: its inputs, the members' structs, then the engine's fields."""
+    """Return the layout of the group's struct: its inputs, the members' structs, then the engine's fields."""
     inputs = at_border(border)
     hidden = {**solver.hidden(None, 1, 0, inputs_of(inputs)), "_count": (Int64, (1,))}
     for key, shadow in writer.shadows.items():
@@ -296,14 +301,14 @@ def group_layout(writer: Writer, variables: list[Variable], border: list[Variabl
     base = layout(inputs, hidden)
     fields = {n: (base.dtype.fields[n][0], base.dtype.fields[n][1]) for n in base.dtype.names or ()}  # type: ignore[index]
     at = base.dtype.itemsize
-    places: dict[str, int] = {}
+    offsets: dict[str, int] = {}
     for member, part in writer.parts.items():
         inner = part.component.layout
         fields[member] = (inner.dtype, at)
-        places.update({f"{member}.{v.name}": at + inner.offset(v.name) for v in part.component.variables})
+        offsets.update({f"{member}.{v.name}": at + inner.offset(v.name) for v in part.component.variables})
         at += -(-inner.dtype.itemsize // 8) * 8
-    places.update({v.name: base.offset(f"_border{i}") for i, v in enumerate(border)})
-    places.update({f"{m}.{n}": base.offset(shadow) for (m, n), shadow in writer.shadows.items()})
+    offsets.update({v.name: base.offset(f"_border{i}") for i, v in enumerate(border)})
+    offsets.update({f"{m}.{n}": base.offset(shadow) for (m, n), shadow in writer.shadows.items()})
     specification = {
         "names": list(fields),
         "formats": [f for f, _ in fields.values()],
@@ -311,24 +316,24 @@ def group_layout(writer: Writer, variables: list[Variable], border: list[Variabl
         "itemsize": at,
     }
     dtype: np.dtype[Any] = np.dtype(specification, align=True)  # type: ignore[call-overload]
-    return Layout(tuple(variables), dtype, 0, places)
+    return Layout(tuple(variables), dtype, 0, offsets)
 
 
 def carried_over(parts: dict[str, Part], variables: list[Variable]) -> dict[str, Terminal]:
-    """Terminals of the members whose variables can all be connected outside, as `member.terminal`."""
+    """Return the terminals of members whose variables can all be connected outside, as `member.terminal`."""
     outside = {v.name: v for v in variables if v.role in CONNECTABLE}
     result = {}
     for member, part in parts.items():
         for name, terminal in part.component.terminals.items():
             members = {key: f"{member}.{v.name}" for key, v in terminal.members.items()}
-            if all(place in outside for place in members.values()):
-                kept = {key: outside[place] for key, place in members.items()}
-                result[f"{member}.{name}"] = replace(terminal, members=kept)
+            if all(path in outside for path in members.values()):
+                outer_members = {key: outside[path] for key, path in members.items()}
+                result[f"{member}.{name}"] = replace(terminal, members=outer_members)
     return result
 
 
 def starts(parts: dict[str, Part], variables: list[Variable]) -> dict[str, Any]:
-    """Start values of all variables: what the scenario sets, else what the components declare."""
+    """Return the start values of all variables: from the scenario, else from the declarations."""
     declared = {member: part.component.start_values() for member, part in parts.items()}
     result = {}
     for variable in variables:

@@ -1,7 +1,7 @@
-"""A group's equations, for Model Exchange: its members' derivatives at one point, values going along the connections.
+"""Equations of a group for Model Exchange: evaluates its members' derivatives at one instant, in order of the connections.
 
-Where the group's own steps hold what a member publishes until the next communication point, here nothing is held: an
-importer's solver has all states of the group in one.
+The group's own steps hold published values until the next communication point; here nothing is held: the importer's solver
+integrates all states of the group together.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ INITIALIZATION = ("initialize", "derivatives")
 
 
 def offered(parts: Mapping[str, Part], links: list[Link], step: int) -> bool:
-    """Whether the members have equations that can be evaluated one after the other, at one point."""
+    """Whether the members have equations that can be evaluated one after the other, at one instant."""
     return (
         all(evaluation(part.component) and not hasattr(part.component, "parts") for part in parts.values())
         and all(part.period == step for part in parts.values())
@@ -38,75 +38,82 @@ def offered(parts: Mapping[str, Part], links: list[Link], step: int) -> bool:
 def order(
     parts: Mapping[str, Part], links: list[Link], functions: tuple[str, ...] = ("derivatives",)
 ) -> list[str | Link] | None:
-    """Members to evaluate and connections to follow, in order; None if they go around in a loop.
+    """Return the members to evaluate and connections to copy, in order; None for an algebraic loop.
 
-    `functions`: of the members, which say what follows what.
+    `functions`: functions of the members that define the dependencies.
     """
     sources: dict[Key, list[Link]] = {}
     for link in links:
         sources.setdefault(link.source.key, []).append(link)
-    known = {name: flow(part.component, functions) for name, part in parts.items()}
+    flows = {name: flow(part.component, functions) for name, part in parts.items()}
     followers = {
         key: [
             other
             for link in own
             for other in sources
-            if other[0] == link.target.member and link.target.variable.name in known[other[0]].get(other[1], ())
+            if other[0] == link.target.member and link.target.variable.name in flows[other[0]].get(other[1], ())
         ]
         for key, own in sources.items()
     }
-    found: list[str | Link] = []
+    sequence: list[str | Link] = []
     is_stale = dict.fromkeys(parts, True)
     for keys in ordered_groups(list(sources), followers):
         if len(keys) > 1 or keys[0] in followers[keys[0]]:
             return None
         member = keys[0][0]
-        found += [member] * is_stale[member]
+        sequence += [member] * is_stale[member]
         is_stale[member] = False
-        found += sources[keys[0]]
+        sequence += sources[keys[0]]
         is_stale.update(dict.fromkeys((link.target.member for link in sources[keys[0]]), True))
-    return found + [name for name in parts if is_stale[name]]
+    return sequence + [name for name in parts if is_stale[name]]
 
 
 def source(writer: Writer, border: list[str]) -> list[str]:
-    """`evaluate(self, t)`; `border`: the lines that take the group's own inputs."""
+    """Generate `evaluate(self, t)`; `border`: the statements that take the group's own inputs."""
     lines = ["def evaluate(self, t):", "    status = 0", *border]
-    for one in order(writer.parts, writer.links) or ():
-        if isinstance(one, str):
-            writer.scope[f"evaluate_{one}"] = evaluation(writer.parts[one].component)
-            lines.append(f"    status = max(status, evaluate_{one}(self.{one}, t))")
+    for item in order(writer.parts, writer.links) or ():
+        if isinstance(item, str):
+            writer.scope[f"evaluate_{item}"] = evaluation(writer.parts[item].component)
+            lines.append(f"    status = max(status, evaluate_{item}(self.{item}, t))")
         else:
-            lines += writer.copy(one)
+            lines += writer.copy(item)
     return [*lines, "    return status", ""]
 
 
-def slopes(writer: Writer, border: list[Variable], taken: list[str]) -> Tangents | str:
-    """Directional derivatives of a group by those of its members, or why there are none."""
-    found = {name: tangents(part.component) for name, part in writer.parts.items()}
-    lacking = [f"{name}: {reason}" for name, reason in found.items() if isinstance(reason, str)]
-    ways = {"at": order(writer.parts, writer.links), "first": order(writer.parts, writer.links, INITIALIZATION)}
-    if lacking or None in ways.values():
-        return lacking[0] if lacking else "its initialization goes around in a loop"
+def slopes(writer: Writer, border: list[Variable], input_statements: list[str]) -> Tangents | str:
+    """Compose the directional derivatives of a group from those of its members, or return why there are none."""
+    member_tangents = {name: tangents(part.component) for name, part in writer.parts.items()}
+    reasons = [f"{name}: {reason}" for name, reason in member_tangents.items() if isinstance(reason, str)]
+    sequences = {"at": order(writer.parts, writer.links), "first": order(writer.parts, writer.links, INITIALIZATION)}
+    if reasons or None in sequences.values():
+        return reasons[0] if reasons else "its initialization goes around in a loop"
     real = {f"self.{v.name}" for v in border if v.dtype.kind == "f"}
-    both = [*taken, *(dotted(line) for line in taken if line.split("=")[0].split("[")[0].strip() in real)]
-    code: dict[str, Any] = {f"{kind}_{name}": getattr(one, kind) for name, one in found.items() for kind in ways}
+    statements = [
+        *input_statements,
+        *(dotted(line) for line in input_statements if line.split("=")[0].split("[")[0].strip() in real),
+    ]
+    code: dict[str, Any] = {
+        f"{kind}_{name}": getattr(derivative, kind)
+        for name, derivative in member_tangents.items()
+        for kind in sequences
+    }
     lines: list[str] = []
-    for kind, way in ways.items():
-        lines += [f"def {kind}(self, dot, t, dot_t):", "    status = 0", *both]
-        for one in way or ():
-            if isinstance(one, str):
-                lines.append(f"    status = max(status, {kind}_{one}(self.{one}, dot.{one}, t, dot_t))")
+    for kind, sequence in sequences.items():
+        lines += [f"def {kind}(self, dot, t, dot_t):", "    status = 0", *statements]
+        for item in sequence or ():
+            if isinstance(item, str):
+                lines.append(f"    status = max(status, {kind}_{item}(self.{item}, dot.{item}, t, dot_t))")
                 continue
-            lines += writer.copy(one)
-            if is_real(one.target.variable) and is_real(one.source.variable):
-                lines += [dotted(line) for line in writer.copy(replace(one, offset=0.0))]
+            lines += writer.copy(item)
+            if is_real(item.target.variable) and is_real(item.source.variable):
+                lines += [dotted(line) for line in writer.copy(replace(item, offset=0.0))]
         lines += ["    return status", ""]
     define("at", "\n".join(lines), code, "tangents of a group")
     return Tangents(code["at"], code["first"])
 
 
 def dotted(line: str) -> str:
-    """A statement that moves a value, for its tangent."""
+    """Convert a copy statement to the same copy of tangents."""
     return line.replace("self.", "dot.")
 
 
@@ -117,11 +124,11 @@ def follows(
     functions: tuple[str, ...] = INITIALIZATION,
     ends: tuple[Role, ...] = (Role.input, Role.parameter),
 ) -> dict[str, frozenset[str]]:
-    """What the members' functions write, and what of the group's variables that are `ends` it is computed from."""
+    """Return for each variable the group's variables with a role in `ends` from which it is computed."""
     graph: dict[str, set[str]] = {}
     for member, part in parts.items():
         for name, sources in flow(part.component, functions).items():
-            graph[f"{member}.{name}"] = {f"{member}.{one}" for one in sources}
+            graph[f"{member}.{name}"] = {f"{member}.{source}" for source in sources}
     for link in links:
         target = f"{link.target.member}.{link.target.variable.name}"
         graph.setdefault(target, set()).add(f"{link.source.member}.{link.source.variable.name}")

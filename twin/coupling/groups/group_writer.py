@@ -1,4 +1,4 @@
-"""Where the members of a group and their variables lie, as source text: what the functions of `group` are written with."""
+"""Source text of a group: access paths of members' variables, and copies of connections."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Key = tuple[str, str]
 
 @dataclass(frozen=True)
 class Part:
-    """A member of a group: its component, the start values that differ, and its period [ns]."""
+    """Member of a group: its component, start values that differ from the declaration, and its period [ns]."""
 
     component: type[Component]
     values: Mapping[str, Any]
@@ -24,7 +24,7 @@ class Part:
 
 
 class Writer:
-    """Collects the source of a group's functions and the hidden fields it needs."""
+    """Generator of a group's source; collects the functions and hidden fields that it needs."""
 
     def __init__(self, parts: dict[str, Part], links: list[Link], step: int) -> None:
         self.parts, self.links, self.step = parts, links, step
@@ -35,29 +35,29 @@ class Writer:
             self.scope[f"initialize_{name}"], self.scope[f"advance_{name}"] = start, advance
 
     def divider(self, name: str) -> int:
-        """Communication points per step of a member."""
+        """Return the communication points per step of a member."""
         return self.parts[name].period // self.step
 
-    def place(self, key: Key) -> str:
-        """Where a variable lies in the member's record. A group's own inputs are not its members': it takes them when it steps."""
+    def location(self, key: Key) -> str:
+        """Return the access path of a variable in its member's record. A nested group has its own inputs in separate fields."""
         fields = getattr(self.parts[key[0]].component, "fields", {})
         is_single = key[1] in fields and not self.variable(key).shape
         return f"self.{key[0]}.{fields.get(key[1], key[1])}{'[0]' if is_single else ''}"
 
     def published(self, key: Key) -> str:
-        """Where others read a variable: in the member's record, or a copy made when it is due."""
+        """Return the path at which others read a variable: in the member's record, or a copy made when it is due."""
         if self.divider(key[0]) == 1:
-            return self.place(key)
+            return self.location(key)
         shadow = f"self.{self.shadows.setdefault(key, f'_published{len(self.shadows)}')}"
         return shadow if self.variable(key).shape else f"{shadow}[0]"
 
     def variable(self, key: Key) -> Variable:
-        """A member's variable."""
+        """Return the variable of a member."""
         return next(v for v in self.parts[key[0]].component.variables if v.name == key[1])
 
     def copy(self, link: Link, indent: str = "    ") -> list[str]:
-        """Statements that move the values of a connection."""
-        source, target = self.published(link.source.key), self.place(link.target.key)
+        """Generate the statements that copy the values of a connection."""
+        source, target = self.published(link.source.key), self.location(link.target.key)
         conversion = f" * {link.factor!r} + {link.offset!r}" if (link.factor, link.offset) != (1.0, 0.0) else ""
         if is_real(link.target.variable) and not is_real(link.source.variable):
             conversion = " * 1.0"
@@ -69,9 +69,9 @@ class Writer:
         return lines
 
 
-def subscript(place: str, shape: tuple[int, ...], flat: int) -> str:
-    """One scalar of a variable in source text."""
+def subscript(location: str, shape: tuple[int, ...], flat: int) -> str:
+    """Return the path of one scalar of a variable."""
     if not shape:
-        return place
+        return location
     index = ", ".join(str(int(i)) for i in np.unravel_index(flat, shape))
-    return f"{place}[{index}]"
+    return f"{location}[{index}]"

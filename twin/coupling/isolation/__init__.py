@@ -1,1 +1,1 @@
-"""Members in processes of their own."""
+"""Members in separate processes."""

@@ -1,12 +1,12 @@
-/* A member in a process of its own, and the loop that calls it: both map the memory that these structs lie in, each at an
-   address of its own. So places in it are offsets from its begin, where the channel lies; 0 is none.
+/* Calls between the loop and an isolated member: both processes map the memory with these structs, at different addresses.
+   So references in it are offsets from its begin, where the channel lies; 0 means none.
 
-   The loop's calls of setters only write down values. A step is one call across: the other process sets what was
-   written down, steps, and reads what the loop read after the step before. So a member costs one exchange per step.
+   Setters called by the loop only store values. A step is one call across: the member's process sets the stored values,
+   steps, and reads the values that the loop read after the previous step. So a member costs one exchange per step.
 
-   A call is a byte through a pipe, its return one through another: who reads sleeps, and at the end of the file the other
-   process is dead. On one core that costs two changes of process. To wake another core takes several times as long, on a
-   virtual machine most of all, and the two never work at once: so the member follows the loop to its core. */
+   A call is a byte through a pipe, its return one through another: the reader sleeps, and end of file means that the other
+   process has died. On one core that costs two context switches. Waking another core takes several times as long, most of
+   all on a virtual machine, and the two never run at the same time: so the member follows the loop to its core. */
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -24,7 +24,7 @@ typedef int32_t (*StepComponent)(void *instance, double t, double h);
 typedef int64_t (*Transfer)(int file, void *bytes, uint64_t count);
 typedef int (*Affinity)(int process, uint64_t size, const void *mask);
 
-typedef struct { /* a call that moves values; function, instance and references as its member's process knows them */
+typedef struct { /* a call that moves values; function, instance and references are addresses in the member's process */
     void *function;
     void *instance;
     const void *references;
@@ -34,8 +34,8 @@ typedef struct { /* a call that moves values; function, instance and references 
     int64_t next; /* offset */
     int64_t bytes;
     int64_t write;
-    int64_t pending; /* write: to be done before the next call; read: it was wanted since the last step */
-    int64_t fresh;   /* read: the values are those of now */
+    int64_t pending; /* write: to be set before the next call; read: it was requested since the last step */
+    int64_t fresh;   /* read: the values are current */
     int64_t status;
 } Row;
 
@@ -43,7 +43,7 @@ typedef struct {
     int64_t call, called, back, returned; /* ends of the pipes: written, read, written, read */
     int64_t is_dead;
     int64_t status;
-    int64_t wanted, at, rows; /* offsets: to be read; at work, none: the step; all */
+    int64_t wanted, at, rows; /* offsets of rows: to read; in progress, 0: the step; first of all */
     double t, h;
     char flags[32];
     void *step;
@@ -52,8 +52,8 @@ typedef struct {
     Transfer read, write;         /* of the loop's process */
     Transfer own_read, own_write; /* of the member's process */
     Affinity set_affinity;        /* of the member's process */
-    int64_t loop_core, own_core; /* none: -1 */
-    int64_t is_final; /* nobody will go back before the step's begin */
+    int64_t loop_core, own_core;  /* none: -1 */
+    int64_t is_final;             /* no rollback to a time before the step's begin follows */
 } Channel;
 
 static void copy(char *target, const char *source, int64_t bytes) {
@@ -68,7 +68,7 @@ static char *values_of(Channel *c, Row *row) { return (char *)c + row->values; }
 
 static void send(Transfer write, int64_t file, char what) { write((int)file, &what, 1); }
 
-/* What was sent; nothing but a signal interrupts it. False: the other is dead. */
+/* Receive a byte, retrying after signals. False: the other process has died. */
 static bool receive(Transfer read, int64_t file, char *what) {
     int64_t count;
     while ((count = read((int)file, what, 1)) < 0) {}
@@ -83,7 +83,7 @@ static int32_t call(Channel *c, char what) {
     return ERROR;
 }
 
-/* ------------------------------------------------------------------------------------------------- for the loop */
+/* ------------------------------------------------------------------------------------------- called by the loop */
 
 int32_t isolated_set(Channel *c, Row *row, uint64_t count, const char *values, uint64_t size) {
     copy(values_of(c, row), values, row->bytes);
@@ -112,7 +112,7 @@ int32_t isolated_step(Channel *c, double t, double h, bool is_final, char *event
 
 void isolated_tell(Channel *c) { send(c->write, c->call, MESSAGE); }
 
-/* ----------------------------------------------------------------------------------------------- for the member */
+/* ----------------------------------------------------------------------------------- called in the member's process */
 
 static int32_t access(Channel *c, Row *row) {
     char *values = values_of(c, row);
@@ -139,7 +139,7 @@ static void follow(Channel *c) {
     if (c->own_core == c->loop_core) return;
     c->own_core = c->loop_core;
     mask[c->own_core / 64 % 16] = 1ull << c->own_core % 64;
-    c->set_affinity(0, sizeof mask, mask); /* where that is forbidden, it costs time and no more */
+    c->set_affinity(0, sizeof mask, mask); /* if that is forbidden, calls only take longer */
 }
 
 static int32_t call_step(Channel *c) {
@@ -167,7 +167,7 @@ static int32_t get(Channel *c) {
     return status <= WARNING ? access(c, row_at(c, c->wanted)) : status;
 }
 
-/* Do what the loop asks for, until there is a message, or nobody is there any more: false. */
+/* Process calls of the loop until there is a message (true) or the loop's process has ended (false). */
 int32_t isolated_serve(Channel *c) {
     for (char what; receive(c->own_read, c->called, &what); send(c->own_write, c->back, RETURN)) {
         if (what == MESSAGE) {
@@ -180,7 +180,7 @@ int32_t isolated_serve(Channel *c) {
     return false;
 }
 
-/* Values of a record, which lie in `count` pieces: address and bytes of each. */
+/* Copy the values of a record, which lie in `count` pieces: address and size [byte] of each. */
 int32_t isolated_gather(void *instance, const int64_t *pieces, uint64_t count, char *values, uint64_t size) {
     for (; count--; values += pieces[1], pieces += 2) copy(values, (const char *)pieces[0], pieces[1]);
     return OK;

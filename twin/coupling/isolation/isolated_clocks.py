@@ -1,6 +1,6 @@
-"""A member with clocks in a process of its own: its values lie in memory of both, each call of `events` is a message.
+"""Member with clocks in a separate process: values lie in shared memory, each call of `events` is a message.
 
-So an event costs a message for every call, and a communication point without one a single message.
+An event costs a message for every call, and a communication point without one a single message.
 """
 
 from __future__ import annotations
@@ -21,19 +21,19 @@ if TYPE_CHECKING:
     from twin import clock
 
 OK, ERROR = 0, 3
-WIDEST = 8  # bytes of the widest scalar, and what every variable's place is a multiple of
+WIDEST = 8  # size of the widest scalar and alignment of all variables [byte]
 
 
 @dataclass(slots=True)
 class SharedSlot:
-    """A variable's values: in memory of both processes, or, where they are no numbers, here, to go with the next message."""
+    """Values of a variable: in shared memory; strings and binaries in this process, sent with the next message."""
 
     variable: MemberVariable
     values: np.ndarray[Any, Any]
 
 
 class IsolatedClocks(IsolatedMember):
-    """What `events.Clocked` asks, asked there."""
+    """Isolated member that implements `events.Clocked` by messages."""
 
     clocked = True
 
@@ -45,19 +45,19 @@ class IsolatedClocks(IsolatedMember):
         self.ended = self.has_jumped = False
         self._is_running = self._rests = False
         self._calls: list[Any] = []
-        size = sum(self._room(one) for one in self.variables.values())
+        size = sum(self._room(variable) for variable in self.variables.values())
         first = self._take(size)
         self._span = first, first + size
 
     def _memory_size(self) -> int:
-        return super()._memory_size() + sum(self._room(one) for one in self.variables.values()) + 64
+        return super()._memory_size() + sum(self._room(variable) for variable in self.variables.values()) + 64
 
     @staticmethod
     def _room(variable: MemberVariable) -> int:
         return WIDEST * max(1, variable.size)
 
     def exit_initialization(self) -> None:
-        """Leave it; from now on values may be clocked."""
+        """Leave InitializationMode; from now on values may be clocked."""
         super().exit_initialization()
         self._is_running = True
         self._event("rest")
@@ -65,10 +65,10 @@ class IsolatedClocks(IsolatedMember):
     # values
 
     def slot(self, name: str) -> SharedSlot:
-        """Where a variable's values lie for others."""
+        """Return the memory of a variable's values."""
         if name not in self.slots:
             variable = self.variables[name]
-            if offset := self._ask("slot", name):
+            if offset := self._request("slot", name):
                 raw = (ctypes.c_uint8 * (variable.size * variable.dtype.itemsize)).from_address(self._memory + offset)
                 values = np.ctypeslib.as_array(raw).view(variable.dtype)
             else:
@@ -78,89 +78,89 @@ class IsolatedClocks(IsolatedMember):
         return self.slots[name]
 
     def address(self, name: str) -> int:
-        """Where its values lie, in memory of both."""
+        """Return the address of a variable in the shared memory, or 0 for strings and binaries."""
         return int(self.slot(name).values.ctypes.data) if self.variables[name].connectable else 0
 
     def access(self, names: list[str], write: bool) -> Access:
-        """A call that moves values between memory and what others see."""
+        """Return a call that moves values between the loop's memory and the shared slots."""
         slots = [self.slot(name) for name in names]
 
-        def moved(_instance: int, _references: int, _count: int, place: int, _size: int) -> int:
+        def move_values(_instance: int, _references: int, _count: int, address: int, _size: int) -> int:
             try:
                 for slot in slots:
-                    ends = (slot.values.ctypes.data, place) if write else (place, slot.values.ctypes.data)
+                    ends = (slot.values.ctypes.data, address) if write else (address, slot.values.ctypes.data)
                     ctypes.memmove(*ends, slot.values.nbytes)
-                    place += slot.values.nbytes
+                    address += slot.values.nbytes
                     if write and not self._is_running:
                         self.set(slot.variable.name, slot.values.reshape(slot.variable.shape)[()])
-            except BaseException as error:  # nothing may pass through native frames
+            except BaseException as error:  # no exception may pass through native frames
                 self.failure = error
                 return ERROR
             return OK
 
-        self._calls.append(machine.ACCESS(moved))
+        self._calls.append(machine.ACCESS(move_values))
         function = ctypes.cast(self._calls[-1], ctypes.c_void_p).value or 0
-        references = np.array([one.variable.references[0] for one in slots], np.uint32)
-        return Access(function, references, len(slots), sum(one.variable.size for one in slots), "access")
+        references = np.array([slot.variable.references[0] for slot in slots], np.uint32)
+        return Access(function, references, len(slots), sum(slot.variable.size for slot in slots), "access")
 
-    # what `coupling.events` asks
+    # interface `events.Clocked`
 
     def _event(self, what: str, *arguments: Any) -> Any:
-        """Have something done there, and learn what the member is like then."""
-        given = {
-            name: one.values.tolist()
-            for name, one in self.slots.items()
-            if not one.variable.connectable and one.variable.causality == "input"
+        """Call a method in the process and update the event state of this proxy."""
+        inputs = {
+            name: slot.values.tolist()
+            for name, slot in self.slots.items()
+            if not slot.variable.connectable and slot.variable.causality == "input"
         }
         self._phase = what
         try:
             if self._rests and what != "rest":
                 self._rests = False
                 self._event("rest")
-            found = self._ask("event", what, [to_words(one) for one in arguments], given)
+            reply = self._request("event", what, [to_words(argument) for argument in arguments], inputs)
         except SimulationError as error:
             self.failure = error
             raise
         finally:
             self._phase = "an access"
-        answer, due, announced, self.ended, self.has_jumped, values = found
+        answer, due, announced, self.ended, self.has_jumped, values = reply
         self.due, self.event_time = from_words(due), from_words(announced)
-        for name, one in values.items():
-            self.slots[name].values[:] = one
+        for name, elements in values.items():
+            self.slots[name].values[:] = elements
         return answer
 
     def due_clocks(self, now: clock.Time) -> list[str]:
-        """Clocks that tick now."""
+        """Return the clocks that tick now."""
         return list(self._event("due_clocks", now))
 
     def has_news(self, now: clock.Time) -> bool:
-        """Whether there is an event now, whatever the clocks say."""
+        """Whether the member has an event now, regardless of its clocks."""
         return bool(self._event("has_news", now))
 
     def enter_events(self, now: clock.Time) -> None:
-        """To Event Mode."""
+        """Enter Event Mode."""
         self._event("enter_events", now)
 
     def tick(self, name: str, now: clock.Time) -> bool:
-        """Let an input clock tick in this instant; whether it does not do so already."""
+        """Activate an input clock in this instant; return whether it was inactive."""
         return bool(self._event("tick", name, now))
 
     def evaluate(self, now: clock.Time) -> bool:
-        """Tell the member its ticks and inputs, then look at its outputs; whether it was told anything."""
+        """Set the member's clocks and inputs, then read its outputs; return whether anything was set."""
         return bool(self._event("evaluate", now))
 
     def found(self) -> list[str]:
-        """Clocks of the member that were found to tick since this was asked last."""
+        """Return the output clocks that have ticked since the last call."""
         return list(self._event("found"))
 
     def finish(self, now: clock.Time) -> bool:
-        """End the instant; whether another one is needed."""
+        """End the instant; return whether another one is needed."""
         return bool(self._event("finish", now))
 
     def leave_events(self) -> None:
-        """Back to where steps are made."""
+        """Leave Event Mode for Step Mode."""
         self._event("leave_events")
 
     def rest(self) -> None:
-        """A new communication step: none of the clocks has ticked in it. Told with the next message."""
+        """Begin a new communication step: all clocks are inactive. Sent with the next message."""
         self._rests = True

@@ -1,7 +1,7 @@
-"""A member in a process of its own, for those that must not share an address space with the others.
+"""Member in a separate process, for members that must not share an address space with others.
 
-The process is started before the member is instantiated: an FMU's library is loaded there alone. What the loop calls goes
-through memory of both (isolated.c), all else as messages. When that process dies, the member fails, and says how.
+The process is started before the member is instantiated, so an FMU's library is loaded only there. Calls of the loop go
+through shared memory (isolated.c), all others through messages. When the process dies, the member fails with its cause.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ from twin.coupling.isolation.isolated_worker import (
     ROW,
     map_memory,
     native,
-    plain,
     system_calls,
+    to_plain,
     unmap_memory,
     words,
 )
@@ -45,15 +45,15 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-LINES = 20  # log lines kept
-GRACE = 1.0  # between the end of a process's pipes and its own [s]
-BEGINNING = 60.0  # that a process may take to begin, before what it does is watched [s]
-CLOSING = 10.0  # that a member may take to end before its process is ended [s]
+LINES = 20  # largest number of log lines
+EXIT_TIMEOUT = 1.0  # from the end of a process's pipes to its exit [s]
+START_TIMEOUT = 60.0  # for the start of a process, before timeouts of its calls begin [s]
+CLOSE_TIMEOUT = 10.0  # for closing a member, before its process is killed [s]
 
 
 @contextmanager
 def shared_file(size: int) -> Iterator[int]:
-    """A file without a name, in memory where the system has such: descriptor. Its size is in bytes, all zero."""
+    """Create an unnamed, zeroed file of a size [byte], in memory where the system supports it; yields its descriptor."""
     if hasattr(os, "memfd_create"):
         shared = os.memfd_create("isolated")
     else:
@@ -67,7 +67,7 @@ def shared_file(size: int) -> Iterator[int]:
 
 
 def pickled(inner: Member, build: Path, room: tuple[int, int] | None) -> bytes:
-    """All that the other process is told at its start; CouplingError if it could not import the member's class."""
+    """Pickle the start message of the process; CouplingError if that process could not import the member's class."""
     try:
         return pickle.dumps((inner, build, room))
     except (pickle.PicklingError, AttributeError, TypeError) as error:
@@ -78,15 +78,15 @@ def pickled(inner: Member, build: Path, room: tuple[int, int] | None) -> bytes:
 
 
 class IsolatedMember(Member):
-    """A member that lives in a child of this process, which is started here. `inner`: made, but not yet instantiated.
+    """Member in a child process, which is started by the constructor. `inner`: the member, not yet instantiated.
 
-    CouplingError where the system cannot do that, or where another process cannot import what the member is made of.
+    CouplingError on systems without POSIX, or if another process cannot import the member's class.
     """
 
-    living: ClassVar[list[IsolatedMember]] = []  # of this process
+    living: ClassVar[list[IsolatedMember]] = []  # started by this process and not closed
 
     def __new__(cls, inner: Member, build: Path) -> Self:  # noqa: ARG004
-        """`IsolatedClocks` for a member with clocks."""
+        """Create an `IsolatedClocks` for a member with clocks."""
         from twin.coupling.isolation.isolated_clocks import IsolatedClocks
 
         return super().__new__(IsolatedClocks if inner.clocked else cls)  # type: ignore[return-value]
@@ -101,18 +101,18 @@ class IsolatedMember(Member):
         self.death = ""
         self._inner, self._native, self._build = inner, native(build), build
         self._phase, self._count = "instantiation", 0
-        self._functions: dict[int, str] = {}  # by the address of their rows
+        self._functions: dict[int, str] = {}  # names by the offset of their rows
         self._errors: deque[str] = deque(maxlen=5)  # last lines of stderr
         self._answers: SimpleQueue[tuple[int, str, Any] | None] = SimpleQueue()
         self._is_ready = threading.Event()
-        self._span: tuple[int, int] | None = None  # offsets between which a member's values lie
+        self._span: tuple[int, int] | None = None  # offsets between which the values of a member with clocks lie
         with shared_file(self._memory_size()) as shared:
             self._share(shared)
             self.step_function, self.instance = self._native["step"], self._memory
-            self._begin(shared)
+            self._start_process(shared)
 
     def _share(self, shared: int) -> None:
-        """Map the memory that both will have: what is not used is never touched."""
+        """Map the shared memory; unused pages are never touched."""
         self._size = self._memory_size()
         self._memory = map_memory(shared, self._size)
         weakref.finalize(self, unmap_memory, self._memory, self._size)
@@ -128,16 +128,16 @@ class IsolatedMember(Member):
 
     # processes
 
-    def _begin(self, shared: int) -> None:
+    def _start_process(self, shared: int) -> None:
         from multiprocessing.connection import Pipe
 
-        told = pickled(self._inner, self._build, self._span)
+        message = pickled(self._inner, self._build, self._span)
         (called, self._call), (self._returned, back), (self._stderr, stderr) = os.pipe(), os.pipe(), os.pipe()
         self._messages, messages = Pipe()
         self._channel["call"], self._channel["returned"] = self._call, self._returned
         ends = called, back, shared, messages.fileno()
         line = f"import sys; sys.path[:] = {sys.path!r}; from twin.coupling.isolation.isolated_worker import main; main{ends}"
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # the child ignores them as soon as it can
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)  # until the child ignores them
         try:
             self._process = subprocess.Popen([sys.executable, "-c", line], stderr=stderr, pass_fds=ends)
         except OSError as error:
@@ -149,23 +149,23 @@ class IsolatedMember(Member):
                 os.close(end)
             messages.close()
         self.living.append(self)
-        self._reader = threading.Thread(target=self._listen, name=f"messages of {self.name}", daemon=True)
+        self._reader = threading.Thread(target=self._read_messages, name=f"messages of {self.name}", daemon=True)
         self._reader.start()
-        with suppress(OSError):  # it has died at once: the next message finds that
-            self._messages.send_bytes(told)
+        with suppress(OSError):  # The process may have died at once; the next request reports that.
+            self._messages.send_bytes(message)
 
     def _close_ends(self) -> None:
         for end in (self._call, self._returned, self._stderr):
             os.close(end)
         self._messages.close()
 
-    def _listen(self) -> None:
-        """Take answers, log lines and stderr of the other process until its end; in a thread."""
+    def _read_messages(self) -> None:
+        """Read answers, log lines and stderr of the process until its end; runs in a thread."""
         from multiprocessing.connection import wait
 
         while ready := wait([self._messages, self._stderr]):
             if self._stderr in ready:
-                self._heard(os.read(self._stderr, 1 << 16))
+                self._forward_stderr(os.read(self._stderr, 1 << 16))
             if self._messages not in ready:
                 continue
             try:
@@ -182,22 +182,22 @@ class IsolatedMember(Member):
         os.set_blocking(self._stderr, False)
         with suppress(BlockingIOError):
             while text := os.read(self._stderr, 1 << 16):
-                self._heard(text)
+                self._forward_stderr(text)
         self._answers.put(None)
         self._is_ready.set()
 
     def wait(self) -> None:
-        """Wait until the process has begun, or ended: what is watched by the clock comes after that."""
-        self._is_ready.wait(BEGINNING)
+        """Wait until the process has started or ended, so that timeouts do not include its start."""
+        self._is_ready.wait(START_TIMEOUT)
 
-    def _heard(self, text: bytes) -> None:
-        """Pass on what was printed to stderr."""
+    def _forward_stderr(self, text: bytes) -> None:
+        """Forward output of the process to stderr, and keep its last lines."""
         with suppress(OSError):
             os.write(2, text)
         self._errors.extend(line for line in text.decode(errors="replace").splitlines() if line.strip())
 
-    def _ask(self, what: str, *arguments: Any, patience: float | None = None) -> Any:
-        """Have the member do something, and wait for what comes of it; SimulationError if that takes longer than that [s]."""
+    def _request(self, what: str, *arguments: Any, timeout: float | None = None) -> Any:
+        """Send a request and wait for its result; SimulationError after `timeout` [s], or if the process has died."""
         if self.death:
             raise SimulationError(self.death)
         self._count += 1
@@ -205,52 +205,50 @@ class IsolatedMember(Member):
             self._messages.send_bytes(marshal.dumps((self._count, what, arguments)))
             ctypes.CFUNCTYPE(None, ctypes.c_void_p)(self._native["tell"])(self._memory)
         count = 0
-        while count != self._count:  # Ctrl-C may have left the answer to an earlier one
+        while count != self._count:  # Ctrl-C may have left the answer to an earlier request.
             try:
-                answer = self._answers.get(timeout=patience)
+                answer = self._answers.get(timeout=timeout)
             except Empty:
-                raise SimulationError(
-                    f"{self.name}: did not return from {self._phase} within {patience:g} s."
-                ) from None
+                raise SimulationError(f"{self.name}: did not return from {self._phase} within {timeout:g} s.") from None
             if answer is None:
-                raise SimulationError(self._ended(self._phase))
+                raise SimulationError(self._exit_text(self._phase))
             count, failure, value = answer
         if failure:
             raise getattr(errors, failure, SimulationError)(value)
         return value
 
-    def _ended(self, function: str, when: str = "") -> str:
-        """Bury the process, and say in one line how it ended."""
-        code = self._reap(GRACE)
+    def _exit_text(self, function: str, when: str = "") -> str:
+        """Reap the child and return a one-line description of its exit."""
+        code = self._reap(EXIT_TIMEOUT)
         how = Death(signal=max(-code, 0), exit=code if code >= 0 else None).how
         lines = [*self.log, *self._errors][-5:]
         log = f" Last log: {' | '.join(lines)}" if lines else ""
         self.death = f"{self.name}: {how} in {function}{when}.{log}"
         return self.death
 
-    def _reap(self, patience: float) -> int:
-        """Wait for the end of the process, and see to it; its exit code, negative: the signal."""
+    def _reap(self, timeout: float) -> int:
+        """Wait for the end of the process, killing it after `timeout` [s]; return its exit code, negative for a signal."""
         try:
-            return self._process.wait(patience)
+            return self._process.wait(timeout)
         except subprocess.TimeoutExpired:
             self._process.kill()
             return self._process.wait()
 
     def lost(self, time: clock.Time) -> str:
-        """How the process ended in the step from `time` [ns], in one line; empty if it is there."""
+        """Describe the end of the process in the step from `time` [ns], in one line; empty if it is alive."""
         if not self._channel["is_dead"][0] or self.death:
             return self.death
         while self._answers.get() is not None:
             pass
         at = int(self._channel["at"][0])
-        return self._ended(self._functions.get(at, self.step_name), f", in the step from t = {clock.text(time)}")
+        return self._exit_text(self._functions.get(at, self.step_name), f", in the step from t = {clock.text(time)}")
 
     @classmethod
     @contextmanager
     def together(cls, members: list[Self]) -> Iterator[None]:
-        """Keep this thread, and the processes of members, on the core it runs on.
+        """Bind this thread, and the processes of members, to the current core.
 
-        Not in the first steps of a simulation: the threads that members start there may run on any core.
+        Not to be used in the first steps of a simulation: threads that members start there would inherit the binding.
         """
         if not members or not HAS_CORES:
             yield
@@ -259,8 +257,8 @@ class IsolatedMember(Member):
         try:
             with suppress(OSError):
                 os.sched_setaffinity(0, {core})
-                for one in members:
-                    one._channel["loop_core"] = core
+                for member in members:
+                    member._channel["loop_core"] = core
             yield
         finally:
             with suppress(OSError):
@@ -269,86 +267,86 @@ class IsolatedMember(Member):
     # call sequence
 
     def instantiate(self) -> None:
-        """Instantiate the member there."""
-        self.step_name = self._ask("instantiate")
+        """Instantiate the member in its process."""
+        self.step_name = self._request("instantiate")
         self._phase = "initialization"
 
     def enter_initialization(self, t: float, stop: float | None) -> None:
         """Enter InitializationMode at t [s]."""
-        self._ask("enter_initialization", t, stop)
+        self._request("enter_initialization", t, stop)
 
     def exit_initialization(self) -> None:
-        """Leave it."""
-        self._ask("exit_initialization")
+        """Leave InitializationMode for StepMode."""
+        self._request("exit_initialization")
         self._phase = "an access"
 
     def set(self, name: str, value: Any) -> None:
         """Write a variable."""
-        self._ask("set", name, plain(value))
+        self._request("set", name, to_plain(value))
 
     def get(self, name: str) -> Any:
         """Read a variable."""
         variable = self.variables[name]
         dtype = np.bool_ if variable.type == "Boolean" else variable.dtype
-        return np.array(self._ask("get", name), dtype).reshape(variable.shape)[()]
+        return np.array(self._request("get", name), dtype).reshape(variable.shape)[()]
 
     def address(self, name: str) -> int:  # noqa: ARG002
-        """Nowhere in this process."""
+        """Return 0: the variable does not lie in this process."""
         return 0
 
     def access(self, names: list[str], write: bool) -> Access:
-        """Calls that go through the shared memory."""
+        """Return a call through the shared memory."""
         variables = [self.variables[name] for name in names]
         size = sum(v.size * v.dtype.itemsize for v in variables)
-        place, values = self._take(8 * len(ROW)), self._take(size)
-        row = words(self._memory + place, ROW)
+        offset, values = self._take(8 * len(ROW)), self._take(size)
+        row = words(self._memory + offset, ROW)
         row["values"], row["bytes"], row["write"] = values, size, write
-        count, elements, name = self._ask("access", names, write, place)
-        self._functions[place] = name
+        count, elements, name = self._request("access", names, write, offset)
+        self._functions[offset] = name
         function = self._native["set" if write else "get"]
         return Access(function, row.view(np.int64), count, elements, name)
 
     def _take(self, size: int) -> int:
-        """Offset of fresh bytes that both have."""
-        place, self._used = self._used, self._used + -(-size // 64) * 64
+        """Allocate shared memory; return its offset."""
+        offset, self._used = self._used, self._used + -(-size // 64) * 64
         if self._used > self._size:
             raise CouplingError(f"{self.name}: is read in more ways than an isolated member can be. Do not isolate it.")
-        return place
+        return offset
 
     def finish_reason(self) -> str:
-        """Why the member discarded its step."""
-        return str(self._ask("finish_reason"))
+        """Return why the member discarded its step."""
+        return str(self._request("finish_reason"))
 
     def failed(self, status: int) -> None:
-        """Take note that a step returned `status`."""
-        self._ask("failed", status)
+        """Tell the member that its step returned `status`."""
+        self._request("failed", status)
 
     def last_successful_time(self, reached: float) -> float | None:
-        """Until where [s] the last step came."""
-        found: float | None = self._ask("last_successful_time", reached)
-        return found
+        """Return the time [s] that the last step reached."""
+        last_time: float | None = self._request("last_successful_time", reached)
+        return last_time
 
     def save(self) -> None:
-        """Have the member keep all that it holds."""
-        self._ask("save")
+        """Save the member's state in its process."""
+        self._request("save")
 
     def restore(self, saved: None) -> None:  # noqa: ARG002
-        """Be again as when it was last kept."""
-        self._ask("restore")
+        """Restore the state saved last."""
+        self._request("restore")
 
     def close(self) -> None:
-        """Close the member, end its process. Safe to call twice and in any state."""
+        """Close the member and end its process. Safe to call twice and in any state."""
         if self not in self.living:
             return
         try:
             self._phase = "termination"
             if not self.death:
-                self._ask("close", patience=CLOSING)  # whatever it computed is here already
+                self._request("close", timeout=CLOSE_TIMEOUT)  # All results have arrived already.
         except TwinError as error:
             self.log.append(str(error).removeprefix(f"{self.name}: "))
         finally:
             self.living.remove(self)
-            self._process.kill()  # it has done all, and waits for more
+            self._process.kill()  # It is idle and waits for requests.
             self._process.wait()
             self._reader.join()
             self._close_ends()

@@ -1,7 +1,7 @@
-"""The process of an isolated member: what it shares with that of the loop (isolated.c), and what it does.
+"""Worker process of an isolated member, and the memory that it shares with the loop's process (isolated.c).
 
-It is a new Python, which gets the member, not yet instantiated, as a pickle. A fork would copy the locks of threads that do not
-exist in the copy, and whoever needs one of them later waits for ever.
+It is a new Python process, which gets the member, not yet instantiated, as a pickle. A fork would copy locks held by threads
+that do not exist in the copy; acquiring one of them would block for ever.
 """
 
 from __future__ import annotations
@@ -78,45 +78,45 @@ ROW = (
     "fresh",
     "status",
 )
-READY = -1  # in the place of the number of a question: the process has begun
-HEAD = 4096  # byte, with the channel in it
-HAS_CORES = hasattr(os, "sched_setaffinity")  # and can say which a process may use
+READY = -1  # replaces the number of a request: the process has started
+HEAD = 4096  # size of the head with the channel [byte]
+HAS_CORES = hasattr(os, "sched_setaffinity")  # whether the system can bind processes to cores
 
 
 @lru_cache(maxsize=4)
 def native(build: Path) -> dict[str, int]:
-    """Addresses of the functions of isolated.c."""
-    made = compiler.Sources("isolated", "", SOURCE.read_text(encoding="utf-8"))
+    """Compile isolated.c; return the addresses of its functions."""
+    sources = compiler.Sources("isolated", "", SOURCE.read_text(encoding="utf-8"))
     return dict(
-        zip(FUNCTIONS, compiler.load_symbols(made, build, tuple(f"isolated_{f}" for f in FUNCTIONS)), strict=True)
+        zip(FUNCTIONS, compiler.load_symbols(sources, build, tuple(f"isolated_{f}" for f in FUNCTIONS)), strict=True)
     )
 
 
 def words(address: int, names: tuple[str, ...]) -> np.ndarray[Any, Any]:
-    """A struct of words as a numpy record."""
+    """Return a numpy record view of a struct of words."""
     raw = (ctypes.c_int64 * len(names)).from_address(address)
     return np.ctypeslib.as_array(raw).view([(name, np.int64) for name in names])
 
 
-def plain(value: Any) -> Any:
-    """A value as a message can hold it; no bit of it is lost: numpy would drop zeros at the end of bytes."""
+def to_plain(value: Any) -> Any:
+    """Convert a value to plain data for a message, without loss: a numpy bytes array would drop trailing zeros."""
     if isinstance(value, str | bytes):
         return value
-    return [plain(one) for one in value] if isinstance(value, list) else np.asarray(value).tolist()
+    return [to_plain(element) for element in value] if isinstance(value, list) else np.asarray(value).tolist()
 
 
 def to_words(time: clock.Time | None) -> Any:
-    """An exact time as a message can hold it."""
+    """Convert an exact time to plain data for a message."""
     return [time.numerator, time.denominator] if isinstance(time, Fraction) else time
 
 
 def from_words(word: Any) -> Any:
-    """What `to_words` was given; all else as it is."""
+    """Invert `to_words`; other values are returned unchanged."""
     return Fraction(*word) if isinstance(word, list) else word
 
 
 def flush() -> None:
-    """Have everything printed: this process is killed next."""
+    """Flush all output: this process is killed next."""
     for file in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, AttributeError):
             file.flush()
@@ -124,11 +124,11 @@ def flush() -> None:
 
 
 def main(called: int, back: int, shared: int, messages: int) -> NoReturn:
-    """Be the process of an isolated member: ends of pipes, the file of the memory of both, and a connection for messages."""
+    """Run the worker process: arguments are ends of pipes, the file of the shared memory, and a message connection."""
     from multiprocessing.connection import Connection
 
-    for one in SIGNALS:
-        signal.signal(one, signal.SIG_IGN)  # the loop's process says when it is over
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)  # The loop's process decides when this one ends.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     connection = Connection(messages)
     try:
@@ -136,30 +136,30 @@ def main(called: int, back: int, shared: int, messages: int) -> NoReturn:
         if isinstance(inner, RecordMember):
             inner.load(build)
     except (EOFError, OSError):
-        os._exit(0)  # the other process is dead
+        os._exit(0)  # The loop's process has died.
     except BaseException as error:
         os.write(2, f"{described(error)}\n".encode())
         os._exit(70)
     memory = map_memory(shared, os.fstat(shared).st_size)
     connection.send_bytes(marshal.dumps((READY, "", None)))
-    Served(inner, native(build), memory, called, back, connection, room).live()
+    Worker(inner, native(build), memory, called, back, connection, room).serve()
 
 
 class Room:
-    """Bytes from `first` to `end`, given out piece by piece."""
+    """Allocator of the bytes from `first` to `end`."""
 
     def __init__(self, first: int, end: int) -> None:
         self.next, self.end = first, end
 
     def take(self, size: int) -> np.ndarray[Any, Any]:
-        """Fresh bytes, all zero."""
-        place, self.next = self.next, self.next + size
+        """Allocate zeroed bytes."""
+        address, self.next = self.next, self.next + size
         assert self.next <= self.end
-        return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_address(place))
+        return np.ctypeslib.as_array((ctypes.c_uint8 * size).from_address(address))
 
 
 def map_memory(shared: int, size: int) -> int:
-    """Map the memory of both; its address. Not by Python's mmap, which would keep the file open for as long."""
+    """Map the shared memory; return its address. Python's mmap would keep the file open."""
     function = ctypes.CDLL(None, use_errno=True).mmap
     kinds = ctypes.c_void_p, ctypes.c_size_t, ctypes.c_int, ctypes.c_int, ctypes.c_int, ctypes.c_ssize_t
     function.argtypes, function.restype = kinds, ctypes.c_void_p
@@ -170,18 +170,18 @@ def map_memory(shared: int, size: int) -> int:
 
 
 def unmap_memory(address: int, size: int) -> None:
-    """Give it back."""
+    """Unmap the shared memory."""
     ctypes.CDLL(None).munmap(ctypes.c_void_p(address), ctypes.c_size_t(size))
 
 
 def system_calls(names: Iterable[str]) -> dict[str, int]:
-    """Addresses of functions of the C library."""
+    """Return the addresses of functions of the C library."""
     library = ctypes.CDLL(None)
     return {name: ctypes.cast(getattr(library, name), ctypes.c_void_p).value or 0 for name in names}
 
 
-class Served:
-    """The other side: does what is asked for, and never returns. `room`: offsets between which a member's values lie."""
+class Worker:
+    """Server of the worker process. `room`: offsets between which the values of a member with clocks lie."""
 
     def __init__(
         self,
@@ -194,7 +194,7 @@ class Served:
         room: tuple[int, int] | None,
     ) -> None:
         self.inner, self.native, self.messages, self.called = inner, addresses, messages, called
-        self.kept: list[Access] = []  # what rows point into
+        self.accesses: list[Access] = []  # memory that rows point to
         self.memory = memory
         self.channel = words(self.memory, CHANNEL)
         self.channel["called"], self.channel["back"] = called, back
@@ -206,16 +206,16 @@ class Served:
             inner.room = Room(self.memory + room[0], self.memory + room[1]).take  # type: ignore[attr-defined]
         self.last: np.ndarray[Any, Any] | None = None  # row
         self.saved: Any = None
-        self.objects: dict[str, Any] = {}  # slots of a member with clocks whose values are no numbers
+        self.objects: dict[str, Any] = {}  # slots of strings and binaries of a member with clocks
 
-    def live(self) -> NoReturn:
-        """Serve until nobody is there any more."""
+    def serve(self) -> NoReturn:
+        """Process requests until the loop's process ends; never returns."""
         try:
             import faulthandler
 
             faulthandler.disable()
-            threading.Thread(target=self.outlive, daemon=True).start()
-            self.inner.log = Lines(self.inner.log, self.tell)
+            threading.Thread(target=self.exit_with_parent, daemon=True).start()
+            self.inner.log = Lines(self.inner.log, self.send_log_line)
             serve = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_void_p)(self.native["serve"])
             while serve(self.memory):
                 count, what, arguments = marshal.loads(self.messages.recv_bytes())  # noqa: S302 - from our own parent
@@ -227,8 +227,8 @@ class Served:
             os._exit(70)
         os._exit(0)
 
-    def outlive(self) -> NoReturn:
-        """End with who asks, whatever goes on here; in a thread."""
+    def exit_with_parent(self) -> NoReturn:
+        """Exit when the loop's process ends; runs in a thread."""
         import select
 
         ends = select.poll()
@@ -236,79 +236,79 @@ class Served:
         ends.poll()
         os._exit(0)
 
-    def tell(self, line: str) -> None:
-        """Pass on a log line."""
+    def send_log_line(self, line: str) -> None:
+        """Send a log line."""
         self.messages.send_bytes(marshal.dumps((0, "", line)))
 
     def answer(self, what: str, arguments: tuple[Any, ...]) -> tuple[str, Any]:
-        """Do what a message says: the name of an error and its text, or no name and a result."""
-        own = getattr(self, what, None)
+        """Process a request; return the name and text of an error, or an empty name and the result."""
+        handler = getattr(self, what, None)
         try:
-            return "", (own or getattr(self.inner, what))(*arguments)
+            return "", (handler or getattr(self.inner, what))(*arguments)
         except TwinError as error:
             return type(error).__name__, str(error)
         except BaseException as error:
             return SimulationError.__name__, f"{self.inner.name}: {what} failed: {described(error)}"
 
     def instantiate(self) -> str:
-        """Instantiate the member; the name of what steps it."""
+        """Instantiate the member; return the name of its step function."""
         self.inner.instantiate()
         self.channel["step"], self.channel["instance"] = self.inner.step_function, self.inner.instance
         self.channel["signature"] = self.inner.step_signature
         return self.inner.step_name
 
     def get(self, name: str) -> Any:
-        """A value as plain data."""
-        return plain(self.inner.get(name))
+        """Return a value as plain data."""
+        return to_plain(self.inner.get(name))
 
     def slot(self, name: str) -> int:
-        """Offset of a variable of a member with clocks in the memory of both; of what is no number: that it is asked for."""
-        found = self.inner.slot(name)  # type: ignore[attr-defined]
-        if found.variable.connectable:
-            return int(found.values.ctypes.data) - self.memory
-        self.objects[name] = found
+        """Return the offset of a clocked member's variable in the shared memory; 0 for strings and binaries, then registered."""
+        slot = self.inner.slot(name)  # type: ignore[attr-defined]
+        if slot.variable.connectable:
+            return int(slot.values.ctypes.data) - self.memory
+        self.objects[name] = slot
         return 0
 
-    def event(self, what: str, arguments: list[Any], given: dict[str, list[Any]]) -> tuple[Any, ...]:
-        """A call of `events.Clocked`: its answer, what the member is like then, and its values that are no numbers."""
-        for name, values in given.items():
+    def event(self, what: str, arguments: list[Any], inputs: dict[str, list[Any]]) -> tuple[Any, ...]:
+        """Call a method of `events.Clocked`; return its result, the member's event state, and its strings and binaries."""
+        for name, values in inputs.items():
             self.objects[name].values[:] = values
         inner: Any = self.inner
-        answer = getattr(inner, what)(*(from_words(one) for one in arguments))
-        times = [to_words(one) for one in (inner.due, inner.event_time)]
-        outputs = {name: one.values.tolist() for name, one in self.objects.items() if not one.is_input}
+        answer = getattr(inner, what)(*(from_words(argument) for argument in arguments))
+        times = [to_words(time) for time in (inner.due, inner.event_time)]
+        outputs = {name: slot.values.tolist() for name, slot in self.objects.items() if not slot.is_input}
         return answer, *times, inner.ended, inner.has_jumped, outputs
 
-    def access(self, names: list[str], write: bool, place: int) -> tuple[int, int, str]:
-        """Fill the row at an offset; count, size and name of its call."""
+    def access(self, names: list[str], write: bool, offset: int) -> tuple[int, int, str]:
+        """Fill the row at an offset; return count, size and name of its call."""
         if not all(self.inner.address(name) for name in names):
-            made = self.inner.access(names, write)
+            access = self.inner.access(names, write)
         else:
             variables = [self.inner.variables[name] for name in names]
             pieces = np.array([(self.inner.address(v.name), v.size * v.dtype.itemsize) for v in variables], np.int64)
             function = self.native["scatter" if write else "gather"]
-            made = Access(function, pieces, len(pieces), sum(v.size for v in variables))
-        self.kept.append(made)
-        row = words(self.memory + place, ROW)
+            access = Access(function, pieces, len(pieces), sum(v.size for v in variables))
+        self.accesses.append(access)
+        row = words(self.memory + offset, ROW)
         row["function"], row["instance"], row["references"] = (
-            made.function,
+            access.function,
             self.inner.instance,
-            made.references.ctypes.data,
+            access.references.ctypes.data,
         )
-        row["count"], row["size"] = made.count, made.size_argument
+        row["count"], row["size"] = access.count, access.size_argument
         if self.last is None:
-            self.channel["rows"] = place
+            self.channel["rows"] = offset
         else:
-            self.last["next"] = place
+            self.last["next"] = offset
         self.last = row
-        return made.count, made.size, made.name
+        return access.count, access.size, access.name
 
     def save(self) -> None:
-        """Keep all that the member holds."""
+        """Save the member's state."""
         self.saved = self.inner.save()
 
     def restore(self) -> None:
-        """Go back to it."""
+        """Restore the saved state."""
         self.inner.restore(self.saved)
 
     def close(self) -> None:

@@ -1,1 +1,1 @@
-"""Stability of a coupling: growth of small deviations over one common period."""
+"""Stability analysis of a coupling: growth of small deviations over one common period."""

@@ -1,9 +1,9 @@
-"""Whether a coupling is stable: how a small deviation grows while the loop goes over the common multiple of all periods.
+"""Stability of a coupling: growth of a small deviation over the common multiple of all periods (spectral radius).
 
-Algorithm, solvers and delays are those of the run itself. Of components all that they keep and publish is moved by a
-little, one value after the other, which is the whole map of a step. An FMU keeps its state to itself, but can be brought
-back: then what connections carry is moved, and the answers over many steps tell the map (`realization`). One that cannot
-be brought back, but tells its directional derivatives, is replaced by what these say (`linear_member`).
+Algorithm, solvers and delays are those of the run itself. All values that components store and publish are perturbed, one
+after the other, which gives the complete map of a step. An FMU hides its state; if it supports rollback, the connected
+values are perturbed and the map is identified from the responses over many steps (`growth_by_response`). One without
+rollback but with directional derivatives is replaced by its linearization (`linear_member`).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from twin.component import Role
 from twin.coupling.component_member import RecordMember
 from twin.coupling.execution import loop
 from twin.coupling.execution.plan import view
-from twin.coupling.stability.growth_by_response import answered
+from twin.coupling.stability.growth_by_response import growth_of_responses
 from twin.coupling.stability.linear_member import LinearMember
 from twin.coupling.variable_step.record_layout import FIXED
 from twin.coupling.variable_step.rollback import trial
@@ -33,18 +33,18 @@ if TYPE_CHECKING:
 
     Array = np.ndarray[Any, Any]
 
-DEVIATION = 1e-6  # of a value, or of its nominal size
-SMALL = 1e-3  # size of a value that has no nominal one [its SI unit]
-LONGEST = 10_000  # communication steps of a cycle
-DENSE = 120  # values of which the whole matrix is made
-SUBSPACE = 40  # of Arnoldi's iteration for more
+DEVIATION = 1e-6  # relative to a value, or to its nominal size
+SMALL = 1e-3  # size of a value without a nominal one [its SI unit]
+LONGEST = 10_000  # largest number of communication steps of a cycle
+DENSE = 120  # largest number of values for a dense matrix
+SUBSPACE = 40  # dimension of Arnoldi's iteration for more values
 NEVER = 2**62
 HELP = "Export it with its state (canGetAndSetFMUstate; PythonFMU: `--handle-state`) or with directional derivatives."
 
 
 @dataclass(frozen=True)
 class Growth:
-    """What becomes of a deviation. `factor`: of the fastest one over a cycle; `share`: of which values it is made.
+    """Growth of deviations. `factor`: of the fastest one over a cycle; `share`: names of its dominant values.
 
     `cycle` [s]: common multiple of the members' periods.
     """
@@ -55,23 +55,23 @@ class Growth:
 
     @property
     def rate(self) -> float:
-        """Of growth [1/s]; negative if everything decays."""
+        """Growth rate [1/s]; negative if all deviations decay."""
         return float(np.log(max(self.factor, 1e-300)) / self.cycle)
 
 
 def growth(simulated: CoSimulation) -> Growth:
-    """The fastest growth of a deviation from where an initialized co-simulation is; it is there again afterwards.
+    """Compute the fastest growth of a deviation from the state of an initialized co-simulation, which is restored.
 
-    CouplingError that names the members of which nothing can be told.
+    CouplingError that names the members that cannot be analyzed.
     """
     linear: dict[str, Member] = {}
     problems = []
     for name, member in simulated.members.items():
-        wrong = hidden(simulated, name, member)
-        if wrong and (told := derived(member, simulated.links)) is not None:
-            linear[name] = told
-        elif wrong:
-            problems.append(f"stability: {wrong}")
+        reason = hidden_state_problem(simulated, name, member)
+        if reason and (linear_member := linearized(member, simulated.links)) is not None:
+            linear[name] = linear_member
+        elif reason:
+            problems.append(f"stability: {reason}")
     if problems:
         raise CouplingError(problems)
     if linear:
@@ -79,55 +79,57 @@ def growth(simulated: CoSimulation) -> Growth:
     return Deviation(simulated).growth()
 
 
-def hidden(simulated: CoSimulation, name: str, member: Member) -> str:
-    """Why a member's state can be neither read nor brought back; empty if it can."""
+def hidden_state_problem(simulated: CoSimulation, name: str, member: Member) -> str:
+    """Return why a member's state can be neither read nor restored; empty if it can."""
     if isinstance(member, RecordMember) and not member.can_restore:
         return f"{name} keeps its state to itself: it is Python. Nothing can be told of a coupling with it."
     if member.can_restore:
         return ""
     if not member.can_roll_back:
         return f"{name} keeps its state to itself, and tells no directional derivatives. {HELP}"
-    wrong = trial(member, clock.seconds(simulated.time), clock.seconds(simulated.periods[name]))
-    return wrong and f"{name} says that it can be brought back, and cannot: {wrong}. {HELP}"
+    problem = trial(member, clock.seconds(simulated.time), clock.seconds(simulated.periods[name]))
+    return problem and f"{name} says that it can be brought back, and cannot: {problem}. {HELP}"
 
 
-def derived(member: Member, links: list[Link]) -> LinearMember | None:
-    """A member as its directional derivatives have it, here; None if it does not tell."""
-    own = {
-        word: {end.variable.name: end.variable for end in ends if end.member == member.name}
-        for word, ends in (("inputs", [one.target for one in links]), ("outputs", [one.source for one in links]))
+def linearized(member: Member, links: list[Link]) -> LinearMember | None:
+    """Linearize a member at its current state by directional derivatives; None if it has none."""
+    variables = {
+        kind: {end.variable.name: end.variable for end in ends if end.member == member.name}
+        for kind, ends in (("inputs", [link.target for link in links]), ("outputs", [link.source for link in links]))
     }
-    if not all(one.dtype == np.float64 for ends in own.values() for one in ends.values()):
+    if not all(variable.dtype == np.float64 for ends in variables.values() for variable in ends.values()):
         return None
-    inputs, outputs = list(own["inputs"].values()), list(own["outputs"].values())
-    told = member.slopes(inputs, outputs)
-    return None if told is None else LinearMember(member, inputs, outputs, told)
+    inputs, outputs = list(variables["inputs"].values()), list(variables["outputs"].values())
+    matrices = member.slopes(inputs, outputs)
+    return None if matrices is None else LinearMember(member, inputs, outputs, matrices)
 
 
 class Deviation:
-    """Values of a co-simulation that are moved by a little."""
+    """Perturbation of the values of a co-simulation."""
 
     def __init__(self, simulated: CoSimulation) -> None:
         self.simulated, self.plan = simulated, simulated.plan
         self.names: list[str] = []
-        self.places: list[Array] = []
+        self.arrays: list[Array] = []
         sizes: list[Array] = []
-        self.is_whole = True  # whether it is all that members keep
+        self.is_complete = True  # whether the values are the complete state of the members
         for name, member in simulated.members.items():
-            for own, values, size in kept(member):
-                self.places.append(values)
+            for state, values, size in state_values(member):
+                self.arrays.append(values)
                 sizes.append(np.full(values.size, size))
-                self.names += [f"{name}.{own}"] * values.size
+                self.names += [f"{name}.{state}"] * values.size
             if not isinstance(member, RecordMember | LinearMember):
-                self.is_whole = False
+                self.is_complete = False
                 self._refuse_controlled(name)
-        for (name, own), address in self.plan.published.items():
-            variable = simulated.members[name].variables[own]
-            is_kept = self.plan.in_place(name) and isinstance(simulated.members[name], RecordMember | LinearMember)
-            if variable.dtype == np.float64 and not is_kept and variable.causality != "input":
-                self.places.append(view(address, variable))
+        for (name, variable_name), address in self.plan.published.items():
+            variable = simulated.members[name].variables[variable_name]
+            has_readable_state = self.plan.is_read_directly(name) and isinstance(
+                simulated.members[name], RecordMember | LinearMember
+            )
+            if variable.dtype == np.float64 and not has_readable_state and variable.causality != "input":
+                self.arrays.append(view(address, variable))
                 sizes.append(np.full(variable.size, SMALL))
-                self.names += [f"{name}.{own}"] * variable.size
+                self.names += [f"{name}.{variable_name}"] * variable.size
         self.sizes = np.concatenate([np.zeros(0), *sizes])
         self.cycle = int(np.lcm.reduce([self.plan.divider(name) for name in simulated.members]))
         if self.cycle > LONGEST:
@@ -136,7 +138,7 @@ class Deviation:
             )
 
     def _refuse_controlled(self, name: str) -> None:
-        """CouplingError where the length of steps depends on values: then answers are not those of one map."""
+        """Raise CouplingError where the length of steps depends on values: then responses do not follow one linear map."""
         algorithm = self.simulated.algorithm
         if algorithm.control != FIXED:
             raise CouplingError(
@@ -145,34 +147,34 @@ class Deviation:
             )
 
     def read(self) -> Array:
-        """All values."""
-        return np.concatenate([np.zeros(0), *self.places])
+        """Return all values."""
+        return np.concatenate([np.zeros(0), *self.arrays])
 
     def write(self, values: Array) -> None:
-        """Set them."""
+        """Set all values."""
         at = 0
-        for place in self.places:
-            place[:] = values[at : at + place.size]
-            at += place.size
+        for array in self.arrays:
+            array[:] = values[at : at + array.size]
+            at += array.size
 
     def growth(self) -> Growth:
-        """See `growth`."""
+        """Compute the fastest growth; see the function `growth`."""
         begin = self.read()
         blocks = [block.copy() for block in self.plan.memory.blocks]
-        kept = {name: member.save() for name, member in self.simulated.members.items()}
+        states = {name: member.save() for name, member in self.simulated.members.items()}
 
         def restore() -> None:
             for block, saved in zip(self.plan.memory.blocks, blocks, strict=True):
                 block[:] = saved
             for name, member in self.simulated.members.items():
-                member.restore(kept[name])
+                member.restore(states[name])
 
         sizes = np.maximum(np.abs(begin), self.sizes)
         if not sizes.size:
-            return Growth(0.0, self.seconds, ())  # nothing goes from one to another
+            return Growth(0.0, self.seconds, ())  # There are no states and no connections.
 
         def after(count: int, stride: int, direction: Array) -> Array:
-            """What becomes of a deviation `count` times, in parts of the values' sizes: a row each."""
+            """Return the response to a deviation after each of `count` strides, relative to the values' sizes: a row each."""
             small = DEVIATION / max(float(np.max(np.abs(direction))), 1e-300)
             ends = []
             for sign in (1, -1):
@@ -182,10 +184,10 @@ class Deviation:
             return np.asarray((np.array(ends[0]) - np.array(ends[1])) / (2 * small * sizes))
 
         try:
-            if self.is_whole:
-                value, vector = largest(lambda direction: after(1, 1, direction)[0], len(begin))
+            if self.is_complete:
+                value, vector = largest_eigenvalue(lambda direction: after(1, 1, direction)[0], len(begin))
             else:
-                value, vector = answered(after, len(begin))
+                value, vector = growth_of_responses(after, len(begin))
         except FloatingPointError:
             return Growth(np.inf, self.seconds, ())
         finally:
@@ -197,29 +199,29 @@ class Deviation:
 
     @property
     def seconds(self) -> float:
-        """Length of a cycle."""
+        """Length of a cycle [s]."""
         return clock.seconds(self.cycle * self.simulated.step)
 
     def answers(self, count: int, steps: int) -> list[Array]:
-        """All values after so many steps of the loop, again and again; it records and notices nothing."""
+        """Return all values after every `steps` steps of the loop, `count` times; nothing is recorded or reported."""
         record = self.simulated._record.copy()
         record["every"], record["limit_count"], record["limit"] = NEVER, 0, NEVER
-        record["derives"] = 0  # Newton's method finds its Jacobian by itself
-        found = []
+        record["derives"] = 0  # Newton's method uses differences for its Jacobian.
+        results = []
         for _ in range(count):
             record["stop"] = record["tick"] + steps
             if self.simulated._loop(record.ctypes.data) == loop.FAILED:
                 raise CouplingError(
                     f"stability: {list(self.simulated.members)[int(record[0]['member'])]} fails a step."
                 )
-            found.append(self.read())
-        return found
+            results.append(self.read())
+        return results
 
 
-def kept(member: Member) -> Iterator[tuple[str, Array, float]]:
-    """Real values that a member keeps, as far as they can be set: name, where they are, their size."""
+def state_values(member: Member) -> Iterator[tuple[str, Array, float]]:
+    """Yield the real states of a member that can be set: name, view of the values, nominal size."""
     if isinstance(member, LinearMember):
-        yield from ((name, values, SMALL) for name, values in member.kept())
+        yield from ((name, values, SMALL) for name, values in member.state_values())
     if not isinstance(member, RecordMember):
         return
     for variable in member.component.variables:
@@ -228,31 +230,31 @@ def kept(member: Member) -> Iterator[tuple[str, Array, float]]:
             yield variable.name, member.component.views[variable.name].reshape(-1), size
 
 
-def largest(applied: Callable[[Array], Array], size: int) -> tuple[complex, Array]:
-    """The eigenvalue of largest size of a linear map, and its vector. FloatingPointError if the map gives no numbers.
+def largest_eigenvalue(apply: Callable[[Array], Array], size: int) -> tuple[complex, Array]:
+    """Return the eigenvalue of largest modulus of a linear map, and its vector; FloatingPointError if not finite.
 
-    All of it for a few values, Arnoldi's iteration for many.
+    Dense for up to `DENSE` values, by Arnoldi's iteration for more.
     """
     if size <= DENSE:
-        matrix = np.stack([applied(one) for one in np.eye(size)], axis=1)
+        matrix = np.stack([apply(direction) for direction in np.eye(size)], axis=1)
         if not np.isfinite(matrix).all():
             raise FloatingPointError
         values, vectors = np.linalg.eig(matrix)
     else:
         from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
 
-        def checked(direction: Array) -> Array:
-            found = applied(direction)
-            if not np.isfinite(found).all():
+        def apply_checked(direction: Array) -> Array:
+            image = apply(direction)
+            if not np.isfinite(image).all():
                 raise FloatingPointError
-            return found
+            return image
 
-        operator = LinearOperator((size, size), matvec=checked, dtype=np.float64)
+        operator = LinearOperator((size, size), matvec=apply_checked, dtype=np.float64)
         try:
             values, vectors = eigs(operator, k=2, ncv=SUBSPACE, tol=1e-7, v0=np.ones(size))
         except ArpackNoConvergence as error:
             values, vectors = error.eigenvalues, error.eigenvectors
             if not len(values):
                 raise CouplingError("stability: no eigenvalue converged. Linearize fewer members.") from None
-    place = int(np.argmax(np.abs(values)))
-    return complex(values[place]), vectors[:, place]
+    index = int(np.argmax(np.abs(values)))
+    return complex(values[index]), vectors[:, index]

@@ -1,7 +1,7 @@
-"""The fastest growth in a system that is known by its answers alone: what it gives, step by step, after it was moved.
+"""Fastest growth of a system with hidden states, identified from its responses to perturbations.
 
-Juang and Pappa, An eigensystem realization algorithm, J. Guidance 8(5), 1985: answers in a Hankel matrix, its leading
-singular vectors, between them the map of one step. What nothing that is moved reaches, or nothing shows, is not found.
+Juang and Pappa, An eigensystem realization algorithm, J. Guidance 8(5), 1985: responses in a Hankel matrix, its leading
+singular vectors, and the map of one step between them. Modes that are not controllable or not observable are not found.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ if TYPE_CHECKING:
 
     Array = np.ndarray[Any, Any]
 
-DIRECTIONS = 24  # in which values are moved, at most
+DIRECTIONS = 24  # largest number of directions of perturbation
 ROWS = 12  # of the Hankel matrix, in steps
-NOISE = 1e-7  # singular values below this part of the largest are rounding and curvature
-STRIDES = (1, 8)  # steps between two looks: what grows or fades slowly shows over a longer time
-NEAR = 0.02  # distance of a growth from 1 within which it is looked at over a longer time
+NOISE = 1e-7  # singular values below, relative to the largest, are rounding and curvature
+STRIDES = (1, 8)  # steps between two samples: the longer one resolves slow growth and decay
+NEAR = 0.02  # distance of the growth from 1 within which the longer stride is used
 
 
-def answered(after: Callable[[int, int, Array], Array], size: int) -> tuple[complex, Array]:
-    """The eigenvalue of largest size of the map of a step, and its vector; FloatingPointError if there are no numbers.
+def growth_of_responses(after: Callable[[int, int, Array], Array], size: int) -> tuple[complex, Array]:
+    """Return the eigenvalue of largest modulus of the map of a step, and its vector; FloatingPointError if not finite.
 
-    `after(count, stride, direction)`: what becomes of a deviation every `stride` steps, `count` times, a row each.
+    `after(count, stride, direction)`: response to a deviation every `stride` steps, `count` times, a row each.
     """
     if size <= DIRECTIONS:
         directions = np.eye(size)
@@ -33,18 +33,20 @@ def answered(after: Callable[[int, int, Array], Array], size: int) -> tuple[comp
         directions = np.linalg.qr(np.random.default_rng(1).standard_normal((size, DIRECTIONS)))[0].T
     value, vector = 0j, np.zeros(size)
     for stride in STRIDES:
-        answers = np.stack([after(2 * ROWS, stride, one) for one in directions], axis=2)  # step, value, direction
+        answers = np.stack(
+            [after(2 * ROWS, stride, direction) for direction in directions], axis=2
+        )  # step, value, direction
         if not np.isfinite(answers).all():
             raise FloatingPointError
-        found, vector = realized(answers)
-        value = found if stride == 1 else abs(found) ** (1 / stride) + 0j
+        eigenvalue, vector = realize(answers)
+        value = eigenvalue if stride == 1 else abs(eigenvalue) ** (1 / stride) + 0j
         if abs(abs(value) - 1.0) > NEAR:
             break
     return value, vector
 
 
-def realized(answers: Array) -> tuple[complex, Array]:
-    """The eigenvalue of largest size that explains how answers follow each other, and what it shows in the values."""
+def realize(answers: Array) -> tuple[complex, Array]:
+    """Return the eigenvalue of largest modulus of the realization of responses, and its mode shape in the values."""
     if not answers.any():
         return 0j, np.zeros(answers.shape[1])
     hankel = np.block([[answers[i + j] for j in range(ROWS)] for i in range(ROWS)])
@@ -53,6 +55,6 @@ def realized(answers: Array) -> tuple[complex, Array]:
     rank = int((sizes > NOISE * sizes[0]).sum())
     left, right, root = left[:, :rank], right[:rank], np.sqrt(sizes[:rank])
     values, vectors = np.linalg.eig((left / root).T @ later @ (right.T / root))
-    place = int(np.argmax(np.abs(values)))
-    shown = (left * root)[: answers.shape[1]] @ vectors[:, place]
-    return complex(values[place]), shown
+    index = int(np.argmax(np.abs(values)))
+    shape = (left * root)[: answers.shape[1]] @ vectors[:, index]
+    return complex(values[index]), shape

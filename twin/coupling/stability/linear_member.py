@@ -1,6 +1,6 @@
-"""A member as its directional derivatives have it, in small changes around where it is: der(x) = A x + B u, y = C x + D u.
+"""Linearized member from directional derivatives at the current state: der(x) = A x + B u, y = C x + D u.
 
-It stands for one that cannot be brought back when a coupling is linearized. Inputs are held over a step, which is exact.
+It replaces a member without rollback in the stability analysis. Inputs are held over a step, for which it is exact.
 """
 
 from __future__ import annotations
@@ -23,44 +23,44 @@ WORD = 8
 
 
 class LinearMember(Member):
-    """Stands for `member`, which has been initialized; `told`: A, B, C, D for its connected Float64 `inputs` and `outputs`."""
+    """Linearization of an initialized `member`; `matrices`: A, B, C, D for its connected Float64 `inputs` and `outputs`."""
 
     def __init__(
         self,
         member: Member,
         inputs: list[MemberVariable],
         outputs: list[MemberVariable],
-        told: tuple[Any, Any, Any, Any],
+        matrices: tuple[Any, Any, Any, Any],
     ) -> None:
         self.name, self.period_ns = member.name, member.period_ns
-        self.variables = {one.name: one for one in (*inputs, *outputs)}
+        self.variables = {variable.name: variable for variable in (*inputs, *outputs)}
         self.log, self.identity = [], member.identity
         self.can_restore = self.can_roll_back = True
-        self._a, self._b, self._c, self._d = told
+        self._a, self._b, self._c, self._d = matrices
         self._maps: dict[float, tuple[Array, Array]] = {}  # by the length of a step [s]
         values = {name: np.array(member.get(name), np.float64).reshape(-1) for name in self.variables}
-        sizes = {"": len(self._a), **{name: len(found) for name, found in values.items()}}
+        sizes = {"": len(self._a), **{name: len(elements) for name, elements in values.items()}}
         self._memory = np.zeros(sum(sizes.values()))  # states, then inputs, then outputs
         ends = np.cumsum(list(sizes.values()))
         self._views = {
             name: self._memory[end - size : end] for (name, size), end in zip(sizes.items(), ends, strict=True)
         }
-        for name, found in values.items():
-            self._views[name][:] = found
-        n, m = len(self._a), sum(one.size for one in inputs)
+        for name, elements in values.items():
+            self._views[name][:] = elements
+        n, m = len(self._a), sum(variable.size for variable in inputs)
         self._x, self._u, self._y = self._memory[:n], self._memory[n : n + m], self._memory[n + m :]
         self._before = self._u.copy(), self._y.copy()
         self._callback = machine.STEP(self._step)
         self.step_function = ctypes.cast(self._callback, ctypes.c_void_p).value or 0
         self.instance = int(self._memory.ctypes.data)
 
-    def kept(self) -> Iterator[tuple[str, Array]]:
-        """All that it holds; its states have no names."""
+    def state_values(self) -> Iterator[tuple[str, Array]]:
+        """Yield all states, inputs and outputs with names; states are unnamed."""
         yield from ((name or "states", values) for name, values in self._views.items())
 
     def _step(self, _instance: int, _t: float, h: float, *_: int) -> int:
         if h not in self._maps:
-            self._maps[h] = held(self._a, self._b, h)
+            self._maps[h] = zero_order_hold(self._a, self._b, h)
         state, forced = self._maps[h]
         u = self._u - self._before[0]
         self._x[:] = state @ self._x + forced @ u
@@ -68,13 +68,13 @@ class LinearMember(Member):
         return solver.OK
 
     def instantiate(self) -> None:
-        """It stands where the other one is."""
+        """No-op: it starts at the state of the linearized member."""
 
     def enter_initialization(self, t: float, stop: float | None) -> None:
-        """It stands where the other one is."""
+        """No-op: it starts at the state of the linearized member."""
 
     def exit_initialization(self) -> None:
-        """It stands where the other one is."""
+        """No-op: it starts at the state of the linearized member."""
 
     def set(self, name: str, value: Any) -> None:
         """Write an input or an output."""
@@ -85,35 +85,35 @@ class LinearMember(Member):
         return self._views[name].reshape(self.variables[name].shape)[()]
 
     def address(self, name: str) -> int:
-        """Where it lies."""
+        """Return the address of an input or an output."""
         return int(self._views[name].ctypes.data)
 
     def access(self, names: list[str], write: bool) -> Access:
-        """Everything is read and written in place."""
+        """Not available: values are read and written in place."""
         raise NotImplementedError
 
-    def way(self, count: int) -> Way:  # noqa: ARG002 - memory is copied to as many points as one likes
-        """Its memory."""
+    def way(self, count: int) -> Way:  # noqa: ARG002 - memory is copied, to any number of points
+        """Return access to its memory."""
         return Way(self.instance, len(self._memory))
 
     def save(self) -> Any:
-        """All that it holds."""
+        """Return a copy of its memory."""
         return self._memory.copy()
 
     def restore(self, saved: Any) -> None:
-        """Be again as when it was saved."""
+        """Restore saved memory."""
         self._memory[:] = saved
 
     def close(self) -> None:
-        """Nothing is its own."""
+        """No-op: it owns no resources."""
 
 
-def held(a: Array, b: Array, h: float) -> tuple[Array, Array]:
-    """What states become over a step of h [s], and what held inputs make of them."""
+def zero_order_hold(a: Array, b: Array, h: float) -> tuple[Array, Array]:
+    """Discretize der(x) = A x + B u over a step of h [s] with held inputs: matrices for x and u."""
     from scipy.linalg import expm
 
     n, m = b.shape
-    whole = np.zeros((n + m, n + m))
-    whole[:n, :n], whole[:n, n:] = a * h, b * h
-    found = expm(whole)[:n]
-    return found[:, :n], found[:, n:]
+    block = np.zeros((n + m, n + m))
+    block[:n, :n], block[:n, n:] = a * h, b * h
+    exponential = expm(block)[:n]
+    return exponential[:, :n], exponential[:, n:]

@@ -1,5 +1,6 @@
-"""The compiled walk of algorithms that extrapolate, iterate, or take steps back: functions over the loop's record.
+"""Compiled variable-step master for algorithms that extrapolate, iterate, or roll back: functions over the loop's record.
 
-They are plain Python, as `loop` is, and work off the tables of `stages`. `sweep` steps all members once, `solve` repeats
-that until the coupling agrees with itself, `control` chooses the steps between two ticks, `run` goes from tick to tick.
+They are plain Python, as `loop` is, and execute the tables of `stage_tables`. `explicit_step.sweep` steps all members once,
+`implicit_step.solve` repeats that until the coupling converges, `stepping` and `step_control` choose the steps between two
+ticks, `stepping.run` advances from tick to tick.
 """

@@ -1,7 +1,8 @@
-"""The Jacobian of a coupling for Newton's method: of each member by its directional derivatives, where it offers them.
+"""Jacobian of a coupling for Newton's method, from each member's directional derivatives or from differences.
 
-Over a step of h, outputs change with held inputs by C (integral of exp(A s) over h) B + D. Where a member offers none, it
-is stepped, and brought back, once for each of its inputs. Along the connections follows what a guess makes of itself.
+Over a step of h, outputs change with held inputs by C (integral of exp(A s) over h) B + D. A member without directional
+derivatives is stepped and rolled back once for each of its inputs. The connections combine them to the derivatives of the
+torn connections by their guesses.
 """
 
 from __future__ import annotations
@@ -21,98 +22,104 @@ CHANGE = 1e-6  # of an input, relative to its size
 SMALL = 1e-3  # size of an input that is zero [its SI unit]
 
 
-def over_step(a: Matrix, b: Matrix, c: Matrix, d: Matrix, h: float) -> Matrix:
-    """Change of outputs at the end of a step with inputs that are held over it."""
+def derivatives_over_step(a: Matrix, b: Matrix, c: Matrix, d: Matrix, h: float) -> Matrix:
+    """Return the derivatives of outputs at the end of a step of h [s] by inputs held over it."""
     from scipy.linalg import expm
 
     n, m = b.shape
-    whole = np.zeros((n + m, n + m))
-    whole[:n, :n], whole[:n, n:] = a * h, b * h
-    return np.asarray(c @ expm(whole)[:n, n:] + d)
+    block = np.zeros((n + m, n + m))
+    block[:n, :n], block[:n, n:] = a * h, b * h
+    return np.asarray(c @ expm(block)[:n, n:] + d)
 
 
-def by_differences(
+def derivatives_by_differences(
     member: Member, inputs: list[MemberVariable], outputs: list[MemberVariable], t: float, h: float
 ) -> Matrix | None:
-    """The same from steps that are taken back; None if the member refuses one."""
+    """Compute the same derivatives by differences of steps with rollback; None if the member refuses a step."""
     flags = np.zeros(5, np.int64)
 
-    def stepped() -> Matrix | None:
+    def step_outputs() -> Matrix | None:
         saved = member.save()
         status = member.try_step(t, h, flags)
-        found = np.concatenate([np.ravel(member.get(one.name)).astype(np.float64) for one in outputs])
+        values = np.concatenate([np.ravel(member.get(variable.name)).astype(np.float64) for variable in outputs])
         member.restore(saved)
-        return found if status <= 1 else None
+        return values if status <= 1 else None
 
-    base = stepped()
+    base = step_outputs()
     columns = []
-    for one in inputs:
-        before = np.array(member.get(one.name), np.float64)
-        for i in range(one.size):
+    for variable in inputs:
+        before = np.array(member.get(variable.name), np.float64)
+        for i in range(variable.size):
             changed = before.copy()
             change = CHANGE * max(abs(float(changed.reshape(-1)[i])), SMALL)
             changed.reshape(-1)[i] += change
-            member.set(one.name, changed[()])
-            found = stepped()
-            member.set(one.name, before[()])
-            if base is None or found is None:
+            member.set(variable.name, changed[()])
+            shifted = step_outputs()
+            member.set(variable.name, before[()])
+            if base is None or shifted is None:
                 return None
-            columns.append((found - base) / change)
-    return np.array(columns).T.reshape(sum(one.size for one in outputs), len(columns))
+            columns.append((shifted - base) / change)
+    return np.array(columns).T.reshape(sum(variable.size for variable in outputs), len(columns))
 
 
 class Coupling:
-    """The members of a walk and the elements between them, as matrices."""
+    """Members with variable steps and the elements between them, as matrices."""
 
     def __init__(self, plan: Stages) -> None:
         self.plan = plan
-        moving = [one for one in plan.every if one.is_moving]
-        self.torn = [one for one in moving if one.is_torn]
-        self.forward = [one for one in moving if one.source in (ARRIVED, TO_ARRIVED)]
-        names = {end.member for one in moving for end in (one.link.source, one.link.target)}
+        moving = [element for element in plan.all_elements if element.is_moving]
+        self.torn = [element for element in moving if element.is_torn]
+        self.forward = [element for element in moving if element.source in (ARRIVED, TO_ARRIVED)]
+        names = {end.member for element in moving for end in (element.link.source, element.link.target)}
         self.names = [name for name in plan.members if name in names]
-        self.inputs = {name: unique([one.link.target for one in moving], name) for name in self.names}
-        self.outputs = {name: unique([one.link.source for one in moving], name) for name in self.names}
+        self.inputs = {name: unique([element.link.target for element in moving], name) for name in self.names}
+        self.outputs = {name: unique([element.link.source for element in moving], name) for name in self.names}
 
     def jacobian(self, t: float, h: float) -> Matrix | None:
-        """Of what torn connections give by their guesses, all members being at t; None if one cannot tell."""
+        """Return the derivatives of torn connections by their guesses, with all members at t [s]; None if unavailable."""
         n = self.plan.count
-        gives = np.zeros((n, n))  # what an element becomes by what another one is, through one member
+        gives = np.zeros((n, n))  # derivative of an element by another one, through one member
         for name in self.names:
             member, inputs, outputs = self.plan.members[name], self.inputs[name], self.outputs[name]
             if not inputs or not outputs:
                 continue
-            told = member.slopes(inputs, outputs)
-            change = by_differences(member, inputs, outputs, t, h) if told is None else over_step(*told, h)
+            matrices = member.slopes(inputs, outputs)
+            change = (
+                derivatives_by_differences(member, inputs, outputs, t, h)
+                if matrices is None
+                else derivatives_over_step(*matrices, h)
+            )
             if change is None:
                 return None
             rows, columns = offsets(outputs), offsets(inputs)
-            for into in (*self.torn, *self.forward):
-                if into.link.target.member != name:
+            for target in (*self.torn, *self.forward):
+                if target.link.target.member != name:
                     continue
-                column = columns[into.link.target.variable.name] + into.link.target.first + self._place(into)
+                column = (
+                    columns[target.link.target.variable.name] + target.link.target.first + self._element_index(target)
+                )
                 for out in (*self.torn, *self.forward):
                     if out.link.source.member == name:
-                        row = rows[out.link.source.variable.name] + out.link.source.first + self._place(out)
-                        gives[out.number, into.number] = change[row, column] * out.link.factor
-        torn, forward = ([one.number for one in chosen] for chosen in (self.torn, self.forward))
+                        row = rows[out.link.source.variable.name] + out.link.source.first + self._element_index(out)
+                        gives[out.number, target.number] = change[row, column] * out.link.factor
+        torn, forward = ([element.number for element in chosen] for chosen in (self.torn, self.forward))
         inner = np.linalg.solve(np.eye(len(forward)) - gives[np.ix_(forward, forward)], gives[np.ix_(forward, torn)])
-        found: Matrix = gives[np.ix_(torn, torn)] + gives[np.ix_(torn, forward)] @ inner
-        return found if np.isfinite(found).all() else None
+        jacobian: Matrix = gives[np.ix_(torn, torn)] + gives[np.ix_(torn, forward)] @ inner
+        return jacobian if np.isfinite(jacobian).all() else None
 
-    def _place(self, element: Element) -> int:
+    def _element_index(self, element: Element) -> int:
         return element.number - self.plan.fed[id(element.link)][0].number
 
 
 def unique(ends: list[Any], name: str) -> list[MemberVariable]:
-    """The variables of a member among the ends of connections."""
+    """Return the distinct variables of a member among the ends of connections."""
     return list({end.variable.name: end.variable for end in ends if end.member == name}.values())
 
 
 def offsets(variables: list[MemberVariable]) -> dict[str, int]:
-    """Where each one's elements begin."""
-    found, at = {}, 0
-    for one in variables:
-        found[one.name] = at
-        at += one.size
-    return found
+    """Return the offset of each variable's elements in a flat vector."""
+    result, offset = {}, 0
+    for variable in variables:
+        result[variable.name] = offset
+        offset += variable.size
+    return result

@@ -1,7 +1,7 @@
-"""Events between the steps of the walk: it tells of every step that stays, and makes none over the next event.
+"""Events between variable steps: processed after every accepted step; no step crosses the next event.
 
-So a step that is taken back had no event. Clocks tick where they are due, to the exact time; a member that came back early
-was brought to that time with all others before.
+So a step that is rolled back had no event. Clocks tick at their exact times; when a member returns early, all members are
+stepped to that time first.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ NEVER = float("inf")
 WORD = 8
 
 
-class WalkedEvents:
-    """Tells the walk when the next event is, and the events where the walk is. `begin`, `step`: of its ticks [ns]."""
+class VariableStepEvents:
+    """Links event handling and variable steps: time of the next event, time of the members. `begin`, `step`: of ticks [ns]."""
 
     def __init__(self, events: Events, plan: Stages, state: Any, begin: clock.Time, step: clock.Time) -> None:
         self.events, self.plan, self.state = events, plan, state
@@ -32,11 +32,11 @@ class WalkedEvents:
 
     @property
     def is_part(self) -> bool:
-        """Whether this is no communication point."""
+        """Whether the current time is not a communication point."""
         return bool(self.state["off"]) or int(self.state["position"]) < int(self.state["divisions"])
 
     def time(self) -> clock.Time:
-        """Where the members are [ns]: what is due at this float is due now."""
+        """Return the time of the members [ns]; an event due at the same float is due now."""
         state = self.state
         if state["off"]:
             now, due = float(state["now"]), self.events.upcoming
@@ -45,10 +45,10 @@ class WalkedEvents:
         return clock.whole(self.begin + (int(state["tick"]) + part) * self.step)
 
     def check(self, now: clock.Time) -> None:
-        """Let the walk stop before the next event, or end; what jumped has no course until here."""
+        """Set the next event or the end of the simulation; discard earlier points if values have jumped."""
         upcoming = [time for time in (self.events.upcoming,) if time is not None and time > now]
         self.state["due"] = clock.seconds(upcoming[0]) if upcoming else NEVER
         if name := self.events.ended:
             self.state["member"], self.state["finished"] = list(self.plan.members).index(name), 1
-        if any(one.has_jumped for one in self.events.order):
+        if any(member.has_jumped for member in self.events.order):
             ctypes.memset(self.plan.past, 0, PAST * WORD)

@@ -1,4 +1,4 @@
-"""One step of all members, stage by stage, and the way back from it."""
+"""One step of all members, stage by stage, and its rollback."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from twin.coupling.execution.loop import convert, copy
 from twin.coupling.variable_step.input_extrapolation import USE, feed, value
 from twin.coupling.variable_step.record_layout import BEFORE, BEGIN, EARLY, FINAL, LAST, LEFT
 
-KEPT, TAKEN_BACK, DONE_WITH = range(3)  # what the logs are told
-ROUNDING = 1e-12  # part of a step by which a member may miss its end
+SAVED, RESTORED, ACCEPTED = range(3)  # outcomes of a step that are reported to the logs
+ROUNDING = 1e-12  # tolerance of the end of a step, relative to its length
 
 
 def move(operation: int) -> None:
-    """Copies and conversions of an operation."""
+    """Run the copies and conversions of an operation."""
     count = read64(operation + 32)
     if count > 0:
         copy(read64(operation + 24), count)
@@ -34,7 +34,7 @@ def move(operation: int) -> None:
 
 
 def perform(self: Any, operation: int, t: float, h: float) -> int:
-    """An operation: move values, call, step from t by h."""
+    """Run an operation: move values, call accesses, step from t by h [s]; return the status."""
     move(operation)
     row = read64(operation + 56)
     for _ in range(read64(operation + 64)):
@@ -66,8 +66,8 @@ def perform(self: Any, operation: int, t: float, h: float) -> int:
     return 0
 
 
-def look(self: Any) -> None:
-    """Let every connection say what it gives now."""
+def read_connections(self: Any) -> None:
+    """Update the current values of all connections."""
     stage = self.stages
     for _ in range(self.stage_count):
         move(read64(stage))
@@ -75,7 +75,7 @@ def look(self: Any) -> None:
 
 
 def sweep(self: Any, t: float, h: float) -> int:
-    """Step the members that have no period of their own from t by h; the status of the one that failed, or OK."""
+    """Step the members without their own period from t by h [s]; return the status of a failure, else 0."""
     self.sweeps += 1
     self.ending = 0
     stage = self.stages
@@ -101,7 +101,7 @@ def sweep(self: Any, t: float, h: float) -> int:
 
 
 def periodic(self: Any, operation: int, count: int, shift: int) -> int:
-    """Members with a period of their own: those that are due at this tick, or, with a shift of 1, at the next."""
+    """Run the operations of periodic members that are due at this tick or, with a shift of 1, at the next."""
     t = (self.begin_ns + self.tick * self.step_ns) / self.per_second
     for _ in range(count):
         divider = read64(operation)
@@ -119,10 +119,10 @@ def transfer(source: int, target: int, words: int) -> None:
         write64(target + 8 * i, read64(source + 8 * i))
 
 
-def keep(self: Any, slot: int) -> int:
-    """Remember all that a step changes."""
-    row = self.keeps
-    for _ in range(self.keep_count):
+def save_state(self: Any, slot: int) -> int:
+    """Save all memory and states that a step changes."""
+    row = self.regions
+    for _ in range(self.region_count):
         transfer(read64(row), read64(row + 16 + 8 * slot), read64(row + 8))
         row += 32
     row = self.states
@@ -133,15 +133,15 @@ def keep(self: Any, slot: int) -> int:
             self.member, self.status = read64(row + 40), status
             return status
         row += 48
-    tell(self, KEPT, slot)
+    notify_logs(self, SAVED, slot)
     return 0
 
 
-def bring_back(self: Any, slot: int) -> int:
-    """Make everything as it was when it was kept: also after a failure."""
-    self.looked = 0
-    row = self.keeps
-    for _ in range(self.keep_count):
+def restore_state(self: Any, slot: int) -> int:
+    """Restore the saved memory and states, also after a failure."""
+    self.outputs_current = 0
+    row = self.regions
+    for _ in range(self.region_count):
         transfer(read64(row + 16 + 8 * slot), read64(row), read64(row + 8))
         row += 32
     row = self.states
@@ -152,24 +152,24 @@ def bring_back(self: Any, slot: int) -> int:
             self.member, self.status = read64(row + 40), status
             return status
         row += 48
-    tell(self, TAKEN_BACK, slot)
+    notify_logs(self, RESTORED, slot)
     return 0
 
 
-def tell(self: Any, what: int, slot: int) -> None:
-    """Let the logs follow, if somebody wrote into one."""
+def notify_logs(self: Any, what: int, slot: int) -> None:
+    """Report the outcome of a step to the logs, if lines are buffered."""
     if self.pending != 0 and read64(self.pending) != 0:
-        call_access(self.teller, 0, 0, what, 0, slot)
+        call_access(self.log_callback, 0, 0, what, 0, slot)
 
 
 def begin(self: Any) -> None:
-    """The step begins at what connections give now."""
+    """Begin a step at the current values of the connections."""
     vectors, span = self.vectors, 8 * self.elements
     transfer(vectors, vectors + BEGIN * span, self.elements)
 
 
 def end(self: Any, h: float) -> None:
-    """A step of h is made: its begin becomes an earlier point."""
+    """End a step of h [s]: its begin becomes an earlier point."""
     vectors, course, past, span = self.vectors, self.course, self.past, 8 * self.elements
     mean, final = self.weights, self.weights + FINAL * USE
     if self.smoothing > 0.0:
@@ -179,8 +179,10 @@ def end(self: Any, h: float) -> None:
     for j in range(self.bond_count):
         now, own = vectors + 8 * read64(self.bonds + 8 * j), course + 8 * read64(self.bonds + 8 * j)
         at = now + BEGIN * span
-        owed = (read_float(at) + read_float(now)) / 2.0 - value(mean, at, own, own + BEFORE * span, own + LAST * span)
-        write_float(own + LEFT * span, self.correction * owed)
+        residual = (read_float(at) + read_float(now)) / 2.0 - value(
+            mean, at, own, own + BEFORE * span, own + LAST * span
+        )
+        write_float(own + LEFT * span, self.correction * residual)
     transfer(course, course + BEFORE * span, self.elements)
     transfer(vectors + BEGIN * span, course, self.elements)
     write_float(past + 16, read_float(past + 8))

@@ -1,7 +1,7 @@
-"""A step whose inputs agree with the outputs at its end: fixed-point iterations, accelerated, and Newton's method.
+"""Implicit coupling step: accelerated fixed-point iterations and Newton's method.
 
-Unknown are the values of the connections that lead back (`torn`), at the end of the step; a sweep along the others gives
-them anew, and the difference shall vanish. Every iteration brings the members back and steps them again.
+Unknowns are the values of the torn connections (feedback) at the end of the step; a sweep along the other connections
+computes them again, and the difference must vanish. Every iteration rolls the members back and steps them again.
 
 Aitken: dynamic relaxation, Irons and Tuck, Int. J. Numer. Methods Eng. 1, 1969; Kuettler and Wall, Comput. Mech. 43, 2008.
 Anderson: J. ACM 12(4), 1965, with the last `DEPTH` differences; Walker and Ni, SIAM J. Numer. Anal. 49(4), 2011.
@@ -12,13 +12,23 @@ from __future__ import annotations
 from typing import Any
 
 from twin.compiler import read64, read_float, write_float
-from twin.coupling.variable_step.explicit_step import begin, bring_back, end, keep, look, move, sweep, transfer
+from twin.coupling.variable_step.explicit_step import (
+    begin,
+    end,
+    move,
+    read_connections,
+    restore_state,
+    save_state,
+    sweep,
+    transfer,
+)
 from twin.coupling.variable_step.input_extrapolation import predict, prepare
 from twin.coupling.variable_step.linear_equations import factorize, substitute
 from twin.coupling.variable_step.record_layout import (
     AITKEN,
     ANDERSON,
     ASKING,
+    COMPARED,
     DEPTH,
     END,
     FIXED,
@@ -26,87 +36,88 @@ from twin.coupling.variable_step.record_layout import (
     PREDICTED,
     RESIDUAL,
     SCALE,
-    SEEN,
     UNSOLVED,
 )
 
 CHANGE = 1e-6  # of an unknown in differences, relative to its size
-STALE = 0.3  # ratio of two differences in a row at which a Jacobian is found anew
+STALE = 0.3  # ratio of two differences in a row above which the Jacobian is recomputed
 
 
 def attempt(self: Any, t: float, h: float, slot: int) -> int:
-    """A step from t by h, from where `slot` was kept if it iterates; afterwards connections give what they do at t + h."""
-    if self.most > 0 and slot > 0 and keep(self, slot) > 1:
+    """Try a step from t by h [s], iterating with the state saved in `slot`; the elements have the values at t + h afterwards."""
+    if self.max_iterations > 0 and slot > 0 and save_state(self, slot) > 1:
         return int(self.status)
-    if self.looked == 0:
-        look(self)
-    self.looked = 0
+    if self.outputs_current == 0:
+        read_connections(self)
+    self.outputs_current = 0
     begin(self)
     if self.recalls != 0:
         prepare(self, h)
         if self.control == PREDICTED or self.control == RESIDUAL:
-            predict(self, self.vectors + 8 * SEEN * self.elements)
+            predict(self, self.vectors + 8 * COMPARED * self.elements)
     status = 0
-    if self.most == 0:
+    if self.max_iterations == 0:
         status = sweep(self, t, h)
         if status > 1:
             return status
-        move(self.leading_back)
+        move(self.feedback)
     else:
         status = solve(self, t, h, slot)
         if status > 1 and status != UNSOLVED:
             return status
     if self.recalls != 0:
         end(self, h)
-    self.looked = 1
+    self.outputs_current = 1
     return status
 
 
 def size_of(self: Any, i: int) -> float:
-    """What an element is compared with: its largest value until now, and no less than the floor."""
+    """Return the scale of an element: its largest value until now, at least the floor."""
     now, span = self.vectors + 8 * i, 8 * self.elements
     return float(max(read_float(now + SCALE * span), abs(read_float(now)), self.floor))
 
 
-def difference(self: Any, place: int) -> float:
-    """Write what each torn connection gives minus its guess; the largest in units of what is agreed."""
+def difference(self: Any, address: int) -> float:
+    """Write each torn connection's value minus its guess; return the largest one relative to the tolerance."""
     largest, span = 0.0, 8 * self.elements
     for j in range(self.torn_count):
         i = read64(self.torn + 8 * j)
         now = self.vectors + 8 * i
-        found = read_float(now) - read_float(now + END * span)
-        write_float(place + 8 * j, found)
-        ratio = abs(found) / (self.agreement * size_of(self, i))
+        delta = read_float(now) - read_float(now + END * span)
+        write_float(address + 8 * j, delta)
+        ratio = abs(delta) / (self.coupling_tolerance * size_of(self, i))
         if not (ratio <= largest):
             largest = ratio
     return largest
 
 
 def solve(self: Any, t: float, h: float, slot: int) -> int:
-    """Iterate; UNSOLVED if the connections do not agree after the last iteration, which stays then."""
+    """Iterate to convergence; UNSOLVED if the last iteration, which is kept, has not converged."""
     predict(self, self.vectors + 8 * END * self.elements)
     last, relaxation = 0.0, self.relaxation
-    for k in range(self.most):
+    for k in range(self.max_iterations):
         if k > 0:
-            status = bring_back(self, slot)
+            status = restore_state(self, slot)
             if status > 1:
                 return status
         status = sweep(self, t, h)
         if status > 1:
             return status
-        move(self.leading_back)
-        found = difference(self, self.solver)
-        if found <= 1.0:
+        move(self.feedback)
+        ratio = difference(self, self.solver)
+        if ratio <= 1.0:
             self.relaxation = relaxation
             return 0
-        if k + 1 == self.most:
+        if k + 1 == self.max_iterations:
             return UNSOLVED
         if self.scheme == NEWTON:
-            other = h != self.linear_at and self.control == FIXED  # steps that change often make do with a neighbor's
+            other = (
+                h != self.linear_at and self.control == FIXED
+            )  # With variable steps the Jacobian of another length is reused.
             if self.derives != 0 and (self.jacobian == 0 or other):
                 self.status = ASKING
                 return ASKING
-            if self.jacobian == 0 or other or (k > 0 and found > STALE * last):
+            if self.jacobian == 0 or other or (k > 0 and ratio > STALE * last):
                 status = linearize(self, t, h, slot)
                 if status > 1:
                     return status
@@ -117,20 +128,20 @@ def solve(self: Any, t: float, h: float, slot: int) -> int:
             relaxation = aitken(self, k, relaxation)
         else:
             step_by(self, self.solver, 1.0)
-        last = found
+        last = ratio
     return UNSOLVED
 
 
-def step_by(self: Any, place: int, factor: float) -> None:
-    """Change the guesses by a multiple of a vector over the torn connections."""
+def step_by(self: Any, vector: int, factor: float) -> None:
+    """Add a multiple of a vector to the guesses of the torn connections."""
     span = 8 * self.elements
     for j in range(self.torn_count):
         guess = self.vectors + 8 * read64(self.torn + 8 * j) + END * span
-        write_float(guess, read_float(guess) + factor * read_float(place + 8 * j))
+        write_float(guess, read_float(guess) + factor * read_float(vector + 8 * j))
 
 
 def product(self: Any, a: int, b: int) -> float:
-    """Of two vectors over the torn connections, each element measured by its size."""
+    """Return the scalar product of two vectors over the torn connections, scaled by the elements' sizes."""
     total = 0.0
     for j in range(self.torn_count):
         size = size_of(self, read64(self.torn + 8 * j))
@@ -139,7 +150,7 @@ def product(self: Any, a: int, b: int) -> float:
 
 
 def aitken(self: Any, k: int, relaxation: float) -> float:
-    """Relax by what the last two differences tell; `solver`: difference, the last one, their change."""
+    """Make a step with Aitken's dynamic relaxation; `solver`: difference, the last one, their change."""
     m = self.torn_count
     now, before, change = self.solver, self.solver + 8 * m, self.solver + 16 * m
     if k > 0:
@@ -154,7 +165,7 @@ def aitken(self: Any, k: int, relaxation: float) -> float:
 
 
 def anderson(self: Any, k: int) -> None:
-    """Combine the last differences so that they cancel best.
+    """Make a step of Anderson acceleration: the combination of the last differences with the least residual.
 
     `solver`: difference f, last f, last guess x, then DEPTH changes of f, DEPTH of x, matrix, right-hand side, pivots.
     """
@@ -178,13 +189,13 @@ def anderson(self: Any, k: int) -> None:
     largest = 0.0
     for a in range(n):
         for b in range(n):
-            found = product(self, changes_f + 8 * m * a, changes_f + 8 * m * b)
-            write_float(matrix + 8 * (n * a + b), found)
-            largest = max(largest, found)
+            entry = product(self, changes_f + 8 * m * a, changes_f + 8 * m * b)
+            write_float(matrix + 8 * (n * a + b), entry)
+            largest = max(largest, entry)
         write_float(right + 8 * a, product(self, changes_f + 8 * m * a, f))
     for a in range(n):
-        place = matrix + 8 * (n * a + a)
-        write_float(place, read_float(place) + 1e-14 * largest)
+        diagonal = matrix + 8 * (n * a + a)
+        write_float(diagonal, read_float(diagonal) + 1e-14 * largest)
     step_by(self, f, 1.0)
     if n > 0 and largest > 0.0 and factorize(matrix, right + 8 * DEPTH, n) == 0:
         substitute(matrix, right + 8 * DEPTH, right, n)
@@ -194,7 +205,7 @@ def anderson(self: Any, k: int) -> None:
 
 
 def newton(self: Any) -> None:
-    """One step of Newton's method with the factors that there are; `solver`: difference, step, matrix, pivots."""
+    """Make a step of Newton's method with the current factors; `solver`: difference, step, matrix, pivots."""
     m = self.torn_count
     step, matrix = self.solver + 8 * m, self.solver + 24 * m
     transfer(self.solver, step, m)
@@ -203,7 +214,7 @@ def newton(self: Any) -> None:
 
 
 def linearize(self: Any, t: float, h: float, slot: int) -> int:
-    """Factors of the unit matrix minus the derivatives of what torn connections give by their guesses: differences."""
+    """Factorize the unit matrix minus the derivatives of torn connections by their guesses, by differences."""
     m, span = self.torn_count, 8 * self.elements
     base, matrix = self.solver + 16 * m, self.solver + 24 * m
     for j in range(m):
@@ -215,17 +226,17 @@ def linearize(self: Any, t: float, h: float, slot: int) -> int:
         change = CHANGE * max(size_of(self, i), abs(before))
         write_float(guess, before + change)
         change = read_float(guess) - before
-        status = bring_back(self, slot)
+        status = restore_state(self, slot)
         if status > 1:
             return status
         status = sweep(self, t, h)
         if status > 1:
             return status
-        move(self.leading_back)
+        move(self.feedback)
         write_float(guess, before)
         for a in range(m):
-            given = read_float(self.vectors + 8 * read64(self.torn + 8 * a))
-            slope = (given - read_float(base + 8 * a)) / change
+            output = read_float(self.vectors + 8 * read64(self.torn + 8 * a))
+            slope = (output - read_float(base + 8 * a)) / change
             unit = 0.0
             if a == j:
                 unit = 1.0

@@ -1,11 +1,11 @@
-"""The course of an input over a step: a polynomial through points of the connection, and what members are given of it.
+"""Polynomial extrapolation and interpolation of inputs over a step, and the values of it that members are fed.
 
-Extrapolated: through the begin of the step and earlier points. Interpolated: through a guess for its end, its begin and
-an earlier point. A member that knows nothing but constant inputs gets the mean over its step, so that what flows in is
-right; where an output depends on the input directly, it makes the last eighth of the step with the value of the end, and
-the first part with what then keeps the mean. Members that take derivatives of inputs get value, slope and curvature.
+Extrapolation: through the begin of the step and earlier points. Interpolation: through a guess for its end, its begin and
+an earlier point. A member with constant inputs gets the mean over its step, so that integrals of inputs are exact; where an
+output depends on the input directly, it makes the last eighth of the step with the value of the end, and the first part
+with the value that preserves the mean. Members that take derivatives of inputs get value, slope and curvature.
 
-`smoothing` 1 lets a course begin where the last one ended (as PyFMI's smooth coupling), 0 at the point.
+`smoothing` 1 starts a polynomial at the end of the last one (as PyFMI's smooth coupling), 0 at the point.
 """
 
 from __future__ import annotations
@@ -34,36 +34,36 @@ from twin.coupling.variable_step.record_layout import (
     VALUE,
 )
 
-CATEGORY = USES * NODES * 8  # byte of the weights of extrapolated courses; those of interpolated ones follow
+CATEGORY = USES * NODES * 8  # size of the weights of extrapolation [byte]; those of interpolation follow
 USE = NODES * 8
 
 
-def basis(place: int, order: int, s0: float, s1: float, s2: float) -> None:
-    """Lagrange's polynomials of three nodes as a + b s + c s^2, three words each."""
+def basis(address: int, order: int, s0: float, s1: float, s2: float) -> None:
+    """Write the Lagrange polynomials of three nodes as a + b s + c s^2, three words each."""
     for i in range(9):
-        write_float(place + 8 * i, 0.0)
+        write_float(address + 8 * i, 0.0)
     if order == 0:
-        write_float(place, 1.0)
+        write_float(address, 1.0)
     elif order == 1:
-        write_float(place, -s1 / (s0 - s1))
-        write_float(place + 8, 1.0 / (s0 - s1))
-        write_float(place + 24, -s0 / (s1 - s0))
-        write_float(place + 32, 1.0 / (s1 - s0))
+        write_float(address, -s1 / (s0 - s1))
+        write_float(address + 8, 1.0 / (s0 - s1))
+        write_float(address + 24, -s0 / (s1 - s0))
+        write_float(address + 32, 1.0 / (s1 - s0))
     else:
-        polynomial(place, s1, s2, (s0 - s1) * (s0 - s2))
-        polynomial(place + 24, s0, s2, (s1 - s0) * (s1 - s2))
-        polynomial(place + 48, s0, s1, (s2 - s0) * (s2 - s1))
+        polynomial(address, s1, s2, (s0 - s1) * (s0 - s2))
+        polynomial(address + 24, s0, s2, (s1 - s0) * (s1 - s2))
+        polynomial(address + 48, s0, s1, (s2 - s0) * (s2 - s1))
 
 
-def polynomial(place: int, p: float, q: float, divisor: float) -> None:
-    """(s - p) (s - q) / divisor."""
-    write_float(place, p * q / divisor)
-    write_float(place + 8, -(p + q) / divisor)
-    write_float(place + 16, 1.0 / divisor)
+def polynomial(address: int, p: float, q: float, divisor: float) -> None:
+    """Write the polynomial (s - p) (s - q) / divisor."""
+    write_float(address, p * q / divisor)
+    write_float(address + 8, -(p + q) / divisor)
+    write_float(address + 16, 1.0 / divisor)
 
 
-def weigh(place: int, polynomials: int, h: float, smoothing: float) -> None:
-    """Weights of all uses from the polynomials of the nodes."""
+def weigh(address: int, polynomials: int, h: float, smoothing: float) -> None:
+    """Compute the weights of all uses from the polynomials of the nodes."""
     for i in range(NODES):
         a, b, c = smoothing, -smoothing, 0.0
         if i < 3:
@@ -72,32 +72,32 @@ def weigh(place: int, polynomials: int, h: float, smoothing: float) -> None:
             c = read_float(polynomials + 24 * i + 16)
             a = a * (1.0 - smoothing)
         mean, final = a + b / 2.0 + c / 3.0, a + b + c
-        at = place + 8 * i
+        at = address + 8 * i
         write_float(at, mean)
         write_float(at + FIRST * USE, (mean - SHARE * final) / (1.0 - SHARE))
         write_float(at + FINAL * USE, final)
         write_float(at + VALUE * USE, a)
         write_float(at + SLOPE * USE, b / h)
         write_float(at + CURVATURE * USE, 2.0 * c / (h * h))
-    for use in range(USES):  # the first one is what they add up to: what stays constant is met to the bit
+    for use in range(USES):  # The first weight is their sum, so that constants are reproduced to the bit.
         total = 1.0
         if use >= SLOPE:
             total = 0.0
-        write_float(place + USE * use, total)
+        write_float(address + USE * use, total)
 
 
 def prepare(self: Any, h: float) -> None:
-    """Weights of a step of `h` [s], by the earlier points that there are."""
+    """Compute the weights of a step of `h` [s], with the available earlier points."""
     earlier = read64(self.past)
     first, second = read_float(self.past + 8) / h, read_float(self.past + 16) / h
     polynomials = self.weights + 2 * CATEGORY
     forward = self.order
-    if self.most > 0 and forward == 0:
-        forward = 1  # a guess is no input: it may look ahead
+    if self.max_iterations > 0 and forward == 0:
+        forward = 1  # The initial guess of an iteration may be extrapolated even if inputs are not.
     basis(polynomials, min(forward, earlier), 0.0, -first, -(first + second))
     smoothing = self.smoothing
     if earlier == 0:
-        smoothing = 0.0  # no course has ended yet
+        smoothing = 0.0  # There is no earlier polynomial.
     weigh(self.weights, polynomials, h, smoothing)
     if self.order > 0:
         basis(polynomials, min(self.order, 1 + earlier), 1.0, 0.0, -first)
@@ -105,15 +105,15 @@ def prepare(self: Any, h: float) -> None:
 
 
 def value(weights: int, p0: int, p1: int, p2: int, p3: int) -> float:
-    """A course's value from the addresses of its points."""
+    """Evaluate a polynomial from the addresses of its points."""
     first = read_float(p0)
-    found = read_float(weights) * first + read_float(weights + 8) * (read_float(p1) - first)
-    found += read_float(weights + 16) * (read_float(p2) - first)
-    return found + read_float(weights + 24) * (read_float(p3) - first)
+    result = read_float(weights) * first + read_float(weights + 8) * (read_float(p1) - first)
+    result += read_float(weights + 16) * (read_float(p2) - first)
+    return result + read_float(weights + 24) * (read_float(p3) - first)
 
 
 def fed(self: Any, now: int, course: int, source: int, weights: int) -> float:
-    """What an input is given; `now`, `course`: addresses of its element."""
+    """Return the value to feed to an input; `now`, `course`: addresses of its element."""
     span = 8 * self.elements
     if source == HELD:
         return read_float(now + BEGIN * span)
@@ -130,22 +130,22 @@ def fed(self: Any, now: int, course: int, source: int, weights: int) -> float:
 
 
 def feed(self: Any, row: int, count: int) -> None:
-    """Write inputs to where members take them from."""
+    """Write the staged inputs of members."""
     span = 8 * self.elements
     for _ in range(count):
         course, source, target = read64(row + 8), read64(row + 16), read64(row + 32)
-        found = fed(self, read64(row), course, source, read64(row + 24))
+        fed_value = fed(self, read64(row), course, source, read64(row + 24))
         if self.correction > 0.0:
-            found += read_float(course + LEFT * span)
+            fed_value += read_float(course + LEFT * span)
         if read64(row + 40) == 0:
-            write_float(target, found)
+            write_float(target, fed_value)
         else:
-            write_float32(target, found)
+            write_float32(target, fed_value)
         row += 48
 
 
 def predict(self: Any, target: int) -> None:
-    """Write where each course, extrapolated, would end."""
+    """Write the extrapolated value of each element at the end of the step."""
     span = 8 * self.elements
     now, course, final = self.vectors, self.course, self.weights + FINAL * USE
     for i in range(self.elements):

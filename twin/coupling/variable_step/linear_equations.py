@@ -1,4 +1,4 @@
-"""Linear equations in memory at an address: LU with pivots, row by row."""
+"""Linear equations in memory at an address: LU factorization with partial pivoting, row by row."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from twin.compiler import read64, read_float, write64, write_float
 
 
 def factorize(matrix: int, pivots: int, n: int) -> int:
-    """Factors of an n by n matrix in its place; 1 if it is singular."""
+    """Factorize an n by n matrix in place; return 1 if it is singular, else 0."""
     for i in range(n):
         best = i
         for j in range(i + 1, n):
@@ -18,27 +18,27 @@ def factorize(matrix: int, pivots: int, n: int) -> int:
         if best != i:
             for k in range(n):
                 here, there = matrix + 8 * (n * i + k), matrix + 8 * (n * best + k)
-                kept = read_float(here)
+                swapped = read_float(here)
                 write_float(here, read_float(there))
-                write_float(there, kept)
+                write_float(there, swapped)
         pivot = read_float(matrix + 8 * (n * i + i))
         for j in range(i + 1, n):
             factor = read_float(matrix + 8 * (n * j + i)) / pivot
             write_float(matrix + 8 * (n * j + i), factor)
             for k in range(i + 1, n):
-                place = matrix + 8 * (n * j + k)
-                write_float(place, read_float(place) - factor * read_float(matrix + 8 * (n * i + k)))
+                entry = matrix + 8 * (n * j + k)
+                write_float(entry, read_float(entry) - factor * read_float(matrix + 8 * (n * i + k)))
     return 0
 
 
 def substitute(matrix: int, pivots: int, right: int, n: int) -> None:
-    """Solve with the factors, in the place of the right-hand side."""
+    """Solve with the factors; the solution overwrites the right-hand side."""
     for i in range(n):
         best = read64(pivots + 8 * i)
         if best != i:
-            kept = read_float(right + 8 * i)
+            swapped = read_float(right + 8 * i)
             write_float(right + 8 * i, read_float(right + 8 * best))
-            write_float(right + 8 * best, kept)
+            write_float(right + 8 * best, swapped)
     for i in range(n):
         total = read_float(right + 8 * i)
         for k in range(i):

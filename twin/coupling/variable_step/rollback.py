@@ -1,4 +1,4 @@
-"""Members that go back to where a step began: whether they can, and that nothing is left of a step that was taken back."""
+"""Rollback of members: verification by trial, and logs that discard the lines of rolled-back steps."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from twin.compiler import machine
-from twin.coupling.variable_step.explicit_step import DONE_WITH, KEPT, TAKEN_BACK
+from twin.coupling.variable_step.explicit_step import ACCEPTED, RESTORED, SAVED
 from twin.errors import CouplingError, SimulationError
 
 if TYPE_CHECKING:
@@ -18,44 +18,46 @@ if TYPE_CHECKING:
     from twin.coupling.algorithms import Algorithm
     from twin.coupling.member import Member, MemberVariable
 
-LINES = 20  # kept of what was told
+LINES = 20  # largest number of log lines
 
 
 def alternatives(algorithm: Algorithm) -> str:
-    """The algorithms that need no way back."""
-    return ", ".join(one.name for one in algorithm.every() if not one.rolls_back)
+    """Return the names of the algorithms without rollback."""
+    return ", ".join(candidate.name for candidate in algorithm.every() if not candidate.rolls_back)
 
 
-def refuse(algorithm: Algorithm, members: Mapping[str, Member], slow: Collection[str]) -> None:
-    """CouplingError if the algorithm takes steps back and a member cannot go with it; those in `slow` need not."""
+def check_rollback(algorithm: Algorithm, members: Mapping[str, Member], slow: Collection[str]) -> None:
+    """Raise CouplingError if the algorithm needs rollback and a member lacks it; members in `slow` need none."""
     if not algorithm.rolls_back:
         return
-    lacking = [name for name, member in members.items() if name not in slow and not member.can_roll_back]
-    if lacking:
-        raise CouplingError([cannot_go_back(name, algorithm) for name in lacking])
+    unsupported = [name for name, member in members.items() if name not in slow and not member.can_roll_back]
+    if unsupported:
+        raise CouplingError([cannot_go_back(name, algorithm) for name in unsupported])
 
 
 def cannot_go_back(name: str, algorithm: Algorithm) -> str:
-    """That a member does not go back, and what can be done."""
-    others = alternatives(algorithm)
-    return f"{name}: cannot go back to the begin of a step, which {algorithm} needs. Use {others}, or give it a longer `communication_step`."
+    """Return the message for a member without rollback."""
+    names = alternatives(algorithm)
+    return f"{name}: cannot go back to the begin of a step, which {algorithm} needs. Use {names}, or give it a longer `communication_step`."
 
 
 def unfaithful(name: str, wrong: str, algorithm: Algorithm) -> str:
-    """That a member says that it can go back, and cannot."""
-    others = alternatives(algorithm)
-    return f"{name}: says that it can go back to the begin of a step, and cannot: {wrong}. Use {others}."
+    """Return the message for a member whose declared rollback does not work."""
+    names = alternatives(algorithm)
+    return f"{name}: says that it can go back to the begin of a step, and cannot: {wrong}. Use {names}."
 
 
 def trial(member: Member, t: float, h: float, moved: bool = False) -> str:
-    """What is wrong with a member's way back from a step from t by h [s]; empty if it goes, and then it is at t again.
+    """Verify by trial that a member supports rollback of a step from t by h [s].
 
-    `moved`: with inputs that are larger by 1, which show more of a member that begins at rest.
+    Returns the problem; empty if rollback works, and then the member is at t again.
+
+    `moved`: increase the inputs by 1, which is a stronger test of a member that starts at rest.
     """
-    way = member.way(1)
+    access = member.way(1)
     names = [v.name for v in member.variables.values() if v.causality == "output" and v.connectable]
     flags = np.zeros(5, np.int64)
-    place = way.places[0]
+    pointer = access.places[0]
 
     def outputs() -> list[Any]:
         return [np.array(member.get(name)) for name in names]
@@ -70,8 +72,8 @@ def trial(member: Member, t: float, h: float, moved: bool = False) -> str:
         if machine.call_state(function, member.instance, state) > 1:
             raise SimulationError(refusal)
 
-    def back() -> None:
-        move(way.set, ctypes.c_int64.from_address(place).value, "it refuses to go back")
+    def restore() -> None:
+        move(access.set, ctypes.c_int64.from_address(pointer).value, "it refuses to go back")
 
     def take_inputs() -> None:
         for name, value in inputs.items():
@@ -79,95 +81,98 @@ def trial(member: Member, t: float, h: float, moved: bool = False) -> str:
 
     try:
         inputs = {v.name: member.get(v.name) + 1.0 for v in member.variables.values() if moved and is_free(v)}
-        move(way.get, place, "it does not give its state")
+        move(access.get, pointer, "it does not give its state")
         before = outputs()
         take_inputs()
         first = step()
-        back()
-        again = outputs()
+        restore()
+        restored = outputs()
         take_inputs()
-        for name, one, other in (*zip(names, before, again, strict=True), *zip(names, first, step(), strict=True)):
-            if one.tobytes() != other.tobytes():
-                return f"{name} is {one} at first and {other} after going back"
-        back()
+        for name, expected, actual in (
+            *zip(names, before, restored, strict=True),
+            *zip(names, first, step(), strict=True),
+        ):
+            if expected.tobytes() != actual.tobytes():
+                return f"{name} is {expected} at first and {actual} after going back"
+        restore()
     except SimulationError as error:
         return str(error)
     return ""
 
 
 def is_free(variable: MemberVariable) -> bool:
-    """Whether it is an input that can have any real value."""
+    """Whether a variable is a real input without bounds."""
     return variable.causality == "input" and variable.dtype.kind == "f" and not variable.is_bounded
 
 
-class Held(list[str]):
-    """A member's log whose lines are told when the step that wrote them stays."""
+class BufferedLog(list[str]):
+    """Log of a member that forwards lines when their step is accepted."""
 
-    def __init__(self, outer: list[str], logs: Logs) -> None:
+    def __init__(self, outer: list[str], logs: StepLogs) -> None:
         super().__init__(outer)
         self.outer, self._logs = outer, logs
 
     def append(self, line: str) -> None:
-        """Keep a line."""
+        """Append a line; forward it at once outside of steps."""
         super().append(line)
         if self._logs.is_stepping:
-            self._logs.hold(self, line)
+            self._logs.buffer(self, line)
         else:
-            self.tell(line)
+            self.forward(line)
 
-    def tell(self, line: str) -> None:
-        """Pass a line on."""
+    def forward(self, line: str) -> None:
+        """Forward a line to the outer log."""
         self.outer.append(line)
         del self.outer[:-LINES]
 
 
-class Logs:
-    """The logs of members whose steps may be taken back."""
+class StepLogs:
+    """Logs of members with rollback; must outlive the native loop."""
 
     def __init__(self, members: Iterable[Member]) -> None:
-        self.pending = np.zeros(1, np.int64)  # whether anything is held: the walk looks at it
+        self.pending = np.zeros(1, np.int64)  # whether lines are buffered; read by the compiled code
         self.is_stepping = False
-        self._lines: list[tuple[Held, str]] = []
+        self._lines: list[tuple[BufferedLog, str]] = []
         self._marks: dict[int, int] = {}
-        self._teller = machine.ACCESS(self._told)
+        self._callback = machine.ACCESS(self._on_step_outcome)
         for member in members:
-            outer = member.log.outer if isinstance(member.log, Held) else member.log  # of an earlier run
-            member.log = Held(outer, self)
+            outer = member.log.outer if isinstance(member.log, BufferedLog) else member.log  # of an earlier run
+            member.log = BufferedLog(outer, self)
 
-    def tell(self, state: Any) -> None:
-        """Tell the loop's record whom to call."""
+    def connect(self, state: Any) -> None:
+        """Write the callback to the loop's record."""
         state["pending"] = self.pending.ctypes.data
-        state["teller"] = ctypes.cast(self._teller, ctypes.c_void_p).value
+        state["log_callback"] = ctypes.cast(self._callback, ctypes.c_void_p).value
 
     @contextmanager
     def stepping(self) -> Iterator[None]:
-        """While the walk is at work; what is held at its end is told: nobody will take it back."""
+        """Buffer log lines in the block; at its end the remaining lines are forwarded: no rollback follows."""
         self.is_stepping = True
         try:
             yield
         finally:
             self.is_stepping = False
-            self._told(0, 0, DONE_WITH, 0, 0)
+            self._on_step_outcome(0, 0, ACCEPTED, 0, 0)
 
     @contextmanager
-    def nothing_told(self) -> Iterator[None]:
-        """While somebody makes steps that do not count."""
+    def discarding(self) -> Iterator[None]:
+        """Discard the log lines of the block, for trial steps."""
         self.is_stepping = True
         try:
             yield
         finally:
             self.is_stepping = False
-            self._told(0, 0, TAKEN_BACK, 0, 0)
+            self._on_step_outcome(0, 0, RESTORED, 0, 0)
 
-    def hold(self, log: Held, line: str) -> None:
-        """Keep a line until its step stays."""
+    def buffer(self, log: BufferedLog, line: str) -> None:
+        """Buffer a line until its step is accepted."""
         self._lines.append((log, line))
         self.pending[0] = 1
 
-    def _told(self, _instance: int, _references: int, what: int, _values: int, slot: int) -> int:
-        if what == KEPT:
+    def _on_step_outcome(self, _instance: int, _references: int, what: int, _values: int, slot: int) -> int:
+        if what == SAVED:
             self._marks[slot or 0] = len(self._lines)
-        elif what == TAKEN_BACK:
+        elif what == RESTORED:
             mark = self._marks.get(slot or 0, 0)
             for log, line in reversed(self._lines[mark:]):
                 if log and log[-1] == line:
@@ -175,7 +180,7 @@ class Logs:
             del self._lines[mark:]
         else:
             for log, line in self._lines:
-                log.tell(line)
+                log.forward(line)
             self._lines.clear()
             self._marks.clear()
             self.pending[0] = 0

@@ -1,4 +1,4 @@
-"""From tick to tick: members with periods, steps between two ticks and how long they are, a row of the recording."""
+"""Main function of the variable-step master: periodic members, steps between two ticks, error control, recording."""
 
 from __future__ import annotations
 
@@ -6,10 +6,17 @@ from typing import Any
 
 from twin.compiler import call_access, read64, read_float, write_float
 from twin.coupling.execution.loop import DONE, FAILED, FINISHED, FULL, NOTICED, ROUNDING, beyond, record
-from twin.coupling.variable_step.explicit_step import DONE_WITH, bring_back, keep, periodic, tell, transfer
+from twin.coupling.variable_step.explicit_step import (
+    ACCEPTED,
+    notify_logs,
+    periodic,
+    restore_state,
+    save_state,
+    transfer,
+)
 from twin.coupling.variable_step.implicit_step import attempt, size_of
-from twin.coupling.variable_step.record_layout import DOUBLING, EARLY, FIXED, RESIDUAL, SCALE, SEEN, UNSOLVED
-from twin.coupling.variable_step.step_control import steer
+from twin.coupling.variable_step.record_layout import COMPARED, DOUBLING, EARLY, FIXED, RESIDUAL, SCALE, UNSOLVED
+from twin.coupling.variable_step.step_control import choose_step
 
 SAFETY = 0.9
 HUGE = 1e300
@@ -18,33 +25,33 @@ ERROR = 3  # FMI's status
 
 
 def run(self: Any) -> int:
-    """Go on until `stop`, a full recording buffer, a member that fails or finishes the simulation, or a limit."""
-    self.looked = 0
-    if self.back != 0:
-        self.back = 0
-        if bring_back(self, 0) > 1:
+    """Run until `stop`, a full recording buffer, a member that fails or terminates the simulation, or a violated limit."""
+    self.outputs_current = 0
+    if self.must_restore != 0:
+        self.must_restore = 0
+        if restore_state(self, 0) > 1:
             return FAILED
     while self.tick < self.stop:
-        if self.place >= self.limit:
+        if self.next_row >= self.limit:
             return FULL
-        if self.inside == 0:
+        if self.in_tick == 0:
             self.ending = 0
             if periodic(self, self.begins, self.begin_count, 0) > 1:
                 return FAILED
-            self.inside, self.position, self.off, self.over = 1, 0, 0, self.ending
-        if cross(self) > 1:
+            self.in_tick, self.position, self.off, self.over = 1, 0, 0, self.ending
+        if advance_to_tick(self) > 1:
             return FAILED
         if self.position < self.divisions:
             return FINISHED
         if periodic(self, self.ends, self.end_count, 1) > 1:
             return FAILED
         if self.end_count > 0:
-            self.looked = 0
-        if self.events != 0 and tell_events(self) > 1:
+            self.outputs_current = 0
+        if self.events != 0 and notify_events(self) > 1:
             return FAILED
         if self.over != 0:
             self.member, self.finished = self.over - 1, 1
-        self.inside = 0
+        self.in_tick = 0
         self.tick += 1
         if self.every == 1 or self.tick % self.every == 0:
             record(self)
@@ -57,43 +64,43 @@ def run(self: Any) -> int:
     return DONE
 
 
-def point(self: Any, position: int) -> float:
-    """The time of a division of this tick [s]: one division of whole numbers, unless these are too large."""
+def time_at(self: Any, position: int) -> float:
+    """Return the time of a division of this tick [s]: one division of integers, unless these are too large."""
     ticks = self.begin_ns + self.tick * self.step_ns
     if position == 0:
         return float(ticks / self.per_second)
     if abs(ticks) > LARGEST // self.divisions:
-        return float(ticks / self.per_second + self.whole * (position / self.divisions))
+        return float(ticks / self.per_second + self.tick_length * (position / self.divisions))
     return float((ticks * self.divisions + position * self.step_ns) / (self.per_second * self.divisions))
 
 
-def cross(self: Any) -> int:
-    """Go to the next tick in one step or several; the status of what failed."""
+def advance_to_tick(self: Any) -> int:
+    """Advance to the next tick in one step or several; return the status of a failure, else 0."""
     shortens = 0
     if self.control != FIXED and self.trial != 0:
-        shortens = 1  # what failed may be tried anew
+        shortens = 1  # A failed step may be repeated with a shorter one.
     while self.position < self.divisions and self.finished == 0:
         stride = self.stride
         while self.position > 0 and self.position % stride != 0:
             stride = stride // 2
-        t, h = point(self, self.position), self.whole
+        t, h = time_at(self, self.position), self.tick_length
         if stride < self.divisions:
             h *= stride / self.divisions
         if self.off != 0:
             t = self.now
-            h = point(self, self.position + stride) - t
+            h = time_at(self, self.position + stride) - t
         if self.limited == 0 and self.events != 0 and t < self.due < t + h - ROUNDING * h:
             self.limited, self.until = 2, self.due
         if self.limited != 0:
             h = self.until - t
-        self.begun, self.span = t, h
-        if self.learned == 0 and self.trial != 0 and learn(self, t) > 1:
+        self.step_begin, self.span = t, h
+        if self.has_scales == 0 and self.trial != 0 and learn_scales(self, t) > 1:
             return int(self.status)
-        if self.trial != 0 and keep(self, 0) > 1:
+        if self.trial != 0 and save_state(self, 0) > 1:
             return int(self.status)
         status = 0
         if self.control == DOUBLING:
-            status = paired(self, t, h, stride <= self.least)
+            status = step_twice(self, t, h, stride <= self.least)
         else:
             status = attempt(self, t, h, 0)
         if status == UNSOLVED and (self.control == FIXED or stride <= self.least):
@@ -105,11 +112,11 @@ def cross(self: Any) -> int:
                 return UNSOLVED
             status = 0
         if status == EARLY and self.trial != 0 and self.until > t:
-            if bring_back(self, 0) > 1:
+            if restore_state(self, 0) > 1:
                 return int(self.status)
             self.limited = 1
         elif status == ERROR and shortens != 0 and 0 < stride < self.passed:
-            self.least, self.refused = self.passed, 1 + self.member  # longer ones were made
+            self.least, self.refused = self.passed, 1 + self.member  # The member has made longer steps.
             if shorten(self, self.passed) > 1:
                 return int(self.status)
         elif status == UNSOLVED or (status == ERROR and shortens != 0 and stride > self.least):
@@ -119,26 +126,26 @@ def cross(self: Any) -> int:
             return status
         elif self.control == FIXED or judge(self, stride) != 0:
             accept(self, stride)
-            if self.events != 0 and (self.position < self.divisions or self.off != 0) and tell_events(self) > 1:
+            if self.events != 0 and (self.position < self.divisions or self.off != 0) and notify_events(self) > 1:
                 return int(self.status)
         elif shorten(self, stride // 2) > 1:
             return int(self.status)
     return 0
 
 
-def learn(self: Any, t: float) -> int:
-    """How large values become is learned from the longest step, which is taken back."""
-    self.learned = 1
-    if keep(self, 0) > 1:
+def learn_scales(self: Any, t: float) -> int:
+    """Determine the sizes of values from a trial step of the longest length, which is rolled back."""
+    self.has_scales = 1
+    if save_state(self, 0) > 1:
         return int(self.status)
-    if attempt(self, t, self.whole, 0) <= 1:
-        measure(self)
+    if attempt(self, t, self.tick_length, 0) <= 1:
+        update_scales(self)
     self.sweeps = 0
-    return bring_back(self, 0)
+    return restore_state(self, 0)
 
 
-def measure(self: Any) -> None:
-    """Keep the largest values that connections gave."""
+def update_scales(self: Any) -> None:
+    """Update the largest values of the connections."""
     for j in range(self.moving_count):
         now = self.vectors + 8 * read64(self.moving + 8 * j)
         scale, size = now + 8 * SCALE * self.elements, abs(read_float(now))
@@ -147,26 +154,26 @@ def measure(self: Any) -> None:
 
 
 def shorten(self: Any, stride: int) -> int:
-    """Take a step back, and make the next one with another stride."""
+    """Roll back a step and set the stride of the next one."""
     self.rejected += 1
     self.limited = 0
     self.stride = max(1, stride)
-    return bring_back(self, 0)
+    return restore_state(self, 0)
 
 
-def tell_events(self: Any) -> int:
-    """All members are where a step ended that stays: whether there is an event is for others to say."""
+def notify_events(self: Any) -> int:
+    """Call the event handling after an accepted step; return its status."""
     self.status = call_access(self.events, 0, 0, 0, 0, 0)
-    self.looked = 0
+    self.outputs_current = 0
     return int(self.status)
 
 
 def accept(self: Any, stride: int) -> None:
-    """A step stays."""
+    """Accept a step and update the position in the tick."""
     self.accepted += 1
-    if self.most > 0 or self.control != FIXED:
-        measure(self)
-    tell(self, DONE_WITH, 0)
+    if self.max_iterations > 0 or self.control != FIXED:
+        update_scales(self)
+    notify_logs(self, ACCEPTED, 0)
     if self.ending != 0:
         self.member, self.finished = self.ending - 1, 1
     if self.limited == 0:
@@ -175,16 +182,16 @@ def accept(self: Any, stride: int) -> None:
         return
     self.limited = 0
     self.now, self.off = self.until, 1
-    while self.position < self.divisions and point(self, self.position + 1) <= self.until:
+    while self.position < self.divisions and time_at(self, self.position + 1) <= self.until:
         self.position += 1
-    if point(self, self.position) == self.until:
+    if time_at(self, self.position) == self.until:
         self.off = 0
 
 
-def paired(self: Any, t: float, h: float, is_least: bool) -> int:
-    """One step, then two halves, which stay; what connections give at the end of both can be compared.
+def step_twice(self: Any, t: float, h: float, is_least: bool) -> int:
+    """Make one step, then two halves, which are kept; the values at the end of both are compared.
 
-    Steps that stay unsolved are made all the same if they cannot be shorter.
+    Steps that do not converge are kept if they cannot be shorter.
     """
     unsolved = 0
     for part in range(3):
@@ -199,16 +206,16 @@ def paired(self: Any, t: float, h: float, is_least: bool) -> int:
         elif status > 1:
             return status
         if part == 0:
-            transfer(self.vectors, self.vectors + 8 * SEEN * self.elements, self.elements)
-            if bring_back(self, 0) > 1:
+            transfer(self.vectors, self.vectors + 8 * COMPARED * self.elements, self.elements)
+            if restore_state(self, 0) > 1:
                 return int(self.status)
     return unsolved
 
 
 def judge(self: Any, stride: int) -> int:
-    """Whether a step is good enough, or cannot be shorter; the length of the next."""
+    """Return 1 if the step is accurate enough or cannot be shorter, else 0; set the length of the next step."""
     if self.control == RESIDUAL:
-        steer(self, stride)
+        choose_step(self, stride)
         return 1
     largest, room = 0.0, 1.0
     divisor = 0.0
@@ -223,8 +230,8 @@ def judge(self: Any, stride: int) -> int:
     for j in range(self.judged_count):
         i = read64(self.judged + 8 * j)
         now = self.vectors + 8 * i
-        found = abs(read_float(now + 8 * SEEN * self.elements) - read_float(now)) / divisor
-        ratio = found / (self.tolerance * size_of(self, i))
+        error = abs(read_float(now + 8 * COMPARED * self.elements) - read_float(now)) / divisor
+        ratio = error / (self.tolerance * size_of(self, i))
         if not (ratio <= largest):
             largest = ratio
     if not (largest <= 1.0):
