@@ -17,7 +17,7 @@ from twin.scenario import yaml_reader
 from twin.scenario.yaml_node import Node, Place
 
 if TYPE_CHECKING:
-    from twin.ssp import Flat, Member, Variant, Wire
+    from twin.ssp import FlatConnection, FlatSystem, Member, Variant
 
 SUFFIX = ".ssp"
 BUILD: ContextVar[Path] = ContextVar("BUILD", default=Path("build"))  # where FMUs are unpacked
@@ -33,12 +33,12 @@ RHYTHM = ("period", "communication_step", "finite", "isolate", "interface", "sol
 
 def read(path: Path, shown: str, problems: list[str]) -> Node:
     """The tree of an SSP; what is wrong with it goes to `problems`."""
-    package = ssp.opened(path, shown, BUILD.get())
+    package = ssp.open_package(path, shown, BUILD.get())
     problems += package.problems
     known: dict[str, Any] = {}
     trees = {}
     for variant in package.variants:
-        flat = ssp.flattened(variant, known)
+        flat = ssp.flatten(variant, known)
         problems += flat.problems
         trees[variant.name] = scenario(variant, flat, shown, problems)
     first = next(iter(trees.values()))
@@ -60,11 +60,11 @@ def read(path: Path, shown: str, problems: list[str]) -> Node:
 
 def notes(path: Path, shown: str) -> list[str]:
     """Remarks on an SSP that do not keep it from running."""
-    package = ssp.opened(path, shown, BUILD.get())
+    package = ssp.open_package(path, shown, BUILD.get())
     known: dict[str, Any] = {}
     found = list(package.notes)
     for variant in package.variants:
-        found += ssp.flattened(variant, known).notes
+        found += ssp.flatten(variant, known).notes
         if variant.step is None:
             found.append(
                 f"{variant.where}: says no communication step: it is the smallest that an FMU suggests, or 1 ms."
@@ -78,18 +78,18 @@ def place(where: str) -> Place:
     return Place(file, int(line)) if file and line.isdigit() else Place(where)
 
 
-def scenario(variant: Variant, flat: Flat, shown: str, problems: list[str]) -> Node:
+def scenario(variant: Variant, flat: FlatSystem, shown: str, problems: list[str]) -> Node:
     """One variant's tree."""
     here = place(variant.where)
     kept = extra(variant, shown, problems)
-    own = ssp.told(variant.annotations.get("DefaultExperiment", []), "Experiment")
+    own = ssp.read_annotations(variant.annotations.get("DefaultExperiment", []), "Experiment")
     told = {name: node for name, node in kept.entries.items() if name not in OTHERS}
     entries = {"title": Node(variant.name or variant.system.name, here)}
     if variant.description:
         entries["description"] = Node(variant.description, here)
     entries |= told | {key: Node.of(own[key], here) for key in ("step", "algorithm") if key in own}
-    steps = [one.facts.step for one in flat.members.values() if one.facts and one.facts.step]
-    stops = [one.facts.stop for one in flat.members.values() if one.facts and one.facts.stop]
+    steps = [one.info.step for one in flat.members.values() if one.info and one.info.step]
+    stops = [one.info.stop for one in flat.members.values() if one.info and one.info.stop]
     times = {
         "start_time": variant.start,
         "stop_time": variant.stop if variant.stop is not None else max(stops, default=None),
@@ -133,16 +133,16 @@ def member_tree(member: Member, rhythm: Node | None) -> Node:
         )
     if rhythm is not None:
         entries |= {key: node for key, node in rhythm.entries.items() if key in RHYTHM}
-    own = ssp.told(member.annotations, "Member")
+    own = ssp.read_annotations(member.annotations, "Member")
     entries |= {key: Node.of(value, here) for key, value in own.items() if key in RHYTHM}
     return Node(entries, here)
 
 
-def wire(one: Wire, bond: Node | None) -> Node:
+def wire(one: FlatConnection, bond: Node | None) -> Node:
     """A connection; with its own factor and offset where the units of the members do not say all."""
     ends: dict[str, Any] = {"from": one.source, "to": one.target}
     if one.change is not None:
         ends |= {"factor": one.change.factor, "offset": one.change.offset, "convert": False}
-    own = ssp.told(one.annotations, "Connection")
+    own = ssp.read_annotations(one.annotations, "Connection")
     made = Node.of(ends | {key: own[key] for key in ("bond", "hold") if key in own}, place(one.where))
     return Node(made.entries | {"bond": bond}, made.place) if bond is not None else made

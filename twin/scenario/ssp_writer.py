@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from twin.coupling import Catalog, Link, MemberVariable, Reference
     from twin.scenario.spec import Case, MemberSpec, Scenario
     from twin.scenario.variable_names import Variables
-    from twin.ssp import Component, Port, Tie, Value
+    from twin.ssp import Component, OutlineConnection, Port, Value
 
 SHOWN = ("input", "output")  # what is a connector even if nothing is connected to it
 
@@ -92,7 +92,7 @@ def pack(
     rhythms = {name: rhythm(case, name, notes) for name in case.members}
     components = parts_of(case, made, used, variables, kept, rhythms)
     ssp.write(
-        ssp.Outline(
+        ssp.SystemOutline(
             re.sub(r"\W+", "_", f"s_{name}" if name[:1].isdigit() else name, flags=re.ASCII),
             scenario.description,
             "2.0" if any(one.fmi == "3.0" for one in made.values()) else "1.0",
@@ -195,7 +195,7 @@ def seen(made: Made, sources: Sequence[Reference], variables: Variables) -> Made
     if not outputs:
         return made
     told = {name: replace(v, causality="output") if name in outputs else v for name, v in made.variables.items()}
-    return replace(made, content=ssp.with_outputs(made.content, outputs), variables=told)
+    return replace(made, content=ssp.promote_locals_to_outputs(made.content, outputs), variables=told)
 
 
 def ends(made: Mapping[str, Made], one: Reference) -> list[tuple[str, str]]:
@@ -203,7 +203,7 @@ def ends(made: Mapping[str, Made], one: Reference) -> list[tuple[str, str]]:
     return made[one.member].ends(one.variable.name, one.first, one.size, one.variable.shape)
 
 
-def wires(made: Mapping[str, Made], link: Link, kept: Mapping[str, list[bytes]]) -> list[Tie]:
+def wires(made: Mapping[str, Made], link: Link, kept: Mapping[str, list[bytes]]) -> list[OutlineConnection]:
     """The connections that a link is in SSP: one, or one for each element where one side has no arrays.
 
     `kept`: others' annotations, by what is connected to.
@@ -218,7 +218,9 @@ def wires(made: Mapping[str, Made], link: Link, kept: Mapping[str, list[bytes]])
     names = [ssp.element_name(one.member) for one in (link.source, link.target)]
     own = tie(link, is_whole=len(found[0]) == 1)
     return [
-        ssp.Tie((names[0], *a), (names[1], *b), change, kept.get(indexed(link.target.member, *b), []), own)
+        ssp.OutlineConnection(
+            (names[0], *a), (names[1], *b), change, kept.get(indexed(link.target.member, *b), []), own
+        )
         for a, b in zip(*found, strict=True)
     ]
 
@@ -261,9 +263,9 @@ def others_annotations(scenario: Scenario, case: Case) -> tuple[dict[str, list[b
     """Annotations of others, if the scenario is an SSP itself: by member, by what is connected to, of the description."""
     if scenario.path.suffix != ssp_reader.SUFFIX:
         return {}, {}, {}
-    opened = ssp.opened(scenario.path, str(scenario.path), ssp_reader.BUILD.get())
-    one = next((one for one in opened.variants if one.name == case.variant), opened.variants[0])
-    flat = ssp.flattened(one, {})
+    open_package = ssp.open_package(scenario.path, str(scenario.path), ssp_reader.BUILD.get())
+    one = next((one for one in open_package.variants if one.name == case.variant), open_package.variants[0])
+    flat = ssp.flatten(one, {})
     of_all = one.annotations | {"": [*one.annotations[""], *one.system.annotations]}
     of_wires = {wire.target: list(wire.annotations) for wire in flat.wires}
     return {name: member.annotations for name, member in flat.members.items()}, of_wires, of_all
