@@ -49,21 +49,21 @@ def duration(value: Any) -> clock.Time:
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f"expected a time, such as 1 ms, not {short(value)}")  # noqa: TRY004 - what pydantic catches
     if isinstance(value, str) and (match := RATIO.fullmatch(value)):
-        over, under, symbol = match.groups()
+        numerator, denominator, symbol = match.groups()
     else:
         parts = split(value) if isinstance(value, str) else (repr(value), "s")
         if parts is None or (isinstance(value, float) and not math.isfinite(value)):
             raise ValueError(f"{short(value)} is not a time. Write a number and a unit, such as 1 ms or 1/30 s")
-        over, under, symbol = parts[0], "", parts[1]
+        numerator, denominator, symbol = parts[0], "", parts[1]
     if symbol not in DURATIONS and symbol:
         raise ValueError(f"{short(value)} is not a time: use s, ms, us, ns, min or h")
-    if under and not int(under):
+    if denominator and not int(denominator):
         raise ValueError(f"{short(value)} is divided by zero. Write a ratio such as 1/30 s")
-    exact = Fraction(over) / int(under or 1) * DURATIONS[symbol or "s"]
+    exact = Fraction(numerator) / int(denominator or 1) * DURATIONS[symbol or "s"]
     if abs(exact) > LONGEST:
         raise ValueError(f"{short(value)} is longer than {LONGEST // 10**9} s. Check the unit")
     try:
-        return clock.whole(exact) if under else clock.ratio(exact / clock.NANOSECONDS)
+        return clock.whole(exact) if denominator else clock.ratio(exact / clock.NANOSECONDS)
     except ValueError:
         raise ValueError(f"{short(value)} is too short a time. Check the unit") from None
 
@@ -141,8 +141,8 @@ def si(value: Any, symbol: str, what: str, is_difference: bool = False) -> float
 
 def to_si(symbol: str, is_difference: bool = False) -> tuple[float, float]:
     """(factor, offset) to SI of a unit that must be known."""
-    found = unit.describe(symbol)
-    return found.factor, 0.0 if is_difference else found.offset
+    description = unit.describe(symbol)
+    return description.factor, 0.0 if is_difference else description.offset
 
 
 def in_unit(symbol: str) -> str:
@@ -154,11 +154,11 @@ def resolve(value: Any, variable: MemberVariable, what: str) -> Any:
     """A value from the file as numpy scalar or array of the variable's type, shape and unit, within its bounds."""
     if isinstance(value, list) and not variable.shape:
         raise CouplingError(f"{what}: expected one value, not a list of {len(value)}.")
-    found = array(value, variable, what) if variable.shape else element(value, variable, what)
-    wrong, advice = variable.outside(found)
-    if wrong:
-        raise CouplingError(f"{what}{wrong}. {advice}")
-    return found
+    resolved = array(value, variable, what) if variable.shape else element(value, variable, what)
+    violation, advice = variable.outside(resolved)
+    if violation:
+        raise CouplingError(f"{what}{violation}. {advice}")
+    return resolved
 
 
 def array(value: Any, variable: MemberVariable, what: str) -> Any:
@@ -169,15 +169,15 @@ def array(value: Any, variable: MemberVariable, what: str) -> Any:
         if not isinstance(item, list):
             flat.append(element(item, variable, what))
             return ()
-        shapes = {shape(one) for one in item}
+        shapes = {shape(child) for child in item}
         return (len(item), *(shapes.pop() if len(shapes) == 1 else (-1,) * bool(shapes)))
 
-    given = shape(value)
-    if given not in ((), variable.shape):
+    given_shape = shape(value)
+    if given_shape not in ((), variable.shape):
         sizes = " x ".join(map(str, variable.shape))
-        raise CouplingError(f"{what}: expected {sizes} values or one for all, not {' x '.join(map(str, given))}.")
+        raise CouplingError(f"{what}: expected {sizes} values or one for all, not {' x '.join(map(str, given_shape))}.")
     result = np.empty(variable.shape, variable.dtype)
-    result[...] = np.asarray(flat, variable.dtype).reshape(given)
+    result[...] = np.asarray(flat, variable.dtype).reshape(given_shape)
     return result
 
 
@@ -187,8 +187,8 @@ def item(value: Any, items: dict[str, int], what: str) -> int:
         return items[value]
     if isinstance(value, int) and not isinstance(value, bool) and value in items.values():
         return value
-    known = ", ".join(f"`{name}` ({number})" for name, number in items.items())
-    raise CouplingError(f"{what}: expected an item of the enumeration, not {short(value)}. Choose from {known}.")
+    choices = ", ".join(f"`{name}` ({number})" for name, number in items.items())
+    raise CouplingError(f"{what}: expected an item of the enumeration, not {short(value)}. Choose from {choices}.")
 
 
 def element(value: Any, variable: MemberVariable, what: str) -> Any:

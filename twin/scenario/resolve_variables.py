@@ -10,7 +10,7 @@ from twin.component import catalog
 from twin.errors import ScenarioError, TwinError
 from twin.scenario import quantities
 from twin.scenario.check import check_against
-from twin.scenario.restrict_to_known import checkable
+from twin.scenario.restrict_to_known import restrict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from twin.scenario.variable_names import Variables
 
 
-class Known:
+class VariableCache:
     """Variables of components, each found out once, also that there are none. Without `imports`: of FMUs only."""
 
     def __init__(self, imports: bool) -> None:
         self.imports = imports
         self.names: set[str] = set()  # of components that there are
         self.sampled: dict[str, str] = {}  # what of a component is the time it samples at, by its name
-        self.found: dict[str, Mapping[str, MemberVariable] | TwinError] = {}  # by component and its shapes
+        self.variables_by_key: dict[str, Mapping[str, MemberVariable] | TwinError] = {}  # by component and its shapes
 
     def variables(self, name: str, member: MemberSpec) -> Mapping[str, MemberVariable] | None:
         """The variables of a member; None if they are not to be known, TwinError if they cannot be."""
@@ -45,16 +45,16 @@ class Known:
         from twin.scenario import members
 
         key = f"{member.component} {sizes or ''}"
-        if key not in self.found:
+        if key not in self.variables_by_key:
             try:
                 self.refuse_unknown(member)
-                self.found[key] = members.variables(member.made or member.component, sizes)
+                self.variables_by_key[key] = members.variables(member.made or member.component, sizes)
             except TwinError as error:
-                self.found[key] = error
-        found = self.found[key]
-        if isinstance(found, TwinError):
-            raise found
-        return found
+                self.variables_by_key[key] = error
+        result = self.variables_by_key[key]
+        if isinstance(result, TwinError):
+            raise result
+        return result
 
     def refuse_unknown(self, member: MemberSpec) -> None:
         """DeclarationError if there is no component of this name; nothing is imported."""
@@ -74,12 +74,12 @@ class Known:
         """The parameter that says how often a member samples by itself, or nothing."""
         from twin.scenario import members
 
-        made = members.component_of(member)
-        if not isinstance(made, str):
-            return made.samples_at
-        if made not in self.sampled:
-            self.sampled[made] = catalog.component(made).samples_at
-        return self.sampled[made]
+        component = members.component_of(member)
+        if not isinstance(component, str):
+            return component.samples_at
+        if component not in self.sampled:
+            self.sampled[component] = catalog.component(component).samples_at
+        return self.sampled[component]
 
 
 def look_up(scenario: Scenario, *, imports: bool = True) -> tuple[dict[str, Catalog], list[str]]:
@@ -88,37 +88,41 @@ def look_up(scenario: Scenario, *, imports: bool = True) -> tuple[dict[str, Cata
     A member that cannot be looked up is in no catalog; all that does not need it is checked nevertheless. Without
     `imports` those are all but FMUs.
     """
-    known = Known(imports)
+    variable_cache = VariableCache(imports)
     problems: dict[str, None] = {}
     catalogs: dict[str, Catalog] = {}
     for case in scenario.variants:
-        own: dict[str, Mapping[str, MemberVariable]] = {}
+        member_variables: dict[str, Mapping[str, MemberVariable]] = {}
         for name, member in case.members.items():
             try:
-                if (variables := known.variables(name, member)) is not None:
-                    own[name] = variables
+                if (variables := variable_cache.variables(name, member)) is not None:
+                    member_variables[name] = variables
             except TwinError as error:
-                found = getattr(error, "problems", [str(error)])
-                problems |= dict.fromkeys(f"{member.where}: member `{name}`: {one}" for one in found)
-        catalogs[case.variant] = own
+                messages = getattr(error, "problems", [str(error)])
+                problems |= dict.fromkeys(f"{member.where}: member `{name}`: {message}" for message in messages)
+        catalogs[case.variant] = member_variables
     analyses = set()
-    for one in scenario.analyses if imports else ():
+    for analysis in scenario.analyses if imports else ():
         try:
-            one.load()
-            analyses.add(one.name)
+            analysis.load()
+            analyses.add(analysis.name)
         except ScenarioError as error:
             problems |= dict.fromkeys(error.problems)
-    part = checkable(scenario, catalogs, analyses)
-    for case in part.variants:
-        found = catalogs[case.variant]
-        problems |= dict.fromkeys(one for name in case.members for one in rhythm(name, case))
-        problems |= dict.fromkeys(one for name in case.members for one in sampling(name, case, found[name], known))
-        problems |= dict.fromkeys(case.system(found).check())
-    problems |= dict.fromkeys(check_against(part, catalogs))
+    restricted = restrict(scenario, catalogs, analyses)
+    for case in restricted.variants:
+        case_catalog = catalogs[case.variant]
+        problems |= dict.fromkeys(problem for name in case.members for problem in check_rhythm(name, case))
+        problems |= dict.fromkeys(
+            problem
+            for name in case.members
+            for problem in check_sampling(name, case, case_catalog[name], variable_cache)
+        )
+        problems |= dict.fromkeys(case.system(case_catalog).check())
+    problems |= dict.fromkeys(check_against(restricted, catalogs))
     return catalogs, list(problems)
 
 
-def rhythm(name: str, case: Case) -> list[str]:
+def check_rhythm(name: str, case: Case) -> list[str]:
     """What is wrong with how often a member samples and communicates, where the scenario says something about it."""
     from twin.scenario import members
 
@@ -126,52 +130,56 @@ def rhythm(name: str, case: Case) -> list[str]:
     if not spec.period_ns and not spec.communication_ns:
         return []
     key = "communication_step" if spec.communication_ns else "period"
-    where, own = f"{spec.places.get(key, spec.where)}: member `{name}`", members.tick(spec)
-    word = Path(spec.component).name
-    if spec.period_ns and own not in (0, spec.period_ns):
+    where, own_period = f"{spec.places.get(key, spec.where)}: member `{name}`", members.tick(spec)
+    component_name = Path(spec.component).name
+    if spec.period_ns and own_period not in (0, spec.period_ns):
         advice = (
             f"For how often it communicates write `communication_step: {clock.text(spec.period_ns)}`, or leave it out."
         )
-        return [f"{where}: {word} samples at its own {clock.text(own)}, which cannot be changed from outside. {advice}"]
-    if spec.period_ns and spec.communication_ns and not own:
-        return [f"{where}: {word} does not sample by itself, so it has no period. Keep communication_step alone."]
-    every = members.communication(spec) or own
-    if every % case.step_ns:
-        return [f"{where}: {uneven(key, every, case.step_ns, 'step')}"]
-    if own % every and every % (own or every) and not spec.component.endswith(".fmu"):
-        return [f"{where}: {uneven('period', own, every, 'communication_step')}"]
+        return [
+            f"{where}: {component_name} samples at its own {clock.text(own_period)}, which cannot be changed from outside. {advice}"
+        ]
+    if spec.period_ns and spec.communication_ns and not own_period:
+        return [
+            f"{where}: {component_name} does not sample by itself, so it has no period. Keep communication_step alone."
+        ]
+    interval = members.communication(spec) or own_period
+    if interval % case.step_ns:
+        return [f"{where}: {not_a_multiple(key, interval, case.step_ns, 'step')}"]
+    if own_period % interval and interval % (own_period or interval) and not spec.component.endswith(".fmu"):
+        return [f"{where}: {not_a_multiple('period', own_period, interval, 'communication_step')}"]
     return []
 
 
-def sampling(name: str, case: Case, variables: Variables, known: Known) -> list[str]:
+def check_sampling(name: str, case: Case, variables: Variables, variable_cache: VariableCache) -> list[str]:
     """That what a member samples at by itself, a parameter of it, does not divide its communication step."""
     from twin.scenario import members
 
     spec = case.members[name]
     if spec.component.endswith(".fmu"):
         return []
-    key = known.samples_at(spec)
+    key = variable_cache.samples_at(spec)
     if not key:
         return []
     values, problems = spec.values(name, variables)
     if problems:  # they are told with the others
         return []
-    every, step = clock.nanoseconds(float(values.get(key, variables[key].start))), members.communication(spec)
+    period, step = clock.nanoseconds(float(values.get(key, variables[key].start))), members.communication(spec)
     step = step or case.step_ns
-    if every > 0 and not step % every:
+    if period > 0 and not step % period:
         return []
     where = f"{spec.places.get(key, spec.where)}: member `{name}`"
-    advice = f"Use {clock.parts_near(step, every)}"
-    return [f"{where}: {key} {clock.text(every)} does not divide its step of {clock.text(step)}. {advice}."]
+    advice = f"Use {clock.parts_near(step, period)}"
+    return [f"{where}: {key} {clock.text(period)} does not divide its step of {clock.text(step)}. {advice}."]
 
 
-def uneven(key: str, time: clock.Time, step: clock.Time, word: str) -> str:
+def not_a_multiple(key: str, time: clock.Time, step: clock.Time, step_name: str) -> str:
     """A time that is no multiple of another one, and those next to it that are [ns]."""
-    low = time // step * step
-    choice = " or ".join(clock.text(one) for one in (low, low + step) if one)
+    lower = time // step * step
+    choice = " or ".join(clock.text(candidate) for candidate in (lower, lower + step) if candidate)
     common = clock.text(clock.common_step([time, step]))
-    what = f"{key} {clock.text(time)} is not a multiple of {word} {clock.text(step)}"
-    return f"{what}. Use {choice}, or a {word} of {common}."
+    finding = f"{key} {clock.text(time)} is not a multiple of {step_name} {clock.text(step)}"
+    return f"{finding}. Use {choice}, or a {step_name} of {common}."
 
 
 def structural(member: str, spec: MemberSpec, variables: Variables) -> dict[str, Any]:

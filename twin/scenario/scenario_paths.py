@@ -15,16 +15,16 @@ def folders(kind: str) -> list[Path]:
     import sysconfig
 
     roots = (Path(), Path(__file__).parents[2], Path(sysconfig.get_path("data"), SHARE))
-    return [place for root in roots if (place := root / FOLDERS[kind]).is_dir()]
+    return [folder for root in roots if (folder := root / FOLDERS[kind]).is_dir()]
 
 
 def scenarios(kind: str = "scenario") -> dict[str, Path]:
     """Path of each scenario, or study, by its name, sorted; the first folder counts."""
-    found: dict[str, Path] = {}
+    paths: dict[str, Path] = {}
     for folder in folders(kind):
         for path in sorted(folder.glob("*.yaml")):
-            found.setdefault(path.stem, path)
-    return dict(sorted(found.items()))
+            paths.setdefault(path.stem, path)
+    return dict(sorted(paths.items()))
 
 
 def title(path: Path) -> str:
@@ -38,21 +38,23 @@ def title(path: Path) -> str:
     return str(next((entries[key].value for key in ("title", "description") if key in entries), ""))
 
 
-def located(what: str | Path, kind: str = "scenario") -> Path:
+def located(name_or_path: str | Path, kind: str = "scenario") -> Path:
     """A path as it is; a bare name that is no file here stands for the scenario or study of this name.
 
     ScenarioError for an unknown name, and for a file that is not there where its name is known.
     """
-    path = Path(what)
+    path = Path(name_or_path)
     if path.suffix and not path.exists() and path.stem in scenarios(kind):
         raise ScenarioError(
             f"{path}: is not there. There is a {kind} of this name elsewhere: give the name alone, {path.stem}."
         )
     if path.suffix or len(path.parts) != 1 or path.is_file():
         return path
-    known = scenarios(kind)
-    if path.name not in known and path.exists():  # a folder, or what is no file: whoever reads it says so
+    named_paths = scenarios(kind)
+    if path.name not in named_paths and path.exists():  # a folder, or what is no file: whoever reads it says so
         return path
-    if path.name not in known:
-        raise ScenarioError(f"There is no {kind} {path.name!r}, and no file of this name. {nearest(path.name, known)}")
-    return known[path.name]
+    if path.name not in named_paths:
+        raise ScenarioError(
+            f"There is no {kind} {path.name!r}, and no file of this name. {nearest(path.name, named_paths)}"
+        )
+    return named_paths[path.name]

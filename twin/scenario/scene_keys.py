@@ -26,12 +26,14 @@ POINTS = "2 or 3 numbers for each point"
 def scene(builder: Builder, index: int, keys: SceneKeys) -> Scene:
     """A scene; what is wrong in its environment's file is told too."""
     path, what = ("scenes", index), f"scene `{keys.title}`"
-    found = environment(builder, path, keys, what)
-    motions = set(found.motions) if found else set()
+    scene_environment = environment(builder, path, keys, what)
+    motions = set(scene_environment.motions) if scene_environment else set()
     for name in keys.motions:
-        if found is not None and name not in motions:
+        if scene_environment is not None and name not in motions:
             hint = nearest(name, motions) or " It has no moving walls."
-            builder.problem((*path, "motions", name), f"{what}: no wall of {found.name} moves with `{name}`.{hint}")
+            builder.problem(
+                (*path, "motions", name), f"{what}: no wall of {scene_environment.name} moves with `{name}`.{hint}"
+            )
     for name in sorted(motions - set(keys.motions)):
         builder.problem(path, f"{what}: walls move with `{name}`. Say how far: `motions: {{{name}: member.variable}}`.")
     if not (keys.lines or keys.points or keys.arrows):
@@ -50,7 +52,7 @@ def scene(builder: Builder, index: int, keys: SceneKeys) -> Scene:
         builder.problem((*path, "axes"), f"{what}: axes: {axes[0]} is given twice. Give two, such as [x, z].")
     widths = [builder.si((*path, "lines", i), one.width, "m", f"{what}: width") for i, one in enumerate(keys.lines)]
     return Scene(
-        keys.title, found, dict(keys.motions),
+        keys.title, scene_environment, dict(keys.motions),
         tuple(Line(one.signal, one.label or one.signal, width or 0.0)
               for one, width in zip(keys.lines, widths, strict=True)),
         tuple(Mark(one.label or one.signal or (one.along.text if one.along else ""), one.signal or "", one.along)
@@ -58,7 +60,7 @@ def scene(builder: Builder, index: int, keys: SceneKeys) -> Scene:
         tuple(Arrow(one.signal, one.at, one.label or one.signal) for one in keys.arrows),
         tuple(Curve(one.signal, one.label or one.signal.text) for one in keys.signals),
         builder.unit((*path, "unit"), keys.unit, what), (AXES.index(axes[0]), AXES.index(axes[1])),
-        builder.window(path, keys, what), builder.known((*path, "variants"), keys.variants, what),
+        builder.window(path, keys, what), builder.existing_variants((*path, "variants"), keys.variants, what),
         str(builder.tree.find(path).place),
     )  # fmt: skip
 
@@ -81,19 +83,19 @@ def environment(builder: Builder, path: tuple[str | int, ...], keys: SceneKeys, 
 
 def check_arrays(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> Iterable[str]:
     """What is wrong with the signals that scenes draw as points: names, shapes, units."""
-    for one in scenario.scenes:
-        named = [catalogs[name] for name in one.variants or catalogs]
-        for name, key, is_place in dict.fromkeys(one.arrays):
-            found = [problem(name, key, is_place, catalog) for catalog in named]
-            if found and all(found):
-                yield f"{one.where}: scene `{one.title}`: {key}: {found[0]}"
-        for arrow in one.arrows:
-            shapes = [tuple(shape(name, catalog) for name in (arrow.at, arrow.signal)) for catalog in named]
-            wrong = [pair for pair in shapes if None not in pair and pair[0] != pair[1]]
-            if wrong:
-                at, vectors = (sized(size) for size in wrong[0])
+    for scene in scenario.scenes:
+        relevant = [catalogs[name] for name in scene.variants or catalogs]
+        for name, key, is_position in dict.fromkeys(scene.arrays):
+            reasons = [problem(name, key, is_position, catalog) for catalog in relevant]
+            if reasons and all(reasons):
+                yield f"{scene.where}: scene `{scene.title}`: {key}: {reasons[0]}"
+        for arrow in scene.arrows:
+            shapes = [tuple(shape(name, catalog) for name in (arrow.at, arrow.signal)) for catalog in relevant]
+            mismatches = [pair for pair in shapes if None not in pair and pair[0] != pair[1]]
+            if mismatches:
+                at, vectors = (sized(size) for size in mismatches[0])
                 reason = f"{arrow.at} {at}, {arrow.signal} {vectors}. One vector for each point is needed."
-                yield f"{one.where}: scene `{one.title}`: arrows: {reason}"
+                yield f"{scene.where}: scene `{scene.title}`: arrows: {reason}"
 
 
 def shape(name: str, catalog: Catalog) -> Any:
@@ -109,7 +111,7 @@ def sized(size: tuple[int, ...]) -> str:
     return f"has {' x '.join(map(str, size))} elements" if size else "is a single value"
 
 
-def problem(name: str, key: str, is_place: bool, catalog: Catalog) -> str:
+def problem(name: str, key: str, is_position: bool, catalog: Catalog) -> str:
     """Why a signal cannot be drawn as points, or nothing."""
     try:
         variable, index = find(name, catalog)
@@ -121,7 +123,7 @@ def problem(name: str, key: str, is_place: bool, catalog: Catalog) -> str:
     if not variable.shape or variable.shape[-1] not in (2, 3) or len(rows) > 1 or (key == "lines" and rows < (2,)):
         example = "n x 2" if key == "lines" else "2 or k x 2"
         return f"{name} {sized(variable.shape)}, expected {POINTS}: {example}. Name such an array."
-    if is_place and not fits(variable.unit):
+    if is_position and not fits(variable.unit):
         return f"{name} is in {unit.shown(variable.unit) or 'no unit'}, expected a length. Name points in space."
     return ""
 

@@ -87,35 +87,35 @@ def algorithm(value: Any) -> Algorithm | None:
         raise ValueError(  # noqa: TRY004 - pydantic's way
             f"expected a name such as jacobi, or its name and options, not {short(value)}"
         )
-    given = {"name": value} if isinstance(value, str) else {"name": "jacobi", **value}
-    if given["name"] not in (known := [one.name for one in Algorithm]):
-        raise ValueError(f"`{short(given['name'])}` is not known.{nearest(str(given['name']), known)}")
+    options = {"name": value} if isinstance(value, str) else {"name": "jacobi", **value}
+    if options["name"] not in (names := [item.name for item in Algorithm]):
+        raise ValueError(f"`{short(options['name'])}` is not known.{nearest(str(options['name']), names)}")
     readers: dict[str, Callable[[Any], Any]] = {
         **dict.fromkeys(RATIOS, fraction),
         "smallest": positive,
-        "scales": sizes,
+        "scales": parse_scales,
     }
     try:
-        return Algorithm({key: readers.get(key, raw)(one) for key, one in given.items()})  # type: ignore[no-any-return]
+        return Algorithm({key: readers.get(key, raw)(item) for key, item in options.items()})  # type: ignore[no-any-return]
     except CouplingError as error:
         raise ValueError(str(error).removeprefix("algorithm: ")) from None
 
 
-def sizes(value: Any) -> dict[str, Any]:
+def parse_scales(value: Any) -> dict[str, Any]:
     """Values of variables, as they are written."""
     if not isinstance(value, dict):
         raise ValueError(f"expected scales such as {{wall.force: 0.2 N}}, not {short(value)}")  # noqa: TRY004
-    return {reference(name): raw(one) for name, one in value.items()}
+    return {reference(name): raw(size) for name, size in value.items()}
 
 
-def published(value: Any) -> Any:
+def reference_figures(value: Any) -> Any:
     """One figure, or one for each variant."""
     if isinstance(value, dict):
         return {name: raw(item, 4) for name, item in value.items()}
     return raw(value, 4)
 
 
-def one_or_more(value: Any) -> Any:
+def as_list(value: Any) -> Any:
     """A list, also of one."""
     return value if isinstance(value, list) else [value]
 
@@ -181,20 +181,20 @@ class EventKeys(Keys):
     at: Moment
     set: dict[Reference, Value] = {}
     override: dict[Reference, Value] = {}
-    release: Annotated[list[Reference], BeforeValidator(one_or_more)] = []
+    release: Annotated[list[Reference], BeforeValidator(as_list)] = []
     fault: dict[str, Any] | None = None
     description: Text = ""
 
     @model_validator(mode="before")
     @classmethod
-    def apart(cls, value: Any) -> Any:
+    def collect_fault_keys(cls, value: Any) -> Any:
         """Leave the keys of a fault to those who know faults."""
         if not isinstance(value, dict) or "fault" not in value:
             return value
         if others := [key for key in ("set", "override", "release") if key in value]:
             raise ValueError(f"`fault` and `{others[0]}` in one event. Make two events of them")
-        own = {key: item for key, item in value.items() if key in ("at", "description")}
-        return own | {"fault": {key: item for key, item in value.items() if key not in own}}
+        event_keys = {key: item for key, item in value.items() if key in ("at", "description")}
+        return event_keys | {"fault": {key: item for key, item in value.items() if key not in event_keys}}
 
 
 class RecordKeys(Keys):
@@ -217,9 +217,9 @@ class MetricKeys(WindowKeys):
     signal: Signal
     reduce: Literal["mean", "std", "rms", "max_abs", "min", "max", "final", "peak_to_peak"]
     unit: Text = ""
-    paper: Annotated[Any, BeforeValidator(published)] = None
+    paper: Annotated[Any, BeforeValidator(reference_figures)] = None
     tolerance: Annotated[float, BeforeValidator(fraction)] | None = None
-    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
     description: Text = ""
 
 
@@ -229,7 +229,7 @@ class ExpectKeys(WindowKeys):
     name: Text = ""
     metric: str | None = None
     signal: Signal | None = None
-    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
     at_least: Value | None = None
     at_most: Value | None = None
     within: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
@@ -247,7 +247,7 @@ class AnalysisKeys(WindowKeys):
 
     function: Text
     inputs: Annotated[dict[str, Signal], Field(min_length=1)]
-    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
     description: Text = ""
 
 
@@ -278,7 +278,7 @@ class PlotKeys(WindowKeys):
     points: bool = False
     variants: list[Text] = []
     band: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
-    lines: Annotated[list[Value], BeforeValidator(one_or_more)] = []
+    lines: Annotated[list[Value], BeforeValidator(as_list)] = []
 
 
 class SceneLineKeys(Keys):
@@ -311,13 +311,13 @@ class SceneKeys(WindowKeys):
     title: Text
     environment: Text = ""
     motions: dict[str, Signal] = {}
-    lines: Annotated[list[Annotated[SceneLineKeys, BeforeValidator(curve)]], BeforeValidator(one_or_more)] = []
-    points: Annotated[list[Annotated[ScenePointKeys, BeforeValidator(curve)]], BeforeValidator(one_or_more)] = []
-    arrows: Annotated[list[SceneArrowKeys], BeforeValidator(one_or_more)] = []
-    signals: Annotated[list[Annotated[CurveKeys, BeforeValidator(curve)]], BeforeValidator(one_or_more)] = []
+    lines: Annotated[list[Annotated[SceneLineKeys, BeforeValidator(curve)]], BeforeValidator(as_list)] = []
+    points: Annotated[list[Annotated[ScenePointKeys, BeforeValidator(curve)]], BeforeValidator(as_list)] = []
+    arrows: Annotated[list[SceneArrowKeys], BeforeValidator(as_list)] = []
+    signals: Annotated[list[Annotated[CurveKeys, BeforeValidator(curve)]], BeforeValidator(as_list)] = []
     unit: Text = ""
     axes: Annotated[list[Literal["x", "y", "z"]], Field(min_length=2, max_length=2)] | None = None
-    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
 
 
 class ControlKeys(Keys):
@@ -336,13 +336,13 @@ class ControlKeys(Keys):
     dead_zone: Annotated[float, BeforeValidator(fraction), Field(lt=1.0)] = 0.0
     along: dict[Reference, Value] = {}
     stick: Literal["", "x", "y", "x2", "y2"] = ""
-    keys: Annotated[list[Text], BeforeValidator(one_or_more), Field(max_length=2)] = []
+    keys: Annotated[list[Text], BeforeValidator(as_list), Field(max_length=2)] = []
     axis: Annotated[int, Field(strict=True, ge=0, lt=32)] | None = None
     reverse: bool = False
     buttons: Annotated[
-        list[Annotated[int, Field(strict=True, ge=0, lt=64)]], BeforeValidator(one_or_more), Field(max_length=2)
+        list[Annotated[int, Field(strict=True, ge=0, lt=64)]], BeforeValidator(as_list), Field(max_length=2)
     ] = []
-    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
 
 
 class RunKeys(Keys):
@@ -388,7 +388,7 @@ class ScenarioKeys(RunKeys):
     expect: list[ExpectKeys] = []
     plots: list[PlotKeys] = []
     scenes: list[SceneKeys] = []
-    groups: dict[str, Annotated[list[Text], BeforeValidator(one_or_more), Field(min_length=1)]] = {}
+    groups: dict[str, Annotated[list[Text], BeforeValidator(as_list), Field(min_length=1)]] = {}
     console: list[ControlKeys] = []
     valid_until: ValidityKeys | None = None
     mutations: MutationKeys | None = None

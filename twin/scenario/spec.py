@@ -42,7 +42,7 @@ class Exchange:
     solver_tolerance: float | None = None
 
     @property
-    def is_asked_for(self) -> bool:
+    def is_specified(self) -> bool:
         """Whether the scenario says anything of it."""
         return self != Exchange()
 
@@ -84,9 +84,15 @@ class MemberSpec:
                 problems += [f"{where}: {problem}" for problem in error.problems]
                 continue
             if index:
-                whole = variables[variable.name]
-                start = np.zeros(whole.shape, whole.dtype) if whole.start is None else whole.start
-                array = values.setdefault(whole.name, np.array(np.broadcast_to(start, whole.shape), whole.dtype))
+                array_variable = variables[variable.name]
+                start = (
+                    np.zeros(array_variable.shape, array_variable.dtype)
+                    if array_variable.start is None
+                    else array_variable.start
+                )
+                array = values.setdefault(
+                    array_variable.name, np.array(np.broadcast_to(start, array_variable.shape), array_variable.dtype)
+                )
                 array[tuple(i - 1 for i in index)] = resolved
             else:
                 values[variable.name] = resolved
@@ -138,7 +144,7 @@ class FaultSpec:
         """`heartbeat, node servomotor, duration 500 ms`."""
         keys = self.tree.plain()
         return ", ".join(
-            [str(keys["fault"]), *(f"{key} {one}" for key, one in keys.items() if key not in ("at", "fault"))]
+            [str(keys["fault"]), *(f"{key} {value}" for key, value in keys.items() if key not in ("at", "fault"))]
         )
 
 
@@ -222,22 +228,22 @@ class Case:
 
         Single elements (`r[1]`) are filled into the array of start values. ScenarioError lists every problem.
         """
-        found, problems = self.members[member].values(member, variables)
+        values, problems = self.members[member].values(member, variables)
         if problems:
             raise ScenarioError(problems)
         spec = self.members[member]
         seeds = ["seed", *(name for name in variables if spec.made and name.endswith(".seed"))]
         for name in seeds:
-            own = variables.get(name)
+            seed_variable = variables.get(name)
             if (
-                own is not None
-                and own.type in ("Int32", "Int64")
-                and own.causality == "parameter"
-                and name not in found
+                seed_variable is not None
+                and seed_variable.type in ("Int32", "Int64")
+                and seed_variable.causality == "parameter"
+                and name not in values
             ):
                 owner = f"{member}.{name}".removesuffix(".seed")
-                found[name] = own.dtype.type(member_seed(self.seed, owner))
-        return found
+                values[name] = seed_variable.dtype.type(member_seed(self.seed, owner))
+        return values
 
     def system(self, catalog: Catalog) -> System:
         """What couples its members, to be checked against their variables."""
@@ -245,22 +251,30 @@ class Case:
             catalog,
             [
                 Connection(
-                    one.source, one.target, one.where, "", one.factor, one.offset, one.convert, one.bond, one.hold
+                    connection.source,
+                    connection.target,
+                    connection.where,
+                    "",
+                    connection.factor,
+                    connection.offset,
+                    connection.convert,
+                    connection.bond,
+                    connection.hold,
                 )
-                for one in self.connections
+                for connection in self.connections
             ],
         )
 
     def method(self, catalog: Catalog) -> Algorithm:
         """Its algorithm, with the sizes of variables as numbers in SI; ScenarioError if there is no such variable."""
-        found = {}
-        for name, given in self.algorithm.scales.items():
+        scales = {}
+        for name, raw in self.algorithm.scales.items():
             try:
-                found[name] = float(value.resolve(given, find(name, catalog)[0], f"algorithm: scales: {name}"))
+                scales[name] = float(value.resolve(raw, find(name, catalog)[0], f"algorithm: scales: {name}"))
             except CouplingError as error:
                 raise ScenarioError(str(error)) from None
-        own = self.algorithm
-        return Algorithm({"name": own.name, **own.options, "scales": found}) if found else own
+        algorithm = self.algorithm
+        return Algorithm({"name": algorithm.name, **algorithm.options, "scales": scales}) if scales else algorithm
 
     def event_value(self, event: EventSpec, catalog: Catalog) -> Any:
         """An event's value as numpy scalar or array in the variable's unit; for an element `r[1]`, its scalar."""
@@ -311,20 +325,20 @@ class Scenario:
 
     def cases(self, variants: Sequence[str] = (), seeds: Sequence[int] = ()) -> list[Case]:
         """Every run in the order of the file: variants, and in each its seeds. Some of them, if named."""
-        known = [case.variant for case in self.variants]
+        variant_names = [case.variant for case in self.variants]
         for name in variants:
-            if name not in known:
-                raise ScenarioError(f"{self.path}: there is no variant `{name}`.{nearest(name, known)}")
+            if name not in variant_names:
+                raise ScenarioError(f"{self.path}: there is no variant `{name}`.{nearest(name, variant_names)}")
         for seed in seeds:
             if not 0 <= seed < 2**31:
                 raise ScenarioError(f"{self.path}: seed {seed} is out of range. Give 0 to {2**31 - 1}.")
-        chosen = [case for case in self.variants if not variants or case.variant in variants]
-        return [replace(case, seed=seed) for case in chosen for seed in dict.fromkeys(seeds or self.seeds)]
+        selected = [case for case in self.variants if not variants or case.variant in variants]
+        return [replace(case, seed=seed) for case in selected for seed in dict.fromkeys(seeds or self.seeds)]
 
     def derived(self, variant: str) -> Catalog:
         """What the analyses of a variant give, as if each were a member."""
-        chosen = [one for one in self.analyses if not one.variants or variant in one.variants]
-        return {one.name: one.variables() for one in chosen}
+        analyses = [analysis for analysis in self.analyses if not analysis.variants or variant in analysis.variants]
+        return {analysis.name: analysis.variables() for analysis in analyses}
 
     def frozen(self) -> str:
         """The scenario as one YAML text: everything merged, overrides applied, paths of FMUs absolute."""

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 ELEMENT = re.compile(r"(.+?)\[(\d+(?:\s*,\s*\d+)*)\]")
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: str, candidates: Iterable[str]) -> str:
     """The hint of `errors.nearest` behind a blank; nothing if nothing is known."""
-    names = list(known)
+    names = list(candidates)
     return f" {errors.nearest(name, names, '`')}" if names else ""
 
 
@@ -32,10 +32,10 @@ def inside(index: tuple[int, ...], shape: tuple[int, ...]) -> bool:
 
 def no_element(name: str, index: tuple[int, ...], variable: MemberVariable) -> str:
     """An array element that does not exist."""
-    wanted = f"[{','.join(map(str, index))}]"
+    index_text = f"[{','.join(map(str, index))}]"
     if not variable.shape:
-        return f"{name} is a single value: it has no element {wanted}. Leave the brackets out."
-    return f"{name} has no element {wanted}: its size is {' x '.join(map(str, variable.shape))}, counted from 1."
+        return f"{name} is a single value: it has no element {index_text}. Leave the brackets out."
+    return f"{name} has no element {index_text}: its size is {' x '.join(map(str, variable.shape))}, counted from 1."
 
 
 def find(reference: str, catalog: Catalog) -> tuple[MemberVariable, tuple[int, ...]]:
@@ -60,7 +60,7 @@ def matching(catalog: Catalog, *patterns: str) -> list[str]:
     """All that patterns with `*` mean: everything that can be recorded but parameters."""
     if not patterns:
         return []
-    expression = re.compile("|".join(".*".join(map(re.escape, one.split("*"))) for one in patterns))
+    expression = re.compile("|".join(".*".join(map(re.escape, pattern.split("*"))) for pattern in patterns))
     return [
         path
         for member, variables in catalog.items()

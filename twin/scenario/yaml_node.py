@@ -7,7 +7,7 @@ from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class SourceLocation:
     """Where something stands; `line` counts from 1, and 0 means the whole of `file` (an option, say)."""
 
     file: str
@@ -23,14 +23,14 @@ class Node:
     """A value and its place: a scalar, a list of nodes or a dict of nodes. For a dict's value, the place of its key."""
 
     value: Any
-    place: Place
+    place: SourceLocation
 
     @classmethod
-    def of(cls, value: Any, place: Place) -> Node:
+    def of(cls, value: Any, location: SourceLocation) -> Node:
         """The tree of plain dicts, lists and values that all stand in one place."""
         if isinstance(value, dict):
-            return cls({key: cls.of(one, place) for key, one in value.items()}, place)
-        return cls([cls.of(one, place) for one in value] if isinstance(value, list) else value, place)
+            return cls({key: cls.of(item, location) for key, item in value.items()}, location)
+        return cls([cls.of(item, location) for item in value] if isinstance(value, list) else value, location)
 
     @property
     def entries(self) -> dict[str, Node]:

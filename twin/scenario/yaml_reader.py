@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from twin.errors import ScenarioError
-from twin.scenario.yaml_node import Node, Place
+from twin.scenario.yaml_node import Node, SourceLocation
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -81,11 +81,11 @@ def parse(text: str, shown: str, problems: list[str] | None = None) -> Node:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f":{mark.line + 1}" if mark else ""
-        what = " ".join(str(part) for part in (error.problem, error.context) if part)
+        reason = " ".join(str(part) for part in (error.problem, error.context) if part)
         # a trap of YAML: inside { } and [ ], plain text ends at the bracket of `sheath.x[3]`
         element = mark is not None and re.search(r"[A-Za-z_0-9]\[", text.split("\n")[min(mark.line, text.count("\n"))])
         advice = "Put names like x[3] in quotes" if element else "Check indentation, quotes and brackets"
-        raise ScenarioError(f"{shown}{line}: not YAML: {what}. {advice} there.") from None
+        raise ScenarioError(f"{shown}{line}: not YAML: {reason}. {advice} there.") from None
     except yaml.reader.ReaderError as error:
         line = f":{text.count(chr(10), 0, error.position) + 1}" if 0 <= error.position <= len(text) else ""
         raise ScenarioError(f"{shown}{line}: not YAML: {error.reason}. Remove that character.") from None
@@ -101,9 +101,9 @@ class Composer:
         self.raises = problems is None
         self.problems = [] if problems is None else problems
 
-    def place(self, event: Any) -> Place:
+    def location(self, event: Any) -> SourceLocation:
         """Where an event begins."""
-        return Place(self.shown, event.start_mark.line + 1, event.start_mark.column + 1)
+        return SourceLocation(self.shown, event.start_mark.line + 1, event.start_mark.column + 1)
 
     def document(self, events: Iterator[Any]) -> Node:
         """The only document of the stream; every duplicate key is listed."""
@@ -111,7 +111,7 @@ class Composer:
         for event in events:
             if isinstance(event, yaml.DocumentStartEvent):
                 if root is not None:
-                    raise ScenarioError(f"{self.place(event)}: a second document begins. Use one file for each.")
+                    raise ScenarioError(f"{self.location(event)}: a second document begins. Use one file for each.")
                 root = self.node(next(events), events, 0)
         if root is None or root.value is None:
             raise ScenarioError(f"{self.shown}: is empty. Write it, or name another file.")
@@ -121,27 +121,27 @@ class Composer:
 
     def node(self, event: Any, events: Iterator[Any], depth: int) -> Node:
         """The node that begins with `event`."""
-        place = self.place(event)
-        before = self.count
-        self.add(1, place)
+        location = self.location(event)
+        previous_count = self.count
+        self.add(1, location)
         if depth > MAX_DEPTH:
-            raise ScenarioError(f"{place}: nested more than {MAX_DEPTH} deep. A scenario needs six levels.")
+            raise ScenarioError(f"{location}: nested more than {MAX_DEPTH} deep. A scenario needs six levels.")
         if isinstance(event, yaml.AliasEvent):
             if event.anchor not in self.anchors:
-                raise ScenarioError(f"{place}: nothing is called &{event.anchor} above this line. Define it first.")
+                raise ScenarioError(f"{location}: nothing is called &{event.anchor} above this line. Define it first.")
             target, count = self.anchors[event.anchor]
-            self.add(count, place)
+            self.add(count, location)
             return target
         if event.tag not in (None, "!"):
-            raise ScenarioError(f"{place}: the tag {event.tag} is not supported. Write the plain value.")
+            raise ScenarioError(f"{location}: the tag {event.tag} is not supported. Write the plain value.")
         if isinstance(event, yaml.ScalarEvent):
-            node = Node(scalar(event.value) if event.implicit[0] else event.value, place)
+            node = Node(scalar(event.value) if event.implicit[0] else event.value, location)
         elif isinstance(event, yaml.SequenceStartEvent):
-            node = Node(list(self.sequence(events, depth)), place)
+            node = Node(list(self.sequence(events, depth)), location)
         else:
-            node = Node(self.mapping(events, depth), place)
+            node = Node(self.mapping(events, depth), location)
         if event.anchor:
-            self.anchors[event.anchor] = node, self.count - before
+            self.anchors[event.anchor] = node, self.count - previous_count
         return node
 
     def sequence(self, events: Iterator[Any], depth: int) -> Iterator[Node]:
@@ -153,21 +153,23 @@ class Composer:
         """The entries until the mapping ends."""
         entries: dict[str, Node] = {}
         while not isinstance(event := next(events), yaml.MappingEndEvent):
-            place = self.place(event)
+            location = self.location(event)
             if not isinstance(event, yaml.ScalarEvent):
                 raise ScenarioError(
-                    f"{place}: a key must be a name. Put {{ }} or [ ] in quotes if it is meant as text."
+                    f"{location}: a key must be a name. Put {{ }} or [ ] in quotes if it is meant as text."
                 )
             if event.value == "<<":
-                raise ScenarioError(f"{place}: `<<` is not supported. Use `extends` or `variants`.")
+                raise ScenarioError(f"{location}: `<<` is not supported. Use `extends` or `variants`.")
             if event.value in entries:
                 first = entries[event.value].place.line
-                self.problems.append(f"{place}: `{event.value}` is given twice, first on line {first}. Keep one.")
-            entries[event.value] = Node(self.node(next(events), events, depth + 1).value, place)
+                self.problems.append(f"{location}: `{event.value}` is given twice, first on line {first}. Keep one.")
+            entries[event.value] = Node(self.node(next(events), events, depth + 1).value, location)
         return entries
 
-    def add(self, count: int, place: Place) -> None:
+    def add(self, count: int, location: SourceLocation) -> None:
         """Count nodes, those behind aliases as often as they are used."""
         self.count += count
         if self.count > MAX_NODES:
-            raise ScenarioError(f"{place}: more than {MAX_NODES} values, aliases counted. Make the scenario smaller.")
+            raise ScenarioError(
+                f"{location}: more than {MAX_NODES} values, aliases counted. Make the scenario smaller."
+            )
