@@ -1,4 +1,4 @@
-"""What the members of a scenario turn out to be: the second half of its checks."""
+"""Resolution of the members' variables, and the checks of a scenario that need them."""
 
 from __future__ import annotations
 
@@ -21,16 +21,18 @@ if TYPE_CHECKING:
 
 
 class VariableCache:
-    """Variables of components, each found out once, also that there are none. Without `imports`: of FMUs only."""
+    """Cache of the variables of components and of errors in finding them. Without `imports`: of FMUs only."""
 
     def __init__(self, imports: bool) -> None:
         self.imports = imports
-        self.names: set[str] = set()  # of components that there are
-        self.sampled: dict[str, str] = {}  # what of a component is the time it samples at, by its name
-        self.variables_by_key: dict[str, Mapping[str, MemberVariable] | TwinError] = {}  # by component and its shapes
+        self.names: set[str] = set()  # of existing components
+        self.sampled: dict[str, str] = {}  # component -> name of the parameter that is its sample time
+        self.variables_by_key: dict[
+            str, Mapping[str, MemberVariable] | TwinError
+        ] = {}  # by component and structural parameters
 
     def variables(self, name: str, member: MemberSpec) -> Mapping[str, MemberVariable] | None:
-        """The variables of a member; None if they are not to be known, TwinError if they cannot be."""
+        """Return the variables of a member; None if it has no component or needs an import; TwinError if it is invalid."""
         if not self.imports and not member.component.endswith(".fmu"):
             self.refuse_unknown(member)
             return None
@@ -41,7 +43,7 @@ class VariableCache:
         return self.shaped(member, sizes) if sizes else variables
 
     def shaped(self, member: MemberSpec, sizes: dict[str, Any]) -> Mapping[str, MemberVariable]:
-        """The variables with other values of structural parameters."""
+        """Return the variables of a member for values of structural parameters."""
         from twin.scenario import members
 
         key = f"{member.component} {sizes or ''}"
@@ -57,7 +59,7 @@ class VariableCache:
         return result
 
     def refuse_unknown(self, member: MemberSpec) -> None:
-        """DeclarationError if there is no component of this name; nothing is imported."""
+        """Raise DeclarationError if there is no component of this name; nothing is imported."""
         if (
             member.made
             or not member.component
@@ -71,7 +73,7 @@ class VariableCache:
             self.names.add(member.component)
 
     def samples_at(self, member: MemberSpec) -> str:
-        """The parameter that says how often a member samples by itself, or nothing."""
+        """Return the name of the parameter that sets a member's own sample time, or ""."""
         from twin.scenario import members
 
         component = members.component_of(member)
@@ -83,10 +85,10 @@ class VariableCache:
 
 
 def look_up(scenario: Scenario, *, imports: bool = True) -> tuple[dict[str, Catalog], list[str]]:
-    """(variant -> member -> variables, every problem that can be found without running).
+    """Return (variant -> member -> variables, every problem that can be found without running).
 
-    A member that cannot be looked up is in no catalog; all that does not need it is checked nevertheless. Without
-    `imports` those are all but FMUs.
+    A member that cannot be resolved is in no catalog; everything that does not depend on it is still checked. Without
+    `imports` only FMUs are resolved.
     """
     variable_cache = VariableCache(imports)
     problems: dict[str, None] = {}
@@ -123,7 +125,7 @@ def look_up(scenario: Scenario, *, imports: bool = True) -> tuple[dict[str, Cata
 
 
 def check_rhythm(name: str, case: Case) -> list[str]:
-    """What is wrong with how often a member samples and communicates, where the scenario says something about it."""
+    """Check the period and communication step that the scenario sets for a member."""
     from twin.scenario import members
 
     spec = case.members[name]
@@ -152,7 +154,7 @@ def check_rhythm(name: str, case: Case) -> list[str]:
 
 
 def check_sampling(name: str, case: Case, variables: Variables, variable_cache: VariableCache) -> list[str]:
-    """That what a member samples at by itself, a parameter of it, does not divide its communication step."""
+    """Check that a member's sample time, if it is a parameter, divides its communication step."""
     from twin.scenario import members
 
     spec = case.members[name]
@@ -162,7 +164,7 @@ def check_sampling(name: str, case: Case, variables: Variables, variable_cache: 
     if not key:
         return []
     values, problems = spec.values(name, variables)
-    if problems:  # they are told with the others
+    if problems:  # `check_against` reports them
         return []
     period, step = clock.nanoseconds(float(values.get(key, variables[key].start))), members.communication(spec)
     step = step or case.step_ns
@@ -174,7 +176,7 @@ def check_sampling(name: str, case: Case, variables: Variables, variable_cache: 
 
 
 def not_a_multiple(key: str, time: clock.Time, step: clock.Time, step_name: str) -> str:
-    """A time that is no multiple of another one, and those next to it that are [ns]."""
+    """Return the message for a time that is not a multiple of another, with the nearest multiples. Times in ns."""
     lower = time // step * step
     choice = " or ".join(clock.text(candidate) for candidate in (lower, lower + step) if candidate)
     common = clock.text(clock.common_step([time, step]))
@@ -183,7 +185,7 @@ def not_a_multiple(key: str, time: clock.Time, step: clock.Time, step_name: str)
 
 
 def structural(member: str, spec: MemberSpec, variables: Variables) -> dict[str, Any]:
-    """What a member sets of its structural parameters."""
+    """Return the values that a member sets for structural parameters."""
     return {
         name: quantities.resolve(written, variables[name], f"{member}.{name}")
         for name, written in spec.parameters.items()

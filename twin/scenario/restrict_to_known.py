@@ -1,6 +1,6 @@
-"""The part of a scenario that can be checked although some of its members are not known.
+"""Restriction of a scenario to the members whose variables are known, so that the rest can still be checked.
 
-A member may be missing, broken, or left alone because its Python must not run: what names it waits, all else is checked.
+A member may be missing, broken, or not imported; everything that refers to it is removed.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 
 def owner(reference: str) -> str:
-    """The member of `member.variable`."""
+    """Return the member of `member.variable`."""
     return reference.partition(".")[0]
 
 
 def restrict(scenario: Scenario, catalogs: Mapping[str, Catalog], analyses: AbstractSet[str]) -> Scenario:
-    """The scenario without all that names a member outside of its variant's catalog, or another analysis."""
+    """Remove everything that refers to a member outside its variant's catalog, or to an analysis not in `analyses`."""
     unloaded = {item.name for item in scenario.analyses} - analyses
     unknown = {
         case.variant: (case.members.keys() - catalogs[case.variant].keys()) | unloaded for case in scenario.variants
@@ -57,7 +57,7 @@ def restrict(scenario: Scenario, catalogs: Mapping[str, Catalog], analyses: Abst
         plots=tuple(
             item
             if can_read([part for curve in item.curves for part in (curve.x, curve.signal) if part], item.variants)
-            else replace(item, curves=(), x_unit="")  # it stays in its place, by which the file is looked up
+            else replace(item, curves=(), x_unit="")  # kept, because its index locates it in the file
             for item in scenario.plots
         ),
         scenes=tuple(item for item in scenario.scenes if can_resolve(item.names)),
@@ -65,7 +65,7 @@ def restrict(scenario: Scenario, catalogs: Mapping[str, Catalog], analyses: Abst
 
 
 def restrict_case(case: Case, catalog: Catalog) -> Case:
-    """A variant with the members of a catalog, and what happens between them."""
+    """Restrict a variant to the members of a catalog, with their connections and events."""
     return replace(
         case,
         members={name: item for name, item in case.members.items() if name in catalog},

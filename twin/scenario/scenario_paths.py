@@ -1,4 +1,4 @@
-"""Scenarios and studies found by their names: those of the folder where one works, then those that came with the project."""
+"""Lookup of scenarios and studies by name: first in the current folder, then among those shipped with the project."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from pathlib import Path
 from twin.errors import ScenarioError, nearest
 
 FOLDERS = {"scenario": "scenarios", "study": "scenarios/studies"}
-SHARE = "share/catheter-twin"  # where the wheel puts what is no code, below the prefix
+SHARE = "share/catheter-twin"  # data folder of the wheel, below the prefix
 
 
 def folders(kind: str) -> list[Path]:
-    """Folders of one of `FOLDERS`: of the current directory, of the checkout this code is in, of the installed wheel."""
+    """Return the existing folders of a kind in `FOLDERS`: current directory, source checkout, installed wheel."""
     import sysconfig
 
     roots = (Path(), Path(__file__).parents[2], Path(sysconfig.get_path("data"), SHARE))
@@ -19,7 +19,7 @@ def folders(kind: str) -> list[Path]:
 
 
 def scenarios(kind: str = "scenario") -> dict[str, Path]:
-    """Path of each scenario, or study, by its name, sorted; the first folder counts."""
+    """Return name -> path of all scenarios or studies, sorted; the first folder with a name takes precedence."""
     paths: dict[str, Path] = {}
     for folder in folders(kind):
         for path in sorted(folder.glob("*.yaml")):
@@ -28,7 +28,7 @@ def scenarios(kind: str = "scenario") -> dict[str, Path]:
 
 
 def title(path: Path) -> str:
-    """What a scenario calls itself, or that it cannot be read; what it extends is not looked at."""
+    """Return a scenario's title or description, or the error if it cannot be read; `extends` is ignored."""
     from twin.scenario import yaml_reader
 
     try:
@@ -39,9 +39,9 @@ def title(path: Path) -> str:
 
 
 def located(name_or_path: str | Path, kind: str = "scenario") -> Path:
-    """A path as it is; a bare name that is no file here stands for the scenario or study of this name.
+    """Resolve the name of a scenario or study to its path; return a path unchanged.
 
-    ScenarioError for an unknown name, and for a file that is not there where its name is known.
+    ScenarioError for an unknown name, and for a missing file whose name exists elsewhere.
     """
     path = Path(name_or_path)
     if path.suffix and not path.exists() and path.stem in scenarios(kind):
@@ -51,7 +51,7 @@ def located(name_or_path: str | Path, kind: str = "scenario") -> Path:
     if path.suffix or len(path.parts) != 1 or path.is_file():
         return path
     named_paths = scenarios(kind)
-    if path.name not in named_paths and path.exists():  # a folder, or what is no file: whoever reads it says so
+    if path.name not in named_paths and path.exists():  # a folder or a special file: reading it raises the error
         return path
     if path.name not in named_paths:
         raise ScenarioError(

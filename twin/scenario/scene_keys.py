@@ -1,4 +1,4 @@
-"""`scenes:` of a scenario: keys to a checked scene, and its array signals against the members' variables."""
+"""`scenes:` of a scenario: conversion of its keys and checks of its array signals against the members' variables."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ POINTS = "2 or 3 numbers for each point"
 
 
 def scene(builder: Builder, index: int, keys: SceneKeys) -> Scene:
-    """A scene; what is wrong in its environment's file is told too."""
+    """Create a scene; problems in its environment's file are reported too."""
     path, what = ("scenes", index), f"scene `{keys.title}`"
     scene_environment = environment(builder, path, keys, what)
     motions = set(scene_environment.motions) if scene_environment else set()
@@ -66,7 +66,7 @@ def scene(builder: Builder, index: int, keys: SceneKeys) -> Scene:
 
 
 def environment(builder: Builder, path: tuple[str | int, ...], keys: SceneKeys, what: str) -> Environment | None:
-    """The environment that is named, or None, and why it cannot be read."""
+    """Read the scene's environment; None if it has none or after reporting that it cannot be read."""
     if not keys.environment:
         return None
     try:
@@ -82,7 +82,7 @@ def environment(builder: Builder, path: tuple[str | int, ...], keys: SceneKeys, 
 
 
 def check_arrays(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> Iterable[str]:
-    """What is wrong with the signals that scenes draw as points: names, shapes, units."""
+    """Yield problems of the signals that scenes draw as points: names, shapes, units."""
     for scene in scenario.scenes:
         relevant = [catalogs[name] for name in scene.variants or catalogs]
         for name, key, is_position in dict.fromkeys(scene.arrays):
@@ -99,7 +99,7 @@ def check_arrays(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> Iterabl
 
 
 def shape(name: str, catalog: Catalog) -> Any:
-    """Shape of a signal, None if there is none of this name."""
+    """Return the shape of a signal, None if it does not exist."""
     try:
         return find(name, catalog)[0].shape
     except CouplingError:
@@ -107,12 +107,12 @@ def shape(name: str, catalog: Catalog) -> Any:
 
 
 def sized(size: tuple[int, ...]) -> str:
-    """`has 3 x 2 elements`."""
+    """Return `has 3 x 2 elements`, for messages."""
     return f"has {' x '.join(map(str, size))} elements" if size else "is a single value"
 
 
 def problem(name: str, key: str, is_position: bool, catalog: Catalog) -> str:
-    """Why a signal cannot be drawn as points, or nothing."""
+    """Return why a signal cannot be drawn as points, or ""."""
     try:
         variable, index = find(name, catalog)
     except CouplingError as error:
@@ -129,7 +129,7 @@ def problem(name: str, key: str, is_position: bool, catalog: Catalog) -> str:
 
 
 def fits(symbol: str) -> bool:
-    """Whether a unit is one of length; one that is not known, as FMUs may have, is believed."""
+    """Whether a unit is a length; no unit and unknown units of FMUs are accepted."""
     try:
         return not symbol or unit.same_kind(unit.describe(symbol), METER)
     except CouplingError:

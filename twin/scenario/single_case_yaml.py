@@ -1,4 +1,4 @@
-"""One variant of a scenario with one seed as a scenario of its own, without what judges it: a session begins with it."""
+"""Conversion of one case to a standalone scenario without acceptance criteria, from which a live session starts."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 LEFT_OUT = ("stop_time", "events", "seeds", "seed", "record", "parameter_sets", "analyses", "metrics", "expect",
             "plots", "scenes", "console", "mutations")  # fmt: skip
-WHEN = ("from", "to", "variants", "per")  # of a plot or scene: which part of which runs it shows
+WHEN = ("from", "to", "variants", "per")  # keys of a plot or scene that select runs and a time window
 
 
 def single_case_yaml(scenario: Scenario, case: Case, record: Sequence[str]) -> str:
-    """The YAML text, without `stop_time` and `events`. `record`: patterns and names of what is recorded."""
+    """Return the YAML text, without `stop_time` and `events`. `record`: names and patterns of recorded variables."""
     root = variant_trees(scenario.tree)[case.variant]
     location = root.place
     entries = {key: node for key, node in root.entries.items() if key not in LEFT_OUT}
@@ -48,7 +48,7 @@ def single_case_yaml(scenario: Scenario, case: Case, record: Sequence[str]) -> s
 
 
 def shown(root: Node, key: str, specs: Iterable[Plot | Scene], case: Case) -> Iterable[Node]:
-    """The plots or scenes of a case whose signals are those of members; all of the run."""
+    """Yield the plots or scenes of a case that read only members, without time window."""
     items = root.entries[key].items if key in root.entries else []
     for node, spec in zip(items, specs, strict=True):
         if (not spec.variants or case.variant in spec.variants) and owners(spec) <= set(case.members):
@@ -56,7 +56,7 @@ def shown(root: Node, key: str, specs: Iterable[Plot | Scene], case: Case) -> It
 
 
 def owners(figure: Plot | Scene) -> set[str]:
-    """Names of the members, and analyses, that a plot or scene shows something of."""
+    """Return the names of the members and analyses that a plot or scene reads."""
     if isinstance(figure, Plot):
         expressions = [
             expression_ for curve in figure.curves for expression_ in (curve.signal, curve.x) if expression_ is not None

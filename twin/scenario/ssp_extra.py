@@ -23,18 +23,18 @@ if TYPE_CHECKING:
 
 DROPPED = (
     *("members", "connections", "variants", "extends", "parameter_sets"),
-    *("step", "algorithm"),  # annotations have them
+    *("step", "algorithm"),  # written as annotations
     *("start_time", "stop_time", "seed", "seeds"),
 )
-PARTS = ("analyses", "metrics", "expect", "plots", "scenes")  # those that others read first
+PARTS = ("analyses", "metrics", "expect", "plots", "scenes")  # in order of dependence: later ones use earlier ones
 
 
 def extra_yaml(
     scenario: Scenario, case: Case, split_arrays: AbstractSet[str], catalog: Catalog
 ) -> tuple[str, list[str]]:
-    """The keys of the scenario that SSP has no words for, as YAML; and what that means for other tools.
+    """Return the scenario keys without an SSP equivalent as YAML, and notes on what other tools ignore.
 
-    `taken_apart`: arrays that are single variables in the FMUs, so that nothing can name them whole.
+    `split_arrays`: arrays that are scalar variables in the FMUs, so that the array name is not available.
     """
     tree = merge.variant_trees(scenario.tree)[case.variant]
     title = scenario.title if len(scenario.variants) == 1 else f"{scenario.title}: {case.variant}"
@@ -54,7 +54,7 @@ def extra_yaml(
 
 
 def extra_keys(tree: Node, case: Case, split_arrays: AbstractSet[str], title: str) -> tuple[dict[str, Node], list[str]]:
-    """The keys that stand beside an SSP, for one variant; what cannot be said there is left out, with a note."""
+    """Return the extra keys of one variant, and notes on items that are dropped because they need an array."""
     extra = {name: node for name, node in tree.entries.items() if name not in DROPPED}
     extra["title"] = Node(title, tree.place)
     if events := [event for event in case.events if event.variable in split_arrays]:
@@ -77,7 +77,7 @@ def extra_keys(tree: Node, case: Case, split_arrays: AbstractSet[str], title: st
 
 
 def experiment(scenario: Scenario, case: Case, notes: list[str]) -> dict[str, Any]:
-    """Step and algorithm as the scenario says them."""
+    """Return step and algorithm as written in the scenario."""
     tree = merge.variant_trees(scenario.tree)[case.variant]
     keys: dict[str, Any] = {key: tree.entries[key].plain() for key in ("step", "algorithm") if key in tree.entries}
     if "algorithm" in keys:
@@ -86,12 +86,12 @@ def experiment(scenario: Scenario, case: Case, notes: list[str]) -> dict[str, An
 
 
 def connection_keys(link: Link, is_single: bool) -> dict[str, Any]:
-    """What a connection says besides its ends and what it does to the value; of a bond only if it is not taken apart."""
+    """Return the keys `bond` and `hold` of a connection; `bond` only if the link is one SSP connection (`is_single`)."""
     return {key: value for key, value in (("bond", is_single and link.bond), ("hold", link.hold)) if value}
 
 
 def member_keys(case: Case, name: str, notes: list[str]) -> dict[str, Any]:
-    """What a member says besides its component and parameters, and how often it communicates if not at every step."""
+    """Return a member's keys other than component and parameters; `communication_step` if it is not the step."""
     spec = case.members[name]
     keys: dict[str, Any] = {}
     interval = members.communication(spec) or (0 if spec.component.endswith(".fmu") else members.tick(spec))
@@ -106,12 +106,12 @@ def member_keys(case: Case, name: str, notes: list[str]) -> dict[str, Any]:
 
 
 def names(node: Node) -> list[str]:
-    """A name, or several."""
+    """Return the names in a scalar or list node."""
     return [str(item.value) for item in node.items] if isinstance(node.value, list) else [str(node.value)]
 
 
 def of_variant(node: Node, variant: str) -> Node:
-    """The items that are for one variant, without saying so; an order of variants makes no sense there."""
+    """Return the items that apply to a variant, without `variants` keys; orders of variants are dropped."""
 
     def restrict(item: Node) -> Node | None:
         if "ordered" in item.entries or ("variants" in item.entries and variant not in names(item.entries["variants"])):
@@ -131,7 +131,7 @@ def of_variant(node: Node, variant: str) -> Node:
 
 
 def split_available(node: Node, unavailable: AbstractSet[str]) -> tuple[Node, list[str]]:
-    """The items that name nothing that is lost, arrays or analyses, and what the others are called."""
+    """Split items: those that use no unavailable array or analysis, and the names of the others."""
 
     def has_available_names(item: Node) -> bool:
         names = re.findall(r"[A-Za-z_]\w*(?:\.\w+)+", str(item.plain()))
@@ -148,7 +148,7 @@ def split_available(node: Node, unavailable: AbstractSet[str]) -> tuple[Node, li
 
 
 def record_elements(record: Node, split_arrays: AbstractSet[str], catalog: Catalog) -> Node:
-    """What is recorded, all elements of an array instead of it."""
+    """Return `record` with split arrays replaced by patterns of their elements."""
     patterns = record.entries.get("variables")
     if patterns is None:
         return record
@@ -164,7 +164,7 @@ def record_elements(record: Node, split_arrays: AbstractSet[str], catalog: Catal
 
 
 def without_missing(node: Node, metrics: Node | None) -> Node:
-    """Expectations without those of metrics that are not kept."""
+    """Remove expectations on metrics that do not exist."""
     metric_names = set(metrics.entries) if metrics else set()
 
     def has_metric(item: Node) -> bool:

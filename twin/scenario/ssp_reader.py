@@ -1,8 +1,8 @@
-"""An SSP as a scenario's tree: its FMUs are the members, its variants the variants, and every value knows its line.
+"""Conversion of an SSP to a scenario's tree with file and line of every value; FMUs are members, variants are variants.
 
-What a scenario has and SSP has no words for is read from where `twin export --ssp` puts it: annotations of ours say what
-concerns members, connections and the algorithm; extra/catheter-twin has the rest (events, metrics, plots, ...), and had all
-of it in older archives. Members and connections are always those of the SSP.
+Scenario keys without an SSP equivalent are read from where `twin export --ssp` writes them: annotations hold those of
+members, connections and the algorithm; extra/catheter-twin holds the rest (events, metrics, plots, ...), and in older
+archives all of them. Members and connections always come from the SSP.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from twin.ssp import FlatConnection, FlatSystem, Member, Variant
 
 SUFFIX = ".ssp"
-BUILD: ContextVar[Path] = ContextVar("BUILD", default=Path("build"))  # where FMUs are unpacked
+BUILD: ContextVar[Path] = ContextVar("BUILD", default=Path("build"))  # folder below which FMUs are unpacked
 INTERFACES = {
     "CoSimulation": "co_simulation",
     "ModelExchange": "model_exchange",
@@ -40,7 +40,7 @@ MEMBER_KEYS = (
 
 
 def read(path: Path, shown: str, problems: list[str]) -> Node:
-    """The tree of an SSP; what is wrong with it goes to `problems`."""
+    """Read the tree of an SSP; problems are appended to `problems`."""
     package = ssp.open_package(path, shown, BUILD.get())
     problems += package.problems
     fmu_infos: dict[str, Any] = {}
@@ -69,7 +69,7 @@ def read(path: Path, shown: str, problems: list[str]) -> Node:
 
 
 def notes(path: Path, shown: str) -> list[str]:
-    """Remarks on an SSP that do not keep it from running."""
+    """Return notes on an SSP that do not prevent a run."""
     package = ssp.open_package(path, shown, BUILD.get())
     fmu_infos: dict[str, Any] = {}
     remarks = list(package.notes)
@@ -83,13 +83,13 @@ def notes(path: Path, shown: str) -> list[str]:
 
 
 def parse_location(where: str) -> SourceLocation:
-    """Where something stands, from `file:line`."""
+    """Parse `file:line` as a source location."""
     file, _, line = where.rpartition(":")
     return SourceLocation(file, int(line)) if file and line.isdigit() else SourceLocation(where)
 
 
 def scenario(variant: Variant, flat: FlatSystem, shown: str, problems: list[str]) -> Node:
-    """One variant's tree."""
+    """Create the tree of one variant."""
     location = parse_location(variant.where)
     extra_keys = extra(variant, shown, problems)
     annotated = ssp.read_annotations(variant.annotations.get("DefaultExperiment", []), "Experiment")
@@ -124,7 +124,7 @@ def scenario(variant: Variant, flat: FlatSystem, shown: str, problems: list[str]
 
 
 def extra(variant: Variant, shown: str, problems: list[str]) -> Node:
-    """What the SSP keeps of the scenario that it was written from."""
+    """Read the extra scenario keys of an SSP; an empty tree if there are none."""
     empty = Node({}, parse_location(variant.where))
     if variant.extra is None:
         return empty
@@ -138,7 +138,7 @@ def extra(variant: Variant, shown: str, problems: list[str]) -> Node:
 
 
 def member_tree(member: Member, extra_keys: Node | None) -> Node:
-    """A member with its parameters."""
+    """Create the tree of a member with its parameters."""
     location = parse_location(member.where)
     entries = {"component": Node(member.fmu, location)}
     if member.implementation in INTERFACES:
@@ -156,7 +156,7 @@ def member_tree(member: Member, extra_keys: Node | None) -> Node:
 
 
 def connection_tree(connection: FlatConnection, bond: Node | None) -> Node:
-    """A connection; with its own factor and offset where the units of the members do not say all."""
+    """Create the tree of a connection; with factor and offset if it is more than a conversion of the members' units."""
     ends: dict[str, Any] = {"from": connection.source, "to": connection.target}
     if connection.change is not None:
         ends |= {"factor": connection.change.factor, "offset": connection.change.offset, "convert": False}

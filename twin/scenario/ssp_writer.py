@@ -1,7 +1,7 @@
-"""A scenario written as an SSP: FMUs of its components, parameters, connections; and what SSP has no words for beside it.
+"""Export of a scenario as an SSP: FMUs of its components, parameters, connections and extra scenario keys.
 
-Other tools run the system with its start values. Events, metrics and how often a member communicates are kept in the
-archive for this project's own reading, in a file or in annotations, and are told as notes.
+Other tools run the system with its start values. Events, metrics and communication steps are stored in the archive for
+this project only, in a file or in annotations, and are reported as notes.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from twin.scenario.variable_names import Variables
     from twin.ssp import Component, OutlineConnection, Port, Value
 
-SHOWN = ("input", "output")  # what is a connector even if nothing is connected to it
+SHOWN = ("input", "output")  # connectors even without a connection
 
 
 @dataclass
 class MemberFmu:
-    """A member's FMU: what it is in the archive, its variables, and the FMU's names of ours that are called otherwise."""
+    """A member's FMU: its content, variables, FMI version, and component variable -> FMU variable where names differ."""
 
     content: bytes
     variables: Mapping[str, MemberVariable]
@@ -43,7 +43,7 @@ class MemberFmu:
     is_exported: bool
 
     def ends(self, name: str, first: int, size: int, shape: tuple[int, ...]) -> list[tuple[str, str]]:
-        """(connector, indices) of a variable or of one element of it; of each element, where the FMU has no arrays."""
+        """Return (connector, indices) of a variable or an element; one for each element if the FMU has no arrays."""
         name = self.names.get(name, name)
         indices = (
             [tuple(int(i) + 1 for i in np.unravel_index(k, shape)) for k in range(first, first + size)] if shape else []
@@ -66,7 +66,7 @@ def pack(
     platforms: Sequence[str] = (),
     needs_python: bool = False,
 ) -> list[str]:
-    """Write one variant as an SSP, and say what others will not do with it; ScenarioError lists what keeps it back."""
+    """Write one variant as an SSP and return notes on what other tools ignore; ScenarioError lists what prevents it."""
     catalogs, problems = look_up(scenario)
     if problems:
         raise ScenarioError(problems)
@@ -126,9 +126,10 @@ def components_of(
     annotations: Mapping[str, list[bytes]],
     extra_keys: Mapping[str, dict[str, Any]],
 ) -> list[Component]:
-    """The members as components; `used`: (member, connector) of all that is connected, `kept`: others' annotations.
+    """Create the components of the members.
 
-    `rhythms`: what members say besides.
+    `connected`: (member, connector) of all connections; `annotations`: those of other tools by member; `extra_keys`: keys
+    of members without an SSP equivalent.
     """
     components, file_names = [], set[str]()
     for name, fmu in fmus.items():
@@ -161,7 +162,7 @@ def components_of(
 
 
 def implementation(case: Case, name: str) -> str:
-    """The interface of FMI that a member asks for, in SSP's word."""
+    """Return SSP's name of a member's FMI interface."""
     interface = case.members[name].exchange.interface
     return next((ssp_name for ssp_name, own_name in ssp_reader.INTERFACES.items() if own_name == interface), "any")
 
@@ -169,7 +170,7 @@ def implementation(case: Case, name: str) -> str:
 def build_fmu(
     name: str, spec: MemberSpec, version: str, build: Path, platforms: Sequence[str], needs_python: bool
 ) -> MemberFmu:
-    """A member's FMU: the file itself, or made of its component."""
+    """Read a member's FMU file, or export its component."""
     component = members.component_of(spec)
     names: dict[str, str] = {}
     with tempfile.TemporaryDirectory(prefix="twin-ssp-") as folder:
@@ -195,7 +196,7 @@ def build_fmu(
 
 
 def promote_locals(fmu: MemberFmu, sources: Sequence[Reference], variables: Variables) -> MemberFmu:
-    """The FMU of a component of ours whose connected locals are outputs; a file of somebody else's stays as it is."""
+    """Promote connected locals of an exported component to outputs; an FMU given as a file is unchanged."""
     if not fmu.is_exported:
         return fmu
     outputs: dict[str, tuple[str, ...] | None] = {}
@@ -223,7 +224,7 @@ def promote_locals(fmu: MemberFmu, sources: Sequence[Reference], variables: Vari
 
 
 def ends(fmus: Mapping[str, MemberFmu], reference: Reference) -> list[tuple[str, str]]:
-    """The connectors of one end of a link."""
+    """Return the connectors of one end of a link."""
     return fmus[reference.member].ends(
         reference.variable.name, reference.first, reference.size, reference.variable.shape
     )
@@ -232,9 +233,9 @@ def ends(fmus: Mapping[str, MemberFmu], reference: Reference) -> list[tuple[str,
 def connections(
     fmus: Mapping[str, MemberFmu], link: Link, annotations: Mapping[str, list[bytes]]
 ) -> list[OutlineConnection]:
-    """The connections that a link is in SSP: one, or one for each element where one side has no arrays.
+    """Create the SSP connections of a link: one, or one for each element if one side has no arrays.
 
-    `kept`: others' annotations, by what is connected to.
+    `annotations`: those of other tools, by target.
     """
     connectors = [ends(fmus, link.source), ends(fmus, link.target)]
     if len(connectors[0]) != len(connectors[1]):
@@ -254,12 +255,12 @@ def connections(
 
 
 def indexed(member: str, name: str, indices: str) -> str:
-    """A connector as a scenario has it."""
+    """Return a connector in the notation of scenarios: `member.name[i,j]`."""
     return f"{member}.{name}" + (f"[{indices.replace(' ', ',')}]" if indices else "")
 
 
 def elements(fmus: Mapping[str, MemberFmu], reference: Reference) -> list[tuple[str, str]]:
-    """Each element of an array on its own."""
+    """Return the connectors of each element of an array."""
     fmu = fmus[reference.member]
     return [
         end
@@ -269,12 +270,12 @@ def elements(fmus: Mapping[str, MemberFmu], reference: Reference) -> list[tuple[
 
 
 def port(variable: MemberVariable) -> Port:
-    """A variable as a connector."""
+    """Create the connector of a variable."""
     return ssp.Port(variable.name, variable.causality, variable.type, variable.unit, variable.shape, variable.items)
 
 
 def start_values(fmu: MemberFmu, values: Mapping[str, Any], variables: Variables) -> list[Value]:
-    """Start values by the FMU's names."""
+    """Return the start values for the FMU's variables."""
     start_values_by_port: list[Value] = []
     for name, value in values.items():
         shape = variables[name].shape
@@ -291,7 +292,7 @@ def start_values(fmu: MemberFmu, values: Mapping[str, Any], variables: Variables
 
 
 def others_annotations(scenario: Scenario, case: Case) -> tuple[dict[str, list[bytes]], ...]:
-    """Annotations of others, if the scenario is an SSP itself: by member, by what is connected to, of the description."""
+    """Return annotations of other tools if the scenario is an SSP: by member, by connection target, of the description."""
     if scenario.path.suffix != ssp_reader.SUFFIX:
         return {}, {}, {}
     package = ssp.open_package(scenario.path, str(scenario.path), ssp_reader.BUILD.get())

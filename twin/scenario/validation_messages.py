@@ -1,4 +1,4 @@
-"""What pydantic finds, as one line each: file and line, what, what was expected, what to do."""
+"""One-line messages for pydantic's validation errors: file and line, what is wrong, what was expected, what to do."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ KINDS = {
 
 
 def validate(root: Node, model: Any = ScenarioKeys) -> tuple[Any, Node, list[str]]:
-    """The keys of a file, those of a scenario by default, the tree they were read from, and every problem found.
+    """Validate a tree against a model: (keys, tree, problems).
 
-    What is wrong is left out of keys and tree, so that names and units in the rest can be checked in the same run.
+    Invalid parts are removed from keys and tree, so that names and units in the rest can be checked in the same run.
     """
     problems: list[str] = []
     for attempt in range(12):
@@ -59,7 +59,7 @@ def validate(root: Node, model: Any = ScenarioKeys) -> tuple[Any, Node, list[str
 
 
 def steps(paths: Iterable[Path]) -> Steps:
-    """Paths nested by their steps; what ends at a step has the key None there, and so has what is a wrong key."""
+    """Nest paths by their steps; the key None marks the end of a path."""
     nested: Steps = {}
     for path in paths:
         level = nested
@@ -70,7 +70,7 @@ def steps(paths: Iterable[Path]) -> Steps:
 
 
 def dropped(node: Node, invalid: Steps) -> Node:
-    """The tree without what is at some paths."""
+    """Return the tree without the nodes at the invalid paths."""
     if isinstance(node.value, dict):
         entries = {
             key: dropped(item, invalid.get(key, {}))
@@ -87,7 +87,7 @@ def dropped(node: Node, invalid: Steps) -> Node:
 
 
 def line(root: Node, error: Any, model: Any = ScenarioKeys) -> str:
-    """One problem as one line."""
+    """Format one validation error as one line."""
     path: Path = tuple(step for step in error["loc"] if step != "[key]")
     location = root.find(path).place
     key_path = dotted(path)
@@ -112,7 +112,7 @@ def line(root: Node, error: Any, model: Any = ScenarioKeys) -> str:
 
 
 def arrow(text: str) -> str:
-    """How a connection is written, from what somebody wrote."""
+    """Return advice on the syntax of a connection, from the invalid text."""
     ends = [end.strip() for end in re.split(r"\s*(?:[-=]+\s*>|<\s*[-=]+|→|>)\s*", text)]
     if "<" in text:
         ends.reverse()
@@ -121,12 +121,12 @@ def arrow(text: str) -> str:
 
 
 def quoted(value: Any) -> str:
-    """A value for a message, text in backquotes."""
+    """Format a value for a message, text in backquotes."""
     return f"`{short(value)}`" if isinstance(value, str) else short(value)
 
 
 def dotted(path: Path) -> str:
-    """`metrics.force.reduce`; items of lists by their number: `events[2].at`."""
+    """Format a path: `metrics.force.reduce`; items of lists by their number from 1: `events[2].at`."""
     text = ""
     for step in path:
         text += f"[{step + 1}]" if isinstance(step, int) else f".{step}"
@@ -144,7 +144,7 @@ def keys_at(path: Path, model: Any = ScenarioKeys) -> list[str]:
 
 
 def inner(annotation: Any) -> Any:
-    """The model inside `dict[str, Model]`, `list[Model]` or `Model | None`, or `dict` steps in between."""
+    """Return the model inside `dict[str, Model]`, `list[Model]` or `Model | None`; None if there is none."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     for argument in get_args(annotation):
