@@ -95,21 +95,21 @@ def expressions_of(scenario: Scenario) -> Iterable[tuple[str, Expression, tuple[
     Empty variants: all variants that have its signals.
     """
     for analysis in scenario.analyses:
-        for one in analysis.inputs.values():
-            yield analysis.where, one, analysis.variants, analysis.variants
+        for expression in analysis.inputs.values():
+            yield analysis.where, expression, analysis.variants, analysis.variants
     for metric in scenario.metrics.values():
-        own = [one for one in scenario.expectations if one.metric == metric.name]
-        judged = tuple(dict.fromkeys(name for one in own for name in (*one.variants, *one.ordered)))
-        yield metric.where, metric.signal, metric.variants, metric.variants or judged
+        expectations = [item for item in scenario.expectations if item.metric == metric.name]
+        tested = tuple(dict.fromkeys(name for item in expectations for name in (*item.variants, *item.ordered)))
+        yield metric.where, metric.signal, metric.variants, metric.variants or tested
     for expectation in scenario.expectations:
         if expectation.signal is not None:
             yield expectation.where, expectation.signal, expectation.variants, expectation.variants
     for plot in scenario.plots:
-        for one in (one for curve in plot.curves for one in (curve.x, curve.signal) if one is not None):
-            yield plot.where, one, plot.variants, ()
+        for expression in (part for curve in plot.curves for part in (curve.x, curve.signal) if part is not None):
+            yield plot.where, expression, plot.variants, ()
     for scene in scenario.scenes:
-        for one in scene.expressions:
-            yield scene.where, one, scene.variants, ()
+        for expression in scene.expressions:
+            yield scene.where, expression, scene.variants, ()
 
 
 def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:

@@ -16,9 +16,8 @@ if TYPE_CHECKING:
     from twin.results import Expression, Plot
     from twin.scenario.spec import Scenario
 
-Variables = dict[
-    str, "tuple[MemberVariable, bool]"
-]  # member.variable -> variable, whether it belongs to a third-party FMU
+# `member.variable` -> its variable, and whether it belongs to a third-party FMU.
+Variables = dict[str, "tuple[MemberVariable, bool]"]
 
 
 @dataclass(frozen=True)
@@ -96,9 +95,8 @@ def check_units(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str
             for name in declaration.variants or catalogs
             if (variables := variables_of(declaration.expression, scenario, catalogs, name)) is not None
         }
-        reason_by_units: dict[
-            tuple[tuple[str, bool], ...], str
-        ] = {}  # cached, because nearly all variants have the same units
+        # Cached, because nearly all variants have the same units.
+        reason_by_units: dict[tuple[tuple[str, bool], ...], str] = {}
         reason_by_variant = {}
         for name, variables in variables_by_variant.items():
             units = tuple((variable.unit, is_foreign) for variable, is_foreign in variables.values())
@@ -173,34 +171,41 @@ def displayed(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> Scenario:
     """Return the scenario with display units for metrics, expectations and plots that declare none."""
     all_catalogs = {variant: {**catalog, **scenario.derived(variant)} for variant, catalog in catalogs.items()}
 
-    def shown(expressions: Sequence[Expression], variants: tuple[str, ...]) -> str:
+    def common_unit(expressions: Sequence[Expression], variants: tuple[str, ...]) -> str:
         """Return the display unit of the first expression if all have the same dimension."""
-        found = []
-        for one in expressions:
-            named = (variables_of(one, scenario, all_catalogs, name) for name in variants or all_catalogs)
-            if (variables := next((found for found in named if found is not None), None)) is not None:
-                found.append((measure(one, variables), variables))
-        same = len({(one.exponents, one.factors == ()) for one, _ in found}) == 1
-        return preferred(*found[0]) if same else ""
+        measured = []
+        for item in expressions:
+            candidates = (variables_of(item, scenario, all_catalogs, name) for name in variants or all_catalogs)
+            if (variables := next((measured for measured in candidates if measured is not None), None)) is not None:
+                measured.append((measure(item, variables), variables))
+        has_one_dimension = len({(item.exponents, item.factors == ()) for item, _ in measured}) == 1
+        return preferred(*measured[0]) if has_one_dimension else ""
 
-    def plotted(plot: Plot) -> Plot:
-        across = [curve.x for curve in plot.curves if curve.x is not None]
+    def with_units(plot: Plot) -> Plot:
+        x_expressions = [curve.x for curve in plot.curves if curve.x is not None]
         return replace(
             plot,
-            unit=plot.unit or shown([curve.signal for curve in plot.curves], plot.variants),
-            x_unit=plot.x_unit or shown(across, plot.variants),
+            unit=plot.unit or common_unit([curve.signal for curve in plot.curves], plot.variants),
+            x_unit=plot.x_unit or common_unit(x_expressions, plot.variants),
         )
 
     metrics = {
-        name: replace(one, unit=one.unit or shown([one.signal], one.variants)) for name, one in scenario.metrics.items()
+        name: replace(item, unit=item.unit or common_unit([item.signal], item.variants))
+        for name, item in scenario.metrics.items()
     }
     expectations = tuple(
         replace(
-            one,
-            unit=one.unit
-            or (metrics[one.metric].unit if one.metric else shown([one.signal], one.variants) if one.signal else ""),
+            item,
+            unit=item.unit
+            or (
+                metrics[item.metric].unit
+                if item.metric
+                else common_unit([item.signal], item.variants)
+                if item.signal
+                else ""
+            ),
         )
-        for one in scenario.expectations
+        for item in scenario.expectations
     )
-    plots = tuple(plotted(plot) for plot in scenario.plots)
+    plots = tuple(with_units(plot) for plot in scenario.plots)
     return replace(scenario, metrics=metrics, expectations=expectations, plots=plots)

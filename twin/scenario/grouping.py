@@ -20,18 +20,17 @@ if TYPE_CHECKING:
     from twin.coupling import Catalog
     from twin.scenario.spec import Case, Scenario
 
-MAX_CACHED_GROUPS = 64  # groups
-_composed: dict[
-    tuple[Any, ...], type[Component]
-] = {}  # so that reloading a scenario does not generate its groups again
+MAX_CACHED_GROUPS = 64
+# Cached, so that reloading a scenario does not generate its groups again.
+_composed: dict[tuple[Any, ...], type[Component]] = {}
 
 
-def group(name: str, case: Case, variables: Catalog, chosen: list[str]) -> type[Component]:
+def group(name: str, case: Case, variables: Catalog, member_names: list[str]) -> type[Component]:
     """Compose the chosen members of a case into one component class.
 
     Inputs: connected to members outside, or unconnected. Outputs: those read outside; all outputs of the members if none is.
     """
-    for member in chosen:
+    for member in member_names:
         if member not in case.members:
             raise CouplingError(f"{name}: there is no member {member!r}. {nearest(member, case.members)}")
         if case.members[member].component.endswith(".fmu"):
@@ -42,10 +41,10 @@ def group(name: str, case: Case, variables: Catalog, chosen: list[str]) -> type[
                 f"leave the member out."
             )
     links = case.system(variables).links()
-    check_border(name, links, variables, chosen)
+    check_border(name, links, variables, member_names)
     parts = {}
     for member in case.members:
-        if member in chosen:
+        if member in member_names:
             spec = case.members[member]
             component = component_of(spec)
             cls = catalog.component(component) if isinstance(component, str) else component
@@ -59,7 +58,7 @@ def group(name: str, case: Case, variables: Catalog, chosen: list[str]) -> type[
     order = [list(parts)]
     if case.algorithm.is_sequential:
         full_order = stepping_order(list(case.members), links, variables)
-        check_order(name, full_order, links, chosen)
+        check_order(name, full_order, links, member_names)
         order = [[one] for one in full_order if one in parts]
     step = whole_nanoseconds(case.step_ns, f"{name}: step")
     cache_key = (name, *map(member_key, parts.items()), *map(connection_key, inside), step, str(order), str(outputs))
@@ -89,16 +88,16 @@ def connection_key(link: Link) -> tuple[Any, ...]:
 
 
 def part(
-    scenario: Scenario, chosen: Sequence[str], group_name: str | None, variant: str | None = None
+    scenario: Scenario, member_names: Sequence[str], group_name: str | None, variant: str | None = None
 ) -> type[Component]:
     """Compose the chosen members or a named group into one component; the first variant by default."""
-    if bool(chosen) == bool(group_name):
+    if bool(member_names) == bool(group_name):
         group_hint = f" or --group {next(iter(scenario.groups))}" if scenario.groups else ""
         raise ScenarioError(f"{scenario.path}: say which part of it, either --members estimate,controller{group_hint}.")
     if group_name and group_name not in scenario.groups:
         hint = nearest(group_name, scenario.groups) if scenario.groups else "Name it under `groups`, or give --members."
         raise ScenarioError(f"{scenario.path}: there is no group `{group_name}`. {hint}")
-    members = list(scenario.groups[group_name]) if group_name else list(chosen)
+    members = list(scenario.groups[group_name]) if group_name else list(member_names)
     catalogs, problems = look_up(scenario)
     if problems:
         raise ScenarioError(problems)
@@ -106,30 +105,32 @@ def part(
     return group(group_name or "_".join(members)[:60], case, catalogs[case.variant], members)
 
 
-def check_border(name: str, links: list[Link], variables: Catalog, chosen: list[str]) -> None:
+def check_border(name: str, links: list[Link], variables: Catalog, member_names: list[str]) -> None:
     """Raise CouplingError if an algebraic loop crosses the border of the group: it must be solved as a whole."""
     followers = direct_followers(links, variables)
     for keys in ordered_groups(list(followers), followers):
         members = list(dict.fromkeys(member for member, _ in keys))
-        outside = [member for member in members if member not in chosen]
+        outside = [member for member in members if member not in member_names]
         if len(members) > 1 and outside and len(outside) < len(members):
             path = ", ".join(map(".".join, keys))
-            inside = [member for member in members if member in chosen]
+            inside = [member for member in members if member in member_names]
             raise CouplingError(
                 f"{name}: the algebraic loop through {path} crosses the border of the group. Put {', '.join(outside)} "
                 f"into the group too, leave out {', '.join(inside)}, or break the loop with a sampled component."
             )
 
 
-def check_order(name: str, order: list[str], links: list[Link], chosen: list[str]) -> None:
+def check_order(name: str, order: list[str], links: list[Link], member_names: list[str]) -> None:
     """Raise CouplingError if Gauss-Seidel order needs a member outside to step between two members of the group."""
     later_readers: dict[str, list[str]] = {}  # member -> those that step later and read it
     for link in links:
         if order.index(link.source.member) < order.index(link.target.member):
             later_readers.setdefault(link.source.member, []).append(link.target.member)
-    leaving = [reader for member in chosen for reader in later_readers.get(member, ()) if reader not in chosen]
+    leaving = [
+        reader for member in member_names for reader in later_readers.get(member, ()) if reader not in member_names
+    ]
     for member in dict.fromkeys(leaving):
-        members_behind = [reader for reader in chosen if reader in reached(later_readers, [member])]
+        members_behind = [reader for reader in member_names if reader in reached(later_readers, [member])]
         if members_behind:
             raise CouplingError(
                 f"{name}: with gauss_seidel {member} steps after one member of the group and before {members_behind[0]}, which "

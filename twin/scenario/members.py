@@ -79,21 +79,21 @@ def samples(cls: type[Component]) -> bool:
 
 def tick(spec: MemberSpec) -> clock.Time:
     """Return a member's own sample period [ns], 0 if none; for an FMU its declared fixed internal step."""
-    made = component_of(spec)
-    if isinstance(made, str) and made.endswith(".fmu"):
+    component = component_of(spec)
+    if isinstance(component, str) and component.endswith(".fmu"):
         from twin.fmi import FMUMember
 
-        member = FMUMember("member", made)
+        member = FMUMember("member", component)
         member.close()
         return clock.nanoseconds(member.fixed_step or 0.0)
-    return (catalog.component(made) if isinstance(made, str) else made).period_ns
+    return (catalog.component(component) if isinstance(component, str) else component).period_ns
 
 
 def communication(spec: MemberSpec) -> clock.Time | None:
     """Return the communication step [ns] of a member that the scenario sets; None: that of its component."""
     if spec.communication_ns or not spec.period_ns:
         return spec.communication_ns
-    return spec.period_ns if isinstance(made := component_of(spec), str) or not samples(made) else None
+    return spec.period_ns if isinstance(component := component_of(spec), str) or not samples(component) else None
 
 
 def make(
@@ -128,8 +128,8 @@ def make(
 
 def derivative(name: str) -> str:
     """Return FMI's name of a derivative: `der(x)` for `der_x`, in a group `der(part.x)` for `part.der_x`."""
-    part, dot, own = name.rpartition(".")
-    return f"der({part}{dot}{own.removeprefix('der_')})"
+    prefix, dot, state = name.rpartition(".")
+    return f"der({prefix}{dot}{state.removeprefix('der_')})"
 
 
 def exported(

@@ -218,8 +218,8 @@ def merged(base: Node, patch: Node, path: Keys = (), keep_null: bool = False) ->
     if not isinstance(patch.value, dict):
         return merged_list(base, patch, path, keep_null) if isinstance(patch.value, list) else patch
     if path == ("algorithm",):
-        named = Node({"name": base}, base.place) if isinstance(base.value, str) else base
-        base = Node({}, patch.place) if "name" in patch.entries else named
+        algorithm = Node({"name": base}, base.place) if isinstance(base.value, str) else base
+        base = Node({}, patch.place) if "name" in patch.entries else algorithm
     if len(path) == 2 and path[0] == "members" and replaces(base, patch):
         base = Node({key: base.entries[key] for key in TIMING_KEYS if key in base.entries}, patch.place)
     if not path and not keep_null:
@@ -270,7 +270,7 @@ def remove_members(root: Node, names: list[str]) -> Node:
         return root
     entries = dict(root.entries)
 
-    def gone(reference: object) -> bool:
+    def is_removed(reference: object) -> bool:
         return isinstance(reference, str) and reference.partition(".")[0] in names
 
     if "connections" in entries:
@@ -278,24 +278,28 @@ def remove_members(root: Node, names: list[str]) -> Node:
         ends = [
             (item, [end.value for key, end in item.entries.items() if key in ("from", "to")]) for item in node.items
         ]
-        entries["connections"] = Node([item for item, end_names in ends if not any(map(gone, end_names))], node.place)
+        entries["connections"] = Node(
+            [item for item, end_names in ends if not any(map(is_removed, end_names))], node.place
+        )
     if "events" in entries:
         node = entries["events"]
-        entries["events"] = Node([event for item in node.items for event in remove_from_event(item, gone)], node.place)
+        entries["events"] = Node(
+            [event for item in node.items for event in remove_from_event(item, is_removed)], node.place
+        )
     return Node(entries, root.place)
 
 
-def remove_from_event(event: Node, gone: Callable[[object], bool]) -> list[Node]:
+def remove_from_event(event: Node, is_removed: Callable[[object], bool]) -> list[Node]:
     """Remove references to removed members from an event; an empty list if none remain."""
     if "fault" in event.entries:
-        return [] if "node" in event.entries and gone(event.entries["node"].value) else [event]
+        return [] if "node" in event.entries and is_removed(event.entries["node"].value) else [event]
     entries: dict[str, Node] = {}
     for key, node in event.entries.items():
         if isinstance(node.value, dict):
-            node = Node({name: value for name, value in node.entries.items() if not gone(name)}, node.place)  # noqa: PLW2901
+            node = Node({name: value for name, value in node.entries.items() if not is_removed(name)}, node.place)  # noqa: PLW2901
         elif isinstance(node.value, list):
-            node = Node([item for item in node.items if not gone(item.value)], node.place)  # noqa: PLW2901
-        elif gone(node.value):
+            node = Node([item for item in node.items if not is_removed(item.value)], node.place)  # noqa: PLW2901
+        elif is_removed(node.value):
             continue
         if key == "at" or node.value:
             entries[key] = node

@@ -27,9 +27,8 @@ class VariableCache:
         self.imports = imports
         self.names: set[str] = set()  # of existing components
         self.sampled: dict[str, str] = {}  # component -> name of the parameter that is its sample time
-        self.variables_by_key: dict[
-            str, Mapping[str, MemberVariable] | TwinError
-        ] = {}  # by component and structural parameters
+        # By component and structural parameters.
+        self.variables_by_key: dict[str, Mapping[str, MemberVariable] | TwinError] = {}
 
     def variables(self, name: str, member: MemberSpec) -> Mapping[str, MemberVariable] | None:
         """Return the variables of a member; None if it has no component or needs an import; TwinError if it is invalid."""
@@ -187,7 +186,7 @@ def not_a_multiple(key: str, time: clock.Time, step: clock.Time, step_name: str)
 def structural(member: str, spec: MemberSpec, variables: Variables) -> dict[str, Any]:
     """Return the values that a member sets for structural parameters."""
     return {
-        name: quantities.resolve(written, variables[name], f"{member}.{name}")
-        for name, written in spec.parameters.items()
+        name: quantities.resolve(raw, variables[name], f"{member}.{name}")
+        for name, raw in spec.parameters.items()
         if name in variables and variables[name].causality == "structuralParameter"
     }

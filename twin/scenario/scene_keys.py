@@ -38,27 +38,27 @@ def scene(builder: Builder, index: int, keys: SceneKeys) -> Scene:
         builder.problem(path, f"{what}: walls move with `{name}`. Say how far: `motions: {{{name}: member.variable}}`.")
     if not (keys.lines or keys.points or keys.arrows):
         builder.problem(path, f"{what}: shows nothing that moves. Add `lines`, `points` or `arrows`.")
-    for i, one in enumerate(keys.points):
-        if (one.signal is None) == (one.along is None):
+    for i, item in enumerate(keys.points):
+        if (item.signal is None) == (item.along is None):
             builder.problem((*path, "points", i), f"{what}: points: give either `signal` or `along`.")
-        elif one.along is not None and not keys.environment:
+        elif item.along is not None and not keys.environment:
             builder.problem(
                 (*path, "points", i), f"{what}: points: `along` needs an environment with a path. Name one."
             )
-    if any(one.x is not None for one in keys.signals):
+    if any(item.x is not None for item in keys.signals):
         builder.problem((*path, "signals"), f"{what}: signals are shown over time. Leave `x` out.")
     axes = keys.axes or AXES[:2]
     if axes[0] == axes[1]:
         builder.problem((*path, "axes"), f"{what}: axes: {axes[0]} is given twice. Give two, such as [x, z].")
-    widths = [builder.si((*path, "lines", i), one.width, "m", f"{what}: width") for i, one in enumerate(keys.lines)]
+    widths = [builder.si((*path, "lines", i), item.width, "m", f"{what}: width") for i, item in enumerate(keys.lines)]
     return Scene(
         keys.title, scene_environment, dict(keys.motions),
-        tuple(Line(one.signal, one.label or one.signal, width or 0.0)
-              for one, width in zip(keys.lines, widths, strict=True)),
-        tuple(Mark(one.label or one.signal or (one.along.text if one.along else ""), one.signal or "", one.along)
-              for one in keys.points),
-        tuple(Arrow(one.signal, one.at, one.label or one.signal) for one in keys.arrows),
-        tuple(Curve(one.signal, one.label or one.signal.text) for one in keys.signals),
+        tuple(Line(item.signal, item.label or item.signal, width or 0.0)
+              for item, width in zip(keys.lines, widths, strict=True)),
+        tuple(Mark(item.label or item.signal or (item.along.text if item.along else ""), item.signal or "", item.along)
+              for item in keys.points),
+        tuple(Arrow(item.signal, item.at, item.label or item.signal) for item in keys.arrows),
+        tuple(Curve(item.signal, item.label or item.signal.text) for item in keys.signals),
         builder.unit((*path, "unit"), keys.unit, what), (AXES.index(axes[0]), AXES.index(axes[1])),
         builder.window(path, keys, what), builder.existing_variants((*path, "variants"), keys.variants, what),
         str(builder.tree.find(path).place),

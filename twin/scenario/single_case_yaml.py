@@ -59,7 +59,10 @@ def owners(figure: Plot | Scene) -> set[str]:
     """Return the names of the members and analyses that a plot or scene reads."""
     if isinstance(figure, Plot):
         expressions = [
-            expression_ for curve in figure.curves for expression_ in (curve.signal, curve.x) if expression_ is not None
+            curve_expression
+            for curve in figure.curves
+            for curve_expression in (curve.signal, curve.x)
+            if curve_expression is not None
         ]
         names = [signal.name for expression in expressions for signal in expression.signals]
     else:

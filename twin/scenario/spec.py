@@ -343,9 +343,9 @@ class Scenario:
         """Return the scenario as one YAML text: everything merged, overrides applied, paths of FMUs absolute."""
         if self.text:
             return self.text
-        from twin.scenario import yaml_writer as written
+        from twin.scenario import yaml_writer
 
-        return written.text(self.tree)
+        return yaml_writer.text(self.tree)
 
 
 def member_seed(seed: int, name: str) -> int:

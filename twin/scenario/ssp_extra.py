@@ -1,6 +1,6 @@
-"""What a scenario has and SSP has no words for: events, metrics, plots, how often a member communicates; as YAML.
+"""Scenario keys without an SSP equivalent: events, metrics, plots, communication steps; as YAML.
 
-`twin export --ssp` puts it beside the description, or as annotations into it; `package` reads it there.
+`twin export --ssp` writes them to a YAML file in the archive or to annotations; `ssp_reader` reads them back.
 """
 
 from __future__ import annotations

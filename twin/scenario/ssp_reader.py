@@ -56,8 +56,8 @@ def read(path: Path, shown: str, problems: list[str]) -> Node:
         {float(tree.find(("start_time",)).value) if "start_time" in tree.entries else 0.0 for tree in trees.values()}
     )
     if len(starts) > 1:
-        listed = " and ".join(f"{start:g} s" for start in starts)
-        problems.append(f"{shown}: the variants start at {listed}. Give them one start time.")
+        start_texts = " and ".join(f"{start:g} s" for start in starts)
+        problems.append(f"{shown}: the variants start at {start_texts}. Give them one start time.")
     variants = {
         name: Node({key: node for key, node in tree.entries.items() if key in VARIANT_KEYS}, tree.place)
         for name, tree in trees.items()

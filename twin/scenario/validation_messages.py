@@ -134,7 +134,7 @@ def dotted(path: Path) -> str:
 
 
 def keys_at(path: Path, model: Any = ScenarioKeys) -> list[str]:
-    """The keys that a group may have."""
+    """Return the keys that a group may have."""
     for step in path:
         if not (isinstance(model, type) and issubclass(model, BaseModel)):
             continue

@@ -129,7 +129,7 @@ class Units:
         return self.names[text]
 
     def element(self, space: str) -> Any | None:
-        """Their definitions."""
+        """Create the element that defines the units; None without units."""
         if not self.names:
             return None
         units_node = etree.Element(f"{space}Units")
@@ -155,7 +155,7 @@ class Enumerations:
         return self.names.setdefault(items, f"enumeration_{len(self.names) + 1}")
 
     def element(self, space: str) -> Any | None:
-        """Their definitions."""
+        """Create the element that defines the enumerations; None without enumerations."""
         if not self.names:
             return None
         enumerations_node = etree.Element(f"{space}Enumerations")
