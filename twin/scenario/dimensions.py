@@ -176,7 +176,7 @@ def displayed(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> Scenario:
         measured = []
         for item in expressions:
             candidates = (variables_of(item, scenario, all_catalogs, name) for name in variants or all_catalogs)
-            if (variables := next((measured for measured in candidates if measured is not None), None)) is not None:
+            if (variables := next((candidate for candidate in candidates if candidate is not None), None)) is not None:
                 measured.append((measure(item, variables), variables))
         has_one_dimension = len({(item.exponents, item.factors == ()) for item, _ in measured}) == 1
         return preferred(*measured[0]) if has_one_dimension else ""
