@@ -13,7 +13,7 @@ from lxml import etree
 from tests.ssp.parts import bindings, component, connection, connector, description, system
 from twin.errors import ScenarioError
 from twin.scenario import load_scenario, members, pack
-from twin.ssp import with_outputs
+from twin.ssp import promote_locals_to_outputs
 from twin.ssp.document import violations
 
 SCENARIO = """\
@@ -207,5 +207,5 @@ def test_bonds_and_control_characters(bench):
 
 def test_outputs_are_added_in_order(bench, part_fmus):
     content = part_fmus["resources/bare.fmu"].read_bytes()
-    with zipfile.ZipFile(io.BytesIO(with_outputs(content, {}))) as archive:
+    with zipfile.ZipFile(io.BytesIO(promote_locals_to_outputs(content, {}))) as archive:
         assert b'causality="output"' in archive.read("modelDescription.xml")

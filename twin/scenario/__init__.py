@@ -1,4 +1,4 @@
-"""Scenario files: what is run, what is expected, in YAML with units; every error gives file and line."""
+"""Scenario files: runs and acceptance criteria in YAML with units; every error gives file and line."""
 
 from typing import TYPE_CHECKING
 

@@ -1,7 +1,7 @@
-"""Checks of names, times and values: first by the file alone, then against the variables that the members have.
+"""Checks of names, times and values, first without and then with the variables of the members.
 
-What the graph of members and connections needs (sources, units and causality of connections, loops, periods) is
-checked by `twin.system`.
+The graph of members and connections (sources, units and causality of connections, loops, periods) is checked by
+`twin.coupling.System`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from twin.scenario.schema import NAME
 from twin.scenario.spec import SETTABLE
 from twin.scenario.variable_names import find, inside, matching, nearest, no_element
 
-MOST_STEPS = 1e12  # of a run; 1e7 a second are fast
+MOST_STEPS = 1e12  # of a run; a fast machine computes 1e7 steps per second
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def check(scenario: Scenario, keys: ScenarioKeys, tree: Node, trees: dict[str, Node]) -> list[str]:
-    """Every problem that can be seen without knowing the members' variables."""
+    """Return every problem that can be found without the members' variables."""
     problems: list[str] = []
     if keys.stop_time is None and "stop_time" not in scenario.tree.entries:
         advice = "Use --set stop_time=10" if scenario.path.suffix == ".ssp" else "Add it, such as `stop_time: 10 s`"
@@ -40,8 +40,10 @@ def check(scenario: Scenario, keys: ScenarioKeys, tree: Node, trees: dict[str, N
         problems.append(f"{tree.place.file}: `members` is missing. Add it, such as `servo: {{component: servomotor}}`.")
     if keys.seed is not None:
         problems.append(f"{tree.find(('seed',)).place}: seed and seeds are both given. Keep one.")
-    twice = sorted({seed for seed in keys.seeds if keys.seeds.count(seed) > 1})
-    problems += [f"{tree.find(('seeds',)).place}: seed {seed} is given twice. Every seed is one run." for seed in twice]
+    repeated = sorted({seed for seed in keys.seeds if keys.seeds.count(seed) > 1})
+    problems += [
+        f"{tree.find(('seeds',)).place}: seed {seed} is given twice. Every seed is one run." for seed in repeated
+    ]
     for case in scenario.variants:
         problems += check_case(case, trees[case.variant], keys)
     members = {name for case in scenario.variants for name in case.members}
@@ -50,9 +52,9 @@ def check(scenario: Scenario, keys: ScenarioKeys, tree: Node, trees: dict[str, N
             problems.append(f"{tree.find(('groups', group)).place}: group `{group}`: use letters, digits and _ only.")
         for index, name in enumerate(names):
             if name not in members:
-                place = tree.find(("groups", group, index)).place
-                problems.append(f"{place}: group `{group}`: there is no member `{name}`.{nearest(name, members)}")
-    members |= {one.name for one in scenario.analyses}
+                location = tree.find(("groups", group, index)).place
+                problems.append(f"{location}: group `{group}`: there is no member `{name}`.{nearest(name, members)}")
+    members |= {analysis.name for analysis in scenario.analyses}
     problems += check_sets(tree, trees) + check_console(scenario)
     for where, name in references(scenario, keys, tree):
         member = name.partition(".")[0]
@@ -62,56 +64,56 @@ def check(scenario: Scenario, keys: ScenarioKeys, tree: Node, trees: dict[str, N
 
 
 def check_sets(tree: Node, trees: dict[str, Node]) -> list[str]:
-    """Parameter sets for components that do not exist; those that no member has are fine."""
+    """Report parameter sets for components that do not exist; sets for components that no member uses are allowed."""
     from twin.component import catalog
 
-    roots = [one.entries["parameter_sets"] for one in (tree, *trees.values()) if "parameter_sets" in one.entries]
-    places = {name: node.place for sets in roots for one in sets.items for name, node in one.entries.items()}
-    named = (name for name in places if not set(":#") & set(name) and not name.endswith(".fmu"))
-    lacking = [name for name in named if catalog.place(name) is None]
-    known = catalog.names() if lacking else []
+    roots = [entry.entries["parameter_sets"] for entry in (tree, *trees.values()) if "parameter_sets" in entry.entries]
+    locations = {name: node.place for sets in roots for entry in sets.items for name, node in entry.entries.items()}
+    names = (name for name in locations if not set(":#") & set(name) and not name.endswith(".fmu"))
+    missing = [name for name in names if catalog.place(name) is None]
+    component_names = catalog.names() if missing else []
     return [
-        f"{places[name]}: parameter_sets: there is no component `{name}`.{nearest(name, known)}"
-        for name in lacking
-        if name not in known
+        f"{locations[name]}: parameter_sets: there is no component `{name}`.{nearest(name, component_names)}"
+        for name in missing
+        if name not in component_names
     ]
 
 
 def references(scenario: Scenario, keys: ScenarioKeys, tree: Node) -> Iterable[tuple[str, str]]:
-    """(place, `member.variable`) of all that record, metrics, expectations and plots name."""
+    """Yield (file:line, `member.variable`) for every reference in record, metrics, expectations, plots and scenes."""
     for index, pattern in enumerate(keys.record.variables):
         yield str(tree.find(("record", "variables", index)).place), pattern
-    for where, one, _, _ in expressions_of(scenario):
-        yield from ((where, str(signal)) for signal in one.signals)
+    for where, expression, _, _ in expressions_of(scenario):
+        yield from ((where, str(signal)) for signal in expression.signals)
     for scene in scenario.scenes:
         yield from ((scene.where, name) for name, _, _ in scene.arrays)
 
 
 def expressions_of(scenario: Scenario) -> Iterable[tuple[str, Expression, tuple[str, ...], tuple[str, ...]]]:
-    """(place, expression, variants, those that must have it) of every analysis, metric, expectation and plot.
+    """Yield (file:line, expression, variants, variants that require it) of every analysis, metric, expectation, plot and scene.
 
-    No variants: all that have its signals.
+    Empty variants: all variants that have its signals.
     """
     for analysis in scenario.analyses:
-        for one in analysis.inputs.values():
-            yield analysis.where, one, analysis.variants, analysis.variants
+        for expression in analysis.inputs.values():
+            yield analysis.where, expression, analysis.variants, analysis.variants
     for metric in scenario.metrics.values():
-        own = [one for one in scenario.expectations if one.metric == metric.name]
-        judged = tuple(dict.fromkeys(name for one in own for name in (*one.variants, *one.ordered)))
-        yield metric.where, metric.signal, metric.variants, metric.variants or judged
+        expectations = [item for item in scenario.expectations if item.metric == metric.name]
+        tested = tuple(dict.fromkeys(name for item in expectations for name in (*item.variants, *item.ordered)))
+        yield metric.where, metric.signal, metric.variants, metric.variants or tested
     for expectation in scenario.expectations:
         if expectation.signal is not None:
             yield expectation.where, expectation.signal, expectation.variants, expectation.variants
     for plot in scenario.plots:
-        for one in (one for curve in plot.curves for one in (curve.x, curve.signal) if one is not None):
-            yield plot.where, one, plot.variants, ()
+        for expression in (part for curve in plot.curves for part in (curve.x, curve.signal) if part is not None):
+            yield plot.where, expression, plot.variants, ()
     for scene in scenario.scenes:
-        for one in scene.expressions:
-            yield scene.where, one, scene.variants, ()
+        for expression in scene.expressions:
+            yield scene.where, expression, scene.variants, ()
 
 
 def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
-    """Problems of one variant: members, connections, times and events."""
+    """Check members, connections, times and events of one variant."""
     problems: list[str] = []
     for name, member in case.members.items():
         if not NAME.fullmatch(name):
@@ -150,42 +152,48 @@ def check_case(case: Case, tree: Node, keys: ScenarioKeys) -> list[str]:
         case.algorithm.divisions(case.step_ns)
     except CouplingError as error:
         problems.append(f"{tree.find(('algorithm',)).place}: {error}")
-    every = keys.record.every
-    if every is not None and every % case.step_ns:
-        place = tree.find(("record", "every")).place
-        problems.append(f"{place}: every {clock.text(every)} is not a multiple of step {clock.text(case.step_ns)}.")
+    interval = keys.record.every
+    if interval is not None and interval % case.step_ns:
+        location = tree.find(("record", "every")).place
+        problems.append(
+            f"{location}: every {clock.text(interval)} is not a multiple of step {clock.text(case.step_ns)}."
+        )
     return problems + check_events(case)
 
 
 def check_buffers(name: str, member: MemberSpec, values: dict[str, Any]) -> list[str]:
-    """Parameters that would outgrow a buffer of the component."""
+    """Report parameters that exceed the size of a buffer of the component."""
     from twin.component import buffers, catalog
 
     if member.component.endswith(".fmu"):
         return []
     try:
-        cls = member.made or catalog.component(member.component)
-    except DeclarationError:  # said where its variables are looked up
+        component_class = member.made or catalog.component(member.component)
+    except DeclarationError:  # reported by `look_up`
         return []
-    period = float(clock.seconds(member.period_ns or cls.period_ns))
-    return [f"{member.where}: {name}.{one}" for one in buffers.overflows(cls, values, period)] if period else []
+    period = float(clock.seconds(member.period_ns or component_class.period_ns))
+    return (
+        [f"{member.where}: {name}.{overflow}" for overflow in buffers.overflows(component_class, values, period)]
+        if period
+        else []
+    )
 
 
 def missing_file(name: str, member: MemberSpec) -> list[str]:
-    """An FMU that is not there."""
+    """Report an FMU file that does not exist."""
     from pathlib import Path
 
     path = Path(member.component)
     if path.is_file():
         return []
-    known = [other.name for other in path.parent.glob("*.fmu")] if path.parent.is_dir() else []
-    return [f"{member.where}: member `{name}`: there is no file {path}.{nearest(path.name, known)}"]
+    file_names = [other.name for other in path.parent.glob("*.fmu")] if path.parent.is_dir() else []
+    return [f"{member.where}: member `{name}`: there is no file {path}.{nearest(path.name, file_names)}"]
 
 
 def check_events(case: Case) -> list[str]:
-    """Events at times that do not exist, on members that do not exist, and releases of what is not overridden."""
+    """Check the times and members of events and faults, and that releases follow an override."""
     problems = []
-    held: set[str] = set()
+    overridden: set[str] = set()
     for event in case.events:
         owner, when = event.variable.partition(".")[0], clock.text(event.time_ns)
         if owner not in case.members:
@@ -196,8 +204,8 @@ def check_events(case: Case) -> list[str]:
             step = clock.text(case.step_ns)
             problems.append(f"{event.where}: event at {when} is no multiple of step {step}. Move it.")
         if event.kind == "override":
-            held.add(event.variable)
-        elif event.kind == "release" and event.variable not in held:
+            overridden.add(event.variable)
+        elif event.kind == "release" and event.variable not in overridden:
             problems.append(f"{event.where}: {event.variable} is released but was not overridden before {when}.")
     for fault in case.faults:
         if outside := outside_run(fault.time_ns, case):
@@ -206,7 +214,7 @@ def check_events(case: Case) -> list[str]:
 
 
 def outside_run(time_ns: clock.Time, case: Case) -> str:
-    """What is wrong with a time that the run does not have."""
+    """Return the error text for a time outside the run, or ""."""
     if case.start_ns <= time_ns < case.stop_ns:
         return ""
     span = f"{clock.text(case.start_ns)} to {clock.text(case.stop_ns)}"
@@ -214,67 +222,71 @@ def outside_run(time_ns: clock.Time, case: Case) -> str:
 
 
 def check_against(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str]:
-    """Every problem of parameters, events, record, metrics and plots; `catalogs`: variant -> member -> variables."""
+    """Check parameters, events, record, metrics and plots against `catalogs`: variant -> member -> variables."""
     problems: list[str] = []
     for case in scenario.variants:
         catalog = catalogs[case.variant]
         for name, member in case.members.items():
-            values, wrong = member.values(name, catalog[name])
-            problems += wrong or check_buffers(name, member, values)
+            values, value_problems = member.values(name, catalog[name])
+            problems += value_problems or check_buffers(name, member, values)
         targets = {connection.target for connection in case.system(catalog).single()[0]}
         for event in case.events:
             problems += event_problems(event, catalog, targets)
     try:
-        every = {variant: {**catalog, **scenario.derived(variant)} for variant, catalog in catalogs.items()}
+        all_catalogs = {variant: {**catalog, **scenario.derived(variant)} for variant, catalog in catalogs.items()}
     except ScenarioError as error:
         return [*problems, *error.problems]
-    problems += check_names(scenario, every) + check_units(scenario, every)
-    problems += check_arrays(scenario, every) if scenario.scenes else []
+    problems += check_names(scenario, all_catalogs) + check_units(scenario, all_catalogs)
+    problems += check_arrays(scenario, all_catalogs) if scenario.scenes else []
     problems += check_controls(scenario, catalogs)
     return list(dict.fromkeys(problems))
 
 
 def check_names(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str]:
-    """What record, metrics and plots name must exist in one variant at least, and be single values where it does."""
+    """Check that recorded and plotted signals exist in at least one variant and are scalar where they exist."""
     problems: list[str] = []
     for pattern in scenario.record.patterns:
-        found = [problem_of(pattern, (), catalog) for catalog in catalogs.values()]
-        if all(found):
-            problems.append(f"{scenario.record.where}: {found[0]}")
-    whole = {id(one) for analysis in scenario.analyses for one in analysis.inputs.values() if one.single}
+        reasons = [problem_of(pattern, (), catalog) for catalog in catalogs.values()]
+        if all(reasons):
+            problems.append(f"{scenario.record.where}: {reasons[0]}")
+    array_inputs = {
+        id(signal) for analysis in scenario.analyses for signal in analysis.inputs.values() if signal.single
+    }
     for where, expression, variants, needed in expressions_of(scenario):
-        named = {name: catalogs[name] for name in variants or catalogs}
+        relevant = {name: catalogs[name] for name in variants or catalogs}
         missing = {
             name: reason
-            for name, catalog in named.items()
+            for name, catalog in relevant.items()
             if (
                 reason := next(
-                    filter(None, (problem_of(one.name, one.index, catalog) for one in expression.signals)), ""
+                    filter(None, (problem_of(signal.name, signal.index, catalog) for signal in expression.signals)), ""
                 )
             )
         }
-        if len(missing) == len(named):
+        if len(missing) == len(relevant):
             problems.append(f"{where}: {next(iter(missing.values()))}")
-        elif gaps := [name for name in needed if name in missing]:
-            problems.append(f"{where}: in variant `{gaps[0]}`: {missing[gaps[0]]}")
+        elif missing_variants := [name for name in needed if name in missing]:
+            problems.append(f"{where}: in variant `{missing_variants[0]}`: {missing[missing_variants[0]]}")
         arrays = {
             name: reason
-            for name, catalog in named.items()
-            if name not in missing and id(expression) not in whole and (reason := array_problem(expression, catalog))
+            for name, catalog in relevant.items()
+            if name not in missing
+            and id(expression) not in array_inputs
+            and (reason := array_problem(expression, catalog))
         }
         for name, reason in list(arrays.items())[:1]:
-            place = "" if len(arrays) + len(missing) == len(named) else f"in variant `{name}`: "
-            problems.append(f"{where}: {place}{reason}")
+            prefix = "" if len(arrays) + len(missing) == len(relevant) else f"in variant `{name}`: "
+            problems.append(f"{where}: {prefix}{reason}")
     return problems
 
 
 def array_problem(expression: Expression, catalog: Catalog) -> str:
-    """Why an expression is no single value, or nothing."""
-    return expression.array_problem({one.name: find(one.name, catalog)[0].shape for one in expression.signals})
+    """Return why an expression is not scalar, or ""."""
+    return expression.array_problem({signal.name: find(signal.name, catalog)[0].shape for signal in expression.signals})
 
 
 def problem_of(name: str, index: tuple[int, ...], catalog: Catalog) -> str:
-    """Why a signal or pattern names nothing that can be recorded, or nothing."""
+    """Return why a signal or pattern cannot be recorded, or ""."""
     try:
         if "*" in name:
             return "" if matching(catalog, name) else f"{name} matches no variable. Write member.* or member.variable."
@@ -287,13 +299,13 @@ def problem_of(name: str, index: tuple[int, ...], catalog: Catalog) -> str:
 
 
 def event_problems(event: EventSpec, catalog: Catalog, targets: set[str]) -> list[str]:
-    """What is wrong with an event now that its variable is known."""
+    """Check an event against its variable. `targets`: connected inputs."""
     try:
         variable, index = find(event.variable, catalog)
         if index and event.kind == "override" and variable.causality == "input":
-            whole = event.variable[: event.variable.rindex("[")]
+            array_name = event.variable[: event.variable.rindex("[")]
             raise CouplingError(  # noqa: TRY301
-                f"{event.variable}: an element of an input cannot be overridden. Override its source, or all of {whole}."
+                f"{event.variable}: an element of an input cannot be overridden. Override its source, or all of {array_name}."
             )
         if not variable.connectable and event.kind != "set":
             raise CouplingError(f"{event.variable} is {variable.type}: only numbers can be overridden.")  # noqa: TRY301

@@ -1,6 +1,6 @@
-"""A member may be a table, `component: command.csv`, or a group of another scenario: `rig.yaml#rig`, or `rig.yaml#rig@variant`.
+"""Components made from files: a table, `command.csv`, or a group of another scenario, `rig.yaml#rig` or `rig.yaml#rig@variant`.
 
-It becomes one compiled component with the other scenario's values as its start values.
+A group becomes one compiled component with the other scenario's values as its start values.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from twin.scenario.spec import Scenario
     from twin.scenario.yaml_node import Node
 
-DEEPEST = 20  # groups in each other
-_above: ContextVar[tuple[str, ...]] = ContextVar("above", default=())  # files whose members are being made
+DEEPEST = 20  # levels of nested groups
+_above: ContextVar[tuple[str, ...]] = ContextVar("above", default=())  # files that are being resolved, to detect cycles
 
 
 def is_group(component: object) -> bool:
@@ -32,36 +32,36 @@ def is_group(component: object) -> bool:
 
 
 def is_table(component: object) -> bool:
-    """Whether a member's component is a file of values over time."""
+    """Whether a member's component is a CSV file of values over time."""
     return isinstance(component, str) and component.endswith(".csv")
 
 
 def table(path: str) -> type[Component]:
-    """The component class of a file of values over time."""
+    """Create the component class of a CSV file of values over time."""
     from twin.fmi import csv_source
 
     return csv_source.component(path)
 
 
 def components(trees: dict[str, Node], load: Callable[[str], Scenario]) -> tuple[dict[str, type[Component]], list[str]]:
-    """The groups and tables that members of any variant name, and what is wrong with them. `load`: reads their scenarios."""
-    made: dict[str, type[Component]] = {}
+    """Create the components of all groups and tables of the members: reference -> class, and problems. `load` reads a scenario."""
+    classes: dict[str, type[Component]] = {}
     problems: dict[str, None] = {}
     for tree in trees.values():
         for name, member in members(tree).items():
             node = member.entries.get("component")
-            if node is None or not (is_group(node.value) or is_table(node.value)) or node.value in made:
+            if node is None or not (is_group(node.value) or is_table(node.value)) or node.value in classes:
                 continue
             try:
-                made[node.value] = table(node.value) if is_table(node.value) else component(node.value, load)
+                classes[node.value] = table(node.value) if is_table(node.value) else component(node.value, load)
             except TwinError as error:
-                own = getattr(error, "problems", [str(error)])
-                problems |= dict.fromkeys(f"{node.place}: member `{name}`: {one}" for one in own)
-    return made, list(problems)
+                messages = getattr(error, "problems", [str(error)])
+                problems |= dict.fromkeys(f"{node.place}: member `{name}`: {message}" for message in messages)
+    return classes, list(problems)
 
 
 def component(reference: str, load: Callable[[str], Scenario]) -> type[Component]:
-    """The component class of `path.yaml#group@variant`."""
+    """Create the component class of `path.yaml#group@variant`."""
     path, _, rest = reference.partition("#")
     name, _, variant = rest.partition("@")
     if path in _above.get():
@@ -71,8 +71,8 @@ def component(reference: str, load: Callable[[str], Scenario]) -> type[Component
             f"{path}: groups lie in each other more than {DEEPEST} deep. Name the inner members directly."
         )
     if not Path(path).is_file():
-        known = [other.name for other in Path(path).parent.glob("*.y*ml")]
-        raise ScenarioError(f"there is no file {path}.{nearest(Path(path).name, known)}")
+        file_names = [other.name for other in Path(path).parent.glob("*.y*ml")]
+        raise ScenarioError(f"there is no file {path}.{nearest(Path(path).name, file_names)}")
     token = _above.set((*_above.get(), path))
     try:
         scenario = load(path)

@@ -1,4 +1,4 @@
-"""`console:` of a scenario: by what a person moves which inputs, as numbers once the inputs are known."""
+"""`console:` of a scenario: operator controls for inputs, and their ranges in the units of the inputs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Control:
-    """A control whose input is known. `low`, `high`, `rest`: in the input's unit; of a Boolean 0 and 1."""
+    """A control resolved against its input. `low`, `high`, `rest` are in the input's unit; 0 and 1 for a Boolean."""
 
     spec: ControlSpec
     variable: MemberVariable
@@ -32,82 +32,84 @@ class Control:
 
 
 def controls(keys: ScenarioKeys, tree: Node) -> tuple[ControlSpec, ...]:
-    """The controls as they are written."""
+    """Create the control specifications from the validated keys."""
     return tuple(
         ControlSpec(
-            one.input, one.label or one.input, one.description, one.range, one.rest, one.dead_zone, dict(one.along),
-            one.stick, tuple(one.keys), one.axis, one.reverse, tuple(one.buttons), tuple(one.variants),
+            control.input, control.label or control.input, control.description, control.range, control.rest, control.dead_zone, dict(control.along),
+            control.stick, tuple(control.keys), control.axis, control.reverse, tuple(control.buttons), tuple(control.variants),
             str(tree.find(("console", i)).place),
         )
-        for i, one in enumerate(keys.console)
+        for i, control in enumerate(keys.console)
     )  # fmt: skip
 
 
 def check_console(scenario: Scenario) -> list[str]:
-    """What is wrong with the controls by the file alone: variants that do not exist, keys that two of them have."""
-    found, taken = [], dict[tuple[str, Any], ControlSpec]()
-    known = [case.variant for case in scenario.variants]
-    for one in scenario.console:
-        found += [
-            f"{one.where}: console: there is no variant `{name}`.{nearest(name, known)}"
-            for name in one.variants
-            if name not in known
+    """Check controls without variables: variants that do not exist, keys or buttons assigned twice."""
+    problems, control_by_device = [], dict[tuple[str, Any], ControlSpec]()
+    variant_names = [case.variant for case in scenario.variants]
+    for control in scenario.console:
+        problems += [
+            f"{control.where}: console: there is no variant `{name}`.{nearest(name, variant_names)}"
+            for name in control.variants
+            if name not in variant_names
         ]
-        devices = [("stick", one.stick), ("axis", one.axis), *(("key", key) for key in one.keys)]
-        devices += [("button", button) for button in one.buttons]
+        devices = [("stick", control.stick), ("axis", control.axis), *(("key", key) for key in control.keys)]
+        devices += [("button", button) for button in control.buttons]
         for device in (pair for pair in devices if pair[1] not in ("", None)):
-            other = taken.setdefault(device, one)
-            if other is not one and meet(other, one):
-                found.append(f"{one.where}: console: {device[0]} {device[1]} moves {other.input} too. Use another one.")
-    return found
+            other_control = control_by_device.setdefault(device, control)
+            if other_control is not control and share_variant(other_control, control):
+                problems.append(
+                    f"{control.where}: console: {device[0]} {device[1]} moves {other_control.input} too. Use another one."
+                )
+    return problems
 
 
-def meet(one: ControlSpec, other: ControlSpec) -> bool:
-    """Whether two controls are there in one variant."""
-    return not one.variants or not other.variants or not {*one.variants}.isdisjoint(other.variants)
+def share_variant(first: ControlSpec, second: ControlSpec) -> bool:
+    """Whether two controls are active in the same variant."""
+    return not first.variants or not second.variants or not {*first.variants}.isdisjoint(second.variants)
 
 
 def check_controls(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str]:
-    """What is wrong with the controls once the members' variables are known."""
-    found = []
-    for one in scenario.console:
-        wrong = []
-        cases = [case for case in scenario.variants if case.variant in (one.variants or catalogs)]
+    """Check controls against the members' variables."""
+    problems = []
+    for control in scenario.console:
+        reasons = []
+        cases = [case for case in scenario.variants if case.variant in (control.variants or catalogs)]
         for case in cases:
             try:
-                resolved(one, catalogs[case.variant], connected(case, catalogs[case.variant]))
+                resolve_control(control, catalogs[case.variant], connected(case, catalogs[case.variant]))
             except CouplingError as error:
-                wrong.append(error.problems[0])
-        if wrong and (one.variants or len(wrong) == len(cases)):
-            found.append(f"{one.where}: console: {wrong[0]}")
-    return found
+                reasons.append(error.problems[0])
+        if reasons and (control.variants or len(reasons) == len(cases)):
+            problems.append(f"{control.where}: console: {reasons[0]}")
+    return problems
 
 
 def controls_of(scenario: Scenario, case: Case, catalog: Catalog) -> list[Control]:
-    """The controls of a case: those that are meant for it, and whose inputs are there and free."""
-    targets, found = connected(case, catalog), []
-    for one in scenario.console:
-        if one.variants and case.variant not in one.variants:
+    """Return the controls of a case whose inputs exist and are not connected; CouplingError if the control names variants."""
+    targets, available = connected(case, catalog), []
+    for spec in scenario.console:
+        if spec.variants and case.variant not in spec.variants:
             continue
         try:
-            found.append(resolved(one, catalog, targets))
+            available.append(resolve_control(spec, catalog, targets))
         except CouplingError:
-            if one.variants:
+            if spec.variants:
                 raise
-    return found
+    return available
 
 
 def connected(case: Case, catalog: Catalog) -> set[str]:
-    """The inputs that a case connects; an array of which an element is connected counts too."""
-    targets = {one.target for one in case.system(catalog).single()[0]}
+    """Return the connected inputs of a case, including arrays of which an element is connected."""
+    targets = {connection.target for connection in case.system(catalog).single()[0]}
     return targets | {name.partition("[")[0] for name in targets}
 
 
-def resolved(spec: ControlSpec, catalog: Catalog, targets: Collection[str]) -> Control:
-    """A control as numbers; CouplingError says what is wrong with it."""
+def resolve_control(spec: ControlSpec, catalog: Catalog, targets: Collection[str]) -> Control:
+    """Resolve a control against its input; CouplingError if it is invalid."""
     variable = free_input(spec.input, catalog, targets)
-    for name, one in spec.along.items():
-        quantities.resolve(one, free_input(name, catalog, targets), name)
+    for name, value in spec.along.items():
+        quantities.resolve(value, free_input(name, catalog, targets), name)
     if variable.type == "Boolean":
         if spec.range is not None:
             raise CouplingError(f"{spec.input} is true or false. Leave `range` out.")
@@ -116,28 +118,28 @@ def resolved(spec: ControlSpec, catalog: Catalog, targets: Collection[str]) -> C
     if spec.range is None:
         raise CouplingError(f"{spec.input}: `range` is missing. Say how far it goes, such as `range: 20 mm/s`.")
     rest = number(0.0 if spec.rest is None else spec.rest, variable, f"{spec.input}: rest")
-    ends = spec.range if isinstance(spec.range, list) else [spec.range]
-    if len(ends) not in (1, 2):
+    limits = spec.range if isinstance(spec.range, list) else [spec.range]
+    if len(limits) not in (1, 2):
         raise CouplingError(f"{spec.input}: range: expected one value or two, such as [-5 mm/s, 20 mm/s].")
-    numbers = [number(one, variable, f"{spec.input}: range") for one in ends]
+    numbers = [number(value, variable, f"{spec.input}: range") for value in limits]
     low, high = numbers if len(numbers) == 2 else (2 * rest - numbers[0], numbers[0])
     if not low <= rest <= high or low == high:
         text = f"{variable.shown(low)} to {variable.shown(high)}"
         raise CouplingError(f"{spec.input}: rest {variable.shown(rest)} is not inside {text}. Change range or rest.")
-    for one in (low, high):
-        wrong, advice = variable.outside(one)
-        if wrong:
-            raise CouplingError(f"{spec.input}: range{wrong}. {advice}")
+    for value in (low, high):
+        violation, advice = variable.outside(value)
+        if violation:
+            raise CouplingError(f"{spec.input}: range{violation}. {advice}")
     return Control(spec, variable, low, high, rest, spec.along)
 
 
-def number(given: Any, variable: MemberVariable, what: str) -> float:
-    """An end of a range, in the input's unit."""
-    return quantities.number(given, variable.unit, what)
+def number(value: Any, variable: MemberVariable, what: str) -> float:
+    """Convert a limit of a range to the input's unit."""
+    return quantities.number(value, variable.unit, what)
 
 
 def free_input(name: str, catalog: Catalog, targets: Collection[str]) -> MemberVariable:
-    """The input, or its element, that nothing is connected to; CouplingError if it is none."""
+    """Return an unconnected scalar input or element of an input; CouplingError otherwise."""
     variable, index = find(name, catalog)
     if variable.causality != "input":
         raise CouplingError(f"{name} is {variable.causality}, not an input. A person moves inputs alone.")

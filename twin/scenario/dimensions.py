@@ -1,4 +1,4 @@
-"""Units of what a scenario computes: whether they fit, and in which unit that is shown which states none."""
+"""Dimensional analysis of a scenario's expressions, and default display units where none are declared."""
 
 from __future__ import annotations
 
@@ -16,14 +16,15 @@ if TYPE_CHECKING:
     from twin.results import Expression, Plot
     from twin.scenario.spec import Scenario
 
-Variables = dict[str, "tuple[MemberVariable, bool]"]  # member.variable -> variable, whether it is a foreign FMU's
+# `member.variable` -> its variable, and whether it belongs to a third-party FMU.
+Variables = dict[str, "tuple[MemberVariable, bool]"]
 
 
 @dataclass(frozen=True)
-class Stated:
-    """An expression of a scenario and the unit that is stated for it, which may be none.
+class UnitDeclaration:
+    """An expression of a scenario and its declared unit, "" if none.
 
-    `key` is what to correct, `name` what the expression is called instead of by its text.
+    `key`: the YAML key to correct; `name`: replaces the expression's text in messages.
     """
 
     where: str
@@ -35,86 +36,103 @@ class Stated:
     name: str = ""
 
 
-def stated(scenario: Scenario) -> Iterable[Stated]:
-    """Every expression of a scenario with its unit."""
+def unit_declarations(scenario: Scenario) -> Iterable[UnitDeclaration]:
+    """Yield every expression of a scenario with its declared unit."""
     for analysis in scenario.analyses:
-        for name, one in analysis.inputs.items():
-            yield Stated(analysis.where, f"analyses.{analysis.name}.{name}", one, variants=analysis.variants)
+        for name, expression in analysis.inputs.items():
+            yield UnitDeclaration(
+                analysis.where, f"analyses.{analysis.name}.{name}", expression, variants=analysis.variants
+            )
     for name, metric in scenario.metrics.items():
         where = str(scenario.tree.find(("metrics", name, "unit")).place)
-        yield Stated(where, f"metrics.{name}", metric.signal, metric.unit, metric.variants)
+        yield UnitDeclaration(where, f"metrics.{name}", metric.signal, metric.unit, metric.variants)
     for expectation in scenario.expectations:
         what = f"expect {expectation.name}".rstrip()
         judged = scenario.metrics.get(expectation.metric or "")
-        if judged is not None and expectation.unit != judged.unit:  # one problem is told once
+        if judged is not None and expectation.unit != judged.unit:  # otherwise the metric reports the problem
             name = f"metric `{judged.name}`"
-            yield Stated(expectation.where, what, judged.signal, expectation.unit, judged.variants, "limits", name)
+            yield UnitDeclaration(
+                expectation.where, what, judged.signal, expectation.unit, judged.variants, "limits", name
+            )
         elif expectation.signal is not None:
-            yield Stated(expectation.where, what, expectation.signal, expectation.unit, expectation.variants, "limits")
+            yield UnitDeclaration(
+                expectation.where, what, expectation.signal, expectation.unit, expectation.variants, "limits"
+            )
     for plot in scenario.plots:
         what = f"plot `{plot.title}`"
         for curve in plot.curves:
-            yield Stated(place(scenario, plot, "unit"), what, curve.signal, plot.unit, plot.variants)
+            yield UnitDeclaration(plot_location(scenario, plot, "unit"), what, curve.signal, plot.unit, plot.variants)
             if curve.x is not None:
-                yield Stated(place(scenario, plot, "x_unit"), what, curve.x, plot.x_unit, plot.variants, "x_unit")
+                yield UnitDeclaration(
+                    plot_location(scenario, plot, "x_unit"), what, curve.x, plot.x_unit, plot.variants, "x_unit"
+                )
     for scene in scenario.scenes:
         what = f"scene `{scene.title}`"
-        yield from (Stated(scene.where, what, one, "m", scene.variants, "length") for one in scene.lengths)
-        yield from (Stated(scene.where, what, one.signal, scene.unit, scene.variants) for one in scene.curves)
+        yield from (
+            UnitDeclaration(scene.where, what, expression, "m", scene.variants, "length")
+            for expression in scene.lengths
+        )
+        yield from (
+            UnitDeclaration(scene.where, what, expression.signal, scene.unit, scene.variants)
+            for expression in scene.curves
+        )
 
 
-def place(scenario: Scenario, plot: Plot, key: str) -> str:
-    """file:line of a plot's key."""
+def plot_location(scenario: Scenario, plot: Plot, key: str) -> str:
+    """Return file:line of a plot's key."""
     items = scenario.tree.find(("plots",)).items
-    return next((str(one.find((key,)).place) for one in items if str(one.place) == plot.where), plot.where)
+    return next(
+        (str(plot_node.find((key,)).place) for plot_node in items if str(plot_node.place) == plot.where), plot.where
+    )
 
 
 def check_units(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> list[str]:
-    """Sums and comparisons of different kinds, and stated units that do not fit; what has no known unit is not judged."""
+    """Report sums and comparisons of different dimensions, and declared units of another dimension; unknown units are skipped."""
     problems = []
-    for one in stated(scenario):
-        named = {
+    for declaration in unit_declarations(scenario):
+        variables_by_variant = {
             name: variables
-            for name in one.variants or catalogs
-            if (variables := variables_of(one.expression, scenario, catalogs, name)) is not None
+            for name in declaration.variants or catalogs
+            if (variables := variables_of(declaration.expression, scenario, catalogs, name)) is not None
         }
-        told: dict[tuple[tuple[str, bool], ...], str] = {}  # by units: nearly all variants have the same
-        found = {}
-        for name, variables in named.items():
+        # Cached, because nearly all variants have the same units.
+        reason_by_units: dict[tuple[tuple[str, bool], ...], str] = {}
+        reason_by_variant = {}
+        for name, variables in variables_by_variant.items():
             units = tuple((variable.unit, is_foreign) for variable, is_foreign in variables.values())
-            if units not in told:
-                told[units] = problem(one, variables)
-            if told[units]:
-                found[name] = told[units]
-        for name, reason in list(found.items())[:1]:
-            variant = "" if len(found) == len(named) else f"in variant `{name}`: "
-            problems.append(f"{one.where}: {one.what}: {variant}{reason}")
+            if units not in reason_by_units:
+                reason_by_units[units] = problem(declaration, variables)
+            if reason_by_units[units]:
+                reason_by_variant[name] = reason_by_units[units]
+        for name, reason in list(reason_by_variant.items())[:1]:
+            variant = "" if len(reason_by_variant) == len(variables_by_variant) else f"in variant `{name}`: "
+            problems.append(f"{declaration.where}: {declaration.what}: {variant}{reason}")
     for plot in scenario.plots:
         over_time = plot.x_unit and all(curve.x is None for curve in plot.curves)
         if over_time and not dimension.of_unit(plot.x_unit).fits(dimension.of_unit("s")):
             reason = f"time is in s, which does not convert to {plot.x_unit}. Use s, ms or min for x_unit."
-            problems.append(f"{place(scenario, plot, 'x_unit')}: plot `{plot.title}`: {reason}")
+            problems.append(f"{plot_location(scenario, plot, 'x_unit')}: plot `{plot.title}`: {reason}")
     return problems
 
 
 def variables_of(
     expression: Expression, scenario: Scenario, catalogs: Mapping[str, Catalog], variant: str
 ) -> Variables | None:
-    """The variables that an expression reads in a variant; None if it has not all of them."""
+    """Return the variables that an expression reads in a variant; None if one is missing."""
     case = next(case for case in scenario.variants if case.variant == variant)
-    found = {}
+    variables = {}
     for signal in expression.signals:
         owner, _, name = signal.name.partition(".")
         variable = catalogs[variant].get(owner, {}).get(name)
         if variable is None:
             return None
         member = case.members.get(owner)
-        found[signal.name] = variable, member is not None and member.component.endswith(".fmu")
-    return found
+        variables[signal.name] = variable, member is not None and member.component.endswith(".fmu")
+    return variables
 
 
 def measure(expression: Expression, variables: Variables) -> dimension.Measure:
-    """What an expression measures. A number without a unit in a foreign FMU may be anything."""
+    """Compute the dimension of an expression. A unitless number of a third-party FMU has an unknown dimension."""
     return dimension.of(
         expression,
         {
@@ -124,65 +142,70 @@ def measure(expression: Expression, variables: Variables) -> dimension.Measure:
     )
 
 
-def problem(one: Stated, variables: Variables) -> str:
-    """What is wrong with the units of an expression and the one stated for it, or nothing."""
+def problem(declaration: UnitDeclaration, variables: Variables) -> str:
+    """Return why the units of an expression or its declared unit are inconsistent, or ""."""
     try:
-        found = measure(one.expression, variables)
+        measured = measure(declaration.expression, variables)
     except ScenarioError as error:
         return str(error)
-    if not one.unit or found.fits(dimension.of_unit(one.unit)):
+    if not declaration.unit or measured.fits(dimension.of_unit(declaration.unit)):
         return ""
-    own = preferred(found, variables)
-    if one.key == "length":
+    suggested_unit = preferred(measured, variables)
+    if declaration.key == "length":
         advice = "Name a length"
-    elif one.key == "limits":
-        advice = f"Give limits in {own}" if own else "Give limits without a unit"
+    elif declaration.key == "limits":
+        advice = f"Give limits in {suggested_unit}" if suggested_unit else "Give limits without a unit"
     else:
-        advice = f"Use {one.key}: {own}" if own else f"Leave {one.key} out"
-    return (
-        f"{one.name or f'`{short(one.expression.text)}`'} {found.text}, which does not convert to {one.unit}. {advice}."
-    )
+        advice = f"Use {declaration.key}: {suggested_unit}" if suggested_unit else f"Leave {declaration.key} out"
+    return f"{declaration.name or f'`{short(declaration.expression.text)}`'} {measured.text}, which does not convert to {declaration.unit}. {advice}."
 
 
-def preferred(found: dimension.Measure, variables: Variables) -> str:
-    """The unit to show a value in."""
+def preferred(measured: dimension.Measure, variables: Variables) -> str:
+    """Choose the display unit of a value."""
     units = {name: variable.unit for name, (variable, _) in variables.items()}
     displays = {name: variable.display_unit for name, (variable, _) in variables.items()}
-    return dimension.preferred(found, units, displays)
+    return dimension.preferred(measured, units, displays)
 
 
 def displayed(scenario: Scenario, catalogs: Mapping[str, Catalog]) -> Scenario:
-    """The scenario with a unit for everything that states none and has one."""
-    every = {variant: {**catalog, **scenario.derived(variant)} for variant, catalog in catalogs.items()}
+    """Return the scenario with display units for metrics, expectations and plots that declare none."""
+    all_catalogs = {variant: {**catalog, **scenario.derived(variant)} for variant, catalog in catalogs.items()}
 
-    def shown(expressions: Sequence[Expression], variants: tuple[str, ...]) -> str:
-        """The first one's unit if all are of one kind."""
-        found = []
-        for one in expressions:
-            named = (variables_of(one, scenario, every, name) for name in variants or every)
-            if (variables := next((found for found in named if found is not None), None)) is not None:
-                found.append((measure(one, variables), variables))
-        same = len({(one.exponents, one.factors == ()) for one, _ in found}) == 1
-        return preferred(*found[0]) if same else ""
+    def common_unit(expressions: Sequence[Expression], variants: tuple[str, ...]) -> str:
+        """Return the display unit of the first expression if all have the same dimension."""
+        measured = []
+        for item in expressions:
+            candidates = (variables_of(item, scenario, all_catalogs, name) for name in variants or all_catalogs)
+            if (variables := next((candidate for candidate in candidates if candidate is not None), None)) is not None:
+                measured.append((measure(item, variables), variables))
+        has_one_dimension = len({(item.exponents, item.factors == ()) for item, _ in measured}) == 1
+        return preferred(*measured[0]) if has_one_dimension else ""
 
-    def plotted(plot: Plot) -> Plot:
-        across = [curve.x for curve in plot.curves if curve.x is not None]
+    def with_units(plot: Plot) -> Plot:
+        x_expressions = [curve.x for curve in plot.curves if curve.x is not None]
         return replace(
             plot,
-            unit=plot.unit or shown([curve.signal for curve in plot.curves], plot.variants),
-            x_unit=plot.x_unit or shown(across, plot.variants),
+            unit=plot.unit or common_unit([curve.signal for curve in plot.curves], plot.variants),
+            x_unit=plot.x_unit or common_unit(x_expressions, plot.variants),
         )
 
     metrics = {
-        name: replace(one, unit=one.unit or shown([one.signal], one.variants)) for name, one in scenario.metrics.items()
+        name: replace(item, unit=item.unit or common_unit([item.signal], item.variants))
+        for name, item in scenario.metrics.items()
     }
     expectations = tuple(
         replace(
-            one,
-            unit=one.unit
-            or (metrics[one.metric].unit if one.metric else shown([one.signal], one.variants) if one.signal else ""),
+            item,
+            unit=item.unit
+            or (
+                metrics[item.metric].unit
+                if item.metric
+                else common_unit([item.signal], item.variants)
+                if item.signal
+                else ""
+            ),
         )
-        for one in scenario.expectations
+        for item in scenario.expectations
     )
-    plots = tuple(plotted(plot) for plot in scenario.plots)
+    plots = tuple(with_units(plot) for plot in scenario.plots)
     return replace(scenario, metrics=metrics, expectations=expectations, plots=plots)

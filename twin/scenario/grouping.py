@@ -1,4 +1,4 @@
-"""Any part of a system as one component: the members of a scenario that are named, with what couples them."""
+"""Composition of members of a scenario and their connections into one component."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from twin.component import catalog
 from twin.coupling import Link, Part, compose, direct_followers, stepping_order
 from twin.errors import CouplingError, ScenarioError, nearest
 from twin.graph import ordered_groups, reached
-from twin.scenario.members import communication, component_of, whole
+from twin.scenario.members import communication, component_of, whole_nanoseconds
 from twin.scenario.resolve_variables import look_up
 
 if TYPE_CHECKING:
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     from twin.coupling import Catalog
     from twin.scenario.spec import Case, Scenario
 
-KEPT = 64  # groups
-_composed: dict[tuple[Any, ...], type[Component]] = {}  # who reads a scenario again need not write its groups again
+MAX_CACHED_GROUPS = 64
+# Cached, so that reloading a scenario does not generate its groups again.
+_composed: dict[tuple[Any, ...], type[Component]] = {}
 
 
-def group(name: str, case: Case, variables: Catalog, chosen: list[str]) -> type[Component]:
-    """The chosen members of a case as one component class.
+def group(name: str, case: Case, variables: Catalog, member_names: list[str]) -> type[Component]:
+    """Compose the chosen members of a case into one component class.
 
-    Inputs: what the members read from outside or nobody drives. Outputs: what others read of them; all of their
-    outputs if nobody does.
+    Inputs: connected to members outside, or unconnected. Outputs: those read outside; all outputs of the members if none is.
     """
-    for member in chosen:
+    for member in member_names:
         if member not in case.members:
             raise CouplingError(f"{name}: there is no member {member!r}. {nearest(member, case.members)}")
         if case.members[member].component.endswith(".fmu"):
@@ -41,14 +41,14 @@ def group(name: str, case: Case, variables: Catalog, chosen: list[str]) -> type[
                 f"leave the member out."
             )
     links = case.system(variables).links()
-    check_border(name, links, variables, chosen)
+    check_border(name, links, variables, member_names)
     parts = {}
     for member in case.members:
-        if member in chosen:
+        if member in member_names:
             spec = case.members[member]
-            made = component_of(spec)
-            cls = catalog.component(made) if isinstance(made, str) else made
-            period = whole(communication(spec) or cls.period_ns or case.step_ns, f"{name}: {member}")
+            component = component_of(spec)
+            cls = catalog.component(component) if isinstance(component, str) else component
+            period = whole_nanoseconds(communication(spec) or cls.period_ns or case.step_ns, f"{name}: {member}")
             parts[member] = Part(cls, case.values(member, variables[member]), period)
     inside = [link for link in links if link.source.member in parts and link.target.member in parts]
     leaving = [link for link in links if link.source.member in parts and link.target.member not in parts]
@@ -57,73 +57,82 @@ def group(name: str, case: Case, variables: Catalog, chosen: list[str]) -> type[
         outputs = [(m, v.name) for m in parts for v in variables[m].values() if v.causality == "output"]
     order = [list(parts)]
     if case.algorithm.is_sequential:
-        every = stepping_order(list(case.members), links, variables)
-        check_order(name, every, links, chosen)
-        order = [[one] for one in every if one in parts]
-    step = whole(case.step_ns, f"{name}: step")
-    key = (name, *map(content, parts.items()), *map(way, inside), step, str(order), str(outputs))
-    if key not in _composed:
-        if len(_composed) >= KEPT:
+        full_order = stepping_order(list(case.members), links, variables)
+        check_order(name, full_order, links, member_names)
+        order = [[one] for one in full_order if one in parts]
+    step = whole_nanoseconds(case.step_ns, f"{name}: step")
+    cache_key = (name, *map(member_key, parts.items()), *map(connection_key, inside), step, str(order), str(outputs))
+    if cache_key not in _composed:
+        if len(_composed) >= MAX_CACHED_GROUPS:
             _composed.pop(next(iter(_composed)))
-        _composed[key] = compose(name, parts, inside, step, order, outputs)
-    return _composed[key]
+        _composed[cache_key] = compose(name, parts, inside, step, order, outputs)
+    return _composed[cache_key]
 
 
-def content(item: tuple[str, Part]) -> tuple[Any, ...]:
-    """A member of a group as a key: what is equal gives the same group."""
+def member_key(item: tuple[str, Part]) -> tuple[Any, ...]:
+    """Return the cache key of a member of a group."""
     name, part = item
-    arrays = [(key, np.asarray(value)) for key, value in part.values.items()]
-    return name, part.component, part.period, *((key, a.dtype.str, a.shape, a.tobytes()) for key, a in arrays)
+    items = [(key, np.asarray(value)) for key, value in part.values.items()]
+    return (
+        name,
+        part.component,
+        part.period,
+        *((key, array.dtype.str, array.shape, array.tobytes()) for key, array in items),
+    )
 
 
-def way(link: Link) -> tuple[Any, ...]:
-    """A connection in a group as a key."""
+def connection_key(link: Link) -> tuple[Any, ...]:
+    """Return the cache key of a connection in a group."""
     ends = ((end.key, end.first, end.size) for end in (link.source, link.target))
     return *ends, link.factor, link.offset
 
 
-def part(scenario: Scenario, chosen: Sequence[str], named: str | None, variant: str | None = None) -> type[Component]:
-    """The chosen members, or a group that the scenario names, as one component; its first variant if none is given."""
-    if bool(chosen) == bool(named):
-        known = f" or --group {next(iter(scenario.groups))}" if scenario.groups else ""
-        raise ScenarioError(f"{scenario.path}: say which part of it, either --members estimate,controller{known}.")
-    if named and named not in scenario.groups:
-        hint = nearest(named, scenario.groups) if scenario.groups else "Name it under `groups`, or give --members."
-        raise ScenarioError(f"{scenario.path}: there is no group `{named}`. {hint}")
-    members = list(scenario.groups[named]) if named else list(chosen)
+def part(
+    scenario: Scenario, member_names: Sequence[str], group_name: str | None, variant: str | None = None
+) -> type[Component]:
+    """Compose the chosen members or a named group into one component; the first variant by default."""
+    if bool(member_names) == bool(group_name):
+        group_hint = f" or --group {next(iter(scenario.groups))}" if scenario.groups else ""
+        raise ScenarioError(f"{scenario.path}: say which part of it, either --members estimate,controller{group_hint}.")
+    if group_name and group_name not in scenario.groups:
+        hint = nearest(group_name, scenario.groups) if scenario.groups else "Name it under `groups`, or give --members."
+        raise ScenarioError(f"{scenario.path}: there is no group `{group_name}`. {hint}")
+    members = list(scenario.groups[group_name]) if group_name else list(member_names)
     catalogs, problems = look_up(scenario)
     if problems:
         raise ScenarioError(problems)
     case = scenario.cases([variant] if variant else [])[0]
-    return group(named or "_".join(members)[:60], case, catalogs[case.variant], members)
+    return group(group_name or "_".join(members)[:60], case, catalogs[case.variant], members)
 
 
-def check_border(name: str, links: list[Link], variables: Catalog, chosen: list[str]) -> None:
-    """A loop without delay must be solved as one: it may not be cut by the border of the group."""
+def check_border(name: str, links: list[Link], variables: Catalog, member_names: list[str]) -> None:
+    """Raise CouplingError if an algebraic loop crosses the border of the group: it must be solved as a whole."""
     followers = direct_followers(links, variables)
     for keys in ordered_groups(list(followers), followers):
         members = list(dict.fromkeys(member for member, _ in keys))
-        outside = [member for member in members if member not in chosen]
+        outside = [member for member in members if member not in member_names]
         if len(members) > 1 and outside and len(outside) < len(members):
             path = ", ".join(map(".".join, keys))
-            inside = [member for member in members if member in chosen]
+            inside = [member for member in members if member in member_names]
             raise CouplingError(
                 f"{name}: the algebraic loop through {path} crosses the border of the group. Put {', '.join(outside)} "
                 f"into the group too, leave out {', '.join(inside)}, or break the loop with a sampled component."
             )
 
 
-def check_order(name: str, order: list[str], links: list[Link], chosen: list[str]) -> None:
-    """Gauss-Seidel: the group steps as one, so no member outside may have to step between two inside."""
-    after: dict[str, list[str]] = {}  # member -> those that step later and read it
+def check_order(name: str, order: list[str], links: list[Link], member_names: list[str]) -> None:
+    """Raise CouplingError if Gauss-Seidel order needs a member outside to step between two members of the group."""
+    later_readers: dict[str, list[str]] = {}  # member -> those that step later and read it
     for link in links:
         if order.index(link.source.member) < order.index(link.target.member):
-            after.setdefault(link.source.member, []).append(link.target.member)
-    leaving = [one for member in chosen for one in after.get(member, ()) if one not in chosen]
+            later_readers.setdefault(link.source.member, []).append(link.target.member)
+    leaving = [
+        reader for member in member_names for reader in later_readers.get(member, ()) if reader not in member_names
+    ]
     for member in dict.fromkeys(leaving):
-        back = [one for one in chosen if one in reached(after, [member])]
-        if back:
+        members_behind = [reader for reader in member_names if reader in reached(later_readers, [member])]
+        if members_behind:
             raise CouplingError(
-                f"{name}: with gauss_seidel {member} steps after one member of the group and before {back[0]}, which "
-                f"reads it in the same step. Put {member} into the group too, leave out {back[0]}, or use jacobi."
+                f"{name}: with gauss_seidel {member} steps after one member of the group and before {members_behind[0]}, which "
+                f"reads it in the same step. Put {member} into the group too, leave out {members_behind[0]}, or use jacobi."
             )

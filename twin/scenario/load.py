@@ -1,4 +1,4 @@
-"""From files to checked scenarios: read, merge, validate, check."""
+"""Loading of scenarios: read, merge, validate, check."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from twin.scenario.spec import (
     Scenario,
 )
 from twin.scenario.validation_messages import validate
-from twin.scenario.yaml_node import Node, Place
+from twin.scenario.yaml_node import Node, SourceLocation
 from twin.scenario.yaml_reader import parse
 
 if TYPE_CHECKING:
@@ -42,98 +42,98 @@ PHYSICS = (
     "step",
     "algorithm",
     "parameter_sets",
-)  # what a paper's figures hang on
+)  # keys that change the results compared with a paper
 
 
 def load_scenario(path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
-    """Read a file and what it extends, apply `path=value` overrides, check; ScenarioError lists all problems."""
+    """Load and check a scenario file with the files it extends and `path=value` overrides; ScenarioError lists all problems."""
     path = located(path)
     problems: list[str] = []
     return build(merge.load(path, str(path), problems), path, overrides, problems)
 
 
 def parse_scenario(text: str, path: str | Path = "scenario.yaml", overrides: Sequence[str] = ()) -> Scenario:
-    """The same from a text; `path` is where relative paths begin and how messages call it."""
+    """Load a scenario from a text; `path` is the base of relative paths and its name in messages."""
     problems: list[str] = []
     root = merge.complete(parse(text, str(path), problems), Path(path), str(path), problems)
     return build(root, Path(path), overrides, problems)
 
 
 def examine(path: str | Path, overrides: Sequence[str] = (), *, imports: bool = True) -> tuple[Scenario, list[str]]:
-    """A file's scenario without what is wrong in it, and every problem, those with the members' variables too.
+    """Return the scenario of a file without its invalid parts, and every problem, including those of the members' variables.
 
-    Without `imports` no Python of components and analyses is imported, and what only they could tell is not checked.
+    Without `imports` no Python of components and analyses is imported, and checks that need it are skipped.
     ScenarioError if the file cannot be read at all.
     """
     path = located(path)
     problems: list[str] = []
-    scenario, found = assembled(merge.load(path, str(path), problems), path, overrides, imports)
-    found = [*problems, *found, *look_up(scenario, imports=imports)[1]]
-    return scenario, sorted(dict.fromkeys(found), key=by_line)
+    scenario, more_problems = assemble(merge.load(path, str(path), problems), path, overrides, imports)
+    more_problems = [*problems, *more_problems, *look_up(scenario, imports=imports)[1]]
+    return scenario, sorted(dict.fromkeys(more_problems), key=by_line)
 
 
 def made_scenario(data: dict[str, Any], name: str) -> Scenario:
-    """A scenario of plain dicts, lists and values, as a program makes them; messages call it `name`."""
+    """Create a scenario from plain dicts, lists and values; `name` identifies it in messages."""
     problems: list[str] = []
-    root = merge.complete(Node.of(data, Place(name)), Path(name), name, problems)
+    root = merge.complete(Node.of(data, SourceLocation(name)), Path(name), name, problems)
     return build(root, Path(name), (), problems)
 
 
 def changed(scenario: Scenario, overrides: Sequence[str]) -> Scenario:
-    """The scenario with more overrides, the last of which win; its file is not read again."""
+    """Return the scenario with additional overrides, of which later ones take precedence; its file is not read again."""
     return build(scenario.written, scenario.path, (*scenario.overrides, *overrides))
 
 
-def build(written: Node, path: Path, overrides: Sequence[str], problems: Sequence[str] = ()) -> Scenario:
-    """The scenario of a merged tree; ScenarioError lists `problems` and all that is found here."""
-    scenario, found = assembled(written, path, overrides)
-    if problems or found:
-        raise ScenarioError(sorted(dict.fromkeys([*problems, *found]), key=by_line))
+def build(unpatched: Node, path: Path, overrides: Sequence[str], problems: Sequence[str] = ()) -> Scenario:
+    """Build the scenario of a merged tree; ScenarioError lists `problems` and those found here."""
+    scenario, more_problems = assemble(unpatched, path, overrides)
+    if problems or more_problems:
+        raise ScenarioError(sorted(dict.fromkeys([*problems, *more_problems]), key=by_line))
     return scenario
 
 
-def assembled(written: Node, path: Path, overrides: Sequence[str], imports: bool = True) -> tuple[Scenario, list[str]]:
-    """The scenario of a merged tree without what is wrong in it, and all that is."""
-    root, effective, problems = overridden(written, overrides)
-    keys, kept, found = validate(listed(root))
-    problems += found
-    trees = merge.variant_trees(kept)
+def assemble(unpatched: Node, path: Path, overrides: Sequence[str], imports: bool = True) -> tuple[Scenario, list[str]]:
+    """Build the scenario of a merged tree without its invalid parts; returns it and all problems."""
+    root, effective, problems = overridden(unpatched, overrides)
+    keys, valid_tree, more_problems = validate(normalize_expect(root))
+    problems += more_problems
+    trees = merge.variant_trees(valid_tree)
     variants = {}
-    made, found = component_references.components(trees, load_scenario) if imports else ({}, [])
-    problems += found
+    classes, more_problems = component_references.components(trees, load_scenario) if imports else ({}, [])
+    problems += more_problems
     for name, tree in trees.items():
-        own, tree, _ = validate(tree)  # noqa: PLW2901 - its problems are already listed
-        variants[name] = case_of(name, own, tree, keys, made)
-    analyses, metrics, expectations, plots, found = metric_keys.figures(
-        keys, kept, list(variants), root.find(("metrics",)).entries
+        case_keys, tree, _ = validate(tree)  # noqa: PLW2901 - its problems are already listed
+        variants[name] = case_of(name, case_keys, tree, keys, classes)
+    analyses, metrics, expectations, plots, more_problems = metric_keys.figures(
+        keys, valid_tree, list(variants), root.find(("metrics",)).entries
     )
-    problems += found
-    pictures, found = metric_keys.scenes(keys, kept, list(variants))
-    problems += found
-    record = record_of(keys, kept, analyses, metrics, expectations, plots, pictures)
+    problems += more_problems
+    scenes, more_problems = metric_keys.scenes(keys, valid_tree, list(variants))
+    problems += more_problems
+    record = record_of(keys, valid_tree, analyses, metrics, expectations, plots, scenes)
     scenario = Scenario(
         path, path.stem, keys.title or path.stem, keys.description, keys.source,
         keys.start_time, keys.stop_time or 0, keys.step or MILLISECOND, keys.algorithm or Algorithm.jacobi,
         tuple(keys.seeds), tuple(variants.values()), record, analyses, metrics, expectations, plots,
         {name: tuple(members) for name, members in keys.groups.items()}, tuple(overrides),
-        not any(touches(option) for option in effective) and not changes_the_papers(root, str(path)), root, written,
-        pictures, console_keys.controls(keys, kept),
+        not any(touches(option) for option in effective) and not changes_reference(root, str(path)), root, unpatched,
+        scenes, console_keys.controls(keys, valid_tree),
         MutationRecord(keys.mutations.tried, dict(keys.mutations.unnoticed)) if keys.mutations else None,
     )  # fmt: skip
-    problems += check.check(scenario, keys, kept, trees)
+    problems += check.check(scenario, keys, valid_tree, trees)
     cases = tuple(replace(case, record=record) for case in scenario.variants)
-    return replace(scenario, variants=cases, tree=kept if problems else root), problems
+    return replace(scenario, variants=cases, tree=valid_tree if problems else root), problems
 
 
 def by_line(problem: str) -> tuple[str, int]:
-    """Order of problems: those of the options first, then by file and line."""
+    """Sort key of problems: those of the options first, then by file and line."""
     file, _, rest = problem.partition(":")
     digits = rest.partition(":")[0]
     return file, int(digits) if digits.isdigit() else 0
 
 
-def listed(root: Node) -> Node:
-    """The tree with `expect` as a list, also if the file names its expectations."""
+def normalize_expect(root: Node) -> Node:
+    """Return the tree with `expect` as a list, with named expectations converted to items with `name`."""
     expect = root.entries.get("expect")
     if expect is None or not isinstance(expect.value, dict):
         return root
@@ -143,18 +143,18 @@ def listed(root: Node) -> Node:
     return Node(root.entries | {"expect": Node(items, expect.place)}, root.place)
 
 
-def changes_the_papers(root: Node, file: str) -> bool:
-    """Whether a file extends another one that compares with a paper, and changes what is compared."""
+def changes_reference(root: Node, file: str) -> bool:
+    """Whether a file extends one with reference values of a paper and changes keys that affect them."""
     metrics = root.find(("metrics",)).entries.values() if "metrics" in root.entries else ()
-    papers = {leaf.place.file for metric in metrics for leaf in leaves(metric.find(("paper",)))}
-    changed = {leaf.place.file for key in PHYSICS if key in root.entries for leaf in leaves(root.entries[key])}
+    reference_files = {leaf.place.file for metric in metrics for leaf in leaves(metric.find(("paper",)))}
+    changed_files = {leaf.place.file for key in PHYSICS if key in root.entries for leaf in leaves(root.entries[key])}
     if "parameter_sets" in root.entries:  # their values stand in other files
-        changed.add(root.entries["parameter_sets"].place.file)
-    return bool(papers) and file not in papers and file in changed
+        changed_files.add(root.entries["parameter_sets"].place.file)
+    return bool(reference_files) and file not in reference_files and file in changed_files
 
 
 def leaves(node: Node) -> Iterator[Node]:
-    """All values in a tree."""
+    """Yield all scalar nodes of a tree."""
     if isinstance(node.value, dict):
         for item in node.entries.values():
             yield from leaves(item)
@@ -166,46 +166,52 @@ def leaves(node: Node) -> Iterator[Node]:
 
 
 def touches(option: str) -> bool:
-    """Whether an override changes what the published figures depend on; seeds and titles do not."""
+    """Whether an override affects the comparison with published values; seeds and titles do not."""
     return option.partition("=")[0].strip() not in ("seed", "seeds", "title", "source")
 
 
-def case_of(name: str, keys: ScenarioKeys, tree: Node, base: ScenarioKeys, made: Mapping[str, type[Component]]) -> Case:
-    """A variant with the first seed, from its merged and validated tree."""
+def case_of(
+    name: str, keys: ScenarioKeys, tree: Node, base: ScenarioKeys, classes: Mapping[str, type[Component]]
+) -> Case:
+    """Build a variant with the first seed from its merged and validated tree."""
     patch = base.variants.get(name)
     title = patch.title if patch else base.title if not base.variants else ""
     members = {}
-    for member, own in keys.members.items():
+    for member, member_keys in keys.members.items():
         node = tree.find(("members", member))
-        places = {key: str(one.place) for key, one in node.entries.items()}
-        places |= {p: str(node.find(("parameters", p)).place) for p in own.parameters} if own else {}
-        if own:
-            component = own.component or ""
+        locations = {key: str(entry.place) for key, entry in node.entries.items()}
+        locations |= (
+            {parameter: str(node.find(("parameters", parameter)).place) for parameter in member_keys.parameters}
+            if member_keys
+            else {}
+        )
+        if member_keys:
+            component = member_keys.component or ""
             members[member] = MemberSpec(
                 component,
-                own.parameters,
-                own.period,
-                own.communication_step,
-                own.finite,
-                own.isolate,
+                member_keys.parameters,
+                member_keys.period,
+                member_keys.communication_step,
+                member_keys.finite,
+                member_keys.isolate,
                 str(node.place),
-                places,
-                made.get(component),
-                exchange=Exchange(own.interface, own.solver, own.solver_tolerance),
+                locations,
+                classes.get(component),
+                exchange=Exchange(member_keys.interface, member_keys.solver, member_keys.solver_tolerance),
             )
     connections = tuple(
         ConnectionSpec(
-            one.source,
-            one.target,
+            connection_keys.source,
+            connection_keys.target,
             str(tree.find(("connections", i)).place),
-            one.factor,
-            one.offset,
-            one.convert,
-            one.bond,
-            one.hold,
+            connection_keys.factor,
+            connection_keys.offset,
+            connection_keys.convert,
+            connection_keys.bond,
+            connection_keys.hold,
         )
-        for i, one in enumerate(keys.connections)
-        if one.source
+        for i, connection_keys in enumerate(keys.connections)
+        if connection_keys.source
     )
     events = [
         EventSpec(event.at, kind, variable, raw, str(tree.find(("events", i, kind, variable)).place))
@@ -229,12 +235,16 @@ def case_of(name: str, keys: ScenarioKeys, tree: Node, base: ScenarioKeys, made:
 def record_of(
     keys: ScenarioKeys, tree: Node, analyses: Any, metrics: Any, expectations: Any, plots: Any, scenes: Any
 ) -> RecordSpec:
-    """What is recorded, and what has to be because an analysis, a metric, an expectation, a plot or a scene reads it."""
-    expressions = [one for analysis in analyses for one in analysis.inputs.values()]
-    expressions += [metric.signal for metric in metrics.values()] + [one.signal for one in expectations if one.signal]
+    """Return the recording specification with all signals that analyses, metrics, expectations, plots and scenes read."""
+    expressions = [expression for analysis in analyses for expression in analysis.inputs.values()]
+    expressions += [metric.signal for metric in metrics.values()] + [
+        expression.signal for expression in expectations if expression.signal
+    ]
     for plot in plots:
-        expressions += [one for curve in plot.curves for one in (curve.signal, curve.x) if one is not None]
-    needed = dict.fromkeys(signal.name for one in expressions for signal in one.signals)
+        expressions += [
+            expression for curve in plot.curves for expression in (curve.signal, curve.x) if expression is not None
+        ]
+    needed = dict.fromkeys(signal.name for expression in expressions for signal in expression.signals)
     needed |= dict.fromkeys(name for scene in scenes for name in scene.names)
     patterns = tuple(dict.fromkeys(keys.record.variables))
     return RecordSpec(patterns, keys.record.every, tuple(needed), str(tree.find(("record",)).place))

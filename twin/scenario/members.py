@@ -1,4 +1,4 @@
-"""From a name to a member: one of `fmus/`, a person's own `module:Class`, or any FMU file."""
+"""Creation of members from a component name in `fmus/`, a class `module:Class`, or an FMU file."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Form(StrEnum):
-    """How the project's own components run; the results are the same to the bit."""
+    """Execution backend of the project's components; all give bit-identical results."""
 
     fmu = "fmu"
     compiled = "compiled"
@@ -31,9 +31,9 @@ class Form(StrEnum):
 
 
 def variables(component: str | type[Component], sizes: Mapping[str, Any] | None = None) -> Mapping[str, MemberVariable]:
-    """The variables that a member made of `component` will have, without running anything.
+    """Return the variables of a component without instantiating its model.
 
-    `sizes`: values of structural parameters, on which the shapes of others depend.
+    `sizes`: values of structural parameters, which determine the shapes of other variables.
     """
     if isinstance(component, str) and component.endswith(".fmu"):
         from twin.fmi import FMUMember
@@ -45,7 +45,7 @@ def variables(component: str | type[Component], sizes: Mapping[str, Any] | None 
 
 
 def has_source(cls: type[Component]) -> bool:
-    """Whether the text of a component's functions can be found, from which C is made; not if `exec` defined them."""
+    """Whether the source of a component's functions is available for translation to C; false if `exec` defined them."""
     functions = (getattr(cls, name, None) for name in ("initialize", "step", "derivatives"))
     try:
         return all(inspect.findsource(function) for function in functions if inspect.isfunction(function))
@@ -54,46 +54,46 @@ def has_source(cls: type[Component]) -> bool:
 
 
 def component_of(spec: MemberSpec) -> str | type[Component]:
-    """What a member is made of; a sampled component as one that samples at the period that the scenario gives."""
+    """Return the component of a member; a sampled component is resampled at the scenario's period."""
     if spec.component.endswith(".fmu"):
         return spec.component
     if spec.period_ns and samples(cls := spec.made or catalog.component(spec.component)):
-        return resampled(cls, whole(spec.period_ns, f"{spec.places.get('period', spec.where)}: period"))
+        return resampled(cls, whole_nanoseconds(spec.period_ns, f"{spec.places.get('period', spec.where)}: period"))
     return spec.made or spec.component
 
 
-def whole(time: clock.Time, where: str) -> int:
-    """A time in whole nanoseconds, which components count in."""
+def whole_nanoseconds(time: clock.Time, where: str) -> int:
+    """Return a time in whole nanoseconds, the resolution of components; ScenarioError otherwise."""
     if not isinstance(time, int):
-        near = clock.exact_text(round(time))
+        nearest = clock.exact_text(round(time))
         raise ScenarioError(
-            f"{where}: {clock.text(time)}: components count in whole nanoseconds. Use {near} or the like."
+            f"{where}: {clock.text(time)}: components count in whole nanoseconds. Use {nearest} or the like."
         )
     return time
 
 
 def samples(cls: type[Component]) -> bool:
-    """Whether a component has a period of its own that can be changed: those inside a group are its members'."""
+    """Whether a component has a changeable period; those inside a group belong to its members."""
     return bool(cls.period_ns) and not getattr(cls, "parts", None)
 
 
 def tick(spec: MemberSpec) -> clock.Time:
-    """What a member samples at by itself [ns], 0 if it does not: also an FMU that declares a fixed internal step."""
-    made = component_of(spec)
-    if isinstance(made, str) and made.endswith(".fmu"):
+    """Return a member's own sample period [ns], 0 if none; for an FMU its declared fixed internal step."""
+    component = component_of(spec)
+    if isinstance(component, str) and component.endswith(".fmu"):
         from twin.fmi import FMUMember
 
-        member = FMUMember("member", made)
+        member = FMUMember("member", component)
         member.close()
         return clock.nanoseconds(member.fixed_step or 0.0)
-    return (catalog.component(made) if isinstance(made, str) else made).period_ns
+    return (catalog.component(component) if isinstance(component, str) else component).period_ns
 
 
 def communication(spec: MemberSpec) -> clock.Time | None:
-    """How often a member takes inputs and publishes [ns] where the scenario says so; else as its component does."""
+    """Return the communication step [ns] of a member that the scenario sets; None: that of its component."""
     if spec.communication_ns or not spec.period_ns:
         return spec.communication_ns
-    return spec.period_ns if isinstance(made := component_of(spec), str) or not samples(made) else None
+    return spec.period_ns if isinstance(component := component_of(spec), str) or not samples(component) else None
 
 
 def make(
@@ -104,41 +104,47 @@ def make(
     build: Path,
     exchange: Exchange | None = None,
 ) -> Member:
-    """A member with its start values set. Python-side components, and those without a source, run as Python.
+    """Create a member with its start values. `exchange` forces the FMU backend.
 
-    That is, whatever `form` says; and those that are integrated by a solver (`exchange`) as an FMU.
+    Python-side components and those without source are interpreted regardless of `form`.
     """
     if isinstance(component, str) and component.endswith(".fmu"):
         return imported(name, Path(component), values, exchange)
-    cls = catalog.component(component) if isinstance(component, str) else component
-    asked = exchange is not None and exchange.is_asked_for
-    if asked and (issubclass(cls, PythonComponent) or not has_source(cls)):
+    component_class = catalog.component(component) if isinstance(component, str) else component
+    needs_fmu = exchange is not None and exchange.is_specified
+    if needs_fmu and (issubclass(component_class, PythonComponent) or not has_source(component_class)):
         raise CouplingError(f"{name}: is Python-side and no FMU. Leave out `interface` and what belongs to it.")
-    form = (Form.fmu if asked else form) if has_source(cls) else Form.interpreted
-    if form is Form.fmu and not issubclass(cls, PythonComponent):
-        return exported(name, cls, values, build, exchange)
-    native = form is Form.compiled and not issubclass(cls, PythonComponent)
-    part = instance(name, cls, values)
-    code = compiler.load_component(cls, build) if native else None
-    kind = "python" if issubclass(cls, PythonComponent) else str(form if native else Form.interpreted)
-    return RecordMember(name, part, code, identity={"kind": kind, "component": str(component)})
+    form = (Form.fmu if needs_fmu else form) if has_source(component_class) else Form.interpreted
+    if form is Form.fmu and not issubclass(component_class, PythonComponent):
+        return exported(name, component_class, values, build, exchange)
+    native = form is Form.compiled and not issubclass(component_class, PythonComponent)
+    component_instance = instance(name, component_class, values)
+    code = compiler.load_component(component_class, build) if native else None
+    member_kind = (
+        "python" if issubclass(component_class, PythonComponent) else str(form if native else Form.interpreted)
+    )
+    return RecordMember(name, component_instance, code, identity={"kind": member_kind, "component": str(component)})
 
 
 def derivative(name: str) -> str:
-    """FMI's name of a derivative: `der(x)` for `der_x`, in a group `der(part.x)` for `part.der_x`."""
-    part, dot, own = name.rpartition(".")
-    return f"der({part}{dot}{own.removeprefix('der_')})"
+    """Return FMI's name of a derivative: `der(x)` for `der_x`, in a group `der(part.x)` for `part.der_x`."""
+    prefix, dot, state = name.rpartition(".")
+    return f"der({prefix}{dot}{state.removeprefix('der_')})"
 
 
 def exported(
-    name: str, cls: type[Component], values: Mapping[str, Any], build: Path, exchange: Exchange | None = None
+    name: str,
+    component_class: type[Component],
+    values: Mapping[str, Any],
+    build: Path,
+    exchange: Exchange | None = None,
 ) -> FMUMember:
-    """A component's FMU as a member, built if it is not there as it would be built now."""
+    """Create a member from a component's FMU, which is built unless an up-to-date one is cached."""
     from twin.fmi import fmu_cache
 
-    member = imported(name, fmu_cache.build(cls, "3.0", build), values, exchange)
-    member.period_ns, member.driven = cls.period_ns, frozenset(driven(cls))
-    for variable in cls.variables:
+    member = imported(name, fmu_cache.build(component_class, "3.0", build), values, exchange)
+    member.period_ns, member.driven = component_class.period_ns, frozenset(driven(component_class))
+    for variable in component_class.variables:
         if variable.role is Role.derivative:
             member.rename(derivative(variable.name), variable.name)
     return member
@@ -150,9 +156,9 @@ def prebuild(
     build: Path,
     progress: Callable[[str, float], object],
 ) -> None:
-    """Build what the members of a run need and lack, side by side on all cores, and show it.
+    """Build the missing binaries of a run's members in parallel and report progress.
 
-    What cannot be built is told when its member is made.
+    Build errors are reported when the member is created.
     """
     compiler.reset_fingerprints()
     if form is Form.interpreted:
@@ -160,42 +166,42 @@ def prebuild(
     from twin.fmi import fmu_cache
 
     classes = {
-        one: catalog.component(one) if isinstance(one, str) else one
-        for one in dict.fromkeys(components)
-        if not str(one).endswith(".fmu")
+        component: catalog.component(component) if isinstance(component, str) else component
+        for component in dict.fromkeys(components)
+        if not str(component).endswith(".fmu")
     }
-    is_there = fmu_cache.is_built if form is Form.fmu else compiler.is_translated
-    lacking: list[type[Component]] = []
+    is_cached = fmu_cache.is_built if form is Form.fmu else compiler.is_translated
+    missing: list[type[Component]] = []
     for cls in dict.fromkeys(classes.values()):
         with suppress(TwinError):
-            if not issubclass(cls, PythonComponent) and not is_there(cls, build):
-                lacking.append(cls)
-    done = count()
+            if not issubclass(cls, PythonComponent) and not is_cached(cls, build):
+                missing.append(cls)
+    counter = count()
 
     def make_one(cls: type[Component]) -> None:
-        progress(f"building {compiler.model_name(cls)}", next(done) / len(lacking))
+        progress(f"building {compiler.model_name(cls)}", next(counter) / len(missing))
         with suppress(TwinError):
             if form is Form.fmu:
                 fmu_cache.build(cls, "3.0", build)
             else:
                 compiler.load_component(cls, build)
 
-    compiler.side_by_side(partial(make_one, cls) for cls in lacking)
+    compiler.side_by_side(partial(make_one, cls) for cls in missing)
 
 
 def instance(name: str, cls: type[Component], values: Mapping[str, Any]) -> Component:
-    """An instance with start values that were checked against its variables."""
+    """Create an instance from checked start values; CouplingError if its constructor fails."""
     try:
-        part = cls(**values)
+        component = cls(**values)
     except Exception as error:
         raise CouplingError(f"{name}: cannot be made: {described(error)}. Correct it there.") from None
-    if not hasattr(part, "record"):
+    if not hasattr(component, "record"):
         raise CouplingError(f"{name}: {cls.__name__}.__init__ has to call super().__init__(**values). Add it.")
-    return part
+    return component
 
 
 def imported(name: str, path: Path, values: Mapping[str, Any], exchange: Exchange | None = None) -> FMUMember:
-    """Any FMU as a member."""
+    """Create a member from an FMU file."""
     from twin.fmi import member
 
     if exchange is None:

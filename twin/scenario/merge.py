@@ -1,4 +1,4 @@
-"""Scenarios over scenarios: `extends`, `variants` and `--set` are all patches of one tree by the same rules.
+"""Merge rules of scenarios: `extends`, `variants` and `--set` are patches of one tree by the same rules.
 
 A dict is merged key by key, and `null` removes what was there. A member that names another component replaces the
 old one with its parameters, and keeps its period and communication step. Connections are merged by target (`{from: null, to: x}` disconnects), events are added
@@ -21,58 +21,60 @@ if TYPE_CHECKING:
 
 Keys = tuple[str, ...]
 
-RHYTHM = ("period", "communication_step")  # of a member, whatever its component is
-DEEPEST = 50  # files that extend each other
-OWN = ("mutations",)  # what was found out about one file's expectations says nothing of those that extend it
-IDENTIFIED = "identified"  # in the file of a parameter set: how `twin identify` found it, which is no component
+TIMING_KEYS = ("period", "communication_step")  # keys of a member that do not depend on its component
+MAX_DEPTH = 50  # levels of `extends`
+NOT_INHERITED = ("mutations",)  # a mutation record is valid only for the file that contains it
+IDENTIFIED = "identified"  # record of `twin identify` in a parameter set's file; not a component
 
 
-def load(path: Path, shown: str, problems: list[str], above: tuple[Path, ...] = ()) -> Node:
-    """A file merged over those it extends, paths of FMUs made absolute, connections in their normal form.
+def load(path: Path, shown: str, problems: list[str], extending_files: tuple[Path, ...] = ()) -> Node:
+    """Load a file merged over those it extends, with absolute paths of FMUs and normalized connections.
 
-    What is wrong and does not keep it from being read goes to `problems`.
+    Problems that do not prevent reading are appended to `problems`.
     """
     read = ssp_reader.read if path.suffix == ssp_reader.SUFFIX and path.is_file() else yaml_reader.read
-    return complete(read(path, shown, problems), path, shown, problems, above)
+    return complete(read(path, shown, problems), path, shown, problems, extending_files)
 
 
-def complete(root: Node, path: Path, shown: str, problems: list[str], above: tuple[Path, ...] = ()) -> Node:
-    """The same for a tree that stands for the file `path`."""
-    own = path.resolve()
+def complete(root: Node, path: Path, shown: str, problems: list[str], extending_files: tuple[Path, ...] = ()) -> Node:
+    """Normalize a tree of the file `path` and merge it over the files it extends."""
+    resolved_path = path.resolve()
     if not isinstance(root.value, dict):
         raise ScenarioError(f"{root.place}: a scenario is a list of `key: value` lines. Begin with `members:`.")
-    root = normal(root, own.parent, problems)
+    root = normalize(root, resolved_path.parent, problems)
     parent = root.entries.get("extends")
     if parent is None or parent.value is None:
-        problems += strays(root, root) + idle(root, None)
+        problems += unknown_disconnects(root, root) + unused_disconnects(root, None)
         return merged(Node({}, root.place), root)
     if not isinstance(parent.value, str):
         raise ScenarioError(f"{parent.place}: extends: expected the path of one scenario, such as contact.yaml.")
     target = path.parent / parent.value
-    if target.resolve() in (own, *above):
+    if target.resolve() in (resolved_path, *extending_files):
         raise ScenarioError(f"{parent.place}: extends: {parent.value} extends this file again. Break the circle.")
-    if len(above) >= DEEPEST:
-        raise ScenarioError(f"{parent.place}: extends: more than {DEEPEST} files extend each other. Join some of them.")
+    if len(extending_files) >= MAX_DEPTH:
+        raise ScenarioError(
+            f"{parent.place}: extends: more than {MAX_DEPTH} files extend each other. Join some of them."
+        )
     if not target.is_file():
-        known = [other.name for other in target.parent.glob("*.y*ml")] if target.parent.is_dir() else []
-        hint = nearest(target.name, known) or " Give a path relative to this file."
+        file_names = [other.name for other in target.parent.glob("*.y*ml")] if target.parent.is_dir() else []
+        hint = nearest(target.name, file_names) or " Give a path relative to this file."
         raise ScenarioError(f"{parent.place}: extends: there is no file {parent.value}.{hint}")
-    base = load(target, str(Path(shown).parent / parent.value), problems, (own, *above))
-    base = Node({key: node for key, node in base.entries.items() if key not in OWN}, base.place)
-    problems += strays(root, base) + idle(root, base)
+    base = load(target, str(Path(shown).parent / parent.value), problems, (resolved_path, *extending_files))
+    base = Node({key: node for key, node in base.entries.items() if key not in NOT_INHERITED}, base.place)
+    problems += unknown_disconnects(root, base) + unused_disconnects(root, base)
     result = merged(base, root)
     return Node({key: node for key, node in result.entries.items() if key != "extends"}, root.place)
 
 
-def normal(root: Node, folder: Path, problems: list[str]) -> Node:
-    """The tree with one `{from, to}` per connection and absolute paths of FMUs, also in its variants."""
+def normalize(root: Node, folder: Path, problems: list[str]) -> Node:
+    """Return the tree with one `{from, to}` per connection and absolute paths of FMUs, also in its variants."""
     entries = dict(root.entries)
     if "seed" in entries and "seeds" not in entries:
         node = entries.pop("seed")
         entries["seeds"] = Node([node] if node.value is not None else None, node.place)
     for key, node in entries.items():
         if key == "connections" and isinstance(node.value, list):
-            entries[key] = Node([one for item in node.items for one in connections(item)], node.place)
+            entries[key] = Node([connection for item in node.items for connection in connections(item)], node.place)
         elif key == "record" and isinstance(node.value, list):
             entries[key] = Node({"variables": node}, node.place)
         elif key == "parameter_sets":
@@ -84,13 +86,13 @@ def normal(root: Node, folder: Path, problems: list[str]) -> Node:
             entries[key] = Node({name: located(item, folder) for name, item in node.entries.items()}, node.place)
         elif key == "variants" and isinstance(node.value, dict):
             entries[key] = Node(
-                {name: normal(item, folder, problems) for name, item in node.entries.items()}, node.place
+                {name: normalize(item, folder, problems) for name, item in node.entries.items()}, node.place
             )
     return Node(entries, root.place) if isinstance(root.value, dict) else root
 
 
 def scene(item: Node, folder: Path) -> Node:
-    """A scene whose environment, if it is a file, has an absolute path."""
+    """Return a scene with the absolute path of its environment file."""
     node = item.entries.get("environment")
     if node is None or not isinstance(node.value, str) or Path(node.value).suffix not in READERS:
         return item
@@ -98,13 +100,13 @@ def scene(item: Node, folder: Path) -> Node:
 
 
 def parameter_set(item: Node, folder: Path, problems: list[str]) -> Node:
-    """A parameter set's content, `component: {parameter: value}`, if its file is named."""
+    """Return the content of a parameter set, `component: {parameter: value}`; read from its file if it is a path."""
     if not isinstance(item.value, str):
         return item
     path = folder / item.value
     if not path.is_file():
-        known = [other.name for other in path.parent.glob("*.y*ml")] if path.parent.is_dir() else []
-        hint = nearest(path.name, known) or " Give a path relative to this file."
+        file_names = [other.name for other in path.parent.glob("*.y*ml")] if path.parent.is_dir() else []
+        hint = nearest(path.name, file_names) or " Give a path relative to this file."
         problems.append(f"{item.place}: parameter_sets: there is no file {item.value}.{hint}")
         return Node({}, item.place)
     try:
@@ -114,12 +116,16 @@ def parameter_set(item: Node, folder: Path, problems: list[str]) -> Node:
         return Node({}, item.place)
     if not isinstance(content.value, dict):
         return content
-    own = {located_name(name, path.parent): one for name, one in content.entries.items() if name != IDENTIFIED}
-    return Node(own, content.place)
+    named_components = {
+        located_name(name, path.parent): parameters
+        for name, parameters in content.entries.items()
+        if name != IDENTIFIED
+    }
+    return Node(named_components, content.place)
 
 
 def located(member: Node, folder: Path) -> Node:
-    """A member whose component, if it is the path of an FMU or of a scenario's group, is absolute."""
+    """Return a member whose component, if it is a path, is absolute."""
     component = member.entries.get("component")
     if component is None or not isinstance(component.value, str):
         return member
@@ -128,7 +134,7 @@ def located(member: Node, folder: Path) -> Node:
 
 
 def located_name(component: str, folder: Path) -> str:
-    """A component's name; absolute if it is the path of an FMU, of a table or of a scenario's group."""
+    """Return a component's name; absolute if it is the path of an FMU, a table or a scenario's group."""
     path, mark, group = component.partition("#")
     if not path.endswith((".yaml", ".yml") if mark else (".fmu", ".csv")):
         return component
@@ -136,7 +142,7 @@ def located_name(component: str, folder: Path) -> str:
 
 
 def connections(item: Node) -> list[Node]:
-    """`a -> b, c` and `{from: a, to: [b, c]}` as one node for each target; anything else unchanged."""
+    """Split `a -> b, c` and `{from: a, to: [b, c]}` into one node per target; return anything else unchanged."""
     if isinstance(item.value, str):
         source, arrow, targets = item.value.partition("->")
         if not arrow:
@@ -147,119 +153,124 @@ def connections(item: Node) -> list[Node]:
     target = item.entries.get("to")
     if target is None or not isinstance(target.value, list):
         return [item]
-    return [Node(item.entries | {"to": Node(one.value, one.place)}, item.place) for one in target.items]
-
-
-def strays(root: Node, base: Node) -> list[str]:
-    """What a file disconnects of members that neither it nor the one it extends has, in any variant."""
-    empty = Node({}, root.place)
-    patches = [one for file in (root, base) for one in (file, *file.entries.get("variants", empty).entries.values())]
-    known = owners(root, base)
     return [
-        f"{item.entries['to'].place}: there is no member `{owner}`.{nearest(owner, known)}"
-        for one in patches
-        for item in written_connections(one)
-        if disconnects(item) and (owner := (target(item) or "").partition(".")[0]) and owner not in known
+        Node(item.entries | {"to": Node(target_node.value, target_node.place)}, item.place)
+        for target_node in target.items
     ]
 
 
-def idle(root: Node, above: Node | None) -> list[str]:
-    """What a file disconnects of the one above it, or a variant of its file, that nothing of this name connects."""
+def unknown_disconnects(root: Node, base: Node) -> list[str]:
+    """Report disconnections of members that neither the file nor the one it extends has in any variant."""
     empty = Node({}, root.place)
-    base = above or empty
-    ends = {target(item) for item in written_connections(base)}
-    found = [(item, ends) for item in written_connections(root) if above is not None]
-    ends = ends | {target(item) for item in written_connections(root) if not disconnects(item)}
+    patches = [
+        patch for file in (root, base) for patch in (file, *file.entries.get("variants", empty).entries.values())
+    ]
+    member_names = owners(root, base)
+    return [
+        f"{item.entries['to'].place}: there is no member `{owner}`.{nearest(owner, member_names)}"
+        for patch in patches
+        for item in written_connections(patch)
+        if disconnects(item) and (owner := (target(item) or "").partition(".")[0]) and owner not in member_names
+    ]
+
+
+def unused_disconnects(root: Node, base_file: Node | None) -> list[str]:
+    """Report disconnections without a matching inherited connection."""
+    empty = Node({}, root.place)
+    base = base_file or empty
+    targets = {target(item) for item in written_connections(base)}
+    candidates = [(item, targets) for item in written_connections(root) if base_file is not None]
+    targets = targets | {target(item) for item in written_connections(root) if not disconnects(item)}
     inherited = base.entries.get("variants", empty).entries
     for name, variant in root.entries.get("variants", empty).entries.items():
-        own = ends | {target(item) for item in written_connections(inherited.get(name, empty))}
-        found += [(item, own) for item in written_connections(variant)]
+        variant_targets = targets | {target(item) for item in written_connections(inherited.get(name, empty))}
+        candidates += [(item, variant_targets) for item in written_connections(variant)]
     return [
-        f"{item.entries['to'].place}: nothing is connected to `{end}` under this name.{nearest(end, filter(None, known))} Write what "
+        f"{item.entries['to'].place}: nothing is connected to `{end}` under this name.{nearest(end, filter(None, connected_targets))} Write what "
         f"stands behind `->` in the connection that is to go, the terminal's name if it connects terminals."
-        for item, known in found
+        for item, connected_targets in candidates
         if disconnects(item)
         and (end := target(item))
-        and end not in known
+        and end not in connected_targets
         and end.partition(".")[0] in owners(root, base)
     ]
 
 
 def owners(*files: Node) -> set[str]:
-    """Members of files, in any variant."""
-    variants = [one for file in files for one in file.entries.get("variants", Node({}, file.place)).entries.values()]
-    return {name for one in (*files, *variants) for name in members(one)}
+    """Return the names of the members of files, in any variant."""
+    variants = [root for file in files for root in file.entries.get("variants", Node({}, file.place)).entries.values()]
+    return {name for root in (*files, *variants) for name in members(root)}
 
 
 def written_connections(root: Node) -> list[Node]:
-    """The connections that a scenario or variant writes."""
+    """Return the connections that a scenario or variant itself contains."""
     node = root.entries.get("connections") if isinstance(root.value, dict) else None
     return list(node.items) if node is not None else []
 
 
 def disconnects(connection: Node) -> bool:
-    """Whether it is `{from: null, to: x}`."""
+    """Whether a connection is `{from: null, to: x}`."""
     return "from" in connection.entries and connection.entries["from"].value is None
 
 
 def merged(base: Node, patch: Node, path: Keys = (), keep_null: bool = False) -> Node:
-    """`patch` over `base`. `keep_null`: both are patches themselves, so that a `null` is still to be applied."""
+    """Merge `patch` over `base`. `keep_null`: both are patches, so a `null` is kept to be applied later."""
     if not isinstance(patch.value, dict):
         return merged_list(base, patch, path, keep_null) if isinstance(patch.value, list) else patch
     if path == ("algorithm",):
-        named = Node({"name": base}, base.place) if isinstance(base.value, str) else base
-        base = Node({}, patch.place) if "name" in patch.entries else named
+        algorithm = Node({"name": base}, base.place) if isinstance(base.value, str) else base
+        base = Node({}, patch.place) if "name" in patch.entries else algorithm
     if len(path) == 2 and path[0] == "members" and replaces(base, patch):
-        base = Node({key: base.entries[key] for key in RHYTHM if key in base.entries}, patch.place)
+        base = Node({key: base.entries[key] for key in TIMING_KEYS if key in base.entries}, patch.place)
     if not path and not keep_null:
-        base = without(base, [name for name, node in members(patch).items() if node.value is None])
+        base = remove_members(base, [name for name, node in members(patch).items() if node.value is None])
     entries = dict(base.entries)
     for key, node in patch.entries.items():
         if node.value is None and not keep_null:
             entries.pop(key, None)
             continue
-        before = entries.get(key, Node(None, node.place))
-        below = () if path == ("variants",) else (*path, key)
-        entries[key] = merged(before, node, below, keep_null or path == ("variants",))
+        base_value = entries.get(key, Node(None, node.place))
+        inner_path = () if path == ("variants",) else (*path, key)
+        entries[key] = merged(base_value, node, inner_path, keep_null or path == ("variants",))
     return Node(entries, base.place if base.entries else patch.place)
 
 
 def merged_list(base: Node, patch: Node, path: Keys, keep_null: bool) -> Node:
-    """Events are added, connections replace those into the same target, any other list replaces the old one."""
+    """Merge lists: events are appended, connections replace those into the same target, other lists are replaced."""
     if path == ("events",):
         return Node(base.items + patch.items, patch.place)
     if path != ("connections",):
         return patch
     targets = {target(item) for item in patch.items} - {None}
-    kept = [item for item in base.items if target(item) not in targets]
+    unchanged = [item for item in base.items if target(item) not in targets]
     added = [item for item in patch.items if keep_null or not disconnects(item)]
-    return Node(kept + added, patch.place)
+    return Node(unchanged + added, patch.place)
 
 
 def target(connection: Node) -> str | None:
-    """Where a connection in normal form ends, if it is well formed."""
+    """Return the target of a normalized connection, None if it is malformed."""
     node = connection.entries.get("to")
     return node.value if node is not None and isinstance(node.value, str) else None
 
 
 def members(root: Node) -> dict[str, Node]:
-    """The members of a scenario or variant."""
+    """Return the members of a scenario or variant."""
     return root.entries["members"].entries if "members" in root.entries else {}
 
 
 def replaces(base: Node, patch: Node) -> bool:
-    """Whether a member's patch names another component than it had: then the old parameters mean nothing."""
+    """Whether a member's patch changes its component, so that the old parameters do not apply."""
     new, old = patch.entries.get("component"), base.entries.get("component")
     return new is not None and old is not None and new.value != old.value
 
 
-def without(root: Node, names: list[str]) -> Node:
-    """The scenario without some members: their connections and events go with them."""
+def remove_members(root: Node, names: list[str]) -> Node:
+    """Remove members with their connections and events."""
     if not names:
         return root
     entries = dict(root.entries)
 
-    def gone(reference: object) -> bool:
+    def is_removed(reference: object) -> bool:
         return isinstance(reference, str) and reference.partition(".")[0] in names
 
     if "connections" in entries:
@@ -267,24 +278,28 @@ def without(root: Node, names: list[str]) -> Node:
         ends = [
             (item, [end.value for key, end in item.entries.items() if key in ("from", "to")]) for item in node.items
         ]
-        entries["connections"] = Node([item for item, both in ends if not any(map(gone, both))], node.place)
+        entries["connections"] = Node(
+            [item for item, end_names in ends if not any(map(is_removed, end_names))], node.place
+        )
     if "events" in entries:
         node = entries["events"]
-        entries["events"] = Node([event for item in node.items for event in kept_event(item, gone)], node.place)
+        entries["events"] = Node(
+            [event for item in node.items for event in remove_from_event(item, is_removed)], node.place
+        )
     return Node(entries, root.place)
 
 
-def kept_event(event: Node, gone: Callable[[object], bool]) -> list[Node]:
-    """The event without what it does to members that are gone; nothing if that was all."""
+def remove_from_event(event: Node, is_removed: Callable[[object], bool]) -> list[Node]:
+    """Remove references to removed members from an event; an empty list if none remain."""
     if "fault" in event.entries:
-        return [] if "node" in event.entries and gone(event.entries["node"].value) else [event]
+        return [] if "node" in event.entries and is_removed(event.entries["node"].value) else [event]
     entries: dict[str, Node] = {}
     for key, node in event.entries.items():
         if isinstance(node.value, dict):
-            node = Node({name: value for name, value in node.entries.items() if not gone(name)}, node.place)  # noqa: PLW2901
+            node = Node({name: value for name, value in node.entries.items() if not is_removed(name)}, node.place)  # noqa: PLW2901
         elif isinstance(node.value, list):
-            node = Node([item for item in node.items if not gone(item.value)], node.place)  # noqa: PLW2901
-        elif gone(node.value):
+            node = Node([item for item in node.items if not is_removed(item.value)], node.place)  # noqa: PLW2901
+        elif is_removed(node.value):
             continue
         if key == "at" or node.value:
             entries[key] = node
@@ -292,28 +307,34 @@ def kept_event(event: Node, gone: Callable[[object], bool]) -> list[Node]:
 
 
 def variant_trees(root: Node) -> dict[str, Node]:
-    """Each variant's full tree in the order of the file; `base` is the only one if there are no variants."""
+    """Return each variant's full tree in the order of the file; only `base` if there are no variants."""
     base = Node({key: node for key, node in root.entries.items() if key != "variants"}, root.place)
     variants = root.entries["variants"].entries if "variants" in root.entries else {}
     if not variants:
-        return {"base": parametrized(base)}
+        return {"base": apply_parameter_sets(base)}
     return {
-        name: parametrized(merged(base, patch if isinstance(patch.value, dict) else Node({}, patch.place)))
+        name: apply_parameter_sets(merged(base, patch if isinstance(patch.value, dict) else Node({}, patch.place)))
         for name, patch in variants.items()
     }
 
 
-def parametrized(root: Node) -> Node:
-    """The tree with the parameter sets put under what its members say themselves; later sets over earlier ones."""
+def apply_parameter_sets(root: Node) -> Node:
+    """Apply the parameter sets: members' own values override them, later sets override earlier ones."""
     sets = root.entries["parameter_sets"].items if "parameter_sets" in root.entries else []
-    own = members(root)
-    for one in reversed(sets):
-        for name, member in own.items():
+    patched_members = members(root)
+    for parameter_set_node in reversed(sets):
+        for name, member in patched_members.items():
             component = member.entries.get("component")
-            below = one.entries.get(component.value) if component and isinstance(component.value, str) else None
-            if below is not None and isinstance(below.value, dict):
-                above = member.entries.get("parameters", Node({}, member.place))
-                own = own | {name: Node(member.entries | {"parameters": merged(below, above)}, member.place)}
-    if not own:
+            set_values = (
+                parameter_set_node.entries.get(component.value)
+                if component and isinstance(component.value, str)
+                else None
+            )
+            if set_values is not None and isinstance(set_values.value, dict):
+                own_values = member.entries.get("parameters", Node({}, member.place))
+                patched_members = patched_members | {
+                    name: Node(member.entries | {"parameters": merged(set_values, own_values)}, member.place)
+                }
+    if not patched_members:
         return root
-    return Node(root.entries | {"members": Node(own, root.entries["members"].place)}, root.place)
+    return Node(root.entries | {"members": Node(patched_members, root.entries["members"].place)}, root.place)

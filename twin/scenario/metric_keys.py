@@ -21,23 +21,23 @@ if TYPE_CHECKING:
 
 
 class Builder:
-    """Converts what a file says about figures, and collects what is wrong with it."""
+    """Converter of analyses, metrics, expectations, plots and scenes; collects their problems."""
 
     def __init__(self, keys: ScenarioKeys, tree: Node, variants: list[str], metrics: Iterable[str]) -> None:
         self.keys = keys
         self.tree = tree
         self.variants = variants
-        self.metrics = metrics  # all names in the file, also of those that are wrong and left out
+        self.metrics = metrics  # all names in the file, including invalid metrics
         self.problems: list[str] = []
 
     def problem(self, path: tuple[str | int, ...], message: str) -> None:
-        """Note a problem with what stands at a path."""
+        """Add a problem at a path of the tree."""
         self.problems.append(f"{self.tree.find(path).place}: {message}")
 
     def si(
         self, path: tuple[str | int, ...], raw: Any, unit: str, what: str, is_difference: bool = False
     ) -> float | None:
-        """A value of the file in SI; `unit` is the one it is shown in, and its kind must be the same."""
+        """Convert a value to SI; None if absent or invalid. `unit`: its display unit, which must have the same dimension."""
         try:
             return None if raw is None else quantities.si(raw, unit, what, is_difference)
         except CouplingError as error:
@@ -45,7 +45,7 @@ class Builder:
             return None
 
     def unit(self, path: tuple[str | int, ...], unit: str, what: str) -> str:
-        """A unit that is known, or none."""
+        """Return a unit; report an unknown one and return ""."""
         try:
             quantities.to_si(unit)
         except CouplingError:
@@ -53,8 +53,8 @@ class Builder:
             return ""
         return unit
 
-    def known(self, path: tuple[str | int, ...], names: Iterable[str], what: str) -> tuple[str, ...]:
-        """Names of variants that exist."""
+    def existing_variants(self, path: tuple[str | int, ...], names: Iterable[str], what: str) -> tuple[str, ...]:
+        """Return the names that are variants; report the others and duplicates."""
         names = list(names)
         for name in names:
             if name not in self.variants:
@@ -64,11 +64,11 @@ class Builder:
         return tuple(name for name in names if name in self.variants)
 
     def window(self, path: tuple[str | int, ...], keys: WindowKeys, what: str) -> Window:
-        """A part of the longest variant's run that is not empty."""
+        """Create a time window; report one that is empty or outside the longest variant's run."""
         begin, end = self.keys.start_time, self.end
         start, stop = keys.start, keys.stop
         if end is not None and stop is not None and stop > end:
-            stop = None  # a run that is shorter than the window is judged to its end
+            stop = None  # a run shorter than the window is evaluated to its end
         span = f"outside the run, {clock.text(begin)} to {clock.text(end or 0)}. Change it or stop_time."
         if start is not None and not (begin <= start and (end is None or start < end)):
             self.problem((*path, "from"), f"{what}: from {clock.text(start)} lies {span}")
@@ -80,24 +80,24 @@ class Builder:
 
     @property
     def end(self) -> clock.Time | None:
-        """When the longest variant's run ends [ns]; None if the file does not say."""
+        """Stop time of the longest variant [ns]; None if the file does not set one."""
         base = self.keys.stop_time
         stops = [(self.keys.variants.get(name) or RunKeys()).stop_time or base for name in self.variants]
         return max((stop for stop in stops if stop is not None), default=None)
 
     def metric(self, name: str, keys: MetricKeys) -> Metric:
-        """A metric, its paper's figures converted."""
+        """Create a metric with its reference values converted."""
         path, what = ("metrics", name), f"metrics.{name}"
         paper = keys.paper if isinstance(keys.paper, dict) else {}
         if keys.paper is not None and not isinstance(keys.paper, dict):
             paper = dict.fromkeys(self.variants, keys.paper)
-        self.known((*path, "paper"), paper, f"{what}.paper")
-        unit = self.unit((*path, "unit"), keys.unit, what) or spelled(paper.values())
+        self.existing_variants((*path, "paper"), paper, f"{what}.paper")
+        unit = self.unit((*path, "unit"), keys.unit, what) or written_unit(paper.values())
         if keys.tolerance is not None and not paper:
             self.problem((*path, "tolerance"), f"{what}: a tolerance needs a figure to compare with. Add `paper`.")
         window = self.window(path, keys, what)
         where = str(self.tree.find(path).place)
-        variants = self.known((*path, "variants"), keys.variants, f"{what}.variants")
+        variants = self.existing_variants((*path, "variants"), keys.variants, f"{what}.variants")
         metric = Metric(
             name, keys.signal, keys.reduce, window, unit, {}, keys.tolerance, variants, keys.description, where
         )
@@ -108,7 +108,7 @@ class Builder:
         return metric
 
     def expectation(self, index: int, keys: ExpectKeys, metrics: dict[str, Metric]) -> Expectation:
-        """An expectation; it must say of what, and exactly one thing."""
+        """Create an expectation; report combinations of keys that are not allowed."""
         path, what = ("expect", index), f"expect {keys.name}".rstrip()
         metric = metrics.get(keys.metric or "")
         if keys.metric is not None and keys.metric not in self.metrics:
@@ -134,15 +134,17 @@ class Builder:
             key = "variants" if keys.variants else "ordered"
             for name in keys.variants or keys.ordered or ():
                 if name in self.variants and name not in metric.variants:
-                    taken = ", ".join(metric.variants)
+                    metric_variants = ", ".join(metric.variants)
                     self.problem(
                         (*path, key),
-                        f"{what}: `{metric.name}` is not taken in `{name}`, only in {taken}. Add it there.",
+                        f"{what}: `{metric.name}` is not taken in `{name}`, only in {metric_variants}. Add it there.",
                     )
         if keys.margin is not None and keys.ordered is None:
             self.problem((*path, "margin"), f"{what}: a margin is that of an order. Add `ordered`, or leave it out.")
         low, high = keys.within or (keys.at_least, keys.at_most)
-        unit = self.unit((*path, "unit"), keys.unit, what) or (metric.unit if metric else "") or spelled((low, high))
+        unit = (
+            self.unit((*path, "unit"), keys.unit, what) or (metric.unit if metric else "") or written_unit((low, high))
+        )
         is_difference = (
             metric.is_difference if metric else keys.signal is not None and dimension.is_difference(keys.signal)
         )
@@ -151,38 +153,41 @@ class Builder:
         if at_least is not None and at_most is not None and at_least > at_most:
             self.problem(path, f"{what}: the lower limit is above the upper one. Swap them.")
         return Expectation(
-            keys.name, keys.metric, keys.signal, self.known((*path, "variants"), keys.variants, what), at_least, at_most,
-            self.known((*path, "ordered"), keys.ordered or (), what), keys.descending,
+            keys.name, keys.metric, keys.signal, self.existing_variants((*path, "variants"), keys.variants, what), at_least, at_most,
+            self.existing_variants((*path, "ordered"), keys.ordered or (), what), keys.descending,
             self.window(path, keys, what), unit, keys.mean, str(self.tree.find(path).place), keys.ends or "",
             is_difference, *self.margin(path, keys, unit, what), keys.nominal,
         )  # fmt: skip
 
     def margin(self, path: tuple[str | int, ...], keys: ExpectKeys, unit: str, what: str) -> tuple[float, float]:
-        """By how much an order must hold: in the metric's unit, and as part of what stands before, as in `10 %`."""
+        """Return the margin of an order: absolute in the metric's unit, and relative to the preceding value (`10 %`)."""
         raw = keys.margin
         is_part = isinstance(raw, str) and raw.rstrip().endswith("%")
         try:
-            part = fraction(raw) if is_part else 0.0
+            relative = fraction(raw) if is_part else 0.0
         except ValueError as error:
             self.problem((*path, "margin"), f"{what}: margin: {error}")
-            part = 0.0
-        size = (None if is_part else self.si((*path, "margin"), raw, unit, f"{what}: margin", True)) or 0.0
-        if size < 0.0:
+            relative = 0.0
+        absolute = (None if is_part else self.si((*path, "margin"), raw, unit, f"{what}: margin", True)) or 0.0
+        if absolute < 0.0:
             self.problem((*path, "margin"), f"{what}: the margin is below zero. Turn the order around instead.")
-        return size, part
+        return absolute, relative
 
     def plot(self, index: int, keys: PlotKeys) -> Plot:
-        """A plot."""
+        """Create a plot."""
         path, what = ("plots", index), f"plot `{keys.title}`"
         if (keys.xy is None) == (not keys.signals):
             self.problem(path, f"{what}: give either `signals` or `xy: [x, y]`.")
-        curves = tuple(Curve(one.signal, one.label or one.signal.text, one.x) for one in keys.signals)
-        if any(one.x for one in keys.signals) and not all(one.x for one in keys.signals):
+        curves = tuple(
+            Curve(curve_keys.signal, curve_keys.label or curve_keys.signal.text, curve_keys.x)
+            for curve_keys in keys.signals
+        )
+        if any(curve_keys.x for curve_keys in keys.signals) and not all(curve_keys.x for curve_keys in keys.signals):
             self.problem((*path, "signals"), f"{what}: some signals have an `x`. Give all of them one, or none.")
         if keys.xy is not None:
             curves = (Curve(keys.xy[1], keys.xy[1].text, keys.xy[0]),)
-        unit = self.unit((*path, "unit"), keys.unit, what) or spelled((*(keys.band or ()), *keys.lines))
-        differs = bool(curves) and all(dimension.is_difference(one.signal) for one in curves)
+        unit = self.unit((*path, "unit"), keys.unit, what) or written_unit((*(keys.band or ()), *keys.lines))
+        differs = bool(curves) and all(dimension.is_difference(curve.signal) for curve in curves)
         band = [self.si((*path, "band"), raw, unit, f"{what}: band", differs) for raw in keys.band or ()]
         lines = [self.si((*path, "lines"), raw, unit, f"{what}: lines", differs) for raw in keys.lines]
         return Plot(
@@ -190,21 +195,21 @@ class Builder:
             self.window(path, keys, what), keys.per == "variant",
             (band[0], band[1]) if len(band) == 2 and band[0] is not None and band[1] is not None else None,
             tuple(line for line in lines if line is not None),
-            self.known((*path, "variants"), keys.variants, what), str(self.tree.find(path).place), keys.points,
+            self.existing_variants((*path, "variants"), keys.variants, what), str(self.tree.find(path).place), keys.points,
         )  # fmt: skip
 
     def analysis(self, name: str, keys: AnalysisKeys) -> Analysis:
-        """An analysis."""
+        """Create an analysis."""
         path, what = ("analyses", name), f"analyses.{name}"
         if name in self.keys.members:
             self.problem(path, f"{what}: a member has this name already. Choose another.")
-        variants = self.known((*path, "variants"), keys.variants, f"{what}.variants")
+        variants = self.existing_variants((*path, "variants"), keys.variants, f"{what}.variants")
         window, where = self.window(path, keys, what), str(self.tree.find(path).place)
         return Analysis(name, keys.function, keys.inputs, window, variants, where)
 
 
-def spelled(values: Iterable[Any]) -> str:
-    """The unit in which limits and figures are written, so that they are shown as they were meant."""
+def written_unit(values: Iterable[Any]) -> str:
+    """Return the unit of the first value that has one, as the display unit; "" if none."""
     for raw in values:
         parts = quantities.split(raw) if isinstance(raw, str) else None
         if parts and parts[1]:
@@ -215,16 +220,16 @@ def spelled(values: Iterable[Any]) -> str:
 def figures(
     keys: ScenarioKeys, tree: Node, variants: list[str], names: Iterable[str]
 ) -> tuple[tuple[Analysis, ...], dict[str, Metric], tuple[Expectation, ...], tuple[Plot, ...], list[str]]:
-    """Analyses, metrics, expectations and plots, and what is wrong with them."""
+    """Create analyses, metrics, expectations and plots; returns them and their problems."""
     builder = Builder(keys, tree, variants, names)
-    metrics = {name: builder.metric(name, one) for name, one in keys.metrics.items()}
-    expectations = tuple(builder.expectation(index, one, metrics) for index, one in enumerate(keys.expect))
-    plots = tuple(builder.plot(index, one) for index, one in enumerate(keys.plots))
-    analyses = tuple(builder.analysis(name, one) for name, one in keys.analyses.items())
+    metrics = {name: builder.metric(name, item_keys) for name, item_keys in keys.metrics.items()}
+    expectations = tuple(builder.expectation(index, item_keys, metrics) for index, item_keys in enumerate(keys.expect))
+    plots = tuple(builder.plot(index, item_keys) for index, item_keys in enumerate(keys.plots))
+    analyses = tuple(builder.analysis(name, item_keys) for name, item_keys in keys.analyses.items())
     return analyses, metrics, expectations, plots, builder.problems
 
 
 def scenes(keys: ScenarioKeys, tree: Node, variants: list[str]) -> tuple[tuple[Scene, ...], list[str]]:
-    """Scenes, and what is wrong with them and with their environments."""
+    """Create scenes; returns them and the problems of the scenes and their environments."""
     builder = Builder(keys, tree, variants, ())
-    return tuple(scene(builder, index, one) for index, one in enumerate(keys.scenes)), builder.problems
+    return tuple(scene(builder, index, scene_keys) for index, scene_keys in enumerate(keys.scenes)), builder.problems

@@ -1,4 +1,4 @@
-"""Values with units: durations at once and exactly, everything else when the variable it is meant for is known."""
+"""Values with units: durations are parsed exactly, other quantities against the variable they are assigned to."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from twin.coupling import MemberVariable
 
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,3})?"
-# A unit starts with a letter, or as `1/s` or `/s`. What is a unit is for `twin.component.unit` to say.
+# A unit starts with a letter, or as `1/s` or `/s`; `twin.component.unit` decides whether it is valid.
 QUANTITY = re.compile(rf"\s*({NUMBER})\s*((?:1?\s*/\s*)?[A-Za-zµμΩ°%][A-Za-zµμΩ°%_\s*/()^·0-9.-]{{0,60}})?\s*")
 
 DURATIONS = {
@@ -36,7 +36,7 @@ RATIO = re.compile(r"\s*(-?\d{1,9})\s*/\s*(\d{1,9})\s*([a-zµμ]*)\s*")  # `1/30
 
 
 def split(text: str) -> tuple[str, str] | None:
-    """Number and unit of a quantity's text, or None if it is not one."""
+    """Split the text of a quantity into number and unit; None if it is not a quantity."""
     match = QUANTITY.fullmatch(text)
     if not match or len(text) > 80:
         return None
@@ -45,31 +45,31 @@ def split(text: str) -> tuple[str, str] | None:
 
 
 def duration(value: Any) -> clock.Time:
-    """A time [ns], exactly: `1 ms`, `1/30 s`, or a bare number of seconds. ValueError says what is wrong."""
+    """Parse a time [ns] exactly: `1 ms`, `1/30 s`, or a bare number of seconds. ValueError if it is invalid."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f"expected a time, such as 1 ms, not {short(value)}")  # noqa: TRY004 - what pydantic catches
     if isinstance(value, str) and (match := RATIO.fullmatch(value)):
-        over, under, symbol = match.groups()
+        numerator, denominator, symbol = match.groups()
     else:
         parts = split(value) if isinstance(value, str) else (repr(value), "s")
         if parts is None or (isinstance(value, float) and not math.isfinite(value)):
             raise ValueError(f"{short(value)} is not a time. Write a number and a unit, such as 1 ms or 1/30 s")
-        over, under, symbol = parts[0], "", parts[1]
+        numerator, denominator, symbol = parts[0], "", parts[1]
     if symbol not in DURATIONS and symbol:
         raise ValueError(f"{short(value)} is not a time: use s, ms, us, ns, min or h")
-    if under and not int(under):
+    if denominator and not int(denominator):
         raise ValueError(f"{short(value)} is divided by zero. Write a ratio such as 1/30 s")
-    exact = Fraction(over) / int(under or 1) * DURATIONS[symbol or "s"]
+    exact = Fraction(numerator) / int(denominator or 1) * DURATIONS[symbol or "s"]
     if abs(exact) > LONGEST:
         raise ValueError(f"{short(value)} is longer than {LONGEST // 10**9} s. Check the unit")
     try:
-        return clock.whole(exact) if under else clock.ratio(exact / clock.NANOSECONDS)
+        return clock.whole(exact) if denominator else clock.ratio(exact / clock.NANOSECONDS)
     except ValueError:
         raise ValueError(f"{short(value)} is too short a time. Check the unit") from None
 
 
 def nanoseconds(value: Any) -> int:
-    """A time that must be whole nanoseconds, as what a drive or a component counts in. ValueError says what is wrong."""
+    """Parse a time in whole nanoseconds, the resolution of drives and components. ValueError if it is invalid."""
     time = duration(value)
     if not isinstance(time, int):
         raise ValueError(f"{short(value)} is not a whole number of nanoseconds. Round it")  # noqa: TRY004
@@ -77,7 +77,7 @@ def nanoseconds(value: Any) -> int:
 
 
 def short(value: Any) -> str:
-    """A value for a message: never long."""
+    """Format a value for a message in at most 40 characters."""
     text = value if isinstance(value, str) else repr(value)
     kinds = {dict: "a group of keys", list: "a list", type(None): "nothing"}
     text = kinds.get(type(value), text)
@@ -85,7 +85,7 @@ def short(value: Any) -> str:
 
 
 def raw(value: Any, depth: int = 0) -> Any:
-    """A value as the file gives it: number, text, true or false, or lists of them."""
+    """Check that a value is a number, text, true or false, or a nested list of them, and return it."""
     if isinstance(value, list) and depth < 4:
         return [raw(item, depth + 1) for item in value]
     if isinstance(value, float) and not math.isfinite(value):
@@ -97,14 +97,14 @@ def raw(value: Any, depth: int = 0) -> Any:
 
 @lru_cache(maxsize=512)
 def conversion(source: str, target: str) -> tuple[float, float]:
-    """(factor, offset) between two units; `""` is dimensionless, unlike in a connection, where it is unknown."""
+    """Return (factor, offset) between two units; `""` is dimensionless, unlike in a connection, where it is unknown."""
     if source == target:
         return 1.0, 0.0
     return unit.conversion(source or "1", target or "1", "")
 
 
 def number(value: Any, target: str, what: str) -> float:
-    """A scalar in the unit `target`; a bare number is in `target` already. CouplingError says what is wrong."""
+    """Convert a scalar to the unit `target`; a bare number is already in `target`. CouplingError if it is invalid."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise CouplingError(f"{what}: expected a number{in_unit(target)}, not {short(value)}.")
     if not isinstance(value, str):
@@ -130,7 +130,7 @@ def number(value: Any, target: str, what: str) -> float:
 
 
 def si(value: Any, symbol: str, what: str, is_difference: bool = False) -> float:
-    """A scalar in coherent SI units; with a unit of its own it must be of the kind of `symbol`, if that is given."""
+    """Convert a scalar to coherent SI units; its unit must have the dimension of `symbol`, if that is given."""
     parts = split(value) if isinstance(value, str) else None
     if parts is None or not parts[1]:
         return number(value, "", what)
@@ -140,59 +140,59 @@ def si(value: Any, symbol: str, what: str, is_difference: bool = False) -> float
 
 
 def to_si(symbol: str, is_difference: bool = False) -> tuple[float, float]:
-    """(factor, offset) to SI of a unit that must be known."""
-    found = unit.describe(symbol)
-    return found.factor, 0.0 if is_difference else found.offset
+    """Return (factor, offset) from a unit to SI; CouplingError for an unknown unit."""
+    description = unit.describe(symbol)
+    return description.factor, 0.0 if is_difference else description.offset
 
 
 def in_unit(symbol: str) -> str:
-    """` in N`, for messages."""
+    """Return ` in N`, for messages; "" for dimensionless."""
     return f" in {symbol}" if symbol not in ("", "1") else ""
 
 
 def resolve(value: Any, variable: MemberVariable, what: str) -> Any:
-    """A value from the file as numpy scalar or array of the variable's type, shape and unit, within its bounds."""
+    """Convert a value to a numpy scalar or array of the variable's type, shape and unit; CouplingError if out of bounds."""
     if isinstance(value, list) and not variable.shape:
         raise CouplingError(f"{what}: expected one value, not a list of {len(value)}.")
-    found = array(value, variable, what) if variable.shape else element(value, variable, what)
-    wrong, advice = variable.outside(found)
-    if wrong:
-        raise CouplingError(f"{what}{wrong}. {advice}")
-    return found
+    resolved = array(value, variable, what) if variable.shape else element(value, variable, what)
+    violation, advice = variable.outside(resolved)
+    if violation:
+        raise CouplingError(f"{what}{violation}. {advice}")
+    return resolved
 
 
 def array(value: Any, variable: MemberVariable, what: str) -> Any:
-    """An array; one value is meant for all its elements."""
+    """Convert a value to an array; a scalar is used for all elements."""
     flat: list[Any] = []
 
     def shape(item: Any) -> tuple[int, ...]:
         if not isinstance(item, list):
             flat.append(element(item, variable, what))
             return ()
-        shapes = {shape(one) for one in item}
+        shapes = {shape(child) for child in item}
         return (len(item), *(shapes.pop() if len(shapes) == 1 else (-1,) * bool(shapes)))
 
-    given = shape(value)
-    if given not in ((), variable.shape):
+    given_shape = shape(value)
+    if given_shape not in ((), variable.shape):
         sizes = " x ".join(map(str, variable.shape))
-        raise CouplingError(f"{what}: expected {sizes} values or one for all, not {' x '.join(map(str, given))}.")
+        raise CouplingError(f"{what}: expected {sizes} values or one for all, not {' x '.join(map(str, given_shape))}.")
     result = np.empty(variable.shape, variable.dtype)
-    result[...] = np.asarray(flat, variable.dtype).reshape(given)
+    result[...] = np.asarray(flat, variable.dtype).reshape(given_shape)
     return result
 
 
 def item(value: Any, items: dict[str, int], what: str) -> int:
-    """An item of an enumeration by its name or its number."""
+    """Return the number of an enumeration's item given by name or number."""
     if isinstance(value, str) and value in items:
         return items[value]
     if isinstance(value, int) and not isinstance(value, bool) and value in items.values():
         return value
-    known = ", ".join(f"`{name}` ({number})" for name, number in items.items())
-    raise CouplingError(f"{what}: expected an item of the enumeration, not {short(value)}. Choose from {known}.")
+    choices = ", ".join(f"`{name}` ({number})" for name, number in items.items())
+    raise CouplingError(f"{what}: expected an item of the enumeration, not {short(value)}. Choose from {choices}.")
 
 
 def element(value: Any, variable: MemberVariable, what: str) -> Any:
-    """One scalar of a variable's type."""
+    """Convert a value to a scalar of a variable's type."""
     kind = variable.dtype.kind
     if kind == "O":
         if not isinstance(value, str):

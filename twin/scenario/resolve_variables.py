@@ -1,4 +1,4 @@
-"""What the members of a scenario turn out to be: the second half of its checks."""
+"""Resolution of the members' variables, and the checks of a scenario that need them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from twin.component import catalog
 from twin.errors import ScenarioError, TwinError
 from twin.scenario import quantities
 from twin.scenario.check import check_against
-from twin.scenario.restrict_to_known import checkable
+from twin.scenario.restrict_to_known import restrict
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -20,17 +20,18 @@ if TYPE_CHECKING:
     from twin.scenario.variable_names import Variables
 
 
-class Known:
-    """Variables of components, each found out once, also that there are none. Without `imports`: of FMUs only."""
+class VariableCache:
+    """Cache of the variables of components and of errors in finding them. Without `imports`: of FMUs only."""
 
     def __init__(self, imports: bool) -> None:
         self.imports = imports
-        self.names: set[str] = set()  # of components that there are
-        self.sampled: dict[str, str] = {}  # what of a component is the time it samples at, by its name
-        self.found: dict[str, Mapping[str, MemberVariable] | TwinError] = {}  # by component and its shapes
+        self.names: set[str] = set()  # of existing components
+        self.sampled: dict[str, str] = {}  # component -> name of the parameter that is its sample time
+        # By component and structural parameters.
+        self.variables_by_key: dict[str, Mapping[str, MemberVariable] | TwinError] = {}
 
     def variables(self, name: str, member: MemberSpec) -> Mapping[str, MemberVariable] | None:
-        """The variables of a member; None if they are not to be known, TwinError if they cannot be."""
+        """Return the variables of a member; None if it has no component or needs an import; TwinError if it is invalid."""
         if not self.imports and not member.component.endswith(".fmu"):
             self.refuse_unknown(member)
             return None
@@ -41,23 +42,23 @@ class Known:
         return self.shaped(member, sizes) if sizes else variables
 
     def shaped(self, member: MemberSpec, sizes: dict[str, Any]) -> Mapping[str, MemberVariable]:
-        """The variables with other values of structural parameters."""
+        """Return the variables of a member for values of structural parameters."""
         from twin.scenario import members
 
         key = f"{member.component} {sizes or ''}"
-        if key not in self.found:
+        if key not in self.variables_by_key:
             try:
                 self.refuse_unknown(member)
-                self.found[key] = members.variables(member.made or member.component, sizes)
+                self.variables_by_key[key] = members.variables(member.made or member.component, sizes)
             except TwinError as error:
-                self.found[key] = error
-        found = self.found[key]
-        if isinstance(found, TwinError):
-            raise found
-        return found
+                self.variables_by_key[key] = error
+        result = self.variables_by_key[key]
+        if isinstance(result, TwinError):
+            raise result
+        return result
 
     def refuse_unknown(self, member: MemberSpec) -> None:
-        """DeclarationError if there is no component of this name; nothing is imported."""
+        """Raise DeclarationError if there is no component of this name; nothing is imported."""
         if (
             member.made
             or not member.component
@@ -71,113 +72,121 @@ class Known:
             self.names.add(member.component)
 
     def samples_at(self, member: MemberSpec) -> str:
-        """The parameter that says how often a member samples by itself, or nothing."""
+        """Return the name of the parameter that sets a member's own sample time, or ""."""
         from twin.scenario import members
 
-        made = members.component_of(member)
-        if not isinstance(made, str):
-            return made.samples_at
-        if made not in self.sampled:
-            self.sampled[made] = catalog.component(made).samples_at
-        return self.sampled[made]
+        component = members.component_of(member)
+        if not isinstance(component, str):
+            return component.samples_at
+        if component not in self.sampled:
+            self.sampled[component] = catalog.component(component).samples_at
+        return self.sampled[component]
 
 
 def look_up(scenario: Scenario, *, imports: bool = True) -> tuple[dict[str, Catalog], list[str]]:
-    """(variant -> member -> variables, every problem that can be found without running).
+    """Return (variant -> member -> variables, every problem that can be found without running).
 
-    A member that cannot be looked up is in no catalog; all that does not need it is checked nevertheless. Without
-    `imports` those are all but FMUs.
+    A member that cannot be resolved is in no catalog; everything that does not depend on it is still checked. Without
+    `imports` only FMUs are resolved.
     """
-    known = Known(imports)
+    variable_cache = VariableCache(imports)
     problems: dict[str, None] = {}
     catalogs: dict[str, Catalog] = {}
     for case in scenario.variants:
-        own: dict[str, Mapping[str, MemberVariable]] = {}
+        member_variables: dict[str, Mapping[str, MemberVariable]] = {}
         for name, member in case.members.items():
             try:
-                if (variables := known.variables(name, member)) is not None:
-                    own[name] = variables
+                if (variables := variable_cache.variables(name, member)) is not None:
+                    member_variables[name] = variables
             except TwinError as error:
-                found = getattr(error, "problems", [str(error)])
-                problems |= dict.fromkeys(f"{member.where}: member `{name}`: {one}" for one in found)
-        catalogs[case.variant] = own
+                messages = getattr(error, "problems", [str(error)])
+                problems |= dict.fromkeys(f"{member.where}: member `{name}`: {message}" for message in messages)
+        catalogs[case.variant] = member_variables
     analyses = set()
-    for one in scenario.analyses if imports else ():
+    for analysis in scenario.analyses if imports else ():
         try:
-            one.load()
-            analyses.add(one.name)
+            analysis.load()
+            analyses.add(analysis.name)
         except ScenarioError as error:
             problems |= dict.fromkeys(error.problems)
-    part = checkable(scenario, catalogs, analyses)
-    for case in part.variants:
-        found = catalogs[case.variant]
-        problems |= dict.fromkeys(one for name in case.members for one in rhythm(name, case))
-        problems |= dict.fromkeys(one for name in case.members for one in sampling(name, case, found[name], known))
-        problems |= dict.fromkeys(case.system(found).check())
-    problems |= dict.fromkeys(check_against(part, catalogs))
+    restricted = restrict(scenario, catalogs, analyses)
+    for case in restricted.variants:
+        case_catalog = catalogs[case.variant]
+        problems |= dict.fromkeys(problem for name in case.members for problem in check_rhythm(name, case))
+        problems |= dict.fromkeys(
+            problem
+            for name in case.members
+            for problem in check_sampling(name, case, case_catalog[name], variable_cache)
+        )
+        problems |= dict.fromkeys(case.system(case_catalog).check())
+    problems |= dict.fromkeys(check_against(restricted, catalogs))
     return catalogs, list(problems)
 
 
-def rhythm(name: str, case: Case) -> list[str]:
-    """What is wrong with how often a member samples and communicates, where the scenario says something about it."""
+def check_rhythm(name: str, case: Case) -> list[str]:
+    """Check the period and communication step that the scenario sets for a member."""
     from twin.scenario import members
 
     spec = case.members[name]
     if not spec.period_ns and not spec.communication_ns:
         return []
     key = "communication_step" if spec.communication_ns else "period"
-    where, own = f"{spec.places.get(key, spec.where)}: member `{name}`", members.tick(spec)
-    word = Path(spec.component).name
-    if spec.period_ns and own not in (0, spec.period_ns):
+    where, own_period = f"{spec.places.get(key, spec.where)}: member `{name}`", members.tick(spec)
+    component_name = Path(spec.component).name
+    if spec.period_ns and own_period not in (0, spec.period_ns):
         advice = (
             f"For how often it communicates write `communication_step: {clock.text(spec.period_ns)}`, or leave it out."
         )
-        return [f"{where}: {word} samples at its own {clock.text(own)}, which cannot be changed from outside. {advice}"]
-    if spec.period_ns and spec.communication_ns and not own:
-        return [f"{where}: {word} does not sample by itself, so it has no period. Keep communication_step alone."]
-    every = members.communication(spec) or own
-    if every % case.step_ns:
-        return [f"{where}: {uneven(key, every, case.step_ns, 'step')}"]
-    if own % every and every % (own or every) and not spec.component.endswith(".fmu"):
-        return [f"{where}: {uneven('period', own, every, 'communication_step')}"]
+        return [
+            f"{where}: {component_name} samples at its own {clock.text(own_period)}, which cannot be changed from outside. {advice}"
+        ]
+    if spec.period_ns and spec.communication_ns and not own_period:
+        return [
+            f"{where}: {component_name} does not sample by itself, so it has no period. Keep communication_step alone."
+        ]
+    interval = members.communication(spec) or own_period
+    if interval % case.step_ns:
+        return [f"{where}: {not_a_multiple(key, interval, case.step_ns, 'step')}"]
+    if own_period % interval and interval % (own_period or interval) and not spec.component.endswith(".fmu"):
+        return [f"{where}: {not_a_multiple('period', own_period, interval, 'communication_step')}"]
     return []
 
 
-def sampling(name: str, case: Case, variables: Variables, known: Known) -> list[str]:
-    """That what a member samples at by itself, a parameter of it, does not divide its communication step."""
+def check_sampling(name: str, case: Case, variables: Variables, variable_cache: VariableCache) -> list[str]:
+    """Check that a member's sample time, if it is a parameter, divides its communication step."""
     from twin.scenario import members
 
     spec = case.members[name]
     if spec.component.endswith(".fmu"):
         return []
-    key = known.samples_at(spec)
+    key = variable_cache.samples_at(spec)
     if not key:
         return []
     values, problems = spec.values(name, variables)
-    if problems:  # they are told with the others
+    if problems:  # `check_against` reports them
         return []
-    every, step = clock.nanoseconds(float(values.get(key, variables[key].start))), members.communication(spec)
+    period, step = clock.nanoseconds(float(values.get(key, variables[key].start))), members.communication(spec)
     step = step or case.step_ns
-    if every > 0 and not step % every:
+    if period > 0 and not step % period:
         return []
     where = f"{spec.places.get(key, spec.where)}: member `{name}`"
-    advice = f"Use {clock.parts_near(step, every)}"
-    return [f"{where}: {key} {clock.text(every)} does not divide its step of {clock.text(step)}. {advice}."]
+    advice = f"Use {clock.parts_near(step, period)}"
+    return [f"{where}: {key} {clock.text(period)} does not divide its step of {clock.text(step)}. {advice}."]
 
 
-def uneven(key: str, time: clock.Time, step: clock.Time, word: str) -> str:
-    """A time that is no multiple of another one, and those next to it that are [ns]."""
-    low = time // step * step
-    choice = " or ".join(clock.text(one) for one in (low, low + step) if one)
+def not_a_multiple(key: str, time: clock.Time, step: clock.Time, step_name: str) -> str:
+    """Return the message for a time that is not a multiple of another, with the nearest multiples. Times in ns."""
+    lower = time // step * step
+    choice = " or ".join(clock.text(candidate) for candidate in (lower, lower + step) if candidate)
     common = clock.text(clock.common_step([time, step]))
-    what = f"{key} {clock.text(time)} is not a multiple of {word} {clock.text(step)}"
-    return f"{what}. Use {choice}, or a {word} of {common}."
+    finding = f"{key} {clock.text(time)} is not a multiple of {step_name} {clock.text(step)}"
+    return f"{finding}. Use {choice}, or a {step_name} of {common}."
 
 
 def structural(member: str, spec: MemberSpec, variables: Variables) -> dict[str, Any]:
-    """What a member sets of its structural parameters."""
+    """Return the values that a member sets for structural parameters."""
     return {
-        name: quantities.resolve(written, variables[name], f"{member}.{name}")
-        for name, written in spec.parameters.items()
+        name: quantities.resolve(raw, variables[name], f"{member}.{name}")
+        for name, raw in spec.parameters.items()
         if name in variables and variables[name].causality == "structuralParameter"
     }

@@ -1,6 +1,6 @@
-"""The part of a scenario that can be checked although some of its members are not known.
+"""Restriction of a scenario to the members whose variables are known, so that the rest can still be checked.
 
-A member may be missing, broken, or left alone because its Python must not run: what names it waits, all else is checked.
+A member may be missing, broken, or not imported; everything that refers to it is removed.
 """
 
 from __future__ import annotations
@@ -18,55 +18,59 @@ if TYPE_CHECKING:
 
 
 def owner(reference: str) -> str:
-    """The member of `member.variable`."""
+    """Return the member of `member.variable`."""
     return reference.partition(".")[0]
 
 
-def checkable(scenario: Scenario, catalogs: Mapping[str, Catalog], analyses: AbstractSet[str]) -> Scenario:
-    """The scenario without all that names a member outside of its variant's catalog, or another analysis."""
-    lost = {one.name for one in scenario.analyses} - analyses
-    unknown = {case.variant: (case.members.keys() - catalogs[case.variant].keys()) | lost for case in scenario.variants}
+def restrict(scenario: Scenario, catalogs: Mapping[str, Catalog], analyses: AbstractSet[str]) -> Scenario:
+    """Remove everything that refers to a member outside its variant's catalog, or to an analysis not in `analyses`."""
+    unloaded = {item.name for item in scenario.analyses} - analyses
+    unknown = {
+        case.variant: (case.members.keys() - catalogs[case.variant].keys()) | unloaded for case in scenario.variants
+    }
     names = {name for case in scenario.variants for name in case.members} | analyses
 
-    def known(references: Iterable[str], variants: Iterable[str] = ()) -> bool:
-        owners = {owner(one) for one in references}
-        blind = {name for variant in variants or unknown for name in unknown.get(variant, ())}
-        if any("*" in one for one in owners):
-            return not blind
-        return owners <= names and not owners & blind
+    def can_resolve(references: Iterable[str], variants: Iterable[str] = ()) -> bool:
+        owners = {owner(item) for item in references}
+        unknown_members = {name for variant in variants or unknown for name in unknown.get(variant, ())}
+        if any("*" in item for item in owners):
+            return not unknown_members
+        return owners <= names and not owners & unknown_members
 
-    def readable(expressions: Iterable[Expression], variants: Iterable[str]) -> bool:
-        return known((one.name for expression in expressions for one in expression.signals), variants)
+    def can_read(expressions: Iterable[Expression], variants: Iterable[str]) -> bool:
+        return can_resolve((item.name for expression in expressions for item in expression.signals), variants)
 
-    record = replace(scenario.record, patterns=tuple(one for one in scenario.record.patterns if known([one])))
+    record = replace(scenario.record, patterns=tuple(item for item in scenario.record.patterns if can_resolve([item])))
     return replace(
         scenario,
-        variants=tuple(reduced(case, catalogs[case.variant]) for case in scenario.variants),
+        variants=tuple(restrict_case(case, catalogs[case.variant]) for case in scenario.variants),
         record=record,
         analyses=tuple(
-            one for one in scenario.analyses if one.name in analyses and readable(one.inputs.values(), one.variants)
+            item
+            for item in scenario.analyses
+            if item.name in analyses and can_read(item.inputs.values(), item.variants)
         ),
-        metrics={name: one for name, one in scenario.metrics.items() if readable([one.signal], one.variants)},
+        metrics={name: item for name, item in scenario.metrics.items() if can_read([item.signal], item.variants)},
         expectations=tuple(
-            one for one in scenario.expectations if one.signal is None or readable([one.signal], one.variants)
+            item for item in scenario.expectations if item.signal is None or can_read([item.signal], item.variants)
         ),
         plots=tuple(
-            one
-            if readable([part for curve in one.curves for part in (curve.x, curve.signal) if part], one.variants)
-            else replace(one, curves=(), x_unit="")  # it stays in its place, by which the file is looked up
-            for one in scenario.plots
+            item
+            if can_read([part for curve in item.curves for part in (curve.x, curve.signal) if part], item.variants)
+            else replace(item, curves=(), x_unit="")  # kept, because its index locates it in the file
+            for item in scenario.plots
         ),
-        scenes=tuple(one for one in scenario.scenes if known(one.names)),
+        scenes=tuple(item for item in scenario.scenes if can_resolve(item.names)),
     )
 
 
-def reduced(case: Case, catalog: Catalog) -> Case:
-    """A variant with the members of a catalog, and what happens between them."""
+def restrict_case(case: Case, catalog: Catalog) -> Case:
+    """Restrict a variant to the members of a catalog, with their connections and events."""
     return replace(
         case,
-        members={name: one for name, one in case.members.items() if name in catalog},
+        members={name: item for name, item in case.members.items() if name in catalog},
         connections=tuple(
-            one for one in case.connections if owner(one.source) in catalog and owner(one.target) in catalog
+            item for item in case.connections if owner(item.source) in catalog and owner(item.target) in catalog
         ),
-        events=tuple(one for one in case.events if owner(one.variable) in catalog),
+        events=tuple(item for item in case.events if owner(item.variable) in catalog),
     )

@@ -1,4 +1,4 @@
-"""Scenarios and studies found by their names: those of the folder where one works, then those that came with the project."""
+"""Lookup of scenarios and studies by name: first in the current folder, then among those shipped with the project."""
 
 from __future__ import annotations
 
@@ -7,28 +7,28 @@ from pathlib import Path
 from twin.errors import ScenarioError, nearest
 
 FOLDERS = {"scenario": "scenarios", "study": "scenarios/studies"}
-SHARE = "share/catheter-twin"  # where the wheel puts what is no code, below the prefix
+SHARE = "share/catheter-twin"  # data folder of the wheel, below the prefix
 
 
 def folders(kind: str) -> list[Path]:
-    """Folders of one of `FOLDERS`: of the current directory, of the checkout this code is in, of the installed wheel."""
+    """Return the existing folders of a kind in `FOLDERS`: current directory, source checkout, installed wheel."""
     import sysconfig
 
     roots = (Path(), Path(__file__).parents[2], Path(sysconfig.get_path("data"), SHARE))
-    return [place for root in roots if (place := root / FOLDERS[kind]).is_dir()]
+    return [folder for root in roots if (folder := root / FOLDERS[kind]).is_dir()]
 
 
 def scenarios(kind: str = "scenario") -> dict[str, Path]:
-    """Path of each scenario, or study, by its name, sorted; the first folder counts."""
-    found: dict[str, Path] = {}
+    """Return name -> path of all scenarios or studies, sorted; the first folder with a name takes precedence."""
+    paths: dict[str, Path] = {}
     for folder in folders(kind):
         for path in sorted(folder.glob("*.yaml")):
-            found.setdefault(path.stem, path)
-    return dict(sorted(found.items()))
+            paths.setdefault(path.stem, path)
+    return dict(sorted(paths.items()))
 
 
 def title(path: Path) -> str:
-    """What a scenario calls itself, or that it cannot be read; what it extends is not looked at."""
+    """Return a scenario's title or description, or the error if it cannot be read; `extends` is ignored."""
     from twin.scenario import yaml_reader
 
     try:
@@ -38,21 +38,23 @@ def title(path: Path) -> str:
     return str(next((entries[key].value for key in ("title", "description") if key in entries), ""))
 
 
-def located(what: str | Path, kind: str = "scenario") -> Path:
-    """A path as it is; a bare name that is no file here stands for the scenario or study of this name.
+def located(name_or_path: str | Path, kind: str = "scenario") -> Path:
+    """Resolve the name of a scenario or study to its path; return a path unchanged.
 
-    ScenarioError for an unknown name, and for a file that is not there where its name is known.
+    ScenarioError for an unknown name, and for a missing file whose name exists elsewhere.
     """
-    path = Path(what)
+    path = Path(name_or_path)
     if path.suffix and not path.exists() and path.stem in scenarios(kind):
         raise ScenarioError(
             f"{path}: is not there. There is a {kind} of this name elsewhere: give the name alone, {path.stem}."
         )
     if path.suffix or len(path.parts) != 1 or path.is_file():
         return path
-    known = scenarios(kind)
-    if path.name not in known and path.exists():  # a folder, or what is no file: whoever reads it says so
+    named_paths = scenarios(kind)
+    if path.name not in named_paths and path.exists():  # a folder or a special file: reading it raises the error
         return path
-    if path.name not in known:
-        raise ScenarioError(f"There is no {kind} {path.name!r}, and no file of this name. {nearest(path.name, known)}")
-    return known[path.name]
+    if path.name not in named_paths:
+        raise ScenarioError(
+            f"There is no {kind} {path.name!r}, and no file of this name. {nearest(path.name, named_paths)}"
+        )
+    return named_paths[path.name]

@@ -1,4 +1,4 @@
-"""Shape of a scenario file: keys, their types and what they mean. Names and units are checked in `check`."""
+"""Schema of a scenario file: keys, types and meaning. Names and units are checked in `check`."""
 
 from __future__ import annotations
 
@@ -22,41 +22,41 @@ PATTERN = re.compile(r"[A-Za-z_*][A-Za-z0-9_*]*\.[^\s>]+|\*")
 
 
 def positive(value: Any) -> clock.Time:
-    """A time above zero [ns]."""
+    """Parse a time above zero [ns]."""
     if (time := duration(value)) <= 0:
         raise ValueError(f"expected a time above zero, not {short(value)}")
     return time
 
 
 def period(value: Any) -> int:
-    """The same in whole nanoseconds."""
+    """Parse a time above zero in whole nanoseconds."""
     positive(value)
     return nanoseconds(value)
 
 
 def text(value: Any) -> Any:
-    """Text; YAML reads a title such as `8` as a number."""
+    """Convert a number to text, because YAML reads a title such as `8` as a number."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return str(value)
     return value
 
 
 def reference(value: Any) -> str:
-    """member.variable, whatever letters the variable has."""
+    """Check `member.variable`; the variable may contain any characters except spaces, > and *."""
     if not isinstance(value, str) or not REFERENCE.fullmatch(value):
         raise ValueError(f"expected member.variable, not `{short(value)}`")
     return value
 
 
 def pattern(value: Any) -> str:
-    """The same, or with `*` for any text."""
+    """Check `member.variable` with optional `*` wildcards."""
     if not isinstance(value, str) or not PATTERN.fullmatch(value):
         raise ValueError(f"expected member.variable or member.*, not `{short(value)}`")
     return value
 
 
 def parsed(value: Any) -> Expression:
-    """A parsed expression."""
+    """Parse an expression."""
     try:
         return expression.parse(value)
     except ScenarioError as error:
@@ -64,7 +64,7 @@ def parsed(value: Any) -> Expression:
 
 
 def fraction(value: Any) -> float:
-    """A ratio, from `20 %` or 0.2."""
+    """Parse a ratio between 0 and 10, from `20 %` or 0.2."""
     try:
         ratio = number(value, "", "tolerance") if not str(value).rstrip().endswith("%") else percent(value)
     except (ValueError, CouplingError):
@@ -75,48 +75,48 @@ def fraction(value: Any) -> float:
 
 
 def percent(value: str) -> float:
-    """The ratio that `20 %` means."""
+    """Parse a percentage as a ratio."""
     return float(value.rstrip().removesuffix("%")) / 100
 
 
 def algorithm(value: Any) -> Algorithm | None:
-    """An algorithm from its name, or from its name and options."""
+    """Parse an algorithm from its name, or from its name and options."""
     if value is None:
         return None
     if not isinstance(value, str | dict):
-        raise ValueError(  # noqa: TRY004 - pydantic's way
+        raise ValueError(  # noqa: TRY004 - pydantic catches ValueError
             f"expected a name such as jacobi, or its name and options, not {short(value)}"
         )
-    given = {"name": value} if isinstance(value, str) else {"name": "jacobi", **value}
-    if given["name"] not in (known := [one.name for one in Algorithm]):
-        raise ValueError(f"`{short(given['name'])}` is not known.{nearest(str(given['name']), known)}")
+    options = {"name": value} if isinstance(value, str) else {"name": "jacobi", **value}
+    if options["name"] not in (names := [item.name for item in Algorithm]):
+        raise ValueError(f"`{short(options['name'])}` is not known.{nearest(str(options['name']), names)}")
     readers: dict[str, Callable[[Any], Any]] = {
         **dict.fromkeys(RATIOS, fraction),
         "smallest": positive,
-        "scales": sizes,
+        "scales": parse_scales,
     }
     try:
-        return Algorithm({key: readers.get(key, raw)(one) for key, one in given.items()})  # type: ignore[no-any-return]
+        return Algorithm({key: readers.get(key, raw)(item) for key, item in options.items()})  # type: ignore[no-any-return]
     except CouplingError as error:
         raise ValueError(str(error).removeprefix("algorithm: ")) from None
 
 
-def sizes(value: Any) -> dict[str, Any]:
-    """Values of variables, as they are written."""
+def parse_scales(value: Any) -> dict[str, Any]:
+    """Check the scales of variables: `member.variable` -> value as written."""
     if not isinstance(value, dict):
         raise ValueError(f"expected scales such as {{wall.force: 0.2 N}}, not {short(value)}")  # noqa: TRY004
-    return {reference(name): raw(one) for name, one in value.items()}
+    return {reference(name): raw(size) for name, size in value.items()}
 
 
-def published(value: Any) -> Any:
-    """One figure, or one for each variant."""
+def reference_figures(value: Any) -> Any:
+    """Check one reference value, or one for each variant."""
     if isinstance(value, dict):
         return {name: raw(item, 4) for name, item in value.items()}
     return raw(value, 4)
 
 
-def one_or_more(value: Any) -> Any:
-    """A list, also of one."""
+def as_list(value: Any) -> Any:
+    """Wrap a single value in a list."""
     return value if isinstance(value, list) else [value]
 
 
@@ -134,7 +134,7 @@ Method = Annotated[Any, BeforeValidator(algorithm)]
 
 
 class Keys(BaseModel):
-    """A group of keys; anything not named in it is an error."""
+    """A group of keys; unknown keys are an error."""
 
     model_config = ConfigDict(extra="forbid", arbitrary_types_allowed=True, populate_by_name=False)
 
@@ -142,9 +142,9 @@ class Keys(BaseModel):
 class MemberKeys(Keys):
     """`servo: {component: servomotor, parameters: {mass: 0.65 kg}, period: 1 ms}`; in a variant all are optional.
 
-    `period`: what it samples at. `communication_step`: how often it takes inputs and publishes. `finite`: whether a
-    value that is not finite ends the run. `isolate`: whether it gets a process of its own. `interface` of FMI; of Model
-    Exchange `solver` and its relative `solver_tolerance`.
+    `period`: sample period. `communication_step`: interval at which inputs and outputs are exchanged. `finite`: whether a
+    value that is not finite ends the run. `isolate`: whether it runs in a separate process. `interface`: FMI interface;
+    `solver` and its relative `solver_tolerance` are for Model Exchange.
     """
 
     component: Text | None = None
@@ -160,10 +160,10 @@ class MemberKeys(Keys):
 
 
 class ConnectionKeys(Keys):
-    """`servo.position -> sheath.gripper_position`; from `null` disconnects what a patch inherits.
+    """`servo.position -> sheath.gripper_position`; `from: null` removes an inherited connection.
 
     `factor`, `offset`: target = factor * source + offset, after units are converted, unless `convert` is false. `bond`:
-    the name of the power bond that this connection and one back are. `hold`: the input is held over each step.
+    name of the power bond that this connection and its reverse form. `hold`: the input is held over each step.
     """
 
     source: Reference | None = Field(alias="from")
@@ -176,60 +176,60 @@ class ConnectionKeys(Keys):
 
 
 class EventKeys(Keys):
-    """What happens at a communication point, or a fault of the hardware: its keys are the hardware's own."""
+    """An event at a communication point, or a hardware fault, whose keys the hardware defines."""
 
     at: Moment
     set: dict[Reference, Value] = {}
     override: dict[Reference, Value] = {}
-    release: Annotated[list[Reference], BeforeValidator(one_or_more)] = []
+    release: Annotated[list[Reference], BeforeValidator(as_list)] = []
     fault: dict[str, Any] | None = None
     description: Text = ""
 
     @model_validator(mode="before")
     @classmethod
-    def apart(cls, value: Any) -> Any:
-        """Leave the keys of a fault to those who know faults."""
+    def collect_fault_keys(cls, value: Any) -> Any:
+        """Collect the keys of a fault unchecked under `fault`; the hardware validates them."""
         if not isinstance(value, dict) or "fault" not in value:
             return value
         if others := [key for key in ("set", "override", "release") if key in value]:
             raise ValueError(f"`fault` and `{others[0]}` in one event. Make two events of them")
-        own = {key: item for key, item in value.items() if key in ("at", "description")}
-        return own | {"fault": {key: item for key, item in value.items() if key not in own}}
+        event_keys = {key: item for key, item in value.items() if key in ("at", "description")}
+        return event_keys | {"fault": {key: item for key, item in value.items() if key not in event_keys}}
 
 
 class RecordKeys(Keys):
-    """Variables to record, with `*` for any text, and how often; nothing: all outputs at every step."""
+    """Variables to record, with `*` as wildcard, and the interval; by default all outputs at every step."""
 
     every: Step | None = None
     variables: list[Pattern] = []
 
 
 class WindowKeys(Keys):
-    """A part of the run."""
+    """A time window of the run."""
 
     start: Moment | None = Field(None, alias="from")
     stop: Moment | None = Field(None, alias="to")
 
 
 class MetricKeys(WindowKeys):
-    """One number per run; `paper` is one value, or one for each variant."""
+    """A scalar metric of a run; `paper`: reference value, or one for each variant."""
 
     signal: Signal
     reduce: Literal["mean", "std", "rms", "max_abs", "min", "max", "final", "peak_to_peak"]
     unit: Text = ""
-    paper: Annotated[Any, BeforeValidator(published)] = None
+    paper: Annotated[Any, BeforeValidator(reference_figures)] = None
     tolerance: Annotated[float, BeforeValidator(fraction)] | None = None
-    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
     description: Text = ""
 
 
 class ExpectKeys(WindowKeys):
-    """A limit that must hold in every run, an order of variants by a metric's mean, or how runs end on hardware."""
+    """An acceptance criterion: limits for every run, an order of variants by a metric's mean, or the termination on hardware."""
 
     name: Text = ""
     metric: str | None = None
     signal: Signal | None = None
-    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
     at_least: Value | None = None
     at_most: Value | None = None
     within: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
@@ -247,12 +247,12 @@ class AnalysisKeys(WindowKeys):
 
     function: Text
     inputs: Annotated[dict[str, Signal], Field(min_length=1)]
-    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
     description: Text = ""
 
 
 class CurveKeys(Keys):
-    """A line of a plot, over time or over `x`."""
+    """A curve of a plot, over time or over `x`."""
 
     signal: Signal
     x: Signal | None = None
@@ -260,12 +260,12 @@ class CurveKeys(Keys):
 
 
 def curve(value: Any) -> Any:
-    """A line of a plot, also if only its signal is given."""
+    """Expand a signal to the keys of a curve."""
     return {"signal": value} if isinstance(value, str) else value
 
 
 class PlotKeys(WindowKeys):
-    """A figure of the report: signals over time, or `xy: [x, y]` for a loop."""
+    """A plot of the report: signals over time, or `xy: [x, y]`, such as a hysteresis loop."""
 
     title: Text
     signals: list[Annotated[CurveKeys, BeforeValidator(curve)]] = []
@@ -278,11 +278,11 @@ class PlotKeys(WindowKeys):
     points: bool = False
     variants: list[Text] = []
     band: Annotated[list[Value], Field(min_length=2, max_length=2)] | None = None
-    lines: Annotated[list[Value], BeforeValidator(one_or_more)] = []
+    lines: Annotated[list[Value], BeforeValidator(as_list)] = []
 
 
 class SceneLineKeys(Keys):
-    """Points in a row, such as an instrument's shape; `width` is the instrument's."""
+    """A polyline, such as an instrument's shape, of a given `width`."""
 
     signal: Reference
     label: Text = ""
@@ -290,7 +290,7 @@ class SceneLineKeys(Keys):
 
 
 class ScenePointKeys(Keys):
-    """Points of an array, or one place `along` the environment's path."""
+    """Points of an array, or one point at the path length `along` of the environment's path."""
 
     signal: Reference | None = None
     along: Signal | None = None
@@ -298,7 +298,7 @@ class ScenePointKeys(Keys):
 
 
 class SceneArrowKeys(Keys):
-    """Vectors that begin at points."""
+    """Vectors `signal` drawn from the points `at`."""
 
     signal: Reference
     at: Reference
@@ -306,25 +306,25 @@ class SceneArrowKeys(Keys):
 
 
 class SceneKeys(WindowKeys):
-    """A moving picture of a run: what moves between the walls of an environment, and curves beside it."""
+    """An animation of a run: lines, points and arrows within an environment, and curves over time."""
 
     title: Text
     environment: Text = ""
     motions: dict[str, Signal] = {}
-    lines: Annotated[list[Annotated[SceneLineKeys, BeforeValidator(curve)]], BeforeValidator(one_or_more)] = []
-    points: Annotated[list[Annotated[ScenePointKeys, BeforeValidator(curve)]], BeforeValidator(one_or_more)] = []
-    arrows: Annotated[list[SceneArrowKeys], BeforeValidator(one_or_more)] = []
-    signals: Annotated[list[Annotated[CurveKeys, BeforeValidator(curve)]], BeforeValidator(one_or_more)] = []
+    lines: Annotated[list[Annotated[SceneLineKeys, BeforeValidator(curve)]], BeforeValidator(as_list)] = []
+    points: Annotated[list[Annotated[ScenePointKeys, BeforeValidator(curve)]], BeforeValidator(as_list)] = []
+    arrows: Annotated[list[SceneArrowKeys], BeforeValidator(as_list)] = []
+    signals: Annotated[list[Annotated[CurveKeys, BeforeValidator(curve)]], BeforeValidator(as_list)] = []
     unit: Text = ""
     axes: Annotated[list[Literal["x", "y", "z"]], Field(min_length=2, max_length=2)] | None = None
-    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
 
 
 class ControlKeys(Keys):
-    """What a person at the console moves an input by, and how far: at full deflection `range`, let go `rest`.
+    """An operator control of an input: `range` at full deflection, `rest` when released.
 
-    `along`: inputs that get a value while it is held. `stick`: an axis of the joystick on the screen; `keys`: towards the
-    upper end and towards the lower one, as the browser names them (`KeyboardEvent.code`); `axis`, `reverse`, `buttons`: of a
+    `along`: inputs set to a value while the control is held. `stick`: an axis of the on-screen joystick; `keys`: for the
+    upper and the lower limit, as the browser names them (`KeyboardEvent.code`); `axis`, `reverse`, `buttons`: of a
     gamepad.
     """
 
@@ -336,17 +336,17 @@ class ControlKeys(Keys):
     dead_zone: Annotated[float, BeforeValidator(fraction), Field(lt=1.0)] = 0.0
     along: dict[Reference, Value] = {}
     stick: Literal["", "x", "y", "x2", "y2"] = ""
-    keys: Annotated[list[Text], BeforeValidator(one_or_more), Field(max_length=2)] = []
+    keys: Annotated[list[Text], BeforeValidator(as_list), Field(max_length=2)] = []
     axis: Annotated[int, Field(strict=True, ge=0, lt=32)] | None = None
     reverse: bool = False
     buttons: Annotated[
-        list[Annotated[int, Field(strict=True, ge=0, lt=64)]], BeforeValidator(one_or_more), Field(max_length=2)
+        list[Annotated[int, Field(strict=True, ge=0, lt=64)]], BeforeValidator(as_list), Field(max_length=2)
     ] = []
-    variants: Annotated[list[Text], BeforeValidator(one_or_more)] = []
+    variants: Annotated[list[Text], BeforeValidator(as_list)] = []
 
 
 class RunKeys(Keys):
-    """What a variant may change."""
+    """Keys that a variant may change."""
 
     title: Text = ""
     stop_time: Moment | None = None
@@ -359,14 +359,14 @@ class RunKeys(Keys):
 
 
 class ValidityKeys(Keys):
-    """The latest stop time for which a scenario is valid, and why."""
+    """The latest stop time for which a scenario is valid, and the reason."""
 
     stop_time: Moment
     reason: Annotated[str, Field(min_length=1)]
 
 
 class MutationKeys(Keys):
-    """How many deliberate faults the expectations were tried with, and which they do not notice, each with the reason."""
+    """Result of mutation tests of the expectations: number of mutations, and undetected ones with the reason."""
 
     tried: Annotated[int, Field(strict=True, ge=0)]
     unnoticed: dict[Text, Text] = {}
@@ -388,7 +388,7 @@ class ScenarioKeys(RunKeys):
     expect: list[ExpectKeys] = []
     plots: list[PlotKeys] = []
     scenes: list[SceneKeys] = []
-    groups: dict[str, Annotated[list[Text], BeforeValidator(one_or_more), Field(min_length=1)]] = {}
+    groups: dict[str, Annotated[list[Text], BeforeValidator(as_list), Field(min_length=1)]] = {}
     console: list[ControlKeys] = []
     valid_until: ValidityKeys | None = None
     mutations: MutationKeys | None = None

@@ -1,7 +1,6 @@
-"""A scenario as plain data: what is to be run, in every variant and with every seed.
+"""Data model of a checked scenario: all variants and seeds to run.
 
-Values keep the text of the file until the unit of the variable they are meant for is known; `Case.values` then
-converts them.
+Values keep the text of the file until the unit of their variable is known; `Case.values` converts them.
 """
 
 from __future__ import annotations
@@ -35,24 +34,24 @@ STARTABLE = ("exact", "approx")  # FMI's `initial`: a state's or an output's sta
 
 @dataclass(frozen=True)
 class Exchange:
-    """By which interface of FMI a member runs, and how it is integrated in Model Exchange; nothing: as is usual."""
+    """FMI interface of a member, and its solver for Model Exchange; empty values mean the defaults."""
 
     interface: str = ""
     solver: str = ""
     solver_tolerance: float | None = None
 
     @property
-    def is_asked_for(self) -> bool:
-        """Whether the scenario says anything of it."""
+    def is_specified(self) -> bool:
+        """Whether the scenario sets any of the values."""
         return self != Exchange()
 
 
 @dataclass(frozen=True)
 class MemberSpec:
-    """A member as the file names it. `component`: a name in fmus/, `module:Class`, or the absolute path of an FMU.
+    """A member of a scenario. `component`: a name in fmus/, `module:Class`, or the absolute path of an FMU.
 
-    `made` is the component if it is a group of another scenario, absolute/path.yaml#group.
-    `period_ns` is what it samples at, `communication_ns` how often it takes inputs and publishes; None: as the component says.
+    `made`: the component class if it is a table or a group of another scenario, absolute/path.yaml#group.
+    `period_ns`: sample period; `communication_ns`: communication step; None: those of the component.
     """
 
     component: str
@@ -60,14 +59,14 @@ class MemberSpec:
     period_ns: clock.Time | None = None
     communication_ns: clock.Time | None = None
     finite: bool = True  # whether a value that is not finite ends the run
-    isolate: bool = False  # whether it gets a process of its own
+    isolate: bool = False  # whether it runs in a separate process
     where: str = field(default="", compare=False)
     places: dict[str, str] = field(default_factory=dict, compare=False)  # parameter or key -> file:line
     made: type[Component] | None = field(default=None, compare=False)
     exchange: Exchange = field(default_factory=Exchange)
 
     def values(self, name: str, variables: Variables) -> tuple[dict[str, Any], list[str]]:
-        """Start values as numpy values in the variables' units, and what is wrong with them; `name` is the member's."""
+        """Convert the start values to numpy values in the variables' units; returns them and problems. `name`: the member."""
         values: dict[str, Any] = {}
         problems: list[str] = []
         for parameter, raw in self.parameters.items():
@@ -84,9 +83,15 @@ class MemberSpec:
                 problems += [f"{where}: {problem}" for problem in error.problems]
                 continue
             if index:
-                whole = variables[variable.name]
-                start = np.zeros(whole.shape, whole.dtype) if whole.start is None else whole.start
-                array = values.setdefault(whole.name, np.array(np.broadcast_to(start, whole.shape), whole.dtype))
+                array_variable = variables[variable.name]
+                start = (
+                    np.zeros(array_variable.shape, array_variable.dtype)
+                    if array_variable.start is None
+                    else array_variable.start
+                )
+                array = values.setdefault(
+                    array_variable.name, np.array(np.broadcast_to(start, array_variable.shape), array_variable.dtype)
+                )
                 array[tuple(i - 1 for i in index)] = resolved
             else:
                 values[variable.name] = resolved
@@ -95,7 +100,7 @@ class MemberSpec:
 
 @dataclass(frozen=True)
 class ConnectionSpec:
-    """`source` and `target` are `member.variable`, or both `member.terminal`.
+    """A connection. `source` and `target` are `member.variable`, or both `member.terminal`.
 
     target = factor * source + offset, after units are converted, unless `convert` is false.
     """
@@ -112,7 +117,7 @@ class ConnectionSpec:
 
 @dataclass(frozen=True)
 class EventSpec:
-    """What happens to one variable at one time. `kind`: set, override or release (`value` is None)."""
+    """An event on one variable. `kind`: set, override or release (`value` is None)."""
 
     time_ns: clock.Time
     kind: str
@@ -123,7 +128,7 @@ class EventSpec:
 
 @dataclass(frozen=True)
 class FaultSpec:
-    """A fault of the hardware at a time. `tree`: all its keys as written, for the hardware to read."""
+    """A hardware fault at a time. `tree`: all its keys as written, which the hardware interprets."""
 
     time_ns: clock.Time
     tree: Node = field(repr=False)
@@ -135,18 +140,18 @@ class FaultSpec:
 
     @property
     def text(self) -> str:
-        """`heartbeat, node servomotor, duration 500 ms`."""
+        """Text for messages: `heartbeat, node servomotor, duration 500 ms`."""
         keys = self.tree.plain()
         return ", ".join(
-            [str(keys["fault"]), *(f"{key} {one}" for key, one in keys.items() if key not in ("at", "fault"))]
+            [str(keys["fault"]), *(f"{key} {value}" for key, value in keys.items() if key not in ("at", "fault"))]
         )
 
 
 @dataclass(frozen=True)
 class ControlSpec:
-    """By what a person moves an input. `range` and `rest` as written: one value for both ways, a pair, or nothing.
+    """An operator control of an input. `range` and `rest` are as written: one symmetric value, a pair, or None.
 
-    `keys` and `buttons`: towards the upper end, then towards the lower one. No `variants`: all that have the input free.
+    `keys` and `buttons`: for the upper limit, then for the lower one. No `variants`: all in which the input is unconnected.
     """
 
     input: str
@@ -155,7 +160,7 @@ class ControlSpec:
     range: Any = None
     rest: Any = None
     dead_zone: float = 0.0  # part of the deflection
-    along: dict[str, Any] = field(default_factory=dict)  # inputs that have a value while it is held
+    along: dict[str, Any] = field(default_factory=dict)  # inputs set to a value while the control is held
     stick: str = ""
     keys: tuple[str, ...] = ()
     axis: int | None = None
@@ -167,7 +172,7 @@ class ControlSpec:
 
 @dataclass(frozen=True)
 class RecordSpec:
-    """What is recorded: patterns (none: all outputs), and whatever metrics and plots read; `every_ns` or each step."""
+    """Recording: patterns (none: all outputs), `needed` signals of metrics and plots, interval `every_ns` (None: every step)."""
 
     patterns: tuple[str, ...] = ()
     every_ns: clock.Time | None = None
@@ -175,14 +180,14 @@ class RecordSpec:
     where: str = field(default="", compare=False)
 
     def select(self, catalog: Catalog) -> list[str]:
-        """`member.variable` of everything to record, arrays whole, in the order of members and variables."""
+        """Return `member.variable` of all recorded variables, complete arrays, in the order of members and variables."""
         names = (*self.patterns, *self.needed)
         wanted = set(matching(catalog, *(name for name in names if "*" in name)))
         for name in (name for name in names if "*" not in name):
             try:
                 variable, _ = find(name, catalog)
             except CouplingError:
-                continue  # another variant's member
+                continue  # a member of another variant
             if variable.connectable:
                 wanted.add(f"{name.partition('.')[0]}.{variable.name}")
         every_output = not self.patterns
@@ -214,56 +219,64 @@ class Case:
 
     @property
     def name(self) -> str:
-        """For messages and folders: `PI, seed 2`."""
+        """Name for messages and folders: `PI, seed 2`."""
         return f"{self.variant}, seed {self.seed}"
 
     def values(self, member: str, variables: Variables) -> dict[str, Any]:
-        """Start values of a member: what the file sets, as numpy values in the variables' units, and its seed.
+        """Return a member's start values from the file, as numpy values in the variables' units, and its seed.
 
         Single elements (`r[1]`) are filled into the array of start values. ScenarioError lists every problem.
         """
-        found, problems = self.members[member].values(member, variables)
+        values, problems = self.members[member].values(member, variables)
         if problems:
             raise ScenarioError(problems)
         spec = self.members[member]
         seeds = ["seed", *(name for name in variables if spec.made and name.endswith(".seed"))]
         for name in seeds:
-            own = variables.get(name)
+            seed_variable = variables.get(name)
             if (
-                own is not None
-                and own.type in ("Int32", "Int64")
-                and own.causality == "parameter"
-                and name not in found
+                seed_variable is not None
+                and seed_variable.type in ("Int32", "Int64")
+                and seed_variable.causality == "parameter"
+                and name not in values
             ):
                 owner = f"{member}.{name}".removesuffix(".seed")
-                found[name] = own.dtype.type(member_seed(self.seed, owner))
-        return found
+                values[name] = seed_variable.dtype.type(member_seed(self.seed, owner))
+        return values
 
     def system(self, catalog: Catalog) -> System:
-        """What couples its members, to be checked against their variables."""
+        """Create the system of members and connections, to be checked against the variables."""
         return System(
             catalog,
             [
                 Connection(
-                    one.source, one.target, one.where, "", one.factor, one.offset, one.convert, one.bond, one.hold
+                    connection.source,
+                    connection.target,
+                    connection.where,
+                    "",
+                    connection.factor,
+                    connection.offset,
+                    connection.convert,
+                    connection.bond,
+                    connection.hold,
                 )
-                for one in self.connections
+                for connection in self.connections
             ],
         )
 
     def method(self, catalog: Catalog) -> Algorithm:
-        """Its algorithm, with the sizes of variables as numbers in SI; ScenarioError if there is no such variable."""
-        found = {}
-        for name, given in self.algorithm.scales.items():
+        """Return the algorithm with its scales converted to the variables' units; ScenarioError for an unknown variable."""
+        scales = {}
+        for name, raw in self.algorithm.scales.items():
             try:
-                found[name] = float(value.resolve(given, find(name, catalog)[0], f"algorithm: scales: {name}"))
+                scales[name] = float(value.resolve(raw, find(name, catalog)[0], f"algorithm: scales: {name}"))
             except CouplingError as error:
                 raise ScenarioError(str(error)) from None
-        own = self.algorithm
-        return Algorithm({"name": own.name, **own.options, "scales": found}) if found else own
+        algorithm = self.algorithm
+        return Algorithm({"name": algorithm.name, **algorithm.options, "scales": scales}) if scales else algorithm
 
     def event_value(self, event: EventSpec, catalog: Catalog) -> Any:
-        """An event's value as numpy scalar or array in the variable's unit; for an element `r[1]`, its scalar."""
+        """Return an event's value as numpy scalar or array in the variable's unit; for an element `r[1]`, its scalar."""
         variable, _ = find(event.variable, catalog)
         try:
             return value.resolve(event.value, variable, event.variable)
@@ -273,7 +286,7 @@ class Case:
 
 @dataclass(frozen=True)
 class MutationRecord:
-    """Deliberate faults that the expectations were tried with. `unnoticed`: those without effect on them -> reason."""
+    """Result of mutation tests of the expectations. `unnoticed`: undetected mutation -> reason."""
 
     tried: int
     unnoticed: dict[str, str]
@@ -281,7 +294,7 @@ class MutationRecord:
 
 @dataclass(frozen=True)
 class Scenario:
-    """A checked scenario file. `paper_applies`: no `--set` changed anything the published figures depend on."""
+    """A checked scenario file. `paper_applies`: no override affects the comparison with published values."""
 
     path: Path
     name: str
@@ -310,31 +323,31 @@ class Scenario:
     text: str = field(default="", repr=False, compare=False)  # of `frozen`, where it is known
 
     def cases(self, variants: Sequence[str] = (), seeds: Sequence[int] = ()) -> list[Case]:
-        """Every run in the order of the file: variants, and in each its seeds. Some of them, if named."""
-        known = [case.variant for case in self.variants]
+        """Return all runs in the order of the file, seeds within variants; only the named variants and seeds, if given."""
+        variant_names = [case.variant for case in self.variants]
         for name in variants:
-            if name not in known:
-                raise ScenarioError(f"{self.path}: there is no variant `{name}`.{nearest(name, known)}")
+            if name not in variant_names:
+                raise ScenarioError(f"{self.path}: there is no variant `{name}`.{nearest(name, variant_names)}")
         for seed in seeds:
             if not 0 <= seed < 2**31:
                 raise ScenarioError(f"{self.path}: seed {seed} is out of range. Give 0 to {2**31 - 1}.")
-        chosen = [case for case in self.variants if not variants or case.variant in variants]
-        return [replace(case, seed=seed) for case in chosen for seed in dict.fromkeys(seeds or self.seeds)]
+        selected = [case for case in self.variants if not variants or case.variant in variants]
+        return [replace(case, seed=seed) for case in selected for seed in dict.fromkeys(seeds or self.seeds)]
 
     def derived(self, variant: str) -> Catalog:
-        """What the analyses of a variant give, as if each were a member."""
-        chosen = [one for one in self.analyses if not one.variants or variant in one.variants]
-        return {one.name: one.variables() for one in chosen}
+        """Return the output variables of a variant's analyses, as a catalog with each analysis as a member."""
+        analyses = [analysis for analysis in self.analyses if not analysis.variants or variant in analysis.variants]
+        return {analysis.name: analysis.variables() for analysis in analyses}
 
     def frozen(self) -> str:
-        """The scenario as one YAML text: everything merged, overrides applied, paths of FMUs absolute."""
+        """Return the scenario as one YAML text: everything merged, overrides applied, paths of FMUs absolute."""
         if self.text:
             return self.text
-        from twin.scenario import yaml_writer as written
+        from twin.scenario import yaml_writer
 
-        return written.text(self.tree)
+        return yaml_writer.text(self.tree)
 
 
 def member_seed(seed: int, name: str) -> int:
-    """Seed of a member's own noise: another one for each member and each run, the same on every machine."""
+    """Derive the seed of a member's noise: different for each member and run, the same on every machine."""
     return zlib.crc32(f"{seed}/{name}".encode()) & 0x7FFF_FFFF

@@ -1,8 +1,8 @@
-"""An SSP as a scenario's tree: its FMUs are the members, its variants the variants, and every value knows its line.
+"""Conversion of an SSP to a scenario's tree with file and line of every value; FMUs are members, variants are variants.
 
-What a scenario has and SSP has no words for is read from where `twin export --ssp` puts it: annotations of ours say what
-concerns members, connections and the algorithm; extra/catheter-twin has the rest (events, metrics, plots, ...), and had all
-of it in older archives. Members and connections are always those of the SSP.
+Scenario keys without an SSP equivalent are read from where `twin export --ssp` writes them: annotations hold those of
+members, connections and the algorithm; extra/catheter-twin holds the rest (events, metrics, plots, ...), and in older
+archives all of them. Members and connections always come from the SSP.
 """
 
 from __future__ import annotations
@@ -14,135 +14,154 @@ from typing import TYPE_CHECKING, Any
 from twin import ssp
 from twin.errors import ScenarioError
 from twin.scenario import yaml_reader
-from twin.scenario.yaml_node import Node, Place
+from twin.scenario.yaml_node import Node, SourceLocation
 
 if TYPE_CHECKING:
-    from twin.ssp import Flat, Member, Variant, Wire
+    from twin.ssp import FlatConnection, FlatSystem, Member, Variant
 
 SUFFIX = ".ssp"
-BUILD: ContextVar[Path] = ContextVar("BUILD", default=Path("build"))  # where FMUs are unpacked
+BUILD: ContextVar[Path] = ContextVar("BUILD", default=Path("build"))  # folder below which FMUs are unpacked
 INTERFACES = {
     "CoSimulation": "co_simulation",
     "ModelExchange": "model_exchange",
     "ScheduledExecution": "scheduled_execution",
 }
-OTHERS = ("start_time", "stop_time", "extends", "parameter_sets", "variants", "connections", "members")
-OWN = ("title", "stop_time", "step", "algorithm", "members", "connections", "events")  # of a variant
-RHYTHM = ("period", "communication_step", "finite", "isolate", "interface", "solver", "solver_tolerance")  # of a member
+STRUCTURE_KEYS = ("start_time", "stop_time", "extends", "parameter_sets", "variants", "connections", "members")
+VARIANT_KEYS = ("title", "stop_time", "step", "algorithm", "members", "connections", "events")  # of a variant
+MEMBER_KEYS = (
+    "period",
+    "communication_step",
+    "finite",
+    "isolate",
+    "interface",
+    "solver",
+    "solver_tolerance",
+)  # of a member
 
 
 def read(path: Path, shown: str, problems: list[str]) -> Node:
-    """The tree of an SSP; what is wrong with it goes to `problems`."""
-    package = ssp.opened(path, shown, BUILD.get())
+    """Read the tree of an SSP; problems are appended to `problems`."""
+    package = ssp.open_package(path, shown, BUILD.get())
     problems += package.problems
-    known: dict[str, Any] = {}
+    fmu_infos: dict[str, Any] = {}
     trees = {}
     for variant in package.variants:
-        flat = ssp.flattened(variant, known)
+        flat = ssp.flatten(variant, fmu_infos)
         problems += flat.problems
         trees[variant.name] = scenario(variant, flat, shown, problems)
     first = next(iter(trees.values()))
     if len(trees) == 1:
         return first
     starts = sorted(
-        {float(one.find(("start_time",)).value) if "start_time" in one.entries else 0.0 for one in trees.values()}
+        {float(tree.find(("start_time",)).value) if "start_time" in tree.entries else 0.0 for tree in trees.values()}
     )
     if len(starts) > 1:
-        listed = " and ".join(f"{start:g} s" for start in starts)
-        problems.append(f"{shown}: the variants start at {listed}. Give them one start time.")
+        start_texts = " and ".join(f"{start:g} s" for start in starts)
+        problems.append(f"{shown}: the variants start at {start_texts}. Give them one start time.")
     variants = {
-        name: Node({key: node for key, node in one.entries.items() if key in OWN}, one.place)
-        for name, one in trees.items()
+        name: Node({key: node for key, node in tree.entries.items() if key in VARIANT_KEYS}, tree.place)
+        for name, tree in trees.items()
     }
-    shared = {key: node for key, node in first.entries.items() if key not in OWN or key in ("stop_time", "step")}
+    shared = {
+        key: node for key, node in first.entries.items() if key not in VARIANT_KEYS or key in ("stop_time", "step")
+    }
     return Node(shared | {"variants": Node(variants, first.place)}, first.place)
 
 
 def notes(path: Path, shown: str) -> list[str]:
-    """Remarks on an SSP that do not keep it from running."""
-    package = ssp.opened(path, shown, BUILD.get())
-    known: dict[str, Any] = {}
-    found = list(package.notes)
+    """Return notes on an SSP that do not prevent a run."""
+    package = ssp.open_package(path, shown, BUILD.get())
+    fmu_infos: dict[str, Any] = {}
+    remarks = list(package.notes)
     for variant in package.variants:
-        found += ssp.flattened(variant, known).notes
+        remarks += ssp.flatten(variant, fmu_infos).notes
         if variant.step is None:
-            found.append(
+            remarks.append(
                 f"{variant.where}: says no communication step: it is the smallest that an FMU suggests, or 1 ms."
             )
-    return list(dict.fromkeys(found))
+    return list(dict.fromkeys(remarks))
 
 
-def place(where: str) -> Place:
-    """Where something stands, from `file:line`."""
+def parse_location(where: str) -> SourceLocation:
+    """Parse `file:line` as a source location."""
     file, _, line = where.rpartition(":")
-    return Place(file, int(line)) if file and line.isdigit() else Place(where)
+    return SourceLocation(file, int(line)) if file and line.isdigit() else SourceLocation(where)
 
 
-def scenario(variant: Variant, flat: Flat, shown: str, problems: list[str]) -> Node:
-    """One variant's tree."""
-    here = place(variant.where)
-    kept = extra(variant, shown, problems)
-    own = ssp.told(variant.annotations.get("DefaultExperiment", []), "Experiment")
-    told = {name: node for name, node in kept.entries.items() if name not in OTHERS}
-    entries = {"title": Node(variant.name or variant.system.name, here)}
+def scenario(variant: Variant, flat: FlatSystem, shown: str, problems: list[str]) -> Node:
+    """Create the tree of one variant."""
+    location = parse_location(variant.where)
+    extra_keys = extra(variant, shown, problems)
+    annotated = ssp.read_annotations(variant.annotations.get("DefaultExperiment", []), "Experiment")
+    other_keys = {name: node for name, node in extra_keys.entries.items() if name not in STRUCTURE_KEYS}
+    entries = {"title": Node(variant.name or variant.system.name, location)}
     if variant.description:
-        entries["description"] = Node(variant.description, here)
-    entries |= told | {key: Node.of(own[key], here) for key in ("step", "algorithm") if key in own}
-    steps = [one.facts.step for one in flat.members.values() if one.facts and one.facts.step]
-    stops = [one.facts.stop for one in flat.members.values() if one.facts and one.facts.stop]
+        entries["description"] = Node(variant.description, location)
+    entries |= other_keys | {
+        key: Node.of(annotated[key], location) for key in ("step", "algorithm") if key in annotated
+    }
+    steps = [item.info.step for item in flat.members.values() if item.info and item.info.step]
+    stops = [item.info.stop for item in flat.members.values() if item.info and item.info.stop]
     times = {
         "start_time": variant.start,
         "stop_time": variant.stop if variant.stop is not None else max(stops, default=None),
         "step": variant.step or min(steps, default=None),
     }
-    entries |= {key: Node(value, here) for key, value in times.items() if value is not None and key not in entries}
-    rhythm = kept.entries.get("members", Node({}, here)).entries
-    members = {name: member_tree(one, rhythm.get(name)) for name, one in flat.members.items()}
+    entries |= {key: Node(value, location) for key, value in times.items() if value is not None and key not in entries}
+    member_nodes = extra_keys.entries.get("members", Node({}, location)).entries
+    members = {name: member_tree(item, member_nodes.get(name)) for name, item in flat.members.items()}
     if not members:
-        problems.append(f"{here}: the system has no FMU. Add a component.")
-    entries["members"] = Node(members, here)
-    listed = kept.entries["connections"].items if "connections" in kept.entries else []
-    bonds = {one.entries["to"].value: one.entries["bond"] for one in listed if {"to", "bond"} <= one.entries.keys()}
-    entries["connections"] = Node([wire(one, bonds.get(one.target)) for one in flat.wires], here)
-    return Node(entries, here)
+        problems.append(f"{location}: the system has no FMU. Add a component.")
+    entries["members"] = Node(members, location)
+    connection_nodes = extra_keys.entries["connections"].items if "connections" in extra_keys.entries else []
+    bonds = {
+        item.entries["to"].value: item.entries["bond"]
+        for item in connection_nodes
+        if {"to", "bond"} <= item.entries.keys()
+    }
+    entries["connections"] = Node([connection_tree(item, bonds.get(item.target)) for item in flat.wires], location)
+    return Node(entries, location)
 
 
 def extra(variant: Variant, shown: str, problems: list[str]) -> Node:
-    """What the SSP keeps of the scenario that it was written from."""
-    empty = Node({}, place(variant.where))
+    """Read the extra scenario keys of an SSP; an empty tree if there are none."""
+    empty = Node({}, parse_location(variant.where))
     if variant.extra is None:
         return empty
     name = f"{shown}/{'/'.join(variant.extra.parts[-3:])}"
     try:
-        found = yaml_reader.read(variant.extra, name, problems)
+        root = yaml_reader.read(variant.extra, name, problems)
     except ScenarioError as error:
         problems += error.problems
         return empty
-    return found if isinstance(found.value, dict) else empty
+    return root if isinstance(root.value, dict) else empty
 
 
-def member_tree(member: Member, rhythm: Node | None) -> Node:
-    """A member with its parameters."""
-    here = place(member.where)
-    entries = {"component": Node(member.fmu, here)}
+def member_tree(member: Member, extra_keys: Node | None) -> Node:
+    """Create the tree of a member with its parameters."""
+    location = parse_location(member.where)
+    entries = {"component": Node(member.fmu, location)}
     if member.implementation in INTERFACES:
-        entries["interface"] = Node(INTERFACES[member.implementation], here)
+        entries["interface"] = Node(INTERFACES[member.implementation], location)
     if member.parameters:
         entries["parameters"] = Node(
-            {name: Node.of(value, place(where)) for name, (value, where) in member.parameters.items()}, here
+            {name: Node.of(value, parse_location(where)) for name, (value, where) in member.parameters.items()},
+            location,
         )
-    if rhythm is not None:
-        entries |= {key: node for key, node in rhythm.entries.items() if key in RHYTHM}
-    own = ssp.told(member.annotations, "Member")
-    entries |= {key: Node.of(value, here) for key, value in own.items() if key in RHYTHM}
-    return Node(entries, here)
+    if extra_keys is not None:
+        entries |= {key: node for key, node in extra_keys.entries.items() if key in MEMBER_KEYS}
+    annotated = ssp.read_annotations(member.annotations, "Member")
+    entries |= {key: Node.of(value, location) for key, value in annotated.items() if key in MEMBER_KEYS}
+    return Node(entries, location)
 
 
-def wire(one: Wire, bond: Node | None) -> Node:
-    """A connection; with its own factor and offset where the units of the members do not say all."""
-    ends: dict[str, Any] = {"from": one.source, "to": one.target}
-    if one.change is not None:
-        ends |= {"factor": one.change.factor, "offset": one.change.offset, "convert": False}
-    own = ssp.told(one.annotations, "Connection")
-    made = Node.of(ends | {key: own[key] for key in ("bond", "hold") if key in own}, place(one.where))
-    return Node(made.entries | {"bond": bond}, made.place) if bond is not None else made
+def connection_tree(connection: FlatConnection, bond: Node | None) -> Node:
+    """Create the tree of a connection; with factor and offset if it is more than a conversion of the members' units."""
+    ends: dict[str, Any] = {"from": connection.source, "to": connection.target}
+    if connection.change is not None:
+        ends |= {"factor": connection.change.factor, "offset": connection.change.offset, "convert": False}
+    annotated = ssp.read_annotations(connection.annotations, "Connection")
+    node = Node.of(
+        ends | {key: annotated[key] for key in ("bond", "hold") if key in annotated}, parse_location(connection.where)
+    )
+    return Node(node.entries | {"bond": bond}, node.place) if bond is not None else node

@@ -1,7 +1,7 @@
-"""A scenario written as an SSP: FMUs of its components, parameters, connections; and what SSP has no words for beside it.
+"""Export of a scenario as an SSP: FMUs of its components, parameters, connections and extra scenario keys.
 
-Other tools run the system with its start values. Events, metrics and how often a member communicates are kept in the
-archive for this project's own reading, in a file or in annotations, and are told as notes.
+Other tools run the system with its start values. Events, metrics and communication steps are stored in the archive for
+this project only, in a file or in annotations, and are reported as notes.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from twin.component import PythonComponent, catalog
 from twin.errors import ScenarioError, TwinError
 from twin.scenario import members, ssp_reader
 from twin.scenario.resolve_variables import look_up
-from twin.scenario.ssp_extra import beside, experiment, rhythm, tie
+from twin.scenario.ssp_extra import connection_keys, experiment, extra_yaml, member_keys
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -27,33 +27,33 @@ if TYPE_CHECKING:
     from twin.coupling import Catalog, Link, MemberVariable, Reference
     from twin.scenario.spec import Case, MemberSpec, Scenario
     from twin.scenario.variable_names import Variables
-    from twin.ssp import Component, Port, Tie, Value
+    from twin.ssp import Component, OutlineConnection, Port, Value
 
-SHOWN = ("input", "output")  # what is a connector even if nothing is connected to it
+SHOWN = ("input", "output")  # connectors even without a connection
 
 
 @dataclass
-class Made:
-    """A member's FMU: what it is in the archive, its variables, and the FMU's names of ours that are called otherwise."""
+class MemberFmu:
+    """A member's FMU: its content, variables, FMI version, and component variable -> FMU variable where names differ."""
 
     content: bytes
     variables: Mapping[str, MemberVariable]
     fmi: str
     names: dict[str, str]
-    is_ours: bool
+    is_exported: bool
 
     def ends(self, name: str, first: int, size: int, shape: tuple[int, ...]) -> list[tuple[str, str]]:
-        """(connector, indices) of a variable or of one element of it; of each element, where the FMU has no arrays."""
+        """Return (connector, indices) of a variable or an element; one for each element if the FMU has no arrays."""
         name = self.names.get(name, name)
-        places = (
+        indices = (
             [tuple(int(i) + 1 for i in np.unravel_index(k, shape)) for k in range(first, first + size)] if shape else []
         )
         if name in self.variables:
             if not shape or size == self.variables[name].size:
                 return [(name, "")]
-            return [(name, " ".join(map(str, place))) for place in places]
-        stem, end = (name[:-1], ")") if name.startswith("der(") else (name, "")
-        return [(f"{stem}[{','.join(map(str, place))}]{end}", "") for place in places]
+            return [(name, " ".join(map(str, index))) for index in indices]
+        prefix, suffix = (name[:-1], ")") if name.startswith("der(") else (name, "")
+        return [(f"{prefix}[{','.join(map(str, index))}]{suffix}", "") for index in indices]
 
 
 def pack(
@@ -66,44 +66,51 @@ def pack(
     platforms: Sequence[str] = (),
     needs_python: bool = False,
 ) -> list[str]:
-    """Write one variant as an SSP, and say what others will not do with it; ScenarioError lists what keeps it back."""
+    """Write one variant as an SSP and return notes on what other tools ignore; ScenarioError lists what prevents it."""
     catalogs, problems = look_up(scenario)
     if problems:
         raise ScenarioError(problems)
     case = scenario.cases([variant] if variant else [])[0]
     variables = catalogs[case.variant]
-    made: dict[str, Made] = {}
+    fmus: dict[str, MemberFmu] = {}
     for name, spec in case.members.items():
         try:
-            made[name] = built(name, spec, version, build, platforms, needs_python)
+            fmus[name] = build_fmu(name, spec, version, build, platforms, needs_python)
         except TwinError as error:
-            problems += [f"{spec.where}: member `{name}`: {one}" for one in getattr(error, "problems", [str(error)])]
+            problems += [
+                f"{spec.where}: member `{name}`: {message}" for message in getattr(error, "problems", [str(error)])
+            ]
     if problems:
         raise ScenarioError(problems)
     links = case.system(variables).links()
-    for name, one in made.items():
-        made[name] = seen(one, [link.source for link in links if link.source.member == name], variables[name])
-    used = [(one.member, end[0]) for link in links for one in (link.source, link.target) for end in ends(made, one)]
-    kept, of_wires, of_all = others_annotations(scenario, case)
-    taken_apart = {f"{name}.{key}" for name, one in made.items() for key, v in variables[name].items()
-                   if v.shape and one.names.get(key, key) not in one.variables}  # fmt: skip
+    for name, fmu in fmus.items():
+        fmus[name] = promote_locals(fmu, [link.source for link in links if link.source.member == name], variables[name])
+    connected = [
+        (reference.member, end[0])
+        for link in links
+        for reference in (link.source, link.target)
+        for end in ends(fmus, reference)
+    ]
+    member_annotations, connection_annotations, file_annotations = others_annotations(scenario, case)
+    split_arrays = {f"{name}.{key}" for name, fmu in fmus.items() for key, v in variables[name].items()
+                   if v.shape and fmu.names.get(key, key) not in fmu.variables}  # fmt: skip
     name = scenario.name if len(scenario.variants) == 1 else f"{scenario.name}_{case.variant}"
-    extra, notes = beside(scenario, case, taken_apart, variables)
-    rhythms = {name: rhythm(case, name, notes) for name in case.members}
-    components = parts_of(case, made, used, variables, kept, rhythms)
+    extra, notes = extra_yaml(scenario, case, split_arrays, variables)
+    extra_keys = {name: member_keys(case, name, notes) for name in case.members}
+    components = components_of(case, fmus, connected, variables, member_annotations, extra_keys)
     ssp.write(
-        ssp.Outline(
+        ssp.SystemOutline(
             re.sub(r"\W+", "_", f"s_{name}" if name[:1].isdigit() else name, flags=re.ASCII),
             scenario.description,
-            "2.0" if any(one.fmi == "3.0" for one in made.values()) else "1.0",
+            "2.0" if any(fmu.fmi == "3.0" for fmu in fmus.values()) else "1.0",
             clock.seconds(case.start_ns),
             clock.seconds(case.stop_ns),
             clock.seconds(case.step_ns),
             components,
-            [one for link in links for one in wires(made, link, of_wires)],
+            [connection for link in links for connection in connections(fmus, link, connection_annotations)],
             extra,
             f"twin {installed.version('catheter-twin')}",
-            of_all,
+            file_annotations,
             experiment(scenario, case, notes),
         ),
         path,
@@ -111,159 +118,186 @@ def pack(
     return notes
 
 
-def parts_of(
+def components_of(
     case: Case,
-    made: Mapping[str, Made],
-    used: Sequence[tuple[str, str]],
+    fmus: Mapping[str, MemberFmu],
+    connected: Sequence[tuple[str, str]],
     variables: Catalog,
-    kept: Mapping[str, list[bytes]],
-    rhythms: Mapping[str, dict[str, Any]],
+    annotations: Mapping[str, list[bytes]],
+    extra_keys: Mapping[str, dict[str, Any]],
 ) -> list[Component]:
-    """The members as components; `used`: (member, connector) of all that is connected, `kept`: others' annotations.
+    """Create the components of the members.
 
-    `rhythms`: what members say besides.
+    `connected`: (member, connector) of all connections; `annotations`: those of other tools by member; `extra_keys`: keys
+    of members without an SSP equivalent.
     """
-    components, taken = [], set[str]()
-    for name, one in made.items():
+    components, file_names = [], set[str]()
+    for name, fmu in fmus.items():
         file = f"{name}.fmu"
-        while file.casefold() in taken:
+        while file.casefold() in file_names:
             file = f"_{file}"
-        taken.add(file.casefold())
-        values = start_values(one, case.values(name, variables[name]), variables[name])
-        wanted = {end for member, end in used if member == name} | {given.port.name for given in values}
+        file_names.add(file.casefold())
+        values = start_values(fmu, case.values(name, variables[name]), variables[name])
+        connector_names = {end for member, end in connected if member == name} | {
+            start_value.port.name for start_value in values
+        }
         ports = [
-            port(v) for key, v in one.variables.items() if key in wanted or (v.causality in SHOWN and v.connectable)
+            port(v)
+            for key, v in fmu.variables.items()
+            if key in connector_names or (v.causality in SHOWN and v.connectable)
         ]
         components.append(
             ssp.Component(
                 ssp.element_name(name),
                 file,
-                one.content,
+                fmu.content,
                 ports,
                 values,
                 implementation(case, name),
-                kept.get(name, []),
-                rhythms[name],
+                annotations.get(name, []),
+                extra_keys[name],
             )
         )
     return components
 
 
 def implementation(case: Case, name: str) -> str:
-    """The interface of FMI that a member asks for, in SSP's word."""
-    asked = case.members[name].exchange.interface
-    return next((word for word, ours in ssp_reader.INTERFACES.items() if ours == asked), "any")
+    """Return SSP's name of a member's FMI interface."""
+    interface = case.members[name].exchange.interface
+    return next((ssp_name for ssp_name, own_name in ssp_reader.INTERFACES.items() if own_name == interface), "any")
 
 
-def built(name: str, spec: MemberSpec, version: str, build: Path, platforms: Sequence[str], needs_python: bool) -> Made:
-    """A member's FMU: the file itself, or made of its component."""
+def build_fmu(
+    name: str, spec: MemberSpec, version: str, build: Path, platforms: Sequence[str], needs_python: bool
+) -> MemberFmu:
+    """Read a member's FMU file, or export its component."""
     component = members.component_of(spec)
     names: dict[str, str] = {}
     with tempfile.TemporaryDirectory(prefix="twin-ssp-") as folder:
         if isinstance(component, str) and component.endswith(".fmu"):
-            place = Path(component)
+            fmu_path = Path(component)
         else:
-            cls = catalog.component(component) if isinstance(component, str) else component
-            place = Path(folder) / f"{name}.fmu"
-            names = {v.name: f"der({v.name.removeprefix('der_')})" for v in cls.variables if v.role == "derivative"}
-            if needs_python and issubclass(cls, PythonComponent):
-                fmi.pythonic.export(cls, version, place)
+            component_class = catalog.component(component) if isinstance(component, str) else component
+            fmu_path = Path(folder) / f"{name}.fmu"
+            names = {
+                v.name: f"der({v.name.removeprefix('der_')})"
+                for v in component_class.variables
+                if v.role == "derivative"
+            }
+            if needs_python and issubclass(component_class, PythonComponent):
+                fmi.pythonic.export(component_class, version, fmu_path)
             else:
-                fmi.exporter.export(cls, version, place, build, platforms)
-        member = fmi.FMUMember(name, place)
+                fmi.exporter.export(component_class, version, fmu_path, build, platforms)
+        member = fmi.FMUMember(name, fmu_path)
         member.close()
-        return Made(place.read_bytes(), member.variables, member.identity["fmi"], names, place.parent == Path(folder))
+        return MemberFmu(
+            fmu_path.read_bytes(), member.variables, member.identity["fmi"], names, fmu_path.parent == Path(folder)
+        )
 
 
-def seen(made: Made, sources: Sequence[Reference], variables: Variables) -> Made:
-    """The FMU of a component of ours whose connected locals are outputs; a file of somebody else's stays as it is."""
-    if not made.is_ours:
-        return made
+def promote_locals(fmu: MemberFmu, sources: Sequence[Reference], variables: Variables) -> MemberFmu:
+    """Promote connected locals of an exported component to outputs; an FMU given as a file is unchanged."""
+    if not fmu.is_exported:
+        return fmu
     outputs: dict[str, tuple[str, ...] | None] = {}
-    for one in sources:
-        if one.variable.causality != "local":
+    for source in sources:
+        if source.variable.causality != "local":
             continue
-        inputs = one.variable.dependencies
-        known = (
+        inputs = source.variable.dependencies
+        dependencies = (
             None
             if inputs is None
             else tuple(
-                end for name in inputs for end, _ in made.ends(name, 0, variables[name].size, variables[name].shape)
+                end for name in inputs for end, _ in fmu.ends(name, 0, variables[name].size, variables[name].shape)
             )
         )
-        outputs |= {end: known for end, _ in made.ends(one.variable.name, one.first, one.size, one.variable.shape)}
+        outputs |= {
+            end: dependencies
+            for end, _ in fmu.ends(source.variable.name, source.first, source.size, source.variable.shape)
+        }
     if not outputs:
-        return made
-    told = {name: replace(v, causality="output") if name in outputs else v for name, v in made.variables.items()}
-    return replace(made, content=ssp.with_outputs(made.content, outputs), variables=told)
+        return fmu
+    fmu_variables = {
+        name: replace(v, causality="output") if name in outputs else v for name, v in fmu.variables.items()
+    }
+    return replace(fmu, content=ssp.promote_locals_to_outputs(fmu.content, outputs), variables=fmu_variables)
 
 
-def ends(made: Mapping[str, Made], one: Reference) -> list[tuple[str, str]]:
-    """The connectors of one end of a link."""
-    return made[one.member].ends(one.variable.name, one.first, one.size, one.variable.shape)
+def ends(fmus: Mapping[str, MemberFmu], reference: Reference) -> list[tuple[str, str]]:
+    """Return the connectors of one end of a link."""
+    return fmus[reference.member].ends(
+        reference.variable.name, reference.first, reference.size, reference.variable.shape
+    )
 
 
-def wires(made: Mapping[str, Made], link: Link, kept: Mapping[str, list[bytes]]) -> list[Tie]:
-    """The connections that a link is in SSP: one, or one for each element where one side has no arrays.
+def connections(
+    fmus: Mapping[str, MemberFmu], link: Link, annotations: Mapping[str, list[bytes]]
+) -> list[OutlineConnection]:
+    """Create the SSP connections of a link: one, or one for each element if one side has no arrays.
 
-    `kept`: others' annotations, by what is connected to.
+    `annotations`: those of other tools, by target.
     """
-    found = [ends(made, link.source), ends(made, link.target)]
-    if len(found[0]) != len(found[1]):
-        found = [
-            [(f"{name}", indices) for name, indices in elements(made, one)] if len(pair) == 1 else pair
-            for one, pair in zip((link.source, link.target), found, strict=True)
+    connectors = [ends(fmus, link.source), ends(fmus, link.target)]
+    if len(connectors[0]) != len(connectors[1]):
+        connectors = [
+            [(f"{name}", indices) for name, indices in elements(fmus, reference)] if len(pair) == 1 else pair
+            for reference, pair in zip((link.source, link.target), connectors, strict=True)
         ]
     change = ssp.Linear(link.factor, link.offset)
-    names = [ssp.element_name(one.member) for one in (link.source, link.target)]
-    own = tie(link, is_whole=len(found[0]) == 1)
+    names = [ssp.element_name(reference.member) for reference in (link.source, link.target)]
+    extra_keys = connection_keys(link, is_single=len(connectors[0]) == 1)
     return [
-        ssp.Tie((names[0], *a), (names[1], *b), change, kept.get(indexed(link.target.member, *b), []), own)
-        for a, b in zip(*found, strict=True)
+        ssp.OutlineConnection(
+            (names[0], *a), (names[1], *b), change, annotations.get(indexed(link.target.member, *b), []), extra_keys
+        )
+        for a, b in zip(*connectors, strict=True)
     ]
 
 
 def indexed(member: str, name: str, indices: str) -> str:
-    """A connector as a scenario has it."""
+    """Return a connector in the notation of scenarios: `member.name[i,j]`."""
     return f"{member}.{name}" + (f"[{indices.replace(' ', ',')}]" if indices else "")
 
 
-def elements(made: Mapping[str, Made], one: Reference) -> list[tuple[str, str]]:
-    """Each element of an array on its own."""
-    part = made[one.member]
+def elements(fmus: Mapping[str, MemberFmu], reference: Reference) -> list[tuple[str, str]]:
+    """Return the connectors of each element of an array."""
+    fmu = fmus[reference.member]
     return [
         end
-        for k in range(one.first, one.first + one.size)
-        for end in part.ends(one.variable.name, k, 1, one.variable.shape)
+        for k in range(reference.first, reference.first + reference.size)
+        for end in fmu.ends(reference.variable.name, k, 1, reference.variable.shape)
     ]
 
 
 def port(variable: MemberVariable) -> Port:
-    """A variable as a connector."""
+    """Create the connector of a variable."""
     return ssp.Port(variable.name, variable.causality, variable.type, variable.unit, variable.shape, variable.items)
 
 
-def start_values(one: Made, values: Mapping[str, Any], variables: Variables) -> list[Value]:
-    """Start values by the FMU's names."""
-    found: list[Value] = []
+def start_values(fmu: MemberFmu, values: Mapping[str, Any], variables: Variables) -> list[Value]:
+    """Return the start values for the FMU's variables."""
+    start_values_by_port: list[Value] = []
     for name, value in values.items():
         shape = variables[name].shape
-        for number, (end, _) in enumerate(one.ends(name, 0, variables[name].size, shape)):
-            if end in one.variables:
-                whole = one.variables[end].shape == shape
-                found.append(
-                    ssp.Value(port(one.variables[end]), value if whole else np.asarray(value).reshape(-1)[number])
+        for number, (connector, _) in enumerate(fmu.ends(name, 0, variables[name].size, shape)):
+            if connector in fmu.variables:
+                has_same_shape = fmu.variables[connector].shape == shape
+                start_values_by_port.append(
+                    ssp.Value(
+                        port(fmu.variables[connector]),
+                        value if has_same_shape else np.asarray(value).reshape(-1)[number],
+                    )
                 )
-    return found
+    return start_values_by_port
 
 
 def others_annotations(scenario: Scenario, case: Case) -> tuple[dict[str, list[bytes]], ...]:
-    """Annotations of others, if the scenario is an SSP itself: by member, by what is connected to, of the description."""
+    """Return annotations of other tools if the scenario is an SSP: by member, by connection target, of the description."""
     if scenario.path.suffix != ssp_reader.SUFFIX:
         return {}, {}, {}
-    opened = ssp.opened(scenario.path, str(scenario.path), ssp_reader.BUILD.get())
-    one = next((one for one in opened.variants if one.name == case.variant), opened.variants[0])
-    flat = ssp.flattened(one, {})
-    of_all = one.annotations | {"": [*one.annotations[""], *one.system.annotations]}
-    of_wires = {wire.target: list(wire.annotations) for wire in flat.wires}
-    return {name: member.annotations for name, member in flat.members.items()}, of_wires, of_all
+    package = ssp.open_package(scenario.path, str(scenario.path), ssp_reader.BUILD.get())
+    variant = next((variant for variant in package.variants if variant.name == case.variant), package.variants[0])
+    flat = ssp.flatten(variant, {})
+    file_annotations = variant.annotations | {"": [*variant.annotations[""], *variant.system.annotations]}
+    connection_annotations = {wire.target: list(wire.annotations) for wire in flat.wires}
+    return {name: member.annotations for name, member in flat.members.items()}, connection_annotations, file_annotations

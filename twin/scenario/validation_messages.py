@@ -1,4 +1,4 @@
-"""What pydantic finds, as one line each: file and line, what, what was expected, what to do."""
+"""One-line messages for pydantic's validation errors: file and line, what is wrong, what was expected, what to do."""
 
 from __future__ import annotations
 
@@ -40,73 +40,79 @@ KINDS = {
 
 
 def validate(root: Node, model: Any = ScenarioKeys) -> tuple[Any, Node, list[str]]:
-    """The keys of a file, those of a scenario by default, the tree they were read from, and every problem found.
+    """Validate a tree against a model: (keys, tree, problems).
 
-    What is wrong is left out of keys and tree, so that names and units in the rest can be checked in the same run.
+    Invalid parts are removed from keys and tree, so that names and units in the rest can be checked in the same run.
     """
     problems: list[str] = []
     for attempt in range(12):
         try:
             return model.model_validate(root.plain()), root, problems
         except ValidationError as error:
-            found = error.errors(include_url=False)
+            errors = error.errors(include_url=False)
             if attempt == 0:
-                problems += [line(root, one, model) for one in found]
-            root = dropped(root, steps(one["loc"][: -1 if one["type"] == "missing" else None] for one in found))
+                problems += [line(root, details, model) for details in errors]
+            root = dropped(
+                root, steps(details["loc"][: -1 if details["type"] == "missing" else None] for details in errors)
+            )
     return model(), Node({}, root.place), problems
 
 
 def steps(paths: Iterable[Path]) -> Steps:
-    """Paths nested by their steps; what ends at a step has the key None there, and so has what is a wrong key."""
-    found: Steps = {}
+    """Nest paths by their steps; the key None marks the end of a path."""
+    nested: Steps = {}
     for path in paths:
-        below = found
+        level = nested
         for step in path:
-            below = below.setdefault(None if step == "[key]" else step, {})
-        below[None] = {}
-    return found
+            level = level.setdefault(None if step == "[key]" else step, {})
+        level[None] = {}
+    return nested
 
 
-def dropped(node: Node, wrong: Steps) -> Node:
-    """The tree without what is at some paths."""
+def dropped(node: Node, invalid: Steps) -> Node:
+    """Return the tree without the nodes at the invalid paths."""
     if isinstance(node.value, dict):
-        kept = {
-            key: dropped(item, wrong.get(key, {})) for key, item in node.value.items() if None not in wrong.get(key, {})
+        entries = {
+            key: dropped(item, invalid.get(key, {}))
+            for key, item in node.value.items()
+            if None not in invalid.get(key, {})
         }
-        return Node(kept, node.place) if wrong else node
+        return Node(entries, node.place) if invalid else node
     if isinstance(node.value, list):
-        items = [dropped(item, wrong.get(i, {})) for i, item in enumerate(node.value) if None not in wrong.get(i, {})]
-        return Node(items, node.place) if wrong else node
+        items = [
+            dropped(item, invalid.get(i, {})) for i, item in enumerate(node.value) if None not in invalid.get(i, {})
+        ]
+        return Node(items, node.place) if invalid else node
     return node
 
 
 def line(root: Node, error: Any, model: Any = ScenarioKeys) -> str:
-    """One problem as one line."""
+    """Format one validation error as one line."""
     path: Path = tuple(step for step in error["loc"] if step != "[key]")
-    place = root.find(path).place
-    what = dotted(path)
-    kind, given = error["type"], error["input"]
+    location = root.find(path).place
+    key_path = dotted(path)
+    kind, value = error["type"], error["input"]
     if kind == "extra_forbidden":
-        outer = f"{dotted(path[:-1])}: " if path[:-1] else ""
-        return f"{place}: {outer}unknown key `{path[-1]}`.{nearest(str(path[-1]), keys_at(path[:-1], model))}"
+        prefix = f"{dotted(path[:-1])}: " if path[:-1] else ""
+        return f"{location}: {prefix}unknown key `{path[-1]}`.{nearest(str(path[-1]), keys_at(path[:-1], model))}"
     if kind == "missing":
         example = EXAMPLES.get(str(path[-1]), f"{path[-1]}: ...")
-        return f"{place}: {dotted(path[:-1])}: `{path[-1]}` is missing. Add it, such as `{example}`."
+        return f"{location}: {dotted(path[:-1])}: `{path[-1]}` is missing. Add it, such as `{example}`."
     if kind == "value_error":
         text = error["msg"].removeprefix("Value error, ").rstrip(".")
-        return f"{place}: {what}: {text}{'' if text.endswith('?') else '.'}"
+        return f"{location}: {key_path}: {text}{'' if text.endswith('?') else '.'}"
     if kind == "literal_error":
         choices = error["ctx"]["expected"].replace(" or ", ", ").replace("'", "").split(", ")
-        return f"{place}: {what}: `{short(given)}` is not known.{nearest(str(given), choices)}"
-    if path[0] == "connections" and isinstance(given, str):
-        return f"{place}: {what}: {quoted(given)} is no connection. {arrow(given)}"
+        return f"{location}: {key_path}: `{short(value)}` is not known.{nearest(str(value), choices)}"
+    if path[0] == "connections" and isinstance(value, str):
+        return f"{location}: {key_path}: {quoted(value)} is no connection. {arrow(value)}"
     if kind in KINDS:
-        return f"{place}: {what}: expected {KINDS[kind]}, not {quoted(given)}."
-    return f"{place}: {what}: {error['msg'][0].lower()}{error['msg'][1:]}, not {quoted(given)}."
+        return f"{location}: {key_path}: expected {KINDS[kind]}, not {quoted(value)}."
+    return f"{location}: {key_path}: {error['msg'][0].lower()}{error['msg'][1:]}, not {quoted(value)}."
 
 
 def arrow(text: str) -> str:
-    """How a connection is written, from what somebody wrote."""
+    """Return advice on the syntax of a connection, from the invalid text."""
     ends = [end.strip() for end in re.split(r"\s*(?:[-=]+\s*>|<\s*[-=]+|→|>)\s*", text)]
     if "<" in text:
         ends.reverse()
@@ -115,12 +121,12 @@ def arrow(text: str) -> str:
 
 
 def quoted(value: Any) -> str:
-    """A value for a message, text in backquotes."""
+    """Format a value for a message, text in backquotes."""
     return f"`{short(value)}`" if isinstance(value, str) else short(value)
 
 
 def dotted(path: Path) -> str:
-    """`metrics.force.reduce`; items of lists by their number: `events[2].at`."""
+    """Format a path: `metrics.force.reduce`; items of lists by their number from 1: `events[2].at`."""
     text = ""
     for step in path:
         text += f"[{step + 1}]" if isinstance(step, int) else f".{step}"
@@ -128,7 +134,7 @@ def dotted(path: Path) -> str:
 
 
 def keys_at(path: Path, model: Any = ScenarioKeys) -> list[str]:
-    """The keys that a group may have."""
+    """Return the keys that a group may have."""
     for step in path:
         if not (isinstance(model, type) and issubclass(model, BaseModel)):
             continue
@@ -138,10 +144,10 @@ def keys_at(path: Path, model: Any = ScenarioKeys) -> list[str]:
 
 
 def inner(annotation: Any) -> Any:
-    """The model inside `dict[str, Model]`, `list[Model]` or `Model | None`, or `dict` steps in between."""
+    """Return the model inside `dict[str, Model]`, `list[Model]` or `Model | None`; None if there is none."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     for argument in get_args(annotation):
-        if (found := inner(argument)) is not None:
-            return found
+        if (model := inner(argument)) is not None:
+            return model
     return None

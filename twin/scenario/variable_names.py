@@ -1,4 +1,4 @@
-"""Names of a scenario, `member.variable`, `member.variable[1]` or a pattern with `*`, against the members' variables."""
+"""Lookup of `member.variable`, `member.variable[1]` or a pattern with `*` in the members' variables."""
 
 from __future__ import annotations
 
@@ -19,27 +19,27 @@ if TYPE_CHECKING:
 ELEMENT = re.compile(r"(.+?)\[(\d+(?:\s*,\s*\d+)*)\]")
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """The hint of `errors.nearest` behind a blank; nothing if nothing is known."""
-    names = list(known)
+def nearest(name: str, candidates: Iterable[str]) -> str:
+    """Return the hint of `errors.nearest` after a space; "" without candidates."""
+    names = list(candidates)
     return f" {errors.nearest(name, names, '`')}" if names else ""
 
 
 def inside(index: tuple[int, ...], shape: tuple[int, ...]) -> bool:
-    """Whether an index, counted from 1, lies in a shape."""
+    """Whether an index, counted from 1, is within a shape."""
     return len(index) == len(shape) and all(1 <= i <= n for i, n in zip(index, shape, strict=True))
 
 
 def no_element(name: str, index: tuple[int, ...], variable: MemberVariable) -> str:
-    """An array element that does not exist."""
-    wanted = f"[{','.join(map(str, index))}]"
+    """Return the message for an array element that does not exist."""
+    index_text = f"[{','.join(map(str, index))}]"
     if not variable.shape:
-        return f"{name} is a single value: it has no element {wanted}. Leave the brackets out."
-    return f"{name} has no element {wanted}: its size is {' x '.join(map(str, variable.shape))}, counted from 1."
+        return f"{name} is a single value: it has no element {index_text}. Leave the brackets out."
+    return f"{name} has no element {index_text}: its size is {' x '.join(map(str, variable.shape))}, counted from 1."
 
 
 def find(reference: str, catalog: Catalog) -> tuple[MemberVariable, tuple[int, ...]]:
-    """The variable of `member.variable` or of one element of it (shape () then), and the element's index from 1."""
+    """Find a variable or element: (variable, index from 1). An element has shape (); CouplingError if it does not exist."""
     member, _, name = reference.partition(".")
     if member not in catalog:
         raise CouplingError(f"there is no member `{member}` for {reference}.{nearest(member, catalog)}")
@@ -57,10 +57,10 @@ def find(reference: str, catalog: Catalog) -> tuple[MemberVariable, tuple[int, .
 
 
 def matching(catalog: Catalog, *patterns: str) -> list[str]:
-    """All that patterns with `*` mean: everything that can be recorded but parameters."""
+    """Return the recordable variables except parameters that match patterns with `*`."""
     if not patterns:
         return []
-    expression = re.compile("|".join(".*".join(map(re.escape, one.split("*"))) for one in patterns))
+    expression = re.compile("|".join(".*".join(map(re.escape, pattern.split("*"))) for pattern in patterns))
     return [
         path
         for member, variables in catalog.items()

@@ -1,4 +1,4 @@
-"""A tree of values that know where they stand, so that an error can give file and line."""
+"""Tree of values with source locations, so that an error can give file and line."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import Any
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
-    """Where something stands; `line` counts from 1, and 0 means the whole of `file` (an option, say)."""
+class SourceLocation:
+    """Location in a file. `line` counts from 1; 0 means the entire file, or an option."""
 
     file: str
     line: int = 0
@@ -20,30 +20,30 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """A value and its place: a scalar, a list of nodes or a dict of nodes. For a dict's value, the place of its key."""
+    """A value and its location: a scalar, a list of nodes or a dict of nodes. The value of a key has the key's location."""
 
     value: Any
-    place: Place
+    place: SourceLocation
 
     @classmethod
-    def of(cls, value: Any, place: Place) -> Node:
-        """The tree of plain dicts, lists and values that all stand in one place."""
+    def of(cls, value: Any, location: SourceLocation) -> Node:
+        """Create a tree of plain dicts, lists and values, all at one location."""
         if isinstance(value, dict):
-            return cls({key: cls.of(one, place) for key, one in value.items()}, place)
-        return cls([cls.of(one, place) for one in value] if isinstance(value, list) else value, place)
+            return cls({key: cls.of(item, location) for key, item in value.items()}, location)
+        return cls([cls.of(item, location) for item in value] if isinstance(value, list) else value, location)
 
     @property
     def entries(self) -> dict[str, Node]:
-        """The dict's entries; none if this is not a dict."""
+        """Entries of the dict; empty if this is not a dict."""
         return self.value if isinstance(self.value, dict) else {}
 
     @property
     def items(self) -> list[Node]:
-        """The list's items; none if this is not a list."""
+        """Items of the list; empty if this is not a list."""
         return self.value if isinstance(self.value, list) else []
 
     def plain(self) -> Any:
-        """The value without places."""
+        """Return the value without locations."""
         if isinstance(self.value, dict):
             return {key: node.plain() for key, node in self.value.items()}
         if isinstance(self.value, list):
@@ -51,7 +51,7 @@ class Node:
         return self.value
 
     def find(self, path: tuple[str | int, ...]) -> Node:
-        """The node at a path, or the deepest one on the way to it."""
+        """Return the node at a path, or its deepest existing ancestor."""
         node = self
         for step in path:
             if isinstance(step, int) and 0 <= step < len(node.items):

@@ -1,7 +1,7 @@
-"""A YAML file as a tree that knows where every value stands, so that an error can give file and line.
+"""Reader of YAML files into a tree with source locations, so that an error can give file and line.
 
-Plain scalars are read by the rules of YAML 1.2: `1e-3` is a number, `on` and `12:30` are text. Tags and `<<` are
-refused, aliases count as the nodes they stand for, and size and depth are limited: no file can exhaust memory.
+Plain scalars follow YAML 1.2: `1e-3` is a number, `on` and `12:30` are text. Tags and `<<` are rejected, aliases count
+as the nodes they expand to, and size and depth are limited, so that no file can exhaust memory.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 from twin.errors import ScenarioError
-from twin.scenario.yaml_node import Node, Place
+from twin.scenario.yaml_node import Node, SourceLocation
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-MAX_BYTES = 20_000_000  # an hour in somebody's hands, 30 events a second
+MAX_BYTES = 20_000_000  # recorded operation of one hour at 30 events per second
 MAX_NODES = 1_000_000
 MAX_DEPTH = 24
 
@@ -27,11 +27,11 @@ INTEGER = re.compile(r"[-+]?[0-9]{1,20}")  # as many digits as 64 bits have
 SPECIAL: dict[str, Any] = {"": None, "~": None, "null": None, "true": True, "false": False}
 SPECIAL |= {".inf": float("inf"), "-.inf": float("-inf"), ".nan": float("nan")}
 
-Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # only its parser is used: events, nothing constructed
+Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # only its event parser is used; no objects are constructed
 
 
 def scalar(text: str) -> Any:
-    """Value of a plain scalar."""
+    """Parse a plain scalar."""
     if text in SPECIAL:
         return SPECIAL[text]
     if text.lower() in SPECIAL and text in (text.upper(), text.title()):
@@ -42,7 +42,7 @@ def scalar(text: str) -> Any:
 
 
 def read(path: Path, shown: str, problems: list[str] | None = None) -> Node:
-    """Read a file; `shown` is how messages call it. What does not keep it from being read goes to `problems`, if given."""
+    """Read a file; `shown`: its name in messages. Duplicate keys are appended to `problems`, if given, else raised."""
     try:
         if path.is_dir():
             raise ScenarioError(f"{shown}: is a folder. Name a file in it, such as {shown}/contact.yaml.")
@@ -66,7 +66,7 @@ def read(path: Path, shown: str, problems: list[str] | None = None) -> Node:
 
 
 def archive(path: Path) -> str:
-    """What to do with an archive that was given as a text."""
+    """Return advice for an archive given instead of a text."""
     if path.suffix == ".fmu":
         return "is an FMU, not a scenario. Run it with `twin simulate`, or name it as a member's component."
     if path.suffix == ".ssp":
@@ -75,17 +75,17 @@ def archive(path: Path) -> str:
 
 
 def parse(text: str, shown: str, problems: list[str] | None = None) -> Node:
-    """The tree of a YAML text. Keys that are given twice go to `problems`, if given."""
+    """Parse a YAML text. Duplicate keys are appended to `problems`, if given, else raised as ScenarioError."""
     try:
         return Composer(shown, problems).document(yaml.parse(text, Loader=Loader))
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = f":{mark.line + 1}" if mark else ""
-        what = " ".join(str(part) for part in (error.problem, error.context) if part)
-        # a trap of YAML: inside { } and [ ], plain text ends at the bracket of `sheath.x[3]`
+        reason = " ".join(str(part) for part in (error.problem, error.context) if part)
+        # Inside { } and [ ], YAML ends plain text at the bracket of `sheath.x[3]`.
         element = mark is not None and re.search(r"[A-Za-z_0-9]\[", text.split("\n")[min(mark.line, text.count("\n"))])
         advice = "Put names like x[3] in quotes" if element else "Check indentation, quotes and brackets"
-        raise ScenarioError(f"{shown}{line}: not YAML: {what}. {advice} there.") from None
+        raise ScenarioError(f"{shown}{line}: not YAML: {reason}. {advice} there.") from None
     except yaml.reader.ReaderError as error:
         line = f":{text.count(chr(10), 0, error.position) + 1}" if 0 <= error.position <= len(text) else ""
         raise ScenarioError(f"{shown}{line}: not YAML: {error.reason}. Remove that character.") from None
@@ -97,21 +97,21 @@ class Composer:
     def __init__(self, shown: str, problems: list[str] | None) -> None:
         self.shown = shown
         self.count = 0
-        self.anchors: dict[str, tuple[Node, int]] = {}  # with the number of nodes it stands for
+        self.anchors: dict[str, tuple[Node, int]] = {}  # anchor -> node and number of nodes in it
         self.raises = problems is None
         self.problems = [] if problems is None else problems
 
-    def place(self, event: Any) -> Place:
-        """Where an event begins."""
-        return Place(self.shown, event.start_mark.line + 1, event.start_mark.column + 1)
+    def location(self, event: Any) -> SourceLocation:
+        """Return the location at which an event begins."""
+        return SourceLocation(self.shown, event.start_mark.line + 1, event.start_mark.column + 1)
 
     def document(self, events: Iterator[Any]) -> Node:
-        """The only document of the stream; every duplicate key is listed."""
+        """Compose the only document of the stream."""
         root: Node | None = None
         for event in events:
             if isinstance(event, yaml.DocumentStartEvent):
                 if root is not None:
-                    raise ScenarioError(f"{self.place(event)}: a second document begins. Use one file for each.")
+                    raise ScenarioError(f"{self.location(event)}: a second document begins. Use one file for each.")
                 root = self.node(next(events), events, 0)
         if root is None or root.value is None:
             raise ScenarioError(f"{self.shown}: is empty. Write it, or name another file.")
@@ -120,54 +120,56 @@ class Composer:
         return root
 
     def node(self, event: Any, events: Iterator[Any], depth: int) -> Node:
-        """The node that begins with `event`."""
-        place = self.place(event)
-        before = self.count
-        self.add(1, place)
+        """Compose the node that begins with `event`."""
+        location = self.location(event)
+        previous_count = self.count
+        self.add(1, location)
         if depth > MAX_DEPTH:
-            raise ScenarioError(f"{place}: nested more than {MAX_DEPTH} deep. A scenario needs six levels.")
+            raise ScenarioError(f"{location}: nested more than {MAX_DEPTH} deep. A scenario needs six levels.")
         if isinstance(event, yaml.AliasEvent):
             if event.anchor not in self.anchors:
-                raise ScenarioError(f"{place}: nothing is called &{event.anchor} above this line. Define it first.")
+                raise ScenarioError(f"{location}: nothing is called &{event.anchor} above this line. Define it first.")
             target, count = self.anchors[event.anchor]
-            self.add(count, place)
+            self.add(count, location)
             return target
         if event.tag not in (None, "!"):
-            raise ScenarioError(f"{place}: the tag {event.tag} is not supported. Write the plain value.")
+            raise ScenarioError(f"{location}: the tag {event.tag} is not supported. Write the plain value.")
         if isinstance(event, yaml.ScalarEvent):
-            node = Node(scalar(event.value) if event.implicit[0] else event.value, place)
+            node = Node(scalar(event.value) if event.implicit[0] else event.value, location)
         elif isinstance(event, yaml.SequenceStartEvent):
-            node = Node(list(self.sequence(events, depth)), place)
+            node = Node(list(self.sequence(events, depth)), location)
         else:
-            node = Node(self.mapping(events, depth), place)
+            node = Node(self.mapping(events, depth), location)
         if event.anchor:
-            self.anchors[event.anchor] = node, self.count - before
+            self.anchors[event.anchor] = node, self.count - previous_count
         return node
 
     def sequence(self, events: Iterator[Any], depth: int) -> Iterator[Node]:
-        """The items until the list ends."""
+        """Yield the items until the list ends."""
         while not isinstance(event := next(events), yaml.SequenceEndEvent):
             yield self.node(event, events, depth + 1)
 
     def mapping(self, events: Iterator[Any], depth: int) -> dict[str, Node]:
-        """The entries until the mapping ends."""
+        """Compose the entries until the mapping ends."""
         entries: dict[str, Node] = {}
         while not isinstance(event := next(events), yaml.MappingEndEvent):
-            place = self.place(event)
+            location = self.location(event)
             if not isinstance(event, yaml.ScalarEvent):
                 raise ScenarioError(
-                    f"{place}: a key must be a name. Put {{ }} or [ ] in quotes if it is meant as text."
+                    f"{location}: a key must be a name. Put {{ }} or [ ] in quotes if it is meant as text."
                 )
             if event.value == "<<":
-                raise ScenarioError(f"{place}: `<<` is not supported. Use `extends` or `variants`.")
+                raise ScenarioError(f"{location}: `<<` is not supported. Use `extends` or `variants`.")
             if event.value in entries:
                 first = entries[event.value].place.line
-                self.problems.append(f"{place}: `{event.value}` is given twice, first on line {first}. Keep one.")
-            entries[event.value] = Node(self.node(next(events), events, depth + 1).value, place)
+                self.problems.append(f"{location}: `{event.value}` is given twice, first on line {first}. Keep one.")
+            entries[event.value] = Node(self.node(next(events), events, depth + 1).value, location)
         return entries
 
-    def add(self, count: int, place: Place) -> None:
-        """Count nodes, those behind aliases as often as they are used."""
+    def add(self, count: int, location: SourceLocation) -> None:
+        """Count nodes, those of aliases each time they are used; ScenarioError above the limit."""
         self.count += count
         if self.count > MAX_NODES:
-            raise ScenarioError(f"{place}: more than {MAX_NODES} values, aliases counted. Make the scenario smaller.")
+            raise ScenarioError(
+                f"{location}: more than {MAX_NODES} values, aliases counted. Make the scenario smaller."
+            )

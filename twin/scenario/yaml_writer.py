@@ -1,4 +1,4 @@
-"""A tree as YAML text that reads back as the same tree."""
+"""Writer of a tree as YAML text that reads back as the same tree."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ Safe: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
 class Dumper(Safe):  # type: ignore[misc]
-    """Writes what `tree` reads: text such as `1e-3`, a number in YAML 1.2, gets quotes; nothing becomes an alias."""
+    """YAML dumper for `yaml_reader`: text such as `1e-3`, a number in YAML 1.2, is quoted; aliases are not used."""
 
     def ignore_aliases(self, data: Any) -> bool:  # noqa: ARG002 - the base class's signature
-        """Write every value out."""
+        """Disable aliases."""
         return True
 
 
@@ -25,5 +25,5 @@ Dumper.add_implicit_resolver("tag:yaml.org,2002:float", re.compile(f"({FLOAT.pat
 
 
 def text(tree: Node) -> str:
-    """The tree's text."""
+    """Return the tree as YAML text."""
     return str(yaml.dump(tree.plain(), Dumper=Dumper, sort_keys=False, allow_unicode=True, width=110))

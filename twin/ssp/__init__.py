@@ -1,49 +1,49 @@
-"""SSP: systems of FMUs as others exchange them, System Structure and Parameterization 1.0 and 2.0, read and written."""
+"""Reader and writer for System Structure and Parameterization (SSP) 1.0 and 2.0."""
 
 from typing import TYPE_CHECKING
 
 import lazy_loader
 
 if TYPE_CHECKING:
-    from twin.ssp.flat import Flat, Member, Wire, flattened
+    from twin.ssp.flat import FlatConnection, FlatSystem, Member, flatten
     from twin.ssp.model import Linear
     from twin.ssp.names import element_name, member_name
-    from twin.ssp.outputs import with_outputs
-    from twin.ssp.package import EXTRA, Package, Variant, opened
-    from twin.ssp.ssp_annotations import told
-    from twin.ssp.writer import Component, Outline, Port, Tie, Value, write
+    from twin.ssp.outputs import promote_locals_to_outputs
+    from twin.ssp.package import EXTRA, Package, Variant, open_package
+    from twin.ssp.ssp_annotations import read_annotations
+    from twin.ssp.writer import Component, OutlineConnection, Port, SystemOutline, Value, write
 
 __all__ = [
     "EXTRA",
     "Component",
-    "Flat",
+    "FlatConnection",
+    "FlatSystem",
     "Linear",
     "Member",
-    "Outline",
+    "OutlineConnection",
     "Package",
     "Port",
-    "Tie",
+    "SystemOutline",
     "Value",
     "Variant",
-    "Wire",
     "element_name",
-    "flattened",
+    "flatten",
     "member_name",
-    "opened",
-    "told",
-    "with_outputs",
+    "open_package",
+    "promote_locals_to_outputs",
+    "read_annotations",
     "write",
 ]
 
 __getattr__, _, _ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "flat": ["Flat", "Member", "Wire", "flattened"],
+        "flat": ["FlatSystem", "Member", "FlatConnection", "flatten"],
         "model": ["Linear"],
         "names": ["element_name", "member_name"],
-        "outputs": ["with_outputs"],
-        "package": ["EXTRA", "Package", "Variant", "opened"],
-        "ssp_annotations": ["told"],
-        "writer": ["Component", "Outline", "Port", "Tie", "Value", "write"],
+        "outputs": ["promote_locals_to_outputs"],
+        "package": ["EXTRA", "Package", "Variant", "open_package"],
+        "ssp_annotations": ["read_annotations"],
+        "writer": ["Component", "SystemOutline", "Port", "OutlineConnection", "Value", "write"],
     },
 )

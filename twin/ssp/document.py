@@ -1,4 +1,4 @@
-"""The XML files of an SSP: parsed without trust, and held against the schemas of the standard.
+"""Hardened parsing of the XML files of an SSP and validation against the schemas of the standard.
 
 The schemas are those of the Modelica Association Project SSP, 1.0 and 2.0 (schema/, each with its license).
 """
@@ -15,9 +15,10 @@ from lxml import etree
 from twin.errors import FMUError, ScenarioError
 from twin.fmi import xml_checks
 
-SPACE = "http://ssp-standard.org/SSP1/SystemStructure"
+NAMESPACE = "http://ssp-standard.org/SSP1/SystemStructure"
 SSD, SSC, SSV, SSM, SSB = (
-    f"{{{SPACE}{one}}}" for one in ("Description", "Common", "ParameterValues", "ParameterMapping", "SignalDictionary")
+    f"{{{NAMESPACE}{one}}}"
+    for one in ("Description", "Common", "ParameterValues", "ParameterMapping", "SignalDictionary")
 )
 ROOTS = {
     f"{SSD}SystemStructureDescription": "Description",
@@ -25,17 +26,17 @@ ROOTS = {
     f"{SSM}ParameterMapping": "ParameterMapping",
     f"{SSB}SignalDictionary": "SignalDictionary",
 }
-TOLERATED = (  # what OMSimulator writes, and what changes nothing
+TOLERATED_ERRORS = (  # OMSimulator leaves the name out, which changes nothing
     re.compile(r"Element 'Enumeration': The attribute 'name' is required"),
 )
-MOST = 40  # lines of one file
-SCHEMA = "against the schema"
+MAX_MESSAGES = 40  # reported for one file
+SCHEMA_MESSAGE = "against the schema"
 
 
-def root_of(content: bytes, shown: str) -> Any:
-    """The root element of a file; ScenarioError if it is no XML, or could do harm."""
+def parse_root(content: bytes, shown_path: str) -> Any:
+    """Return the root element of a file; raise ScenarioError if it is not XML or is unsafe to parse."""
     try:
-        return xml_checks.root_of(shown, content)
+        return xml_checks.root_of(shown_path, content)
     except FMUError as error:
         text = str(error).replace("Export the FMU once more", "Write it once more").replace("FMI needs", "SSP needs")
         raise ScenarioError(text) from None
@@ -43,37 +44,40 @@ def root_of(content: bytes, shown: str) -> Any:
 
 @cache
 def schema(version: str, name: str) -> Any:
-    """A schema, compiled once."""
-    file = Path(__file__).parent / "schema" / version / f"SystemStructure{name}.xsd"
-    return etree.XMLSchema(etree.parse(str(file)))
+    """Compile a schema; cached for the life of the process."""
+    path = Path(__file__).parent / "schema" / version / f"SystemStructure{name}.xsd"
+    return etree.XMLSchema(etree.parse(str(path)))
 
 
-def violations(root: Any, shown: str) -> list[str]:
-    """What a file, or a part of one that has its own schema, does against its schema: a line for each line of it."""
+def violations(root: Any, shown_path: str) -> list[str]:
+    """Validate a file, or a part with a schema of its own, and return one message for each invalid line."""
     name = ROOTS.get(root.tag)
     if name is None:
-        expected = ", ".join(plain(tag) for tag in ROOTS)
-        return [f"{shown}:{root.sourceline}: <{plain(root.tag)}> is no root of an SSP file. Expected {expected}."]
+        expected = ", ".join(shorten(tag) for tag in ROOTS)
+        return [
+            f"{shown_path}:{root.sourceline}: <{shorten(root.tag)}> is no root of an SSP file. Expected {expected}."
+        ]
     version = root.get("version", "")
     if not re.fullmatch(r"1\.\d+(-.*)?|2\.0", version):
-        said = f"is for SSP {version}" if version else "does not say for which SSP version it is"
-        return [f"{shown}:{root.sourceline}: {said}; 1.0 and 2.0 can be read. Write it for one of them."]
-    checked = schema(f"{version[0]}.0", name)
-    if checked.validate(root):
+        reason = f"is for SSP {version}" if version else "does not say for which SSP version it is"
+        return [f"{shown_path}:{root.sourceline}: {reason}; 1.0 and 2.0 can be read. Write it for one of them."]
+    compiled_schema = schema(f"{version[0]}.0", name)
+    if compiled_schema.validate(root):
         return []
-    found: dict[tuple[int, str], str] = {}
-    for one in checked.error_log:
-        text = plain(one.message).rstrip(".")
-        if not any(pattern.search(text) for pattern in TOLERATED):
-            found.setdefault(
-                (one.line, one.path), f"{shown}:{one.line}: {SCHEMA} of SSP {version}: {text}. Correct it."
+    messages: dict[tuple[int, str], str] = {}
+    for entry in compiled_schema.error_log:
+        text = shorten(entry.message).rstrip(".")
+        if not any(pattern.search(text) for pattern in TOLERATED_ERRORS):
+            messages.setdefault(
+                (entry.line, entry.path),
+                f"{shown_path}:{entry.line}: {SCHEMA_MESSAGE} of SSP {version}: {text}. Correct it.",
             )
-    lines = list(found.values())
-    more = [f"{shown}: {len(lines) - MOST} more lines against the schema. Correct these first."]
-    return lines[:MOST] + (more if len(lines) > MOST else [])
+    lines = list(messages.values())
+    remainder = [f"{shown_path}: {len(lines) - MAX_MESSAGES} more lines against the schema. Correct these first."]
+    return lines[:MAX_MESSAGES] + (remainder if len(lines) > MAX_MESSAGES else [])
 
 
-def plain(text: str) -> str:
-    """A tag or a message of the schema without namespaces, on one line, not too long."""
-    short = " ".join(re.sub(r"\{http[^{}]*\}", "", text).split())
-    return short if len(short) <= 300 else short[:297] + "..."
+def shorten(text: str) -> str:
+    """Strip namespaces from a tag or a schema message and put it on one line of at most 300 characters."""
+    single_line = " ".join(re.sub(r"\{http[^{}]*\}", "", text).split())
+    return single_line if len(single_line) <= 300 else single_line[:297] + "..."

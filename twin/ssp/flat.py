@@ -1,7 +1,8 @@
-"""A description with systems inside systems as members and wires between them.
+"""Flattening of nested systems into members and direct connections between them.
 
-A wire is a chain of connections through the connectors of systems and the entries of signal dictionaries, its units
-and linear transformations put together. A value that is set on a system's connector goes to all that hang on it.
+A flat connection is a chain of connections through the connectors of systems and the entries of signal dictionaries, with
+its unit conversions and linear transformations combined. A value that is set on a system's connector is propagated to every
+variable that is connected to it.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from twin.errors import CouplingError, TwinError, nearest
 from twin.fmi import FMUMember
 from twin.ssp.model import ROLES_1, SOURCES, TARGETS, Connection, Element, End, Linear, Table
 from twin.ssp.names import member_name
-from twin.ssp.parameters import Given, apply, find, settle
+from twin.ssp.parameters import AssignedValue, apply_binding, convert_value, find_variable
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -23,12 +24,12 @@ if TYPE_CHECKING:
     from twin.ssp.package import Variant
 
 Path = tuple[str, ...]
-Node = tuple[Path, str]  # where the element is, and its connector
+Node = tuple[Path, str]  # path of an element and name of its connector
 
 
 @dataclass(frozen=True)
-class Facts:
-    """What an FMU says of itself."""
+class FmuInfo:
+    """Variables, fixed step [s] and default stop time [s] from an FMU's model description."""
 
     variables: Mapping[str, MemberVariable]
     step: float | None
@@ -37,20 +38,20 @@ class Facts:
 
 @dataclass
 class Member:
-    """An FMU of the system; `parameters`: value in the variable's unit, and where it is said."""
+    """An FMU of the system. `parameters`: value in the variable's unit, and its file:line."""
 
     element: str
     fmu: str
     where: str
-    facts: Facts | None
+    info: FmuInfo | None
     implementation: str = "any"
     parameters: dict[str, tuple[Any, str]] = field(default_factory=dict)
     annotations: list[bytes] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
-class Wire:
-    """`change`: what is done to a value instead of converting units; None: these are converted as ever."""
+class FlatConnection:
+    """A direct connection of two variables. `change` replaces the conversion of units; None: units are converted as usual."""
 
     source: str
     target: str
@@ -60,56 +61,56 @@ class Wire:
 
 
 @dataclass
-class Flat:
-    """Members by name, wires, and what was found on the way."""
+class FlatSystem:
+    """A flattened system: members by name, connections, and the problems and notes of flattening."""
 
     members: dict[str, Member] = field(default_factory=dict)
-    wires: list[Wire] = field(default_factory=list)
+    wires: list[FlatConnection] = field(default_factory=list)
     problems: list[str] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
-def facts(path: str, found: dict[str, Facts | None]) -> Facts | None:
-    """What an FMU says, asked once; None if it cannot be read, which is told when its member is made."""
-    if path not in found:
+def read_fmu_info(path: str, cache: dict[str, FmuInfo | None]) -> FmuInfo | None:
+    """Read an FMU's model description once; None if it cannot be read, which is reported when its member is created."""
+    if path not in cache:
         try:
             member = FMUMember("member", path)
         except TwinError:
-            found[path] = None
+            cache[path] = None
         else:
             member.close()
-            told = member.default_experiment
-            found[path] = Facts(member.variables, member.fixed_step or told.step_size, told.stop)
-    return found[path]
+            experiment = member.default_experiment
+            cache[path] = FmuInfo(member.variables, member.fixed_step or experiment.step_size, experiment.stop)
+    return cache[path]
 
 
-def flattened(variant: Variant, known: dict[str, Facts | None]) -> Flat:
-    """A variant's members and wires; `known`: what is known of FMUs already."""
-    made = Flattener(known)
-    made.visit(variant.system, (), [])
-    made.wire()
-    return made.flat
+def flatten(variant: Variant, cache: dict[str, FmuInfo | None]) -> FlatSystem:
+    """Flatten a variant. `cache`: FMU information by path, shared between variants."""
+    flattener = SystemFlattener(cache)
+    flattener.visit(variant.system, (), [])
+    flattener.resolve_connections()
+    return flattener.flat
 
 
-class Flattener:
-    """Walks a system, then follows each connection back to where its values come from."""
+class SystemFlattener:
+    """Visits a system, then traces each connection back to its source."""
 
-    def __init__(self, known: dict[str, Facts | None]) -> None:
-        self.known, self.flat = known, Flat()
+    def __init__(self, cache: dict[str, FmuInfo | None]) -> None:
+        self.fmu_infos, self.flat = cache, FlatSystem()
         self.members: dict[Path, Member] = {}
         self.elements: dict[Path, Element] = {}
-        self.aliases: dict[Path, Path] = {}  # of references to the dictionary that they mean
+        self.aliases: dict[Path, Path] = {}  # reference -> dictionary
         self.units: dict[Node, str | None] = {}
         self.inbound: dict[Node, tuple[Node, Connection]] = {}
-        self.given: dict[Node, Given] = {}
+        self.assigned: dict[Node, AssignedValue] = {}
 
     def visit(self, element: Element, path: Path, scopes: list[tuple[Path, Element]]) -> None:
-        """Take an element and all that is in it; what is inside comes first, so that outer values win."""
+        """Visit an element depth first, so that outer parameter values override inner ones."""
         self.elements[path] = element
         if element.fmu:
-            self.member(element, path)
+            self.add_member(element, path)
         elif element.kind == "dictionary":
-            self.reference(element, path, scopes)
+            self.resolve_reference(element, path, scopes)
         for name, connector in element.connectors.items():
             self.units.setdefault((path, name), connector.unit)
         scopes = [*scopes, (path, element)]
@@ -119,199 +120,216 @@ class Flattener:
         for connection in element.connections:
             self.connect(element, path, connection)
         for binding in element.bindings:
-            apply(binding, path, self.elements, self.members, self.given, self.flat)
+            apply_binding(binding, path, self.elements, self.members, self.assigned, self.flat)
 
-    def member(self, element: Element, path: Path) -> None:
-        """A component that is an FMU, and whether its connectors are the FMU's variables."""
-        told = facts(element.fmu, self.known)
-        place = ".".join(path)
-        name = member_name(place)
+    def add_member(self, element: Element, path: Path) -> None:
+        """Add the member of an FMU component and check its connectors against the FMU's variables."""
+        info = read_fmu_info(element.fmu, self.fmu_infos)
+        element_name = ".".join(path)
+        name = member_name(element_name)
         if name in self.flat.members:
-            self.flat.problems.append(f"{element.where}: there are two elements `{place}`. Rename one.")
+            self.flat.problems.append(f"{element.where}: there are two elements `{element_name}`. Rename one.")
         member = Member(
-            place, element.fmu, element.where, told, element.implementation, annotations=element.annotations
+            element_name, element.fmu, element.where, info, element.implementation, annotations=element.annotations
         )
         self.members[path] = self.flat.members[name] = member
-        if told is None:
+        if info is None:
             return
         for connector in element.connectors.values():
-            variable = find(connector.name, told.variables)
-            text = f"{connector.where}: `{place}` has the connector `{connector.name}`"
+            variable = find_variable(connector.name, info.variables)
+            text = f"{connector.where}: `{element_name}` has the connector `{connector.name}`"
             if variable is None:
-                hint = nearest(connector.name, told.variables, "`")
+                hint = nearest(connector.name, info.variables, "`")
                 self.flat.problems.append(f"{text}, but its FMU has no such variable. {hint}")
                 continue
-            causes = {variable.causality, ROLES_1.get(variable.causality, ""), "inout", "unspecified", ""}
-            if connector.kind not in causes:
+            allowed_kinds = {variable.causality, ROLES_1.get(variable.causality, ""), "inout", "unspecified", ""}
+            if connector.kind not in allowed_kinds:
                 self.flat.problems.append(
                     f"{text} as {connector.kind}, but it is {variable.causality} in the FMU. Correct the kind."
                 )
-            own = variable.unit or None
-            if connector.unit and own and not same(connector.unit, own):
+            fmu_unit = variable.unit or None
+            if connector.unit and fmu_unit and not is_same_unit(connector.unit, fmu_unit):
                 self.flat.problems.append(
-                    f"{text} in {unit.shown(connector.unit)}, but it is in {unit.shown(own)} in the FMU. Correct the unit."
+                    f"{text} in {unit.shown(connector.unit)}, but it is in {unit.shown(fmu_unit)} in the FMU. Correct the unit."
                 )
-            self.units[path, connector.name] = own or connector.unit
+            self.units[path, connector.name] = fmu_unit or connector.unit
 
-    def reference(self, element: Element, path: Path, scopes: list[tuple[Path, Element]]) -> None:
-        """A reference to a signal dictionary of this system or of one around it."""
+    def resolve_reference(self, element: Element, path: Path, scopes: list[tuple[Path, Element]]) -> None:
+        """Resolve a reference to a signal dictionary of this system or of an enclosing one."""
         for owner, system in reversed(scopes):
             if element.dictionary in system.dictionaries:
                 alias = self.aliases[path] = (*owner, f"#{element.dictionary}")
-                for entry, text in system.dictionaries[element.dictionary].items():
-                    self.units.setdefault((alias, entry), text)
+                for entry, unit_text in system.dictionaries[element.dictionary].items():
+                    self.units.setdefault((alias, entry), unit_text)
                 return
-        known = [name for _, system in scopes for name in system.dictionaries]
-        hint = nearest(element.dictionary, known, "`") if known else "Define it under SignalDictionaries."
+        dictionary_names = [name for _, system in scopes for name in system.dictionaries]
+        hint = (
+            nearest(element.dictionary, dictionary_names, "`")
+            if dictionary_names
+            else "Define it under SignalDictionaries."
+        )
         self.flat.problems.append(f"{element.where}: there is no signal dictionary `{element.dictionary}`. {hint}")
 
-    def end(self, end: End, system: Element, path: Path, where: str) -> tuple[Node, str, str] | None:
-        """(connector, whose it is, its kind) of an end of a connection; else a problem.
+    def resolve_end(self, end: End, system: Element, path: Path, where: str) -> tuple[Node, str, str] | None:
+        """Return (node, owner, kind) of an end of a connection, or None after adding a problem.
 
-        A component that lists no connectors has its FMU's variables: some tools leave them out.
+        The owner is "system" or "element". A component without connectors has its FMU's variables: some tools omit them.
         """
-        place = path if end.element is None else (*path, end.element)
-        owner = system if end.element is None else self.elements.get(place)
+        element_path = path if end.element is None else (*path, end.element)
+        owner = system if end.element is None else self.elements.get(element_path)
         if owner is None or end.element == "":
-            hint = nearest(end.element or "", [one.name for one in system.elements], "`")
+            hint = nearest(end.element or "", [child.name for child in system.elements], "`")
             self.flat.problems.append(f"{where}: there is no element `{end.element}`. {hint}")
             return None
-        whole = end.connector.partition("[")[0]
-        name = end.connector if end.connector in owner.connectors else whole
-        member = self.members.get(place)
-        found = find(end.connector, member.facts.variables) if member and member.facts else None
+        base_name = end.connector.partition("[")[0]
+        name = end.connector if end.connector in owner.connectors else base_name
+        member = self.members.get(element_path)
+        variable = find_variable(end.connector, member.info.variables) if member and member.info else None
         if name in owner.connectors:
             kind = owner.connectors[name].kind
-        elif found is not None and not owner.connectors:
-            kind = found.causality
-            self.units[place, end.connector] = found.unit or None
+        elif variable is not None and not owner.connectors:
+            kind = variable.causality
+            self.units[element_path, end.connector] = variable.unit or None
         else:
             hint = nearest(name, owner.connectors, "`") if owner.connectors else "It has none: add it."
-            called = f"`{owner.name}`" if end.element is not None else "the system"
-            self.flat.problems.append(f"{where}: {called} has no connector `{name}`. {hint}")
+            shown_owner = f"`{owner.name}`" if end.element is not None else "the system"
+            self.flat.problems.append(f"{where}: {shown_owner} has no connector `{name}`. {hint}")
             return None
-        self.units.setdefault((place, end.connector), self.units.get((place, name)))
-        return (self.aliases.get(place, place), end.connector), "system" if end.element is None else "element", kind
+        self.units.setdefault((element_path, end.connector), self.units.get((element_path, name)))
+        return (
+            (self.aliases.get(element_path, element_path), end.connector),
+            "system" if end.element is None else "element",
+            kind,
+        )
 
     def connect(self, system: Element, path: Path, connection: Connection) -> None:
-        """One connection, in the direction that the kinds of its connectors say."""
+        """Register a connection in the direction that the kinds of its connectors imply."""
         where = f"{connection.where}: {connection.text}"
-        first, second = (self.end(one, system, path, where) for one in (connection.start, connection.end))
+        first, second = (self.resolve_end(end, system, path, where) for end in (connection.start, connection.end))
         if first is None or second is None:
             return
-        a, b = first[0], second[0]
+        first_node, second_node = first[0], second[0]
         forward = first[1:] in SOURCES and second[1:] in TARGETS
         backward = second[1:] in SOURCES and first[1:] in TARGETS
         if not forward and not backward:
             kinds = " and ".join(f"{kind} of the {owner}" for _, owner, kind in (first, second))
             self.flat.problems.append(f"{where}: {kinds} cannot be connected. Connect an output to an input.")
             return
-        source, target = (a, b) if forward else (b, a)
+        source, target = (first_node, second_node) if forward else (second_node, first_node)
         if target in self.inbound:
-            other = self.inbound[target][1]
-            text = f"it has another source already, {other.text} ({other.where}). Keep one."
+            existing = self.inbound[target][1]
+            text = f"it has another source already, {existing.text} ({existing.where}). Keep one."
             self.flat.problems.append(f"{where}: {text}")
             return
         self.inbound[target] = (source, connection)
 
-    def wire(self) -> None:
-        """Follow every connection into a member back to its source, then settle the values."""
+    def resolve_connections(self) -> None:
+        """Trace every connection into a member back to its source, then convert the assigned values."""
         for target in [node for node in self.inbound if node[0] in self.members]:
-            chain, origin = self.chain(target)
+            chain, origin = self.trace_chain(target)
             if origin[0] in self.members:
-                self.add(origin, target, chain)
+                self.add_connection(origin, target, chain)
                 continue
-            reached = [origin, *(node for node, _ in chain)]
-            for number, node in enumerate(reached[:-1]):
-                if node in self.given and target not in self.given:
-                    self.hand_down(node, chain[number:], target)
+            nodes = [origin, *(node for node, _ in chain)]
+            for number, node in enumerate(nodes[:-1]):
+                if node in self.assigned and target not in self.assigned:
+                    self.propagate_value(node, chain[number:], target)
                     break
-        for (path, name), one in self.given.items():
+        for (path, name), assigned in self.assigned.items():
             if path in self.members:
                 member = self.members[path]
-                variable = find(name, member.facts.variables) if member.facts else None
+                variable = find_variable(name, member.info.variables) if member.info else None
                 try:
-                    value = settle(one, (variable.unit or None) if variable else one.unit, name)
+                    value = convert_value(assigned, (variable.unit or None) if variable else assigned.unit, name)
                 except CouplingError as error:
-                    self.flat.problems += [f"{one.where}: {text}" for text in error.problems]
+                    self.flat.problems += [f"{assigned.where}: {text}" for text in error.problems]
                     continue
-                member.parameters[name] = (value, one.where)
+                member.parameters[name] = (value, assigned.where)
 
-    def chain(self, target: Node) -> tuple[list[tuple[Node, Connection]], Node]:
-        """The connections from a source to a target in their order, each with where it leads; and the source."""
-        found: list[tuple[Node, Connection]] = []
-        node, seen = target, {target}
+    def trace_chain(self, target: Node) -> tuple[list[tuple[Node, Connection]], Node]:
+        """Return the connections from source to target, each with the node it ends at, and the source node."""
+        chain: list[tuple[Node, Connection]] = []
+        node, visited = target, {target}
         while node in self.inbound and (node == target or node[0] not in self.members):
             source, connection = self.inbound[node]
-            found.append((node, connection))
-            if source in seen:
+            chain.append((node, connection))
+            if source in visited:
                 text = f"{connection.where}: {connection.text}: leads in a circle. Break it."
                 self.flat.problems.append(text)
                 break
-            seen.add(source)
+            visited.add(source)
             node = source
-        return found[::-1], node
+        return chain[::-1], node
 
-    def add(self, origin: Node, target: Node, chain: list[tuple[Node, Connection]]) -> None:
-        """The wire of a chain of connections."""
+    def add_connection(self, origin: Node, target: Node, chain: list[tuple[Node, Connection]]) -> None:
+        """Combine a chain of connections into one flat connection."""
         names = [f"{member_name('.'.join(path))}.{name}" for path, name in (origin, target)]
-        total, here = Linear(), self.units.get(origin)
-        for node, one in chain:
-            there = self.units.get(node)
+        total, current_unit = Linear(), self.units.get(origin)
+        for node, connection in chain:
+            next_unit = self.units.get(node)
             try:
-                total, here = hop(total, here, there, one)
+                total, current_unit = append_connection(total, current_unit, next_unit, connection)
             except CouplingError as error:
-                self.flat.problems += [f"{one.where}: {text}" for text in error.problems]
+                self.flat.problems += [f"{connection.where}: {text}" for text in error.problems]
                 return
-        is_usual = all(one.change is None and not one.suppress for _, one in chain)
+        is_usual = all(connection.change is None and not connection.suppress for _, connection in chain)
         has_units = all(self.fmu_unit(node) for node in (origin, target))
         change = None if is_usual and (has_units or total == Linear()) else total
-        notes = tuple(note for _, one in chain for note in one.annotations)
-        self.flat.wires.append(Wire(names[0], names[1], change, chain[-1][1].where, notes))
+        notes = tuple(note for _, connection in chain for note in connection.annotations)
+        self.flat.wires.append(FlatConnection(names[0], names[1], change, chain[-1][1].where, notes))
 
     def fmu_unit(self, node: Node) -> str:
-        """The unit that the FMU itself gives a variable; "" if none."""
-        told = self.members[node[0]].facts
-        variable = find(node[1], told.variables) if told else None
+        """Return the unit that the FMU declares for a variable; "" if none."""
+        info = self.members[node[0]].info
+        variable = find_variable(node[1], info.variables) if info else None
         return variable.unit if variable else ""
 
-    def hand_down(self, node: Node, chain: list[tuple[Node, Connection]], target: Node) -> None:
-        """A value that is set on a system's connector, handed to a member's variable."""
-        one = self.given[node]
-        here = self.units.get(node)
+    def propagate_value(self, node: Node, chain: list[tuple[Node, Connection]], target: Node) -> None:
+        """Propagate a value that is set on a system's connector to a member's variable."""
+        assigned = self.assigned[node]
+        current_unit = self.units.get(node)
         try:
-            value = settle(one, here, node[1])
-            here = here or one.unit
-            for following, connection in chain:
-                there = self.units.get(following)
-                step = Given(value, here, connection.change, connection.suppress, one.where)
-                value, here = settle(step, there, node[1]), there or (None if connection.suppress else here)
+            value = convert_value(assigned, current_unit, node[1])
+            current_unit = current_unit or assigned.unit
+            for next_node, connection in chain:
+                next_unit = self.units.get(next_node)
+                step = AssignedValue(value, current_unit, connection.change, connection.suppress, assigned.where)
+                value, current_unit = (
+                    convert_value(step, next_unit, node[1]),
+                    next_unit or (None if connection.suppress else current_unit),
+                )
         except CouplingError as error:
-            self.flat.problems += [f"{one.where}: {text}" for text in error.problems]
+            self.flat.problems += [f"{assigned.where}: {text}" for text in error.problems]
             return
-        self.given[target] = Given(value, here, None, False, one.where)
+        self.assigned[target] = AssignedValue(value, current_unit, None, False, assigned.where)
 
 
-def hop(total: Linear, here: str | None, there: str | None, connection: Connection) -> tuple[Linear, str | None]:
-    """What comes after one more connection, and its unit: units first, then the transformation."""
+def append_connection(
+    total: Linear, current_unit: str | None, next_unit: str | None, connection: Connection
+) -> tuple[Linear, str | None]:
+    """Append a connection to a transformation: convert units, then transform. Returns the result and its unit."""
     if isinstance(connection.change, Table):
         if any(source != target for source, target in connection.change.entries.items()):
             raise CouplingError(
                 f"{connection.text}: maps single values, which only a component can do. Put one between."
             )
-    if not connection.suppress and here and there:
-        total = total.then(Linear(*unit.conversion(here, there, connection.text)))
+    if not connection.suppress and current_unit and next_unit:
+        total = total.then(Linear(*unit.conversion(current_unit, next_unit, connection.text)))
     if isinstance(connection.change, Linear):
         total = total.then(connection.change)
-    return total, there or (None if connection.suppress else here)
+    return total, next_unit or (None if connection.suppress else current_unit)
 
 
-def same(one: str, other: str) -> bool:
-    """Whether two units are of one kind and size; units that nobody can compute with are not doubted."""
-    if one == other:
+def is_same_unit(first: str, second: str) -> bool:
+    """Whether two units have the same dimension, factor and offset; unknown units count as equal."""
+    if first == second:
         return True
     try:
-        a, b = unit.describe(one), unit.describe(other)
+        first_unit, second_unit = unit.describe(first), unit.describe(second)
     except CouplingError:
         return True
-    return unit.same_kind(a, b) and abs(a.factor - b.factor) <= 1e-9 * abs(b.factor) and abs(a.offset - b.offset) < 1e-6
+    return (
+        unit.same_kind(first_unit, second_unit)
+        and abs(first_unit.factor - second_unit.factor) <= 1e-9 * abs(second_unit.factor)
+        and abs(first_unit.offset - second_unit.offset) < 1e-6
+    )

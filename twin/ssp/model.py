@@ -1,4 +1,4 @@
-"""What the files of an SSP say, as plain data in SSP's own words; every part knows where it stands."""
+"""Data model of the files of an SSP in the terms of the standard; `where` is the file:line of each item."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 from twin.component import unit
 from twin.errors import CouplingError
 
-SOURCES = {  # (owner, kind) that a value may come from, and go to: SSP 2.0, "Allowed Connections"
+SOURCES = {  # (owner, kind) of valid sources, and of valid targets below: SSP 2.0, "Allowed Connections"
     *(("system", kind) for kind in ("structuralParameter", "parameter", "input")),
     *(("element", kind) for kind in ("constant", "calculatedParameter", "output", "local", "inout", "unspecified")),
 }
@@ -18,17 +18,17 @@ TARGETS = {
 }
 
 KINDS = {kind for _, kind in SOURCES | TARGETS}
-ROLES_1 = {"local": "output", "structuralParameter": "parameter"}  # SSP 1.0 has no words for these
+ROLES_1 = {"local": "output", "structuralParameter": "parameter"}  # SSP 1.0 does not define these kinds
 
 
 @dataclass
 class Units:
-    """The units that one file defines, as the texts by which they are known here."""
+    """Units defined in one file: name -> unit text of `twin.component.unit`."""
 
     texts: dict[str, str] = field(default_factory=dict)
 
     def text(self, name: str | None) -> str | None:
-        """A unit's text; CouplingError if the file does not define it and nobody knows it."""
+        """Return a unit's text; CouplingError if neither the file nor `twin.component.unit` defines it."""
         if name is None or name in self.texts:
             return None if name is None else self.texts[name]
         unit.describe(name)
@@ -37,30 +37,30 @@ class Units:
 
 @dataclass(frozen=True)
 class Linear:
-    """target = factor * source + offset."""
+    """Linear transformation: target = factor * source + offset."""
 
     factor: float = 1.0
     offset: float = 0.0
 
     def then(self, other: Linear) -> Linear:
-        """What comes of it and then of another."""
+        """Compose with a transformation that is applied afterwards."""
         return Linear(other.factor * self.factor, other.factor * self.offset + other.offset)
 
     def of(self, value: float) -> float:
-        """The value that it makes of another; the same bits where there is nothing to do."""
+        """Transform a value; the identity returns the same bits."""
         return value if self == Linear() else self.factor * value + self.offset
 
 
 @dataclass(frozen=True)
 class Table:
-    """Values by values; what is not in it stays."""
+    """Mapping of discrete values; a value without an entry is unchanged."""
 
     entries: dict[Any, Any]
 
 
 @dataclass
 class Connector:
-    """`kind` is SSP's: input, output, parameter, ...; `unit` its text, None where it is not said."""
+    """A connector. `kind` is SSP's: input, output, parameter, ...; `unit`: its text, None if unspecified."""
 
     name: str
     kind: str
@@ -70,7 +70,7 @@ class Connector:
 
 @dataclass
 class End:
-    """An end of a connection: of the system itself, if no element is named."""
+    """An end of a connection: on the system itself if `element` is None."""
 
     element: str | None
     connector: str
@@ -78,7 +78,7 @@ class End:
 
 @dataclass
 class Connection:
-    """Of two connectors, whose kinds say in which direction."""
+    """A connection of two connectors, whose kinds determine its direction."""
 
     start: End
     end: End
@@ -89,14 +89,14 @@ class Connection:
 
     @property
     def text(self) -> str:
-        """For messages."""
-        ends = (".".join(part for part in (one.element, one.connector) if part) for one in (self.start, self.end))
+        """`element.connector -> element.connector`, for messages."""
+        ends = (".".join(part for part in (end.element, end.connector) if part) for end in (self.start, self.end))
         return " -> ".join(ends)
 
 
 @dataclass
 class Parameter:
-    """One value of a parameter set, as Python's own: a list for an array."""
+    """One value of a parameter set as a Python value: a list for an array."""
 
     name: str
     value: Any
@@ -136,14 +136,14 @@ class Element:
     elements: list[Element] = field(default_factory=list)
     connections: list[Connection] = field(default_factory=list)
     dictionaries: dict[str, dict[str, str | None]] = field(default_factory=dict)  # name -> entry -> unit
-    dictionary: str = ""  # that is referred to
+    dictionary: str = ""  # name of the referenced dictionary
     fmu: str = ""  # path of the file
-    implementation: str = "any"  # of FMI
+    implementation: str = "any"  # FMI interface
     annotations: list[bytes] = field(default_factory=list)
 
 
-def known(units: Units, name: str | None, where: str, problems: list[str]) -> str | None:
-    """A unit's text; one that nobody knows is told and counts as none."""
+def resolve_unit(units: Units, name: str | None, where: str, problems: list[str]) -> str | None:
+    """Return a unit's text; report an unknown unit as a problem and return None."""
     try:
         return units.text(name)
     except CouplingError as error:

@@ -1,8 +1,8 @@
-"""Names: an element's place in nested systems, `rig.arm`, as the name of a member, which has letters, digits and _ only.
+"""Reversible encoding of hierarchical element names, `rig.arm`, as member names of letters, digits and _.
 
-`rig.arm` is `rig__arm`. Any other letter, and an underscore that could be taken for one of these, is `_x`, its number
-in hexadecimal, `_`: `Crane 2` is `Crane_x20_2`. So every name can be told back. A dot inside an element's name counts
-as a system around it, as in SSP's own hierarchical names.
+`rig.arm` is `rig__arm`. Any other character, and an underscore that would be ambiguous, is `_x`, its code point
+in hexadecimal, `_`: `Crane 2` is `Crane_x20_2`. A dot inside an element's name counts as a level of nesting,
+as in SSP's own hierarchical names.
 """
 
 from __future__ import annotations
@@ -10,27 +10,25 @@ from __future__ import annotations
 import re
 
 SEPARATOR = "__"
-DOUBTFUL = r"[^A-Za-z0-9_]|^[0-9]|^_|_$|_(?=[^A-Za-z0-9])|_(?=x[0-9a-f]+(?:[^A-Za-z0-9]{}))"
-INNER, LAST = (re.compile(DOUBTFUL.format(end)) for end in ("|$", ""))  # behind an inner part there is an underscore
+ESCAPED = r"[^A-Za-z0-9_]|^[0-9]|^_|_$|_(?=[^A-Za-z0-9])|_(?=x[0-9a-f]+(?:[^A-Za-z0-9]{}))"
+INNER, LAST = (re.compile(ESCAPED.format(end)) for end in ("|$", ""))  # the separator follows an inner part
 CODED = re.compile(r"_x([0-9a-f]{1,6})_|__")
 
 
 def member_name(element: str) -> str:
-    """The member's name of an element `system.element`."""
-    *around, own = element.split(".")
-    parts = [(INNER, part) for part in around] + [(LAST, own)]
-    return SEPARATOR.join(
-        doubtful.sub(lambda found: f"_x{ord(found[0]):x}_", part) or "_xe_" for doubtful, part in parts
-    )
+    """Encode the hierarchical name of an element, `system.element`, as a member name."""
+    *outer_names, inner_name = element.split(".")
+    parts = [(INNER, part) for part in outer_names] + [(LAST, inner_name)]
+    return SEPARATOR.join(pattern.sub(lambda match: f"_x{ord(match[0]):x}_", part) or "_xe_" for pattern, part in parts)
 
 
 def element_name(member: str) -> str:
-    """The element's name of a member."""
+    """Decode a member name to the hierarchical name of the element."""
 
-    def told(found: re.Match[str]) -> str:
-        if found[1] is None:
+    def decode(match: re.Match[str]) -> str:
+        if match[1] is None:
             return "."
-        number = int(found[1], 16)
-        return chr(number) if number < 0x110000 else found[0]
+        number = int(match[1], 16)
+        return chr(number) if number < 0x110000 else match[0]
 
-    return CODED.sub(told, member)
+    return CODED.sub(decode, member)

@@ -1,6 +1,6 @@
-"""FMUs of ours whose local variables feed others: those become outputs, since elsewhere only outputs can be connected.
+"""Promotion of connected local variables to outputs in exported FMUs; other tools connect only outputs.
 
-Only modelDescription.xml changes; the binary, its token and its value references stay.
+Only modelDescription.xml changes; the binary, its token and its value references stay the same.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from twin.fmi import exporter
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-PLACE = "modelDescription.xml"
+MODEL_DESCRIPTION = "modelDescription.xml"
 
 
-def with_outputs(content: bytes, names: Mapping[str, tuple[str, ...] | None]) -> bytes:
-    """An FMU in which some locals are outputs; each with the inputs that it depends on directly, None if unknown."""
+def promote_locals_to_outputs(content: bytes, names: Mapping[str, tuple[str, ...] | None]) -> bytes:
+    """Return the FMU with some locals as outputs. `names`: local -> inputs it depends on directly, None if unknown."""
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         files = {name: archive.read(name) for name in archive.namelist()}
-    root = etree.fromstring(files[PLACE])
-    variables = {one.get("name"): one for one in root.find("ModelVariables")}
+    root = etree.fromstring(files[MODEL_DESCRIPTION])
+    variables = {node.get("name"): node for node in root.find("ModelVariables")}
     is_2 = root.get("fmiVersion") == "2.0"
     numbers = {
-        name: str(number) if is_2 else one.get("valueReference")
-        for number, (name, one) in enumerate(variables.items(), 1)
+        name: str(number) if is_2 else node.get("valueReference")
+        for number, (name, node) in enumerate(variables.items(), 1)
     }
     structure = root.find("ModelStructure")
     states = state_numbers(root, is_2)
@@ -37,40 +37,42 @@ def with_outputs(content: bytes, names: Mapping[str, tuple[str, ...] | None]) ->
         if variable.get("causality") != "local":
             continue
         variable.set("causality", "output")
-        known = None if inputs is None else {*(numbers[one] for one in inputs), *states}
-        add(structure, is_2, "Output", numbers[name], known)
+        dependencies = None if inputs is None else {*(numbers[node] for node in inputs), *states}
+        add(structure, is_2, "Output", numbers[name], dependencies)
         if variable.get("initial") in ("calculated", "approx"):
             add(structure, is_2, "InitialUnknown", numbers[name], None)
-    files[PLACE] = etree.tostring(root, xml_declaration=True, encoding="UTF-8")
+    files[MODEL_DESCRIPTION] = etree.tostring(root, xml_declaration=True, encoding="UTF-8")
     return exporter.archive(files)
 
 
 def state_numbers(root: Any, is_2: bool) -> set[str]:
-    """Indices or value references of the continuous states."""
+    """Return the indices (FMI 2.0) or value references of the continuous states."""
     if is_2:
         return {
-            found for one in root.iterfind("ModelVariables/ScalarVariable/Real") if (found := one.get("derivative"))
+            reference
+            for node in root.iterfind("ModelVariables/ScalarVariable/Real")
+            if (reference := node.get("derivative"))
         }
-    return {found for one in root.iterfind("ModelVariables/*") if (found := one.get("derivative"))}
+    return {reference for node in root.iterfind("ModelVariables/*") if (reference := node.get("derivative"))}
 
 
-def add(structure: Any, is_2: bool, word: str, number: str, known: set[str] | None) -> None:
-    """An entry of the model's structure, in the order of the numbers, unless it is there."""
-    key, tag = ("index", "Unknown") if is_2 else ("valueReference", word)
-    place = structure.find(f"{word}s") if is_2 else structure
-    if place is None:
-        place = etree.Element(f"{word}s")
-        structure.insert(0 if word == "Output" else len(structure), place)
-    present = [one for one in place if one.tag == tag]
-    if any(one.get(key) == number for one in present):
+def add(structure: Any, is_2: bool, kind: str, number: str, dependencies: set[str] | None) -> None:
+    """Insert an entry into the model structure, sorted by number, unless it exists."""
+    key, tag = ("index", "Unknown") if is_2 else ("valueReference", kind)
+    parent = structure.find(f"{kind}s") if is_2 else structure
+    if parent is None:
+        parent = etree.Element(f"{kind}s")
+        structure.insert(0 if kind == "Output" else len(structure), parent)
+    present = [node for node in parent if node.tag == tag]
+    if any(node.get(key) == number for node in present):
         return
-    made = etree.Element(tag, {key: number})
-    if known is not None:
-        made.set("dependencies", " ".join(sorted(known, key=int)))
-    after = [one for one in present if int(one.get(key)) < int(number)]
-    if after:
-        after[-1].addnext(made)
+    entry = etree.Element(tag, {key: number})
+    if dependencies is not None:
+        entry.set("dependencies", " ".join(sorted(dependencies, key=int)))
+    preceding = [node for node in present if int(node.get(key)) < int(number)]
+    if preceding:
+        preceding[-1].addnext(entry)
     elif present:
-        present[0].addprevious(made)
+        present[0].addprevious(entry)
     else:
-        place.insert(0 if word == "Output" else len(place), made)
+        parent.insert(0 if kind == "Output" else len(parent), entry)

@@ -1,6 +1,6 @@
-"""The archive of an SSP: checked as an FMU's is, unpacked into a folder that stays, its variants read.
+"""The archive of an SSP: validated like an FMU's, unpacked into a persistent folder, its variants parsed.
 
-The folder has the name of the archive's content, so that runs find the FMUs again that their frozen scenarios name.
+The folder is named by the hash of the archive, so that frozen scenarios of earlier runs still find their FMUs.
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from typing import TYPE_CHECKING
 
 from twin.errors import FMUError, ScenarioError
 from twin.fmi import archive, digest
-from twin.ssp.document import SCHEMA, SSD, violations
+from twin.ssp.document import SCHEMA_MESSAGE, SSD, violations
 from twin.ssp.model import Element
-from twin.ssp.parser import Reader
+from twin.ssp.parser import SspParser
 
 if TYPE_CHECKING:
     from typing import Any
 
 DEFAULT = "SystemStructure.ssd"
-DEEPEST = 8  # packages inside packages
-EXTRA = "extra/catheter-twin/"  # what this project keeps in an SSP that SSP has no words for
+MAX_DEPTH = 8  # packages inside packages
+EXTRA = "extra/catheter-twin/"  # scenario keys without an SSP equivalent
 
 
 @dataclass
 class Variant:
-    """One system structure description. Times are in seconds, None where it does not say."""
+    """One system structure description. Times are in seconds, None if unspecified."""
 
     name: str
     file: str
@@ -39,13 +39,13 @@ class Variant:
     start: float | None = None
     stop: float | None = None
     step: float | None = None
-    extra: Path | None = None  # the rest of the scenario that it was written from
+    extra: Path | None = None  # scenario keys without an SSP equivalent
     annotations: dict[str, list[bytes]] = field(default_factory=dict)  # of the root and of DefaultExperiment
 
 
 @dataclass
 class Package:
-    """An SSP that is unpacked in `folder`; its default variant is the first. `problems` and `notes`: what was found."""
+    """An SSP unpacked in `folder`. The default variant is the first; `problems` and `notes` are those of parsing."""
 
     path: Path
     folder: Path
@@ -54,8 +54,8 @@ class Package:
     notes: list[str]
 
 
-def opened(path: Path, shown: str, build: Path, above: tuple[str, ...] = ()) -> Package:
-    """Unpack an SSP below `build` and read it; ScenarioError if it is none."""
+def open_package(path: Path, shown: str, build: Path, outer_packages: tuple[str, ...] = ()) -> Package:
+    """Unpack an SSP below `build` and parse it; ScenarioError if it is not an SSP. `outer_packages`: hashes of enclosing ones."""
     try:
         name = digest(path)[:20]
         folder = (build / "ssp" / name).absolute()
@@ -65,41 +65,51 @@ def opened(path: Path, shown: str, build: Path, above: tuple[str, ...] = ()) -> 
         raise ScenarioError(f"{shown}: {text.replace('FMU', 'SSP').replace('FMI', 'SSP')}") from None
     except OSError as error:
         raise ScenarioError(f"{shown}: cannot be unpacked below {build} ({error.strerror or error}).") from None
-    if name in above or len(above) >= DEEPEST:
-        raise ScenarioError(f"{shown}: is a part of itself, or nested more than {DEEPEST} deep. Break the circle.")
-    files = sorted(one.name for one in folder.glob("*.ssd"))
+    if name in outer_packages or len(outer_packages) >= MAX_DEPTH:
+        raise ScenarioError(f"{shown}: is a part of itself, or nested more than {MAX_DEPTH} deep. Break the circle.")
+    files = sorted(item.name for item in folder.glob("*.ssd"))
     if DEFAULT not in files:
         hint = f" It has {', '.join(files)}: rename one." if files else " This is not an SSP."
         raise ScenarioError(f"{shown}: has no {DEFAULT} at its top.{hint}")
-    files.sort(key=lambda one: one != DEFAULT)
+    files.sort(key=lambda item: item != DEFAULT)
     package = Package(path, folder, [], [], [])
-    reader = Reader(folder, shown, package.problems, package.notes, build, (*above, name))
+    reader = SspParser(folder, shown, package.problems, package.notes, build, (*outer_packages, name))
     package.variants = [variant(reader, file) for file in files]
-    package.problems[:] = once(package.problems)
-    names = [one.name for one in package.variants]
-    for one in package.variants:
-        if names.count(one.name) > 1 or not one.name:
-            one.name = Path(one.file).stem
+    package.problems[:] = drop_duplicates(package.problems)
+    names = [item.name for item in package.variants]
+    for item in package.variants:
+        if names.count(item.name) > 1 or not item.name:
+            item.name = Path(item.file).stem
     return package
 
 
-def once(problems: list[str]) -> list[str]:
-    """The problems without those of the schema that are told in plainer words: of the same value on the same line."""
-    told = {(place(one), value) for one in problems if SCHEMA not in one for value in re.findall(r"`([^`]*)`", one)}
+def drop_duplicates(problems: list[str]) -> list[str]:
+    """Drop duplicates, and schema messages about a value on a line that another message already reports."""
+    reported = {
+        (location_of(message), value)
+        for message in problems
+        if SCHEMA_MESSAGE not in message
+        for value in re.findall(r"`([^`]*)`", message)
+    }
 
-    def is_told(problem: str) -> bool:
-        return any((place(problem), value) in told for value in re.findall(r"'([^']*)'", problem.partition(SCHEMA)[2]))
+    def is_reported(problem: str) -> bool:
+        return any(
+            (location_of(problem), value) in reported
+            for value in re.findall(r"'([^']*)'", problem.partition(SCHEMA_MESSAGE)[2])
+        )
 
-    return list(dict.fromkeys(one for one in problems if SCHEMA not in one or not is_told(one)))
+    return list(
+        dict.fromkeys(message for message in problems if SCHEMA_MESSAGE not in message or not is_reported(message))
+    )
 
 
-def place(problem: str) -> str:
-    """`file:line` of a problem."""
+def location_of(problem: str) -> str:
+    """Return `file:line` of a problem."""
     return problem.partition(": ")[0]
 
 
 def unpack(path: Path, folder: Path) -> None:
-    """Write the archive's files into a folder, all at once, unless they are there."""
+    """Extract the archive into a folder and rename it atomically, unless the files exist."""
     with path.open("rb") as file, archive.open_archive(path, file) as zipped:
         try:
             entries = archive.check_entries(path, zipped)
@@ -122,8 +132,8 @@ def unpack(path: Path, folder: Path) -> None:
             raise FMUError(f"{path}: cannot be unpacked ({error}). Get or write it once more.") from None
 
 
-def variant(reader: Reader, file: str) -> Variant:
-    """One description of the archive."""
+def variant(reader: SspParser, file: str) -> Variant:
+    """Parse one system structure description of the archive."""
     root, shown = reader.document(file)
     where = f"{shown}:{root.sourceline}"
     name = root.get("name", "")
@@ -131,21 +141,21 @@ def variant(reader: Reader, file: str) -> Variant:
     reader.problems += violations(root, shown)
     if root.tag != f"{SSD}SystemStructureDescription" or system is None:
         return Variant(name, file, where, Element("system", "", where))
-    told = reader.description(root, shown)
+    system_element = reader.description(root, shown)
     experiment: Any = root.find(f"{SSD}DefaultExperiment")
     times = [reader.number(experiment, key, shown) for key in ("startTime", "stopTime")]
     extra = reader.folder / EXTRA / f"{Path(file).stem}.yaml"
-    kept = {"": reader.annotations(root)}
-    kept["DefaultExperiment"] = reader.annotations(experiment) if experiment is not None else []
+    annotations = {"": reader.annotations(root)}
+    annotations["DefaultExperiment"] = reader.annotations(experiment) if experiment is not None else []
     return Variant(
         name,
         file,
         where,
-        told,
+        system_element,
         root.get("description", "") or system.get("description", ""),
         times[0],
         times[1],
         reader.step(experiment, shown) or reader.step(system, shown),
         extra if extra.is_file() else None,
-        kept,
+        annotations,
     )

@@ -1,7 +1,7 @@
-"""Parameter sets applied to a system: which variable of which member gets which value.
+"""Application of parameter sets to a system.
 
-Names are SSP's hierarchical ones. A value without a mapping that fits nothing is left out, as SSP says; one that a
-mapping sends to nobody is a mistake.
+Names are SSP's hierarchical ones. A value that matches no variable is ignored, as SSP specifies; a mapping entry whose target
+does not exist is an error.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from twin.coupling import MemberVariable
-    from twin.ssp.flat import Flat, Member
+    from twin.ssp.flat import FlatSystem, Member
 
-LOST = 5  # values of one set that fit nothing, of which each is told
+MAX_UNMATCHED_NOTES = 5  # of one parameter set; further ones are counted
 ELEMENT = re.compile(r"(.+?)\[\d+(?:\s*,\s*\d+)*\]")
 
 
 @dataclass(frozen=True)
-class Given:
-    """A value as it is written, and what is to be done to it; `suppress`: its unit is not converted."""
+class AssignedValue:
+    """A value as written, and its transformation. `suppress`: its unit is not converted."""
 
     value: Any
     unit: str | None
@@ -35,51 +35,57 @@ class Given:
     where: str
 
 
-def find(name: str, variables: Mapping[str, MemberVariable]) -> MemberVariable | None:
-    """A variable by its name, or the array that an element belongs to."""
+def find_variable(name: str, variables: Mapping[str, MemberVariable]) -> MemberVariable | None:
+    """Return a variable by its name, or the array that an element belongs to; None if there is none."""
     if name in variables:
         return variables[name]
     element = ELEMENT.fullmatch(name)
     return variables.get(element[1]) if element else None
 
 
-def apply(
+def apply_binding(
     binding: Binding,
     path: tuple[str, ...],
     elements: Mapping[tuple[str, ...], Element],
     members: Mapping[tuple[str, ...], Member],
-    given: dict[tuple[tuple[str, ...], str], Given],
-    flat: Flat,
+    assigned: dict[tuple[tuple[str, ...], str], AssignedValue],
+    flat: FlatSystem,
 ) -> None:
-    """Apply a binding to an element; later ones win over earlier, outer ones over inner."""
-    lost: list[Parameter] = []
-    place = ".".join(path) or "the system"
-    known = [variable for at in nearby(path, members) for variable in names(at, path, members)]
-    for name, one, entry in pairs(binding, flat):
-        nodes = list(reached(name, path, elements, members))
+    """Apply a binding to an element; later bindings override earlier ones, outer ones inner ones."""
+    unmatched: list[Parameter] = []
+    element_name = ".".join(path) or "the system"
+    candidates = [
+        variable
+        for member_path in members_inside(path, members)
+        for variable in variable_names(member_path, path, members)
+    ]
+    for name, parameter, entry in iterate_assignments(binding, flat):
+        nodes = list(resolve_name(name, path, elements, members))
         if not nodes and entry is not None:
-            hint = nearest(name, known, "`") if known else "Correct the target."
-            flat.problems.append(f"{entry.where}: nothing is called `{name}` in {place}. {hint}")
+            hint = nearest(name, candidates, "`") if candidates else "Correct the target."
+            flat.problems.append(f"{entry.where}: nothing is called `{name}` in {element_name}. {hint}")
         elif not nodes:
-            lost.append(one)
+            unmatched.append(parameter)
         change, suppress = (entry.change, entry.suppress) if entry else (None, False)
         for node in nodes:
-            given[node] = Given(one.value, one.unit, change, suppress, one.where)
-    for one in lost[:LOST]:
-        hint = nearest(one.name, known, "`") if known else ""
+            assigned[node] = AssignedValue(parameter.value, parameter.unit, change, suppress, parameter.where)
+    for parameter in unmatched[:MAX_UNMATCHED_NOTES]:
+        hint = nearest(parameter.name, candidates, "`") if candidates else ""
         flat.notes.append(
-            f"{one.where}: nothing is called `{one.name}` in {place}: its value is left out. {hint}".rstrip()
+            f"{parameter.where}: nothing is called `{parameter.name}` in {element_name}: its value is left out. {hint}".rstrip()
         )
-    if len(lost) > LOST:
-        flat.notes.append(f"{binding.where}: {len(lost) - LOST} more values fit nothing and are left out.")
+    if len(unmatched) > MAX_UNMATCHED_NOTES:
+        flat.notes.append(
+            f"{binding.where}: {len(unmatched) - MAX_UNMATCHED_NOTES} more values fit nothing and are left out."
+        )
 
 
-def pairs(binding: Binding, flat: Flat) -> Iterator[tuple[str, Parameter, Entry | None]]:
-    """(name to apply to, parameter, its entry of the mapping)."""
+def iterate_assignments(binding: Binding, flat: FlatSystem) -> Iterator[tuple[str, Parameter, Entry | None]]:
+    """Yield (target name, parameter, mapping entry or None)."""
     if binding.mapping is None:
-        yield from ((one.name, one, None) for one in binding.parameters)
+        yield from ((parameter.name, parameter, None) for parameter in binding.parameters)
         return
-    values = {one.name: one for one in binding.parameters}
+    values = {parameter.name: parameter for parameter in binding.parameters}
     for entry in binding.mapping:
         if entry.source in values:
             yield entry.target, values[entry.source], entry
@@ -88,53 +94,55 @@ def pairs(binding: Binding, flat: Flat) -> Iterator[tuple[str, Parameter, Entry 
             flat.problems.append(f"{entry.where}: the parameter set has no `{entry.source}`. {hint}")
 
 
-def nearby(path: tuple[str, ...], members: Mapping[tuple[str, ...], Member]) -> list[tuple[str, ...]]:
-    """Members inside an element."""
-    return [at for at in members if at[: len(path)] == path]
+def members_inside(path: tuple[str, ...], members: Mapping[tuple[str, ...], Member]) -> list[tuple[str, ...]]:
+    """Return the paths of the members inside an element."""
+    return [member_path for member_path in members if member_path[: len(path)] == path]
 
 
-def names(at: tuple[str, ...], path: tuple[str, ...], members: Mapping[tuple[str, ...], Member]) -> list[str]:
-    """Names of a member's variables as an element around it calls them."""
-    told = members[at].facts
-    return [".".join((*at[len(path) :], name)) for name in (told.variables if told else ())]
+def variable_names(
+    member_path: tuple[str, ...], path: tuple[str, ...], members: Mapping[tuple[str, ...], Member]
+) -> list[str]:
+    """Return the names of a member's variables relative to an enclosing element."""
+    info = members[member_path].info
+    return [".".join((*member_path[len(path) :], name)) for name in (info.variables if info else ())]
 
 
-def reached(
+def resolve_name(
     name: str,
     path: tuple[str, ...],
     elements: Mapping[tuple[str, ...], Element],
     members: Mapping[tuple[str, ...], Member],
 ) -> Iterator[tuple[tuple[str, ...], str]]:
-    """All that a name means in an element: a variable of its FMU, its own connector, or what is inside."""
+    """Yield the nodes that a name refers to: a variable of the element's FMU, its connector, or nodes inside it."""
     element = elements[path]
     if path in members:
-        told = members[path].facts
-        if told is None or find(name, told.variables) is not None:
+        info = members[path].info
+        if info is None or find_variable(name, info.variables) is not None:
             yield path, name
         return
     if name in element.connectors:
         yield path, name
     for child in element.elements:
         if name.startswith(f"{child.name}.") and (*path, child.name) in elements:
-            yield from reached(name.removeprefix(f"{child.name}."), (*path, child.name), elements, members)
+            yield from resolve_name(name.removeprefix(f"{child.name}."), (*path, child.name), elements, members)
 
 
-def settle(one: Given, target: str | None, what: str) -> Any:
-    """A value in the unit `target`, transformed: units first, then the transformation; CouplingError if that fails."""
-    if isinstance(one.value, list):
-        return [settle(replace(one, value=item), target, what) for item in one.value]
-    value = one.value
-    if isinstance(one.change, Table):
-        return one.change.entries.get(value, value)
+def convert_value(assigned: AssignedValue, target: str | None, what: str) -> Any:
+    """Convert a value to the unit `target`, then transform it; CouplingError if that fails."""
+    if isinstance(assigned.value, list):
+        return [convert_value(replace(assigned, value=item), target, what) for item in assigned.value]
+    value = assigned.value
+    if isinstance(assigned.change, Table):
+        return assigned.change.entries.get(value, value)
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     if not is_number:
-        if one.change is not None and one.change != Linear():
+        if assigned.change is not None and assigned.change != Linear():
             raise CouplingError(
                 f"{what}: a linear transformation is for numbers, not for {str(value)[:40]!r}. Drop it."
             )
         return value
-    if not one.suppress and one.unit and target:
-        factor, offset = unit.conversion(one.unit, target, what)
+    if not assigned.suppress and assigned.unit and target:
+        factor, offset = unit.conversion(assigned.unit, target, what)
         if (factor, offset) != (1.0, 0.0):
             value = unit.round_trip(value * factor + offset)
-    return value if one.change is None or one.change == Linear() else one.change.of(value)
+    return value if assigned.change is None or assigned.change == Linear() else assigned.change.of(value)

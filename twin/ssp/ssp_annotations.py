@@ -1,4 +1,4 @@
-"""What this project knows of a system and SSP has no word for, as annotations that others leave alone.
+"""Annotations for scenario keys without an SSP equivalent; other tools ignore them.
 
 `<ssc:Annotation type="local.catheter-twin">` holds one element of the namespace below: `Connection`, `Member` or
 `Experiment`. Its attributes are keys of a scenario; a child element of a key's name is a mapping, `Value` by `Value`.
@@ -10,28 +10,28 @@ from typing import TYPE_CHECKING, Any
 
 from lxml import etree
 
-from twin.ssp.document import SSC, SSD, root_of
+from twin.ssp.document import SSC, SSD, parse_root
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
 TYPE = "local.catheter-twin"
-SPACE = "urn:catheter-twin:ssp:1"
-OWN = f"{{{SPACE}}}"
+NAMESPACE = "urn:catheter-twin:ssp:1"
+OWN = f"{{{NAMESPACE}}}"
 WORDS = {"true": True, "false": False}
 
 
-def annotation(part: str, told: Mapping[str, Any]) -> Any:
-    """What is told of a part, as an annotation."""
-    made = etree.Element(f"{SSC}Annotation", type=TYPE)
-    node = etree.SubElement(made, f"{OWN}{part}", nsmap={"twin": SPACE})
-    write(node, told)
-    return made
+def annotation(element_name: str, keys: Mapping[str, Any]) -> Any:
+    """Create an annotation with the scenario keys of an element."""
+    annotation_node = etree.Element(f"{SSC}Annotation", type=TYPE)
+    node = etree.SubElement(annotation_node, f"{OWN}{element_name}", nsmap={"twin": NAMESPACE})
+    write(node, keys)
+    return annotation_node
 
 
-def write(node: Any, told: Mapping[str, Any]) -> None:
-    """Keys as attributes, mappings as elements."""
-    for key, value in told.items():
+def write(node: Any, keys: Mapping[str, Any]) -> None:
+    """Write keys as attributes and mappings as child elements."""
+    for key, value in keys.items():
         if not isinstance(value, dict):
             node.set(key, text(value))
             continue
@@ -39,54 +39,54 @@ def write(node: Any, told: Mapping[str, Any]) -> None:
         if all(name.isidentifier() for name in value):
             write(inner, value)
         else:
-            for name, one in value.items():
-                etree.SubElement(inner, f"{OWN}Value", name=name, value=text(one))
+            for name, item in value.items():
+                etree.SubElement(inner, f"{OWN}Value", name=name, value=text(item))
 
 
 def text(value: Any) -> str:
-    """A scalar as text."""
+    """Return a scalar as text, Booleans in lower case."""
     return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def read(node: Any) -> dict[str, Any]:
-    """What `write` wrote."""
-    found: dict[str, Any] = {key: scalar(value) for key, value in node.attrib.items()}
+    """Read the keys that `write` has written."""
+    keys: dict[str, Any] = {key: scalar(value) for key, value in node.attrib.items()}
     for inner in node.iterfind(f"{OWN}*"):
         name = etree.QName(inner).localname
         if name == "Value":
-            found[inner.get("name", "")] = scalar(inner.get("value", ""))
+            keys[inner.get("name", "")] = scalar(inner.get("value", ""))
         else:
-            found[name] = read(inner)
-    return found
+            keys[name] = read(inner)
+    return keys
 
 
-def scalar(written: str) -> Any:
-    """A Boolean, a number, or the text itself."""
-    if written in WORDS:
-        return WORDS[written]
+def scalar(text_value: str) -> Any:
+    """Parse a Boolean or a number; return any other text unchanged."""
+    if text_value in WORDS:
+        return WORDS[text_value]
     for kind in (int, float):
         try:
-            return kind(written)
+            return kind(text_value)
         except ValueError:
             continue
-    return written
+    return text_value
 
 
-def told(annotations: Iterable[bytes], part: str) -> dict[str, Any]:
-    """What annotations of ours tell of a part."""
-    found: dict[str, Any] = {}
-    for one in annotations:
-        for node in root_of(one, "annotation").iterfind(f"{OWN}{part}"):
-            found |= read(node)
-    return found
+def read_annotations(annotations: Iterable[bytes], element_name: str) -> dict[str, Any]:
+    """Collect the scenario keys from this project's annotations of an element."""
+    keys: dict[str, Any] = {}
+    for content in annotations:
+        for node in parse_root(content, "annotation").iterfind(f"{OWN}{element_name}"):
+            keys |= read(node)
+    return keys
 
 
-def is_ours(node: Any) -> bool:
-    """Whether an annotation is this project's, to be written anew."""
+def is_own_annotation(node: Any) -> bool:
+    """Whether an annotation is this project's and is therefore regenerated on writing."""
     return bool(node.get("type") == TYPE)
 
 
 def add(owner: Any, annotations: Iterable[Any]) -> None:
-    """Put annotations behind all else that an element has, where the schema wants them."""
-    if listed := list(annotations):
-        etree.SubElement(owner, f"{SSD}Annotations").extend(listed)
+    """Append annotations as the last child of an element, where the schema requires them."""
+    if nodes := list(annotations):
+        etree.SubElement(owner, f"{SSD}Annotations").extend(nodes)

@@ -1,4 +1,4 @@
-"""Values of parameter sets and of mappings, from their text to Python's own."""
+"""Conversion of the values of parameter sets and mappings from text to Python values."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 BOOLEANS = {"true": True, "1": True, "false": False, "0": False}
-LARGEST = 1_000_000  # values of one array
+MAX_ARRAY_VALUES = 1_000_000  # values of one array
 
 
-def real(text: str) -> float:
-    """A finite number."""
+def parse_real(text: str) -> float:
+    """Parse a finite number; ValueError otherwise."""
     try:
         number = float(text)
     except ValueError:
@@ -26,38 +26,40 @@ def real(text: str) -> float:
     return number
 
 
-def whole(text: str) -> int:
-    """A whole number of 64 bits."""
+def parse_integer(text: str) -> int:
+    """Parse an integer of up to 20 digits; ValueError otherwise."""
     if not re.fullmatch(r"\s*[-+]?\d{1,20}\s*", text):
         raise ValueError(f"`{text[:40]}` is not a whole number. Correct it")
     return int(text)
 
 
-def truth(text: str) -> bool:
-    """True or false."""
+def parse_boolean(text: str) -> bool:
+    """Parse a Boolean; ValueError otherwise."""
     if text.strip() not in BOOLEANS:
         raise ValueError(f"`{text[:40]}` is not true or false. Correct it")
     return BOOLEANS[text.strip()]
 
 
-def refused(text: str) -> Any:
-    """A binary value."""
+def reject_binary(text: str) -> Any:
+    """Refuse a binary value with a ValueError."""
     raise ValueError(f"`{text[:20]}` is binary, which no member takes here. Leave it out")
 
 
 KINDS: dict[str, Callable[[str], Any]] = {
-    **dict.fromkeys(("Real", "Float64", "Float32"), real),
-    **dict.fromkeys(("Integer", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64"), whole),
-    "Boolean": truth,
+    **dict.fromkeys(("Real", "Float64", "Float32"), parse_real),
+    **dict.fromkeys(
+        ("Integer", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64"), parse_integer
+    ),
+    "Boolean": parse_boolean,
     "String": str,
     "Enumeration": str,
-    "Binary": refused,
+    "Binary": reject_binary,
 }
 TEXTS = ("String", "Enumeration", "Binary")
 
 
-def lenient(kind: Callable[[str], Any]) -> Callable[[str], Any]:
-    """The same, or the text itself: whoever applies it says what is wrong."""
+def keep_invalid_text(kind: Callable[[str], Any]) -> Callable[[str], Any]:
+    """Wrap a parser to return invalid text unchanged; the error is reported where the value is applied."""
 
     def convert(text: str) -> Any:
         try:
@@ -69,23 +71,29 @@ def lenient(kind: Callable[[str], Any]) -> Callable[[str], Any]:
 
 
 MAPPINGS: dict[str, Callable[[str], Any]] = {
-    f"{SSC}BooleanMappingTransformation": lenient(truth),
-    f"{SSC}IntegerMappingTransformation": lenient(whole),
+    f"{SSC}BooleanMappingTransformation": keep_invalid_text(parse_boolean),
+    f"{SSC}IntegerMappingTransformation": keep_invalid_text(parse_integer),
     f"{SSC}EnumerationMappingTransformation": str,
 }
 
 
 def scalar_kind(node: Any, space: str) -> Any:
-    """The child that says the type, or None."""
-    return next((one for one in node if isinstance(one.tag, str) and one.tag.removeprefix(space) in KINDS), None)
+    """Return the child element that specifies the type, or None."""
+    return next(
+        (child for child in node if isinstance(child.tag, str) and child.tag.removeprefix(space) in KINDS), None
+    )
 
 
 def values(node: Any, typed: Any, name: str) -> Any:
-    """The value of a parameter, or nested lists for an array; ValueError says what is wrong."""
+    """Parse the value of a parameter, nested lists for an array; ValueError with a message if it is invalid."""
     kind = typed.tag.partition("}")[2]
     convert, text = KINDS[kind], typed.get("value")
-    sizes = [whole(one.get("size", "")) for one in node if isinstance(one.tag, str) and one.tag.endswith("}Dimension")]
-    inner = [one.get("value", "") for one in typed if isinstance(one.tag, str) and one.tag.endswith("}Value")]
+    sizes = [
+        parse_integer(child.get("size", ""))
+        for child in node
+        if isinstance(child.tag, str) and child.tag.endswith("}Dimension")
+    ]
+    inner = [child.get("value", "") for child in typed if isinstance(child.tag, str) and child.tag.endswith("}Value")]
     if text is None and not inner:
         raise ValueError(f"parameter `{name}` has no value. Give it one")
     if not sizes:
@@ -94,9 +102,9 @@ def values(node: Any, typed: Any, name: str) -> Any:
         return convert(inner[0] if text is None else text)
     texts = inner or ([text] if kind in TEXTS else (text or "").split())
     count = math.prod(sizes)
-    if min(sizes) < 1 or count > LARGEST or count != len(texts):
+    if min(sizes) < 1 or count > MAX_ARRAY_VALUES or count != len(texts):
         raise ValueError(f"parameter `{name}` has {len(texts)} values for {' x '.join(map(str, sizes))}. Correct it")
-    flat = [convert(one) for one in texts]
+    flat = [convert(child) for child in texts]
     for size in reversed(sizes[1:]):
         flat = [flat[i : i + size] for i in range(0, len(flat), size)]
     return flat

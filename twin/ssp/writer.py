@@ -1,7 +1,7 @@
-"""A system written as an SSP: the description, a parameter set for each component, the FMUs.
+"""Writer of SSP archives: the description, a parameter set for each component, the FMUs.
 
-In the form that the most tools read: one flat system, parameters bound to their components, connections whose units
-differ with the transformation written out. SSP 1.0, and 2.0 where an FMU is of FMI 3.0.
+The form is the one that most tools read: one flat system, parameters bound to their components, unit conversions of
+connections written out as transformations. SSP 1.0, and 2.0 if an FMU has FMI 3.0.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from lxml import etree
 from twin.component import unit
 from twin.errors import CouplingError, ScenarioError
 from twin.files import write_atomically
-from twin.ssp import ssp_annotations as own
-from twin.ssp.document import SPACE, SSC, SSD, SSV, root_of, violations
+from twin.ssp import ssp_annotations
+from twin.ssp.document import NAMESPACE, SSC, SSD, SSV, parse_root, violations
 from twin.ssp.model import ROLES_1, Linear
 from twin.ssp.package import DEFAULT, EXTRA
 from twin.ssp.parser import STEPS
@@ -26,13 +26,13 @@ from twin.ssp.parser import STEPS
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-# others' words for the step, which SSP has not: of libcosim; of OMSimulator, which needs its own (its issue 1094)
+# SSP does not define a communication step: annotations of libcosim and of OMSimulator, which needs its own (its issue 1094).
 OSP = "{http://opensimulationplatform.com/SSP/OSPAnnotations}"
 OMS = "{https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd}"
 NAMES = {
-    "ssd": f"{SPACE}Description",
-    "ssc": f"{SPACE}Common",
-    "ssv": f"{SPACE}ParameterValues",
+    "ssd": f"{NAMESPACE}Description",
+    "ssc": f"{NAMESPACE}Common",
+    "ssv": f"{NAMESPACE}ParameterValues",
     "osp": OSP.strip("{}"),
     "oms": OMS.strip("{}"),
 }
@@ -40,8 +40,8 @@ KINDS_1 = {  # of SSP 1.0
     **dict.fromkeys(("Float64", "Float32"), "Real"),
     **dict.fromkeys(("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64"), "Integer"),
 }
-SET = "initialValues"  # as libcosim and ecos call the set that is taken
-WHEN = (1980, 1, 1, 0, 0, 0)  # of all files: the same system gives the same archive
+PARAMETER_SET_NAME = "initialValues"  # the name of the set that libcosim and ecos apply
+TIMESTAMP = (1980, 1, 1, 0, 0, 0)  # of all entries, so that the same system gives the same archive
 
 
 @dataclass(frozen=True)
@@ -75,23 +75,23 @@ class Component:
     values: list[Value]
     implementation: str = "any"
     annotations: list[bytes] = field(default_factory=list)
-    own: dict[str, Any] = field(default_factory=dict)  # what SSP has no words for
+    scenario_keys: dict[str, Any] = field(default_factory=dict)  # without an SSP equivalent
 
 
 @dataclass
-class Tie:
-    """A connection of (element, connector, indices) with another, and what is done to the value."""
+class OutlineConnection:
+    """A connection of (element, connector, indices) with another, and the transformation of its value."""
 
     source: tuple[str, str, str]
     target: tuple[str, str, str]
     change: Linear
     annotations: list[bytes] = field(default_factory=list)
-    own: dict[str, Any] = field(default_factory=dict)
+    scenario_keys: dict[str, Any] = field(default_factory=dict)
 
 
 @dataclass
-class Outline:
-    """A system to be written."""
+class SystemOutline:
+    """A system to be written. Times are in seconds."""
 
     name: str
     description: str
@@ -100,21 +100,21 @@ class Outline:
     stop: float
     step: float
     components: list[Component]
-    wires: list[Tie]
+    wires: list[OutlineConnection]
     extra: str = ""
     tool: str = "twin"
     annotations: dict[str, list[bytes]] = field(default_factory=dict)
-    own: dict[str, Any] = field(default_factory=dict)
+    scenario_keys: dict[str, Any] = field(default_factory=dict)
 
 
 class Units:
-    """The units of one file, each with one name."""
+    """Units of one file: unit text -> unique name."""
 
     def __init__(self) -> None:
         self.names: dict[str, str] = {}  # by text
 
     def name(self, text: str) -> str:
-        """The name of a unit, which is defined from then on; "" if nobody knows it."""
+        """Return the name of a unit and define it on first use; "" for an unknown unit."""
         if not text:
             return ""
         if text not in self.names:
@@ -129,65 +129,65 @@ class Units:
         return self.names[text]
 
     def element(self, space: str) -> Any | None:
-        """Their definitions."""
+        """Create the element that defines the units; None without units."""
         if not self.names:
             return None
-        made = etree.Element(f"{space}Units")
+        units_node = etree.Element(f"{space}Units")
         for text, name in self.names.items():
-            size = unit.describe(text)
-            powers = {base: str(power) for base, power in zip(unit.BASE, size.exponents, strict=True) if power}
-            if size.factor != 1.0:
-                powers["factor"] = repr(size.factor)
-            if size.offset:
-                powers["offset"] = repr(size.offset)
-            etree.SubElement(etree.SubElement(made, f"{SSC}Unit", name=name), f"{SSC}BaseUnit", **powers)
-        return made
+            description = unit.describe(text)
+            powers = {base: str(power) for base, power in zip(unit.BASE, description.exponents, strict=True) if power}
+            if description.factor != 1.0:
+                powers["factor"] = repr(description.factor)
+            if description.offset:
+                powers["offset"] = repr(description.offset)
+            etree.SubElement(etree.SubElement(units_node, f"{SSC}Unit", name=name), f"{SSC}BaseUnit", **powers)
+        return units_node
 
 
 class Enumerations:
-    """The enumerations of one file."""
+    """Enumerations of one file: items -> name."""
 
     def __init__(self) -> None:
         self.names: dict[tuple[tuple[str, int], ...], str] = {}
 
     def name(self, items: tuple[tuple[str, int], ...]) -> str:
-        """The name of an enumeration, which is defined from then on."""
+        """Return the name of an enumeration and define it on first use."""
         return self.names.setdefault(items, f"enumeration_{len(self.names) + 1}")
 
     def element(self, space: str) -> Any | None:
-        """Their definitions."""
+        """Create the element that defines the enumerations; None without enumerations."""
         if not self.names:
             return None
-        made = etree.Element(f"{space}Enumerations")
+        enumerations_node = etree.Element(f"{space}Enumerations")
         for items, name in self.names.items():
-            one = etree.SubElement(made, f"{SSC}Enumeration", name=name)
+            enumeration_node = etree.SubElement(enumerations_node, f"{SSC}Enumeration", name=name)
             for item, number in items:
-                etree.SubElement(one, f"{SSC}Item", name=item, value=str(number))
-        return made
+                etree.SubElement(enumeration_node, f"{SSC}Item", name=item, value=str(number))
+        return enumerations_node
 
 
-def write(outline: Outline, path: Path) -> None:
-    """Write an SSP; ScenarioError if what comes out breaks the standard's schema."""
+def write(outline: SystemOutline, path: Path) -> None:
+    """Write an SSP; ScenarioError if the result violates the standard's schema."""
     files: dict[str, bytes] = {}
     try:
         files[DEFAULT] = text(description(outline))
-        for one in outline.components:
-            files[f"resources/{one.file}"] = one.content
-            if one.values:
-                files[f"resources/{Path(one.file).stem}.ssv"] = text(parameter_set(one, outline.version))
+        for component in outline.components:
+            files[f"resources/{component.file}"] = component.content
+            if component.values:
+                files[f"resources/{Path(component.file).stem}.ssv"] = text(parameter_set(component, outline.version))
     except ValueError as error:  # lxml: a control character
         raise ScenarioError(f"{path}: a title, a name or a text cannot stand in XML ({error}). Change it.") from None
     for name, content in files.items():
         if name.endswith((".ssd", ".ssv")) and (
-            found := violations(root_of(content, f"{path}/{name}"), f"{path}/{name}")
+            problems := violations(parse_root(content, f"{path}/{name}"), f"{path}/{name}")
         ):
-            raise ScenarioError(found)
+            raise ScenarioError(problems)
     if outline.extra:
         files[f"{EXTRA}{Path(DEFAULT).stem}.yaml"] = outline.extra.encode()
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
-            entry = zipfile.ZipInfo(name, WHEN)
+            entry = zipfile.ZipInfo(name, TIMESTAMP)
             entry.compress_type = zipfile.ZIP_STORED if name.endswith(".fmu") else zipfile.ZIP_DEFLATED
             entry.create_system = 3  # Unix on every machine
             entry.external_attr = 0o100644 << 16
@@ -196,14 +196,14 @@ def write(outline: Outline, path: Path) -> None:
 
 
 def text(root: Any) -> bytes:
-    """A document."""
+    """Serialize a document, indented."""
     etree.indent(root)
-    made: bytes = etree.tostring(root, xml_declaration=True, encoding="UTF-8")
-    return made + b"\n"
+    document: bytes = etree.tostring(root, xml_declaration=True, encoding="UTF-8")
+    return document + b"\n"
 
 
-def description(outline: Outline) -> Any:
-    """SystemStructure.ssd."""
+def description(outline: SystemOutline) -> Any:
+    """Create the root element of SystemStructure.ssd."""
     units, enumerations = Units(), Enumerations()
     root = etree.Element(
         f"{SSD}SystemStructureDescription",
@@ -214,15 +214,17 @@ def description(outline: Outline) -> Any:
         root.set("description", outline.description)
     system = etree.SubElement(root, f"{SSD}System", name="system")
     elements = etree.SubElement(system, f"{SSD}Elements")
-    for one in outline.components:
-        elements.append(component(one, outline.version, units, enumerations))
-    wires = [connection(one) for one in outline.wires]
-    if wires:
-        etree.SubElement(system, f"{SSD}Connections").extend(wires)
-    note = etree.SubElement(etree.SubElement(system, f"{SSD}Annotations"), f"{SSC}Annotation", type="org.openmodelica")
-    told = etree.SubElement(etree.SubElement(note, f"{OMS}Annotations"), f"{OMS}SimulationInformation")
-    etree.SubElement(told, f"{OMS}FixedStepMaster", description="oms-ma", stepSize=repr(outline.step))
-    root.extend(one for one in (enumerations.element(SSD), units.element(SSD)) if one is not None)
+    for item in outline.components:
+        elements.append(component(item, outline.version, units, enumerations))
+    connections = [connection(item) for item in outline.wires]
+    if connections:
+        etree.SubElement(system, f"{SSD}Connections").extend(connections)
+    annotation = etree.SubElement(
+        etree.SubElement(system, f"{SSD}Annotations"), f"{SSC}Annotation", type="org.openmodelica"
+    )
+    simulation = etree.SubElement(etree.SubElement(annotation, f"{OMS}Annotations"), f"{OMS}SimulationInformation")
+    etree.SubElement(simulation, f"{OMS}FixedStepMaster", description="oms-ma", stepSize=repr(outline.step))
+    root.extend(item for item in (enumerations.element(SSD), units.element(SSD)) if item is not None)
     experiment = etree.SubElement(
         root, f"{SSD}DefaultExperiment", startTime=repr(outline.start), stopTime=repr(outline.stop)
     )
@@ -231,95 +233,104 @@ def description(outline: Outline) -> Any:
         etree.SubElement(annotations, f"{SSC}Annotation", type="com.opensimulationplatform"), f"{OSP}Algorithm"
     )
     etree.SubElement(algorithm, f"{OSP}FixedStepAlgorithm", baseStepSize=repr(outline.step))
-    annotations.extend(notes("Experiment", outline.own, outline.annotations.get("DefaultExperiment", [])))
-    own.add(root, notes("", {}, outline.annotations.get("", [])))
+    annotations.extend(notes("Experiment", outline.scenario_keys, outline.annotations.get("DefaultExperiment", [])))
+    ssp_annotations.add(root, notes("", {}, outline.annotations.get("", [])))
     return root
 
 
-def notes(part: str, told: dict[str, Any], annotations: Iterable[bytes]) -> Iterable[Any]:
-    """What is told of a part, and annotations of other tools, but for the step, which is written anew."""
-    if told:
-        yield own.annotation(part, told)
-    for one in annotations:
-        node = root_of(one, "annotation")
-        if not own.is_ours(node) and not any(str(inner.tag).rpartition("}")[2] in STEPS for inner in node.iter()):
+def notes(element_name: str, keys: dict[str, Any], annotations: Iterable[bytes]) -> Iterable[Any]:
+    """Yield the annotation with an element's scenario keys, then those of other tools except the step, which is regenerated."""
+    if keys:
+        yield ssp_annotations.annotation(element_name, keys)
+    for annotation in annotations:
+        node = parse_root(annotation, "annotation")
+        if not ssp_annotations.is_own_annotation(node) and not any(
+            str(inner.tag).rpartition("}")[2] in STEPS for inner in node.iter()
+        ):
             yield node
 
 
-def component(one: Component, version: str, units: Units, enumerations: Enumerations) -> Any:
-    """A component with its connectors and the reference to its parameters."""
-    made = etree.Element(
-        f"{SSD}Component", name=one.name, type="application/x-fmu-sharedlibrary", source=f"resources/{one.file}"
+def component(component: Component, version: str, units: Units, enumerations: Enumerations) -> Any:
+    """Create a component with its connectors and the reference to its parameters."""
+    component_node = etree.Element(
+        f"{SSD}Component",
+        name=component.name,
+        type="application/x-fmu-sharedlibrary",
+        source=f"resources/{component.file}",
     )
-    if one.implementation != "any":
-        made.set("implementation", one.implementation)
-    if one.ports:
-        connectors = etree.SubElement(made, f"{SSD}Connectors")
-        for port in one.ports:
+    if component.implementation != "any":
+        component_node.set("implementation", component.implementation)
+    if component.ports:
+        connectors = etree.SubElement(component_node, f"{SSD}Connectors")
+        for port in component.ports:
             kind = ROLES_1.get(port.kind, port.kind) if version == "1.0" else port.kind
-            node = etree.SubElement(connectors, f"{SSD}Connector", name=port.name, kind=kind)
-            typed(node, port, version, units, enumerations, SSC)
+            connector_node = etree.SubElement(connectors, f"{SSD}Connector", name=port.name, kind=kind)
+            typed(connector_node, port, version, units, enumerations, SSC)
             for size in port.shape:
-                etree.SubElement(node, f"{SSC}Dimension", size=str(size))
-    if one.values:
-        bindings = etree.SubElement(made, f"{SSD}ParameterBindings")
-        etree.SubElement(bindings, f"{SSD}ParameterBinding", source=f"resources/{Path(one.file).stem}.ssv")
-    own.add(made, notes("Member", one.own, one.annotations))
-    return made
+                etree.SubElement(connector_node, f"{SSC}Dimension", size=str(size))
+    if component.values:
+        bindings = etree.SubElement(component_node, f"{SSD}ParameterBindings")
+        etree.SubElement(bindings, f"{SSD}ParameterBinding", source=f"resources/{Path(component.file).stem}.ssv")
+    ssp_annotations.add(component_node, notes("Member", component.scenario_keys, component.annotations))
+    return component_node
 
 
 def typed(node: Any, port: Port, version: str, units: Units, enumerations: Enumerations, space: str) -> Any:
-    """The child that says the type."""
+    """Append the child element that specifies the type."""
     kind = KINDS_1.get(port.type, port.type) if version == "1.0" else port.type
-    made = etree.SubElement(node, f"{space}{kind}")
+    type_node = etree.SubElement(node, f"{space}{kind}")
     if kind in ("Real", "Float64", "Float32") and (name := units.name(port.unit)):
-        made.set("unit", name)
+        type_node.set("unit", name)
     if kind == "Enumeration":
-        made.set("name", enumerations.name(port.items))
-    return made
+        type_node.set("name", enumerations.name(port.items))
+    return type_node
 
 
-def connection(one: Tie) -> Any:
-    """A connection; where values change on the way, the change is written out and units are not converted again."""
-    made = etree.Element(f"{SSD}Connection")
-    for key, (element, connector, indices) in (("start", one.source), ("end", one.target)):
-        made.set(f"{key}Element", element)
-        made.set(f"{key}Connector", connector)
+def connection(connection: OutlineConnection) -> Any:
+    """Create a connection; a transformation is written out and unit conversion is suppressed."""
+    node = etree.Element(f"{SSD}Connection")
+    for key, (element, connector, indices) in (("start", connection.source), ("end", connection.target)):
+        node.set(f"{key}Element", element)
+        node.set(f"{key}Connector", connector)
         if indices:
-            made.set(f"{key}Indices", indices)
-    if one.change != Linear():
-        made.set("suppressUnitConversion", "true")
-        factor, offset = repr(one.change.factor), repr(one.change.offset)
-        etree.SubElement(made, f"{SSC}LinearTransformation", factor=factor, offset=offset)
-    own.add(made, notes("Connection", one.own, one.annotations))
-    return made
+            node.set(f"{key}Indices", indices)
+    if connection.change != Linear():
+        node.set("suppressUnitConversion", "true")
+        factor, offset = repr(connection.change.factor), repr(connection.change.offset)
+        etree.SubElement(node, f"{SSC}LinearTransformation", factor=factor, offset=offset)
+    ssp_annotations.add(node, notes("Connection", connection.scenario_keys, connection.annotations))
+    return node
 
 
-def parameter_set(one: Component, version: str) -> Any:
-    """The values of a component."""
+def parameter_set(component: Component, version: str) -> Any:
+    """Create the parameter set with the start values of a component."""
     units, enumerations = Units(), Enumerations()
     root = etree.Element(
-        f"{SSV}ParameterSet", {"version": version, "name": SET}, nsmap={key: NAMES[key] for key in ("ssv", "ssc")}
+        f"{SSV}ParameterSet",
+        {"version": version, "name": PARAMETER_SET_NAME},
+        nsmap={key: NAMES[key] for key in ("ssv", "ssc")},
     )
     parameters = etree.SubElement(root, f"{SSV}Parameters")
-    for given in one.values:
-        node = etree.SubElement(parameters, f"{SSV}Parameter", name=given.port.name)
-        made = typed(node, given.port, version, units, enumerations, SSV)
-        flat = list(given.value.reshape(-1)) if given.port.shape else [given.value]
-        texts = [shown(item, given.port) for item in flat]
-        if given.port.shape and given.port.type in ("String", "Enumeration"):
+    for start_value in component.values:
+        node = etree.SubElement(parameters, f"{SSV}Parameter", name=start_value.port.name)
+        type_node = typed(node, start_value.port, version, units, enumerations, SSV)
+        flat = list(start_value.value.reshape(-1)) if start_value.port.shape else [start_value.value]
+        texts = [shown(item, start_value.port) for item in flat]
+        if start_value.port.shape and start_value.port.type in ("String", "Enumeration"):
             for item in texts:
-                etree.SubElement(made, f"{SSV}Value", value=item)
+                etree.SubElement(type_node, f"{SSV}Value", value=item)
         else:
-            made.set("value", " ".join(texts))
-        for size in given.port.shape:
+            type_node.set("value", " ".join(texts))
+        for size in start_value.port.shape:
             etree.SubElement(node, f"{SSC}Dimension", size=str(size))
-    root.extend(found for found in (enumerations.element(SSV), units.element(SSV)) if found is not None)
+    root.extend(
+        definitions for definitions in (enumerations.element(SSV), units.element(SSV)) if definitions is not None
+    )
     return root
 
 
 def shown(value: Any, port: Port) -> str:
-    """A value as the schema has it; the same bits when it is read."""
+    """Format a value for the schema; reading it back gives the same bits."""
     if port.type == "Boolean":
         return "true" if value else "false"
     if port.type == "Enumeration":
