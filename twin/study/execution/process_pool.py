@@ -60,7 +60,7 @@ class Process:
         self._hung = self._closed = False
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 - as long as this object
 
-    def _begun(self) -> subprocess.Popen[bytes]:
+    def _start_process(self) -> subprocess.Popen[bytes]:
         if self._closed:
             raise LostError("closed")
         if self._process is None:
@@ -88,7 +88,7 @@ class Process:
 
     def ask(self, request: Request) -> Row:
         """Run a case; LostError if the process does not come back from it."""
-        process = self._begun()
+        process = self._start_process()
         if self._is_first and (trouble := self._answer(process, FIRST_PATIENCE)):
             raise NotReadyError(trouble)
         self._is_first = False
@@ -166,7 +166,7 @@ class Process:
         self._said.close()
 
     def stop(self) -> None:
-        """Kill the process and start none again; whoever waits for it goes on."""
+        """Kill the process and start none again; callers that wait for it continue."""
         self._closed = True
         self.kill()
 
