@@ -57,7 +57,7 @@ class Model:
         return f"differences, since {self.refused}" if self.refused else "differences"
 
     def predicted(self, places: Array) -> list[Array]:
-        """What each output would have measured; SimulationError if a simulation fails or is not finite."""
+        """Predict the measurements of each output; SimulationError if a simulation fails or is not finite."""
         values = self.problem.values(places)
         outputs = []
         for one in self._recorded:
@@ -98,7 +98,7 @@ class Model:
 
 
 class Simulated:
-    """What happened in one recording, as the model has it at some values of `unknowns`."""
+    """Simulates one recording at given values of `unknowns`."""
 
     def __init__(self, recording: Recording, unknowns: Sequence[Unknown], build: Path) -> None:
         self.recording, self._unknowns, self._build = recording, unknowns, build
@@ -133,7 +133,7 @@ class Simulated:
         return {}
 
     def _prepare(self, values: Mapping[str, float]) -> CoSimulation:
-        """A co-simulation that is about to begin."""
+        """Return a co-simulation that is ready to initialize, with these values."""
         first = self._first
         if not self._saved:
             return self._made(values)

@@ -57,7 +57,7 @@ class Fit:
 
     @property
     def agreeing(self) -> int:
-        """How many of the starts came to the best cost."""
+        """Number of starts that reached the best cost."""
         best = min((one.cost for one in self.starts), default=0.0)
         return sum(one.cost <= best * REACHED for one in self.starts)
 
@@ -73,7 +73,7 @@ class Residuals:
         self.on_evaluation: Callable[[], object] = lambda: None
 
     def predicted(self, places: Array) -> list[Array] | None:
-        """What the outputs would have measured; None if the simulation fails."""
+        """Predict the measurements of the outputs; None if the simulation fails."""
         try:
             return self.model.predicted(places)
         except SimulationError as error:
@@ -90,7 +90,7 @@ class Residuals:
         return np.concatenate(parts)
 
     def __call__(self, places: Array) -> Array:
-        """Residuals at a place."""
+        """Return the residuals at a position."""
         residuals = self.weighted(self.predicted(places))
         cost = self.cost(residuals)
         if self.best is None or cost < self.best[0]:
@@ -172,7 +172,7 @@ class Residuals:
     def searched(
         self, begin: Array, free: Sequence[int] | None = None, iterations: int = ITERATIONS, step: float = FINE
     ) -> tuple[Array, float]:
-        """Where a search from a place ends, and the cost there. `free`: unknowns that may change, all by default."""
+        """Search from a position; return its end and the cost there. `free`: unknowns that may change, all by default."""
         from scipy.optimize import least_squares
 
         own = list(range(len(begin)) if free is None else free)
@@ -248,7 +248,7 @@ def search(model: Model, count: int, seed: int, progress: Progress) -> Fit:
 
 
 def initial_points(residuals: Residuals, count: int, seed: int, report: Callable[[str, float], None]) -> list[Array]:
-    """Where the searches begin: Latin hypercube, the best of some. TwinError if the model runs nowhere."""
+    """Choose the initial points of the searches: the best of a Latin hypercube. TwinError if the model runs nowhere."""
     from scipy.stats import qmc
 
     first = np.array([one.place(one.start) for one in residuals.model.problem.unknowns])

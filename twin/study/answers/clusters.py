@@ -1,4 +1,4 @@
-"""What fails together: cases with the same broken expectations or the same message, and how they differ from the others."""
+"""Clusters of failures: cases with the same broken expectations or the same message, and how they differ from the others."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ def limits_of(study: Study, variant: str, metric: str) -> list[float]:
 
 
 def histograms(cases: Cases, metric: str) -> str:
-    """How a metric is distributed, the variants below each other on one axis; red: cases that fail in anything."""
+    """Draw histograms of a metric, one row per variant on a common axis; red: cases that fail in anything."""
     study = cases.study
     unit = study.scenario.metrics[metric].unit
     factor, offset = coherent(unit)

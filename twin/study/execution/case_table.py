@@ -27,7 +27,7 @@ CHUNK = 1000  # rows
 
 @dataclass
 class Cases:
-    """All cases of a study that are done, as columns: in the order of their numbers, independent of the workers. Metrics (n, m) in SI, NaN without."""
+    """Finished cases of a study as columns, in the order of their numbers. Metrics (n, m) in SI, NaN without a value."""
 
     study: Study
     requests: list[Request]
@@ -61,12 +61,12 @@ class Cases:
         return [row.holds or (False,) * count for row in self.rows]
 
     def where(self, part: str, variant: str = "") -> list[int]:
-        """Places of the cases of a part of the study, of one variant."""
+        """Return the row indices of the cases of one part of the study and one variant (all variants by default)."""
         return [i for i, one in enumerate(self.requests) if one.part == part and variant in ("", one.variant)]
 
 
 def together(study: Study, requests: Sequence[Request], journal: Journal) -> Cases:
-    """What is done, by number."""
+    """Return the finished cases, sorted by number."""
     done = sorted((one for one in requests if one.number in journal.rows), key=lambda one: one.number)
     return Cases(study, done, [journal.rows[one.number] for one in done])
 

@@ -83,7 +83,7 @@ class Process:
 
     @property
     def patience(self) -> float:
-        """How long a case may take [s]."""
+        """Longest permitted time of a case [s]."""
         return self.timeout or (FIRST_PATIENCE if not self._longest else max(PATIENCE, LONGER * self._longest))
 
     def ask(self, request: Request) -> Row:
@@ -116,7 +116,7 @@ class Process:
         self.kill()
 
     def _ended(self, patience: float) -> str:
-        """How the process ended, in words."""
+        """Describe how the process ended."""
         process, self._process = self._process, None
         code = shut(process)
         if self._hung:
@@ -246,7 +246,7 @@ def cores() -> int:
 
 
 def memory_of_each(workers: int) -> int:
-    """What a process may have of the machine's memory [byte]; 0 where that is not known."""
+    """Return the memory that a process may use [byte]; 0 if it cannot be determined."""
     with suppress(ValueError, OSError, AttributeError):
         return int(SHARE * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / workers)
     return 0

@@ -59,7 +59,7 @@ def noop(_progress: StudyProgress) -> None:
 
 @dataclass
 class StudyOutcome:
-    """What a study gave."""
+    """Outcome of a study."""
 
     study: Study
     folder: Path
