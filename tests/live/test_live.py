@@ -93,7 +93,7 @@ REFUSED = {
     "no steps":              (lambda live: live.step(0), "step: 0 is no number of steps."),
     "what was not recorded": (lambda live: live.read([MASS]), "servomotor.mass: is not recorded."),
     "an element too far":    (lambda live: live.read(["command.live_turn[3]"]), "command.live_turn[3]: there is no such element."),
-    "another question":      (lambda live: live._ask("exec"), "exec is nothing that can be asked for."),
+    "another question":      (lambda live: live._request("exec"), "exec is nothing that can be asked for."),
 }  # fmt: skip
 
 
@@ -160,7 +160,7 @@ def test_whatever_comes_ends_in_a_sentence(live, message):
     before = len(live.done)
     more = {key: one for key, one in message.items() if key != "ask"}
     with pytest.raises(RefusedError) as caught:
-        live._ask(message["ask"], **more)
+        live._request(message["ask"], **more)
     assert len(str(caught.value)) < 400
     assert (live.state.phase, live.state.held, len(live.done)) == ("paused", {}, before)
 

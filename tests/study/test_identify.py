@@ -40,7 +40,7 @@ def test_a_replayed_input_gives_the_same_bits(tmp_path, build):
     with Model(problem, build) as model:
         for _ in range(2):  # members go back to how they were made
             (predicted,) = model.predicted(np.array([one.place(one.start) for one in problem.unknowns]))
-            model._recorded[0]._kept.clear()
+            model._recorded[0]._cache.clear()
             assert predicted.tobytes() == signals.values["sheath.tip_position"].tobytes()
 
 
@@ -204,7 +204,7 @@ def test_somebody_elses_fmu_is_instantiated_anew(folder, build):
     problem = load(identify_file(folder, text))
     with Model(problem, build) as foreign:
         places = np.array([0.4])
-        theirs = [foreign.predicted(places)[0], foreign._recorded[0]._kept.clear(), foreign.predicted(places)[0]]
+        theirs = [foreign.predicted(places)[0], foreign._recorded[0]._cache.clear(), foreign.predicted(places)[0]]
     with Model(load(identify_file(folder, FILE + "to: 1 s\n")), build) as own:
         assert own.predicted(places)[0].tobytes() == theirs[0].tobytes() == theirs[2].tobytes()
 

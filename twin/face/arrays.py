@@ -35,10 +35,10 @@ def array(variable: Recorded, cases: Cases) -> xr.DataArray:
     first = times[0] if times else np.zeros(0)
     time = first if all(np.array_equal(first, one) for one in times) else reduce(np.union1d, times)
     values = [signals.values[variable.name] for signals in cases.values()]
-    is_whole = len(cases) == len(variants) * len(seeds) and all(len(one) == len(time) for one in times)
-    kind = np.result_type(*values) if is_whole and values else np.dtype(np.float64)
+    is_complete = len(cases) == len(variants) * len(seeds) and all(len(one) == len(time) for one in times)
+    kind = np.result_type(*values) if is_complete and values else np.dtype(np.float64)
     data = np.zeros((len(time), len(variants), len(seeds), *variable.shape), kind)
-    if not is_whole:
+    if not is_complete:
         data[...] = np.nan
     for ((variant, seed), signals), one in zip(cases.items(), values, strict=True):
         data[np.searchsorted(time, signals.time), variants.index(variant), seeds.index(seed)] = one
@@ -57,14 +57,14 @@ def array(variable: Recorded, cases: Cases) -> xr.DataArray:
 def frame(time: Any, values: Mapping[str, Any], units: Mapping[str, str]) -> pd.DataFrame:
     """Column `time` [s], then one for each scalar, an array's as `x[1]`, `x[2]`; units in `.attrs["units"]`."""
     columns = {"time": time}
-    known = {"time": "s"}
+    column_units = {"time": "s"}
     for name, array in values.items():
         for index in np.ndindex(array.shape[1:]):
             label = name + (f"[{','.join(str(i + 1) for i in index)}]" if index else "")
             columns[label] = array[(slice(None), *index)]
-            known[label] = units.get(name, "")
+            column_units[label] = units.get(name, "")
     made = needed("pandas").DataFrame(columns)
-    made.attrs["units"] = known
+    made.attrs["units"] = column_units
     return made
 
 

@@ -102,9 +102,9 @@ def nanoseconds(value: float | str, what: str) -> clock.Time:
         raise TwinError(f"{what}: {error}.") from None
 
 
-def choice(value: str, known: Iterable[str], what: str) -> str:
+def choice(value: str, choices: Iterable[str], what: str) -> str:
     """One of a few words."""
-    names = list(known)
+    names = list(choices)
     if value not in names:
         raise TwinError(f"{what}: {value!r} is not known. {nearest(str(value), names)}")
     return value

@@ -71,7 +71,7 @@ def simulate(
                 record=tuple(listed(record)),
             )
             inputs = table(input, member) if input is not None else None
-            outcome = run_alone(member, planned, inputs, progress=partial(told, share, path.stem))
+            outcome = run_alone(member, planned, inputs, progress=partial(report_progress, share, path.stem))
         finally:
             member.close()
         results = table_of(outcome.results)
@@ -86,8 +86,8 @@ def simulate(
     return results
 
 
-def told(share: Callable[[str, float], object], name: str, part: float) -> None:
-    """Tell how far a run is."""
+def report_progress(share: Callable[[str, float], object], name: str, part: float) -> None:
+    """Report the progress of a run."""
     share(name, part)
 
 
@@ -119,8 +119,10 @@ def table(given: Any, member: FMUMember) -> Any:
 
 def titled(name: str, unit: str, member: FMUMember) -> str:
     """A column's name with the unit that a table of ours says it is in."""
-    known = member.variables.get(name)
-    return f"{name} [{unit}]" if unit and known is not None and known.unit and known.dtype.kind == "f" else name
+    variable = member.variables.get(name)
+    return (
+        f"{name} [{unit}]" if unit and variable is not None and variable.unit and variable.dtype.kind == "f" else name
+    )
 
 
 def columns_of(given: Any) -> tuple[dict[str, list[Any]], Mapping[str, str]]:

@@ -11,8 +11,10 @@ from twin.run import silent
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    Told: TypeAlias = Callable[[str, float], object]  # of a case's name, and the part of it that is done (0 to 1)
-    Progress: TypeAlias = bool | Told | None
+    ProgressCallback: TypeAlias = Callable[
+        [str, float], object
+    ]  # of a case's name, and the part of it that is done (0 to 1)
+    Progress: TypeAlias = bool | ProgressCallback | None
 
 
 class Bar:
@@ -43,7 +45,7 @@ def in_notebook() -> bool:
 
 
 @contextmanager
-def shown(progress: Progress, title: str) -> Iterator[Told]:
+def shown(progress: Progress, title: str) -> Iterator[ProgressCallback]:
     """The function that a run calls; a bar is removed at the end."""
     if callable(progress):
         yield progress

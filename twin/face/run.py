@@ -50,10 +50,10 @@ def finished(folder: Path) -> bool:
 
 def latest(parent: Path) -> Path:
     """The last finished run in the folder of a scenario."""
-    found = [folder for folder in parent.iterdir() if finished(folder)] if parent.is_dir() else []
-    if not found:
-        known = [one.name for one in parent.parent.iterdir() if one.is_dir()] if parent.parent.is_dir() else []
-        hint = nearest(parent.name, known) if not parent.is_dir() else "Run the scenario first."
+    finished_runs = [folder for folder in parent.iterdir() if finished(folder)] if parent.is_dir() else []
+    if not finished_runs:
+        scenario_names = [one.name for one in parent.parent.iterdir() if one.is_dir()] if parent.parent.is_dir() else []
+        hint = nearest(parent.name, scenario_names) if not parent.is_dir() else "Run the scenario first."
         raise TwinError(f"{parent}: holds no finished run. {hint}")
 
     def order(folder: Path) -> tuple[str, int]:
@@ -61,7 +61,7 @@ def latest(parent: Path) -> Path:
         assert stamp
         return stamp[1], int(stamp[2] or 1)
 
-    return max(found, key=order)
+    return max(finished_runs, key=order)
 
 
 class Run:
@@ -156,8 +156,8 @@ class Run:
         """A recorded variable, or one element of it as `sheath.x[3]`, counted from 1; UnknownNameError if there is none."""
         if name in self._recorded:
             return self._recorded[name]
-        whole = name.partition("[")[0]
-        if whole in self._recorded and name in (variable := self._recorded[whole]).columns:
+        array_name = name.partition("[")[0]
+        if array_name in self._recorded and name in (variable := self._recorded[array_name]).columns:
             return Recorded(name, (name,), (), variable.unit, variable.display_unit, variable.description)
         raise UnknownNameError(f"{self.folder}: {name!r} was not recorded. {nearest(name, self.signals)}")
 
@@ -242,13 +242,13 @@ class Run:
 
     def _unit(self, parsed: Expression) -> str:
         """The unit that an expression is shown in; ScenarioError if it adds what does not fit."""
-        known = {name: self._recorded[name] for name in (signal.name for signal in parsed.signals) if name in self}
-        units: dict[str, str | None] = {name: one.unit for name, one in known.items()}
-        found = dimension.of(parsed, units)
+        variables = {name: self._recorded[name] for name in (signal.name for signal in parsed.signals) if name in self}
+        units: dict[str, str | None] = {name: one.unit for name, one in variables.items()}
+        dimensions = dimension.of(parsed, units)
         return dimension.preferred(
-            found,
-            {name: one.unit for name, one in known.items()},
-            {name: one.display_unit for name, one in known.items()},
+            dimensions,
+            {name: one.unit for name, one in variables.items()},
+            {name: one.display_unit for name, one in variables.items()},
         )
 
     def __repr__(self) -> str:

@@ -114,7 +114,7 @@ class Scenario:
         or interpreted. A member that fails and Ctrl-C end a run early: its `status` and `reason` tell, and what was
         recorded is there.
         """
-        with as_arguments(), shown(progress, self.title) as told:
+        with as_arguments(), shown(progress, self.title) as report_progress:
             outcome = run_scenario(
                 self.checked,
                 Form(choice(form, Form, "form")),
@@ -122,7 +122,7 @@ class Scenario:
                 seeds=listed(seeds),
                 root=Path(out),
                 build=Path(build),
-                progress=told,
+                progress=report_progress,
                 report=report,
             )
         return Run(outcome.folder, self, [] if form == Form.interpreted else sourceless(self._classes.values()))
@@ -144,12 +144,12 @@ class Scenario:
         )
 
 
-def reference(cls: type, known: Mapping[str, type[Component]]) -> str:
+def reference(cls: type, classes: Mapping[str, type[Component]]) -> str:
     """How a scenario names a class; an older one of the same name may be in use too."""
     if not issubclass(cls, Component):
         raise ScenarioError(f"{cls.__name__} is no component. Derive it from twin.component.Component.")
     text = f"{cls.__module__}:{cls.__qualname__}"
-    while known.get(text, cls) is not cls:
+    while classes.get(text, cls) is not cls:
         text += "'"
     return text
 

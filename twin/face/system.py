@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from twin.scenario import Case
 
 NAME = "system"  # in messages
-DAYS = 100 * 86_400 * 10**9  # how long a simulation may go on if nobody says when it stops [ns]
+DAYS = 100 * 86_400 * 10**9  # longest simulation without a stop time [ns]
 
 
 class System:
@@ -77,8 +77,8 @@ class System:
             member["parameters"] = given
         if period is not None:
             member["period"] = plain(period)
-        asked = {"interface": interface, "solver": solver, "solver_tolerance": solver_tolerance}
-        member |= {key: plain(value) for key, value in asked.items() if value}
+        options = {"interface": interface, "solver": solver, "solver_tolerance": solver_tolerance}
+        member |= {key: plain(value) for key, value in options.items() if value}
         members = {**self._members, name: member}
         self._checked(members, self._connections, classes)
         self._members, self._classes = members, classes

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from twin.identify.model import Model
-    from twin.identify.search import Found
+    from twin.identify.search import Fit
 
     Array = np.ndarray[Any, Any]
-    Told = Callable[[str, float], object]
+    ReportProgress = Callable[[str, float], object]
 
 METHODS = ("jacobian", "profile", "bootstrap")
 TOGETHER = 0.95  # correlation beyond which a variance is over ten times what it is with the other unknown known
@@ -64,16 +64,16 @@ class Knowledge:
     @property
     def deviations(self) -> Array:
         """Standard deviation of each unknown."""
-        found: Array = np.sqrt(np.diag(self.covariance))
-        return found
+        standard_deviations: Array = np.sqrt(np.diag(self.covariance))
+        return standard_deviations
 
     @property
     def correlation(self) -> Array:
         """Correlation of the unknowns; those without effect have none."""
         scale = np.where(self.deviations > 0, self.deviations, 1.0)
-        found = self.covariance / np.outer(scale, scale)
-        np.fill_diagonal(found, 1.0)
-        clipped: Array = np.clip(found, -1.0, 1.0)
+        matrix = self.covariance / np.outer(scale, scale)
+        np.fill_diagonal(matrix, 1.0)
+        clipped: Array = np.clip(matrix, -1.0, 1.0)
         return clipped
 
 
@@ -93,7 +93,7 @@ def psi(residuals: Array, loss: str) -> tuple[Array, Array]:
 
 def inflation(residuals: Residuals, values: Array) -> float:
     """By how much correlation of successive residuals makes the variance larger."""
-    found, first = [], 0
+    factors, first = [], 0
     for one in residuals.measured:
         part = values[first : first + len(one)]
         first += len(one)
@@ -101,19 +101,19 @@ def inflation(residuals: Residuals, values: Array) -> float:
         power = float(np.sum(part**2))
         r = float(np.sum(part[1:] * part[:-1])) / power if power else 0.0
         r = min(r, 0.999) if r > 2 / np.sqrt(len(part)) else 0.0  # less than that is chance
-        found.append(((1 + r) / (1 - r), len(part)))
-    return sum(factor * count for factor, count in found) / sum(count for _, count in found)
+        factors.append(((1 + r) / (1 - r), len(part)))
+    return sum(factor * count for factor, count in factors) / sum(count for _, count in factors)
 
 
-def known(model: Model, found: Found, method: str, seed: int, tell: Told) -> Knowledge:
+def estimate_uncertainty(model: Model, fit: Fit, method: str, seed: int, report: ReportProgress) -> Knowledge:
     """Covariance and intervals at the best place."""
-    residuals = Residuals(model, found.sigmas)
-    residuals.heard = lambda: tell("covariance", 0.0)
-    by_jacobian = covariance(residuals, found.places)
+    residuals = Residuals(model, fit.sigmas)
+    residuals.on_evaluation = lambda: report("covariance", 0.0)
+    by_jacobian = covariance(residuals, fit.places)
     if method == "profile":
-        profiled(residuals, found.places, by_jacobian, tell)
+        profiled(residuals, fit.places, by_jacobian, report)
     elif method == "bootstrap":
-        bootstrapped(residuals, found.places, by_jacobian, seed, tell)
+        bootstrapped(residuals, fit.places, by_jacobian, seed, report)
     return by_jacobian
 
 
@@ -126,32 +126,32 @@ def quantile(residuals: Residuals) -> float:
     return float(t.ppf(0.5 + problem.keys.confidence / 2, freedom))
 
 
-def covariance(residuals: Residuals, places: Array) -> Knowledge:
+def covariance(residuals: Residuals, position: Array) -> Knowledge:
     """Covariance by the Jacobian, with differences about as wide as what is to be told apart."""
     problem = residuals.model.problem
-    values = residuals(places)
-    freedom = max(problem.count - len(places), 1)
+    values = residuals(position)
+    freedom = max(problem.count - len(position), 1)
     influence, slope = psi(values, problem.keys.loss)
     variance = float(np.mean(influence**2)) / max(float(np.mean(slope)), 1e-3) ** 2 * problem.count / freedom
     wider = inflation(residuals, values)
     given = all(one.noise for one in problem.outputs)
     factor = wider * (max(variance, 1.0) if given else variance)
-    jacobian = residuals.jacobian(places, COARSE, central=True)
-    whole, own, s, directions = inverse(jacobian, factor)
-    steps = np.clip(0.3 * np.sqrt(np.diag(whole)), FINEST, COARSE)
-    finer = residuals.jacobian(places, steps, central=True)
+    jacobian = residuals.jacobian(position, COARSE, central=True)
+    matrix, own, s, directions = inverse(jacobian, factor)
+    steps = np.clip(0.3 * np.sqrt(np.diag(matrix)), FINEST, COARSE)
+    finer = residuals.jacobian(position, steps, central=True)
     rough = np.linalg.norm(finer, axis=0) > ROUGH * np.linalg.norm(jacobian, axis=0)
-    whole, own, s, directions = inverse(np.where(rough, jacobian, finer), factor)
-    effect = np.isin(np.arange(len(places)), own)
-    deviations = np.sqrt(np.diag(whole))
-    spread = np.zeros((len(s), len(places)))
+    matrix, own, s, directions = inverse(np.where(rough, jacobian, finer), factor)
+    effect = np.isin(np.arange(len(position)), own)
+    deviations = np.sqrt(np.diag(matrix))
+    spread = np.zeros((len(s), len(position)))
     spread[:, own] = directions
     width = quantile(residuals) * deviations
-    low, high = places - width, places + width
+    low, high = position - width, position + width
     low[~effect], high[~effect] = np.nan, np.nan
     return Knowledge(
         "jacobian",
-        whole,
+        matrix,
         low,
         high,
         np.sqrt(factor) / s,
@@ -169,9 +169,9 @@ def inverse(jacobian: Array, factor: float) -> tuple[Array, Array, Array, Array]
     own = np.flatnonzero(norms > NOTHING * max(float(np.max(norms)), 1e-300))
     _, s, directions = np.linalg.svd(jacobian[:, own], full_matrices=False)
     s = np.maximum(s, 1e-12 * max(float(s[0]) if len(s) else 0.0, 1e-300))
-    whole = np.zeros((len(norms), len(norms)))
-    whole[np.ix_(own, own)] = factor * (directions.T / s**2) @ directions
-    return whole, own, s, directions
+    matrix = np.zeros((len(norms), len(norms)))
+    matrix[np.ix_(own, own)] = factor * (directions.T / s**2) @ directions
+    return matrix, own, s, directions
 
 
 def limit(residuals: Residuals, knowledge: Knowledge) -> float:
@@ -183,44 +183,44 @@ def limit(residuals: Residuals, knowledge: Knowledge) -> float:
     return 0.5 * values * quantile(residuals) ** 2
 
 
-def profiled(residuals: Residuals, places: Array, knowledge: Knowledge, tell: Told) -> None:
+def profiled(residuals: Residuals, optimum: Array, knowledge: Knowledge, report: ReportProgress) -> None:
     """Ends of the intervals where the cost, searched over all others, has risen to its limit."""
-    count = len(places)
+    count = len(optimum)
     height = limit(residuals, knowledge)
-    least = residuals.cost(residuals(places))
+    least = residuals.cost(residuals(optimum))
     for i in range(count):
         if not knowledge.effect[i]:
             continue
-        points = {float(places[i]): 0.0}
+        points = {float(optimum[i]): 0.0}
         for side in (-1, 1):
-            residuals.heard = lambda i=i, side=side: tell(  # type: ignore[misc]
+            residuals.on_evaluation = lambda i=i, side=side: report(  # type: ignore[misc]
                 f"profile of {residuals.model.problem.unknowns[i].name}", (2 * i + (side > 0)) / (2 * count)
             )
-            end = profile_end(residuals, places, i, side, knowledge, least, height, points)
+            end = profile_end(residuals, optimum, i, side, knowledge, least, height, points)
             (knowledge.low if side < 0 else knowledge.high)[i] = end
             last = (0.0 if side < 0 else 1.0) if np.isnan(end) else end
             for share in BETWEEN:  # for the picture
-                place = float(places[i] + share * (last - places[i]))
-                points[place] = max(held(residuals, places, knowledge, i, place)[1] - least, 0.0) / height
+                position = float(optimum[i] + share * (last - optimum[i]))
+                points[position] = max(held(residuals, optimum, knowledge, i, position)[1] - least, 0.0) / height
         ordered = sorted(points.items())
         knowledge.profiles[i] = Profile(*(np.array(one) for one in zip(*ordered, strict=True)))
     knowledge.method = "profile"
 
 
-def held(residuals: Residuals, warm: Array, knowledge: Knowledge, i: int, place: float) -> tuple[Array, float]:
+def held(residuals: Residuals, warm: Array, knowledge: Knowledge, i: int, position: float) -> tuple[Array, float]:
     """The best place with one unknown held somewhere, and its cost; the others begin along the ridge from `warm`."""
     others = [k for k in range(len(warm)) if k != i]
     begin = np.array(warm)
     variance = float(knowledge.covariance[i, i])
     if variance:
-        begin[others] += knowledge.covariance[others, i] / variance * (place - warm[i])
-    begin[i] = place
+        begin[others] += knowledge.covariance[others, i] / variance * (position - warm[i])
+    begin[i] = position
     return residuals.searched(np.clip(begin, 0.0, 1.0), others, 12)
 
 
 def profile_end(
     residuals: Residuals,
-    places: Array,
+    optimum: Array,
     i: int,
     side: int,
     knowledge: Knowledge,
@@ -231,53 +231,53 @@ def profile_end(
     """Where a profile crosses its limit on one side; NaN if it does not up to the bound. Adds to `points`."""
     bound = 0.0 if side < 0 else 1.0
     distance = min(max(quantile(residuals) * float(knowledge.deviations[i]), 2 * FINE), 0.25)
-    inside, outside = (float(places[i]), 0.0), None
-    warm = np.array(places)
+    inside, outside = (float(optimum[i]), 0.0), None
+    warm = np.array(optimum)
     for _ in range(TRIES):
-        place = min(max(places[i] + side * distance, 0.0), 1.0)
-        end, cost = held(residuals, warm, knowledge, i, float(place))
+        position = min(max(optimum[i] + side * distance, 0.0), 1.0)
+        end, cost = held(residuals, warm, knowledge, i, float(position))
         above = max(cost - least, 0.0) / height
-        points[float(place)] = above
+        points[float(position)] = above
         if abs(above - 1) < CLOSE:
-            return float(place)
+            return float(position)
         if above > 1:
-            outside = place, above
+            outside = position, above
         else:
-            inside, warm = (float(place), above), end
-            if place == bound:
+            inside, warm = (float(position), above), end
+            if position == bound:
                 return float("nan")
         if outside is None:
             distance *= 2 if above < 0.1 else 1.2 / np.sqrt(above)
         else:  # roots of the cost are straight, about
             low, high = np.sqrt(inside[1]), np.sqrt(outside[1])
             share = min(max((1 - low) / (high - low), 0.05), 0.95)
-            distance = abs(inside[0] + share * (outside[0] - inside[0]) - places[i])
+            distance = abs(inside[0] + share * (outside[0] - inside[0]) - optimum[i])
     return float(inside[0] if outside is None else (inside[0] + outside[0]) / 2)
 
 
-def bootstrapped(residuals: Residuals, places: Array, knowledge: Knowledge, seed: int, tell: Told) -> None:
+def bootstrapped(residuals: Residuals, optimum: Array, knowledge: Knowledge, seed: int, report: ReportProgress) -> None:
     """Quantiles of searches with residuals drawn anew, in blocks that keep what follows each other together.
 
     Moving blocks: Kuensch, Ann. Statist. 17(3), 1989; as long as the correlation makes them.
     """
     generator = np.random.default_rng(seed)
-    predicted = residuals.predicted(places)
+    predicted = residuals.predicted(optimum)
     assert predicted is not None, "the best place was simulated"
     block = max(1, int(np.ceil(2 * knowledge.inflation))) if knowledge.inflation > 1 else 1
-    freedom = np.sqrt(residuals.model.problem.count / max(residuals.model.problem.count - len(places), 1))
-    found = []
+    freedom = np.sqrt(residuals.model.problem.count / max(residuals.model.problem.count - len(optimum), 1))
+    optima = []
     for number in range(RESAMPLED):
-        drawn = []
+        resampled = []
         for computed, measured in zip(predicted, residuals.measured, strict=True):
             errors = (measured - computed - np.mean(measured - computed)) * freedom
             blocks = -(-len(errors) // block)
             begins = generator.integers(0, max(len(errors) - block, 0) + 1, blocks)
             rows = (begins[:, None] + np.arange(block)).ravel()[: len(errors)]
-            drawn.append(computed + errors[rows])
-        again = Residuals(residuals.model, residuals.sigmas, drawn)
-        again.heard = lambda number=number: tell("bootstrap", number / RESAMPLED)  # type: ignore[misc]
-        found.append(again.searched(places, list(np.flatnonzero(knowledge.effect)), 12)[0])
-    knowledge.samples = np.array(found)
+            resampled.append(computed + errors[rows])
+        again = Residuals(residuals.model, residuals.sigmas, resampled)
+        again.on_evaluation = lambda number=number: report("bootstrap", number / RESAMPLED)  # type: ignore[misc]
+        optima.append(again.searched(optimum, list(np.flatnonzero(knowledge.effect)), 12)[0])
+    knowledge.samples = np.array(optima)
     tail = (1 - residuals.model.problem.keys.confidence) / 2
     ends = np.quantile(knowledge.samples, [tail, 1 - tail], axis=0)
     knowledge.low, knowledge.high = (np.where(knowledge.effect, one, np.nan) for one in ends)

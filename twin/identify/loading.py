@@ -19,8 +19,8 @@ MERGED = ("set", "fit")  # keys of which a recording's own entries are added to 
 def load(path: str | Path) -> Problem:
     """Read and check an identify file; ScenarioError lists all problems."""
     problems: list[str] = []
-    _, root, found = validate(read(Path(path), str(path), problems), IdentifyKeys)
-    problems += found
+    _, root, keys_problems = validate(read(Path(path), str(path), problems), IdentifyKeys)
+    problems += keys_problems
     return together([Loader(Path(path), *one, problems) for one in recordings(root)])
 
 
@@ -28,15 +28,15 @@ def recordings(root: Node) -> list[tuple[str, Node, frozenset[str]]]:
     """Name and keys of each recording, and what is looked for in it alone; the file itself if it names none."""
     shared = {key: node for key, node in root.entries.items() if key != "recordings"}
     several = root.entries.get("recordings", Node({}, root.place)).entries
-    found = []
+    nodes = []
     for name, node in several.items():
-        whole = {**shared, **node.entries}
+        entries = {**shared, **node.entries}
         for key in MERGED:
             if key in shared and key in node.entries:
-                whole[key] = Node({**shared[key].entries, **node.entries[key].entries}, node.place)
+                entries[key] = Node({**shared[key].entries, **node.entries[key].entries}, node.place)
         own = node.entries.get("fit", Node({}, node.place)).entries
-        found.append((name, Node(whole, node.place), frozenset(own)))
-    return found or [("", root, frozenset())]
+        nodes.append((name, Node(entries, node.place), frozenset(own)))
+    return nodes or [("", root, frozenset())]
 
 
 def together(loaders: list[Loader]) -> Problem:
@@ -68,7 +68,7 @@ def refuse_without_influence(unknowns: list[Unknown], loaders: list[Loader]) -> 
         if any(one.member in loader.reduced.members for loader in own):
             continue
         compared = dict.fromkeys(output.signal for loader in own for output in loader.keys.outputs.values())
-        own[0].tell(
+        own[0].add_problem(
             f"{one.member} has no influence on {', '.join(compared)}: nothing leads from it there. Leave it out, or "
             f"compare what it moves.", "fit", one.path,
         )  # fmt: skip

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     Array = np.ndarray[Any, Any]
 
 BUFFER_BYTES = 1 << 20  # for rows: many short simulations
-KEPT = 24  # simulations: delays and offsets need none of their own
+CACHE_SIZE = 24  # simulations: delays and offsets need none of their own
 
 
 class Model:
@@ -57,15 +57,15 @@ class Model:
         return f"differences, since {self.refused}" if self.refused else "differences"
 
     def predicted(self, places: Array) -> list[Array]:
-        """What each output would have measured; SimulationError if a simulation fails or is not finite."""
+        """Predict the measurements of each output; SimulationError if a simulation fails or is not finite."""
         values = self.problem.values(places)
-        found = []
+        outputs = []
         for one in self._recorded:
             time, signals = one.signals(values)
-            found += [sampled(output, time, signals, values) for output in one.recording.outputs]
-        if not all(np.isfinite(one).all() for one in found):
+            outputs += [sampled(output, time, signals, values) for output in one.recording.outputs]
+        if not all(np.isfinite(one).all() for one in outputs):
             raise SimulationError("what is compared is not finite")
-        return found
+        return outputs
 
     def slopes(self, places: Array) -> dict[int, list[Array]] | None:
         """What each output would change with each parameter that is looked for, by its number; by directional derivatives.
@@ -73,17 +73,17 @@ class Model:
         None where the members do not tell them along a simulation; `refused` says why, if they might have.
         """
         values = self.problem.values(places)
-        found: dict[int, list[Array]] = {}
+        derivatives: dict[int, list[Array]] = {}
         for one in self._recorded:
-            told = None if self.refused else one.slopes(values)
+            member_slopes = None if self.refused else one.slopes(values)
             self.refused = self.refused or one.refused
-            if told is None:
+            if member_slopes is None:
                 return None
             for number, unknown in enumerate(self.problem.unknowns):
                 if unknown.member:
                     nothing = [np.zeros(len(output.time)) for output in one.recording.outputs]
-                    found.setdefault(number, []).extend(told.get(unknown.name, nothing))
-        return found
+                    derivatives.setdefault(number, []).extend(member_slopes.get(unknown.name, nothing))
+        return derivatives
 
     def close(self) -> None:
         """Free all members."""
@@ -98,14 +98,14 @@ class Model:
 
 
 class Simulated:
-    """What happened in one recording, as the model has it at some values of `unknowns`."""
+    """Simulates one recording at given values of `unknowns`."""
 
     def __init__(self, recording: Recording, unknowns: Sequence[Unknown], build: Path) -> None:
         self.recording, self._unknowns, self._build = recording, unknowns, build
         self.count = 0  # of simulations
         self.refused = ""  # why directional derivatives are of no use along a simulation
-        self._kept: dict[tuple[float, ...], tuple[Array, dict[str, Array]]] = {}
-        self._places = {one.name: (one.member, find(one.path, recording.catalog)) for one in unknowns}
+        self._cache: dict[tuple[float, ...], tuple[Array, dict[str, Array]]] = {}
+        self._references = {one.name: (one.member, find(one.path, recording.catalog)) for one in unknowns}
         used = [members.component_of(one) for one in recording.case.members.values()]
         members.prebuild(used, Form.compiled, build, silent)
         self._first = self._made()
@@ -132,18 +132,18 @@ class Simulated:
             return {name: one.save() for name, one in own.items()}
         return {}
 
-    def _begun(self, values: Mapping[str, float]) -> CoSimulation:
-        """A co-simulation that is about to begin."""
+    def _prepare(self, values: Mapping[str, float]) -> CoSimulation:
+        """Return a co-simulation that is ready to initialize, with these values."""
         first = self._first
         if not self._saved:
             return self._made(values)
         for name, saved in self._saved.items():
             first.members[name].restore(saved)
-        for name, (member, reference) in self._places.items():
+        for name, (member, reference) in self._references.items():
             part, variable = first.members[member], reference.variable
-            whole = np.array(part.get(variable.name))
-            whole.reshape(-1)[reference.first : reference.first + reference.size] = values[name]
-            part.set(variable.name, whole)
+            elements = np.array(part.get(variable.name))
+            elements.reshape(-1)[reference.first : reference.first + reference.size] = values[name]
+            part.set(variable.name, elements)
         return CoSimulation(
             first.members, first.links, first.step, first.algorithm, record=first.recorded, every=first.every,
             build=self._build, periods=first.periods, recorder=Memory(BUFFER_BYTES), exempt=list(first.members),
@@ -151,12 +151,12 @@ class Simulated:
 
     def signals(self, values: Mapping[str, float]) -> tuple[Array, dict[str, Array]]:
         """Times [s] and what the outputs' signals are; SimulationError if the simulation fails."""
-        key = tuple(values[name] for name in self._places)
-        found = self._kept.pop(key, None) or self._simulated(values)
-        self._kept[key] = found  # the last one
-        if len(self._kept) > KEPT:
-            del self._kept[next(iter(self._kept))]
-        return found
+        key = tuple(values[name] for name in self._references)
+        result = self._cache.pop(key, None) or self._simulated(values)
+        self._cache[key] = result  # the last one
+        if len(self._cache) > CACHE_SIZE:
+            del self._cache[next(iter(self._cache))]
+        return result
 
     def slopes(self, values: Mapping[str, float]) -> dict[str, list[Array]] | None:
         """Derivatives of each output by each unknown's value, at the times of measurement; None if they cannot be had."""
@@ -164,33 +164,35 @@ class Simulated:
             return None  # compiled members tell no derivatives, and are quick
         simulated = self._made(values)
         try:
-            elements = [(name, member, one) for name, (member, one) in self._places.items()]
+            elements = [(name, member, one) for name, (member, one) in self._references.items()]
             parameters = [(m, one.variable.name, one.first + i) for _, m, one in elements for i in range(one.size)]
             sources = [find(output.signal, self.recording.catalog) for output in self.recording.outputs]
             outputs = [
                 (output.signal.partition(".")[0], one.variable.name, one.first + output.element)
                 for output, one in zip(self.recording.outputs, sources, strict=True)
             ]
-            told = watched(simulated.members, simulated.links, parameters, outputs)
-            if told is None or self.recording.case.events:
+            recorder = watched(simulated.members, simulated.links, parameters, outputs)
+            if recorder is None or self.recording.case.events:
                 return None
             self.count += 1
             run_case(self.recording.case, simulated, silent)
-            self.refused = simulated.failure or told.failure
+            self.refused = simulated.failure or recorder.failure
         finally:
             simulated.terminate()
         if self.refused:
             return None
-        slopes, found, column = np.array(told.slopes), {}, 0
+        slopes, derivatives_by_name, column = np.array(recorder.slopes), {}, 0
         for name, _, one in elements:
             of_all = slopes[:, :, column : column + one.size].sum(2)
-            found[name] = [moved(o, told.times, of_all[:, i], values) for i, o in enumerate(self.recording.outputs)]
+            derivatives_by_name[name] = [
+                moved(o, recorder.times, of_all[:, i], values) for i, o in enumerate(self.recording.outputs)
+            ]
             column += one.size
-        return found
+        return derivatives_by_name
 
     def _simulated(self, values: Mapping[str, float]) -> tuple[Array, dict[str, Array]]:
         self.count += 1
-        simulated = self._begun(values)
+        simulated = self._prepare(values)
         try:
             run_case(self.recording.case, simulated, silent)
             if simulated.finished:
@@ -217,5 +219,5 @@ def sampled(output: Output, time: Array, signals: Mapping[str, Array], values: M
 def moved(output: Output, time: Array | Sequence[float], signal: Array, values: Mapping[str, float]) -> Array:
     """Values over time at the times of an output's measurements, less its delay."""
     delay = values[output.delay] if isinstance(output.delay, str) else output.delay
-    found: Array = np.interp(output.time - delay, time, signal)
-    return found
+    interpolated: Array = np.interp(output.time - delay, time, signal)
+    return interpolated

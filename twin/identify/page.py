@@ -64,17 +64,17 @@ def script(environment: Any) -> str:
 def part(environment: Any, tag: str) -> str:
     """What the template of runs has in a tag."""
     source = environment.loader.get_source(environment, "report.html")[0]
-    found = re.search(rf"<{tag}>(.*?)</{tag}>", source, re.DOTALL)
-    assert found, f"report.html has a {tag}"
-    return found[1]
+    match = re.search(rf"<{tag}>(.*?)</{tag}>", source, re.DOTALL)
+    assert match, f"report.html has a {tag}"
+    return match[1]
 
 
 def rows(result: Result) -> list[dict[str, Any]]:
     """The unknowns as the table shows them."""
-    found = []
+    table_rows = []
     for i, one in enumerate(result.problem.unknowns):
         deviation = float(np.sqrt(result.covariance[i, i]))
-        found.append(
+        table_rows.append(
             {
                 "name": one.name,
                 "value": one.shown(result.values[i]),
@@ -84,7 +84,7 @@ def rows(result: Result) -> list[dict[str, Any]]:
                 "verdicts": result.verdicts[i],
             }
         )
-    return found
+    return table_rows
 
 
 def matrix(result: Result) -> list[list[dict[str, str]]]:
@@ -93,10 +93,15 @@ def matrix(result: Result) -> list[list[dict[str, str]]]:
     for i, row in enumerate(result.knowledge.correlation):
         cells = []
         for k, value in enumerate(row):
-            known = bool(result.knowledge.effect[i] and result.knowledge.effect[k])
+            is_identifiable = bool(result.knowledge.effect[i] and result.knowledge.effect[k])
             strong = float(abs(value)) ** 4 if i != k else 0.0  # what is below 0.7 hardly matters
             color = f"rgba(180, 35, 53, {0.55 * strong:.2f})" if i != k else "#f5f7fa"
-            cells.append({"text": f"{value:.3f}" if known else "-", "color": color if known else "transparent"})
+            cells.append(
+                {
+                    "text": f"{value:.3f}" if is_identifiable else "-",
+                    "color": color if is_identifiable else "transparent",
+                }
+            )
         table.append(cells)
     return table
 
@@ -137,14 +142,14 @@ def curve(name: str, label: str) -> Curve:
 
 
 def difference(value: float, of: Output | Unknown) -> str:
-    """A difference in somebody's unit for people: degrees Celsius have no offset in it."""
+    """A difference in the display unit; degrees Celsius have no offset in it."""
     return shown(value * to_si(of.unit, is_difference=True)[0], of.display_unit or of.unit, is_difference=True)
 
 
 def profile(result: Result, i: int) -> dict[str, str]:
     """A profile as a plot: how much worse the fit is where an unknown is held elsewhere."""
     one, own = result.problem.unknowns[i], result.knowledge.profiles[i]
-    values = np.array([one.value(float(place)) for place in own.places])
+    values = np.array([one.value(float(position)) for position in own.places])
     tables = {("", 0): Signals(values, {"p.above": own.above, "p.value": values}, {"p.value": one.unit})}
     plot = Plot(
         "", (Curve(expression.parse("p.above"), "cost above the best", expression.parse("p.value")),),

@@ -46,11 +46,11 @@ class Unknown:
         """`member.parameter`, if it is one."""
         return f"{self.member}.{self.variable}"
 
-    def value(self, place: float) -> float:
-        """The value at a place between the bounds, 0 to 1."""
+    def value(self, position: float) -> float:
+        """Return the value at a position between the bounds, 0 to 1."""
         if self.is_log:
-            return float(self.low * (self.high / self.low) ** place)
-        return float(self.low + (self.high - self.low) * place)
+            return float(self.low * (self.high / self.low) ** position)
+        return float(self.low + (self.high - self.low) * position)
 
     def place(self, value: float) -> float:
         """The place of a value, 0 to 1 between the bounds."""
@@ -58,13 +58,13 @@ class Unknown:
             return float(np.log(value / self.low) / np.log(self.high / self.low))
         return float((value - self.low) / (self.high - self.low))
 
-    def slope(self, place: float) -> float:
-        """Derivative of the value by the place."""
-        return self.value(place) * float(np.log(self.high / self.low)) if self.is_log else self.high - self.low
+    def slope(self, position: float) -> float:
+        """Return the derivative of the value by the position."""
+        return self.value(position) * float(np.log(self.high / self.low)) if self.is_log else self.high - self.low
 
-    def at_bound(self, place: float) -> str:
-        """Which bound a place is at, if any."""
-        return "lower" if place < EDGE else "upper" if place > 1 - EDGE else ""
+    def at_bound(self, position: float) -> str:
+        """Return the bound that a position is at, or an empty string."""
+        return "lower" if position < EDGE else "upper" if position > 1 - EDGE else ""
 
     def shown(self, value: float) -> str:
         """A value of the parameter for people."""
@@ -182,9 +182,9 @@ class Problem:
         """Number of measured values."""
         return sum(len(one.values) for one in self.outputs)
 
-    def values(self, places: Array) -> dict[str, float]:
-        """Values of the unknowns at their places."""
-        return {one.name: one.value(float(place)) for one, place in zip(self.unknowns, places, strict=True)}
+    def values(self, positions: Array) -> dict[str, float]:
+        """Return the values of the unknowns at their positions."""
+        return {one.name: one.value(float(position)) for one, position in zip(self.unknowns, positions, strict=True)}
 
 
 def named(what: str, recording: str) -> str:

@@ -29,18 +29,18 @@ class Reader:
         self.path, self.folder = path, path.parent
         self.problems = problems
         self.notes: list[str] = []
-        keys, self.root, found = validate(root, IdentifyKeys)
+        keys, self.root, key_problems = validate(root, IdentifyKeys)
         self.keys: IdentifyKeys = keys
-        self.problems += found
+        self.problems += key_problems
 
-    def place(self, *path: str | int) -> str:
+    def location(self, *path: str | int) -> str:
         """file:line of a key."""
         return str(self.root.find(path).place)
 
-    def tell(self, error: TwinError | str, *path: str | int) -> None:
+    def add_problem(self, error: TwinError | str, *path: str | int) -> None:
         """Keep a problem of a key."""
         texts = getattr(error, "problems", [str(error)])
-        self.problems += [f"{self.place(*path)}: {dotted(path)}: {text}" for text in texts]
+        self.problems += [f"{self.location(*path)}: {dotted(path)}: {text}" for text in texts]
 
     def stop_if_wrong(self) -> None:
         """ScenarioError if there are problems."""
@@ -49,21 +49,21 @@ class Reader:
 
     def refuse_missing(self) -> None:
         """Keys that nothing can be done without."""
-        keys, place = self.keys, str(self.root.place)
+        keys, location = self.keys, str(self.root.place)
         if bool(keys.scenario) == bool(keys.component) and not {"scenario", "component"} & self.wrong():
             what = (
                 "both are given. Keep one"
                 if keys.scenario
                 else "is missing. Write `scenario: FILE` or `component: NAME`"
             )
-            self.problems.append(f"{place}: `scenario` or `component`: {what}.")
+            self.problems.append(f"{location}: `scenario` or `component`: {what}.")
         for key, example in (
             ("data", "data: em.csv"),
             ("outputs", 'outputs: {"tip [mm]": sheath.tip_position}'),
             ("fit", "fit: {sheath.play: {from: 0 mm, to: 1 mm}}"),
         ):
             if not getattr(keys, key) and key not in self.wrong():
-                self.problems.append(f"{place}: `{key}` is missing. Add it, such as `{example}`.")
+                self.problems.append(f"{location}: `{key}` is missing. Add it, such as `{example}`.")
 
     def wrong(self) -> set[str]:
         """Top-level keys with problems: what is missing in them has been told."""
@@ -75,11 +75,13 @@ class Reader:
         try:
             reference = find(name, catalog)
         except CouplingError as error:
-            self.tell(error, *path)
+            self.add_problem(error, *path)
             return None
         variable = reference.variable
         if variable.dtype.kind != "f":
-            self.tell(f"{name} is {variable.type}. Only real numbers can be compared, driven or looked for.", *path)
+            self.add_problem(
+                f"{name} is {variable.type}. Only real numbers can be compared, driven or looked for.", *path
+            )
             return None
         return variable if reference.size == 1 else replace(variable, shape=(reference.size,))
 
@@ -90,7 +92,9 @@ class Reader:
             try:
                 factor, offset = unit.conversion(column.unit, variable.unit or "1", column.name)
             except CouplingError:
-                self.tell(f"is in {column.unit}, {keys.signal} in {variable.unit or 'no unit'}. Correct one.", *path)
+                self.add_problem(
+                    f"is in {column.unit}, {keys.signal} in {variable.unit or 'no unit'}. Correct one.", *path
+                )
         return keys.factor * (column.values * factor + offset)
 
     def quantity(self, raw: Any, symbol: str, *path: str | int) -> float:
@@ -98,14 +102,14 @@ class Reader:
         try:
             return number(raw, symbol, "")
         except CouplingError as error:
-            self.tell(str(error).removeprefix(": "), *path)
+            self.add_problem(str(error).removeprefix(": "), *path)
             return 0.0
 
     def range(self, keys: RangeKeys, symbol: str, now: float | None, *path: str | int) -> tuple[float, float, float]:
         """Lower and upper bound, and the first guess."""
         missing = [name for name, one in (("from", keys.low), ("to", keys.high)) if one is None]
         if missing:
-            self.tell(f"`{missing[0]}` is missing. Give both bounds: {{from: ..., to: ...}}.", *path)
+            self.add_problem(f"`{missing[0]}` is missing. Give both bounds: {{from: ..., to: ...}}.", *path)
             return 0.0, 1.0, 0.5
         before = len(self.problems)
         low = self.quantity(keys.low, symbol, *path, "from")
@@ -114,13 +118,13 @@ class Reader:
         if len(self.problems) > before:
             return 0.0, 1.0, 0.5
         if not low < high:
-            self.tell(f"from {keys.low} is not below to {keys.high}. Swap them.", *path)
+            self.add_problem(f"from {keys.low} is not below to {keys.high}. Swap them.", *path)
         elif keys.scale == "log" and low <= 0:
-            self.tell(
+            self.add_problem(
                 f"from {keys.low} is not above zero, as scale: log needs it. Raise it, or leave the scale out.", *path
             )
         elif keys.start is not None and start is not None and not low <= start <= high:
-            self.tell(f"start {keys.start} is outside of {keys.low} to {keys.high}. Move it.", *path)
+            self.add_problem(f"start {keys.start} is outside of {keys.low} to {keys.high}. Move it.", *path)
         if start is None or not low <= start <= high:
             start = float(np.sqrt(low * high)) if keys.scale == "log" and low > 0 else (low + high) / 2
         return low, high, start

@@ -115,10 +115,10 @@ class File:
 
     def trace_names(self) -> list[str]:
         """Names of what the process data of a trace say."""
-        found = dict.fromkeys(
+        names = dict.fromkeys(
             pair.partition("=")[0] for _, row in self.table[1] if self.is_of_node(row) for pair in row[6].split()
         )
-        return list(found)
+        return list(names)
 
     def is_of_node(self, row: list[str]) -> bool:
         """Whether a row of a trace is process data of the node that is meant."""
@@ -132,8 +132,8 @@ class File:
         else:
             lines, time, values = self.trace(name) if self.is_trace else self.csv(name)
             symbol = split(name)[1]
-        found = Column(self.shown, name, symbol, time - clock.seconds(self.keys.start), values, lines)
-        return checked(found)
+        column_data = Column(self.shown, name, symbol, time - clock.seconds(self.keys.start), values, lines)
+        return checked(column_data)
 
     def time_name(self, header: list[str]) -> str:
         """The column of times."""
@@ -152,17 +152,23 @@ class File:
         """Lines, times [s] and values of a column of a table."""
         header, rows = self.table
         clock_name = self.time_name(header)
-        places = [header.index(clock_name), header.index(name)]
-        found = [
-            (number, *(calibration.cell_value(row, place, header, f"{self.shown}:{number}") for place in places))
+        column_indices = [header.index(clock_name), header.index(name)]
+        samples = [
+            (
+                number,
+                *(
+                    calibration.cell_value(row, column_index, header, f"{self.shown}:{number}")
+                    for column_index in column_indices
+                ),
+            )
             for number, row in rows
         ]
-        table = np.array(found, np.float64).reshape(-1, 3)
+        table = np.array(samples, np.float64).reshape(-1, 3)
         return table[:, 0], table[:, 1] * seconds(clock_name, self.shown), table[:, 2]
 
     def trace(self, name: str) -> tuple[Array, Array, Array]:
         """Lines, times [s] and values of a name in the process data of a trace."""
-        found = []
+        samples = []
         nodes: dict[str, int] = {}
         for number, row in self.table[1]:
             if not self.is_of_node(row) or f"{name}=" not in row[6]:
@@ -171,11 +177,13 @@ class File:
             if name in pairs:
                 nodes.setdefault(row[3], number)
                 time = calibration.cell_value(row, 0, TRACE, f"{self.shown}:{number}")
-                found.append((number, time, calibration.cell_value([pairs[name]], 0, [name], f"{self.shown}:{number}")))
+                samples.append(
+                    (number, time, calibration.cell_value([pairs[name]], 0, [name], f"{self.shown}:{number}"))
+                )
         if len(nodes) > 1:
             listed = ", ".join(sorted(nodes, key=int))
             raise TwinError(f"{self.shown}: nodes {listed} have {name}. Say which one: node: {min(nodes, key=int)}.")
-        table = np.array(found, np.float64).reshape(-1, 3)
+        table = np.array(samples, np.float64).reshape(-1, 3)
         return table[:, 0], table[:, 1], table[:, 2]
 
     def parquet(self, name: str) -> tuple[Array, Array, str]:
@@ -232,8 +240,8 @@ def located(path: Path, shown: str) -> Path:
 
 def split(name: str) -> tuple[str, str]:
     """`tip [mm]` as (`tip`, `mm`); without a unit as (name, "")."""
-    found = WITH_UNIT.fullmatch(name)
-    return (found[1], found[2].strip()) if found else (name, "")
+    match = WITH_UNIT.fullmatch(name)
+    return (match[1], match[2].strip()) if match else (name, "")
 
 
 def seconds(name: str, shown: str) -> float:

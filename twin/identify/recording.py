@@ -51,7 +51,7 @@ class Loader(Reader):
         self.refuse_missing()
         self.model = self.scenario()
         self.sources = self.files()
-        self.columns = self.found_columns(self.sources)
+        self.columns = self.read_columns(self.sources)
 
     def look(self) -> None:
         """Look up what is compared and what drives."""
@@ -83,9 +83,10 @@ class Loader(Reader):
         try:
             if keys.scenario:
                 if not (self.folder / keys.scenario).is_file():
-                    known = [one.name for one in (self.folder / keys.scenario).parent.glob("*.y*ml")]
-                    self.tell(
-                        f"there is no file {keys.scenario}. {nearest(Path(keys.scenario).name, known)}", "scenario"
+                    scenario_names = [one.name for one in (self.folder / keys.scenario).parent.glob("*.y*ml")]
+                    self.add_problem(
+                        f"there is no file {keys.scenario}. {nearest(Path(keys.scenario).name, scenario_names)}",
+                        "scenario",
                     )
                     return None
                 return load_scenario(self.folder / keys.scenario, options)
@@ -106,65 +107,67 @@ class Loader(Reader):
         name = member_of(self.keys.component)
         for key in values:
             if key.partition(".")[0] != name:
-                self.tell(f"there is no member `{key.partition('.')[0]}`. Write {name}.parameter.", "set", key)
+                self.add_problem(f"there is no member `{key.partition('.')[0]}`. Write {name}.parameter.", "set", key)
         return {key.removeprefix(f"{name}."): one for key, one in values.items() if key.startswith(f"{name}.")}
 
     def mapped(self, text: str) -> str:
         """A problem of an option, or of the only component, with the line that it stands for."""
         own = f"{self.path}: member `{member_of(self.keys.component)}`: "
         if text.startswith(own):
-            return f"{self.place('component')}: component: {text.removeprefix(own)}"
+            return f"{self.location('component')}: component: {text.removeprefix(own)}"
         for name, value in self.keys.set.items():
             option = f"--set {name}={value}: "
             if text.startswith(option):
-                return f"{self.place('set', name)}: set.{name}: {text.removeprefix(option)}"
+                return f"{self.location('set', name)}: set.{name}: {text.removeprefix(option)}"
         return text
 
     def files(self) -> list[File]:
         """The recorded files that are there."""
-        found = []
+        existing_files = []
         for i, one in enumerate(self.keys.data):
             path = ("data", i) if isinstance(self.root.find(("data",)).value, list) else ("data",)
             if not one.file:
-                self.tell("`file` is missing. Add it, such as `file: em.csv`.", *path)
+                self.add_problem("`file` is missing. Add it, such as `file: em.csv`.", *path)
                 continue
             try:
-                found.append(File(one, self.folder))
-                _ = found[-1].names
+                existing_files.append(File(one, self.folder))
+                _ = existing_files[-1].names
             except TwinError as error:
-                found = [file for file in found if file.keys is not one]
-                self.tell(error, *path)
-        return found
+                existing_files = [file for file in existing_files if file.keys is not one]
+                self.add_problem(error, *path)
+        return existing_files
 
-    def found_columns(self, files: list[File]) -> dict[str, Column]:
+    def read_columns(self, files: list[File]) -> dict[str, Column]:
         """What `inputs` and `outputs` name, read."""
-        found: dict[str, Column] = {}
+        columns: dict[str, Column] = {}
         for group in ("inputs", "outputs"):
             for name in getattr(self.keys, group):
                 having = [one for one in files if name in one.names]
                 if not having:
-                    known = [column for one in files for column in one.names]
+                    column_names = [column for one in files for column in one.names]
                     if len(files) == len(self.keys.data):
-                        self.tell(f"no file has this column{self.suffix}. {nearest(name, known, '`')}", group, name)
+                        self.add_problem(
+                            f"no file has this column{self.suffix}. {nearest(name, column_names, '`')}", group, name
+                        )
                 elif len(having) > 1:
                     listed = " and ".join(one.shown for one in having)
-                    self.tell(f"{listed} have this column. Rename one of them.", group, name)
+                    self.add_problem(f"{listed} have this column. Rename one of them.", group, name)
                 else:
                     try:
-                        found[name] = having[0].column(name)
+                        columns[name] = having[0].column(name)
                     except TwinError as error:
                         self.problems += str(error).split("\n")
-        return found
+        return columns
 
     def case(self, scenario: Scenario) -> tuple[Case, Catalog]:
         """The variant that is meant, and its variables."""
         names = [one.variant for one in scenario.variants]
         wanted = self.keys.variant
         if wanted and wanted not in names:
-            self.tell(f"there is no variant `{wanted}`. {nearest(wanted, names, '`')}", "variant")
+            self.add_problem(f"there is no variant `{wanted}`. {nearest(wanted, names, '`')}", "variant")
             self.stop_if_wrong()
         if not wanted and len(names) > 1:
-            self.tell(f"has variants. Add one, such as variant: {names[0]}", "scenario")
+            self.add_problem(f"has variants. Add one, such as variant: {names[0]}", "scenario")
             self.stop_if_wrong()
         try:
             catalogs = prepare(scenario)
@@ -183,7 +186,7 @@ class Loader(Reader):
             if variable is None or name not in columns:
                 continue
             if variable.shape:
-                self.tell(f"{keys.signal} is an array. Name one element, such as {keys.signal}[1].", *path)
+                self.add_problem(f"{keys.signal} is an array. Name one element, such as {keys.signal}[1].", *path)
                 continue
             own: dict[str, float | str] = {}
             for key, symbol in (("delay", "s"), ("offset", variable.unit)):
@@ -192,13 +195,13 @@ class Loader(Reader):
                     own[key] = self.quantity(raw, symbol, *path, key)
                     continue
                 own[key] = label = named(f"{key} of {name}", self.name)
-                found = self.range(raw, symbol, 0.0, *path, key)
+                window = self.range(raw, symbol, 0.0, *path, key)
                 shown = "ms" if key == "delay" else variable.display_unit
-                where = self.place(*path, key)
-                unknowns.append(Unknown(label, symbol, *found, raw.scale == "log", display_unit=shown, where=where))
+                where = self.location(*path, key)
+                unknowns.append(Unknown(label, symbol, *window, raw.scale == "log", display_unit=shown, where=where))
             noise = None if keys.noise is None else self.quantity(keys.noise, variable.unit, *path, "noise")
             if noise is not None and noise <= 0:
-                self.tell(f"{keys.noise} is not above zero. Leave it out to have it estimated.", *path, "noise")
+                self.add_problem(f"{keys.noise} is not above zero. Leave it out to have it estimated.", *path, "noise")
             column = columns[name]
             values = self.converted(column, variable, keys, *path)
             element = find(keys.signal, catalog).element or 0
@@ -210,22 +213,22 @@ class Loader(Reader):
 
     def inputs(self, columns: dict[str, Column], catalog: Catalog) -> list[tuple[str, InputKeys, Column]]:
         """What drives the model, in the variables' units."""
-        found = []
+        input_columns = []
         for name, keys in self.keys.inputs.items():
             path = ("inputs", name)
             variable = self.looked_up(keys.signal, catalog, *path)
             if variable is None or name not in columns:
                 continue
             if variable.causality not in ("input", "output", "local"):
-                self.tell(
+                self.add_problem(
                     f"{keys.signal} is {variable.causality}. Name an input, or an output that others read.", *path
                 )
             if variable.shape:
-                self.tell(f"{keys.signal} is an array. Name one element, such as {keys.signal}[1].", *path)
+                self.add_problem(f"{keys.signal} is an array. Name one element, such as {keys.signal}[1].", *path)
             values = self.converted(columns[name], variable, keys, *path)
             values = values + self.quantity(keys.offset, variable.unit, *path, "offset")
-            found.append((name, keys, replace(columns[name], values=values)))
-        return found
+            input_columns.append((name, keys, replace(columns[name], values=values)))
+        return input_columns
 
     def parameters(self, loaders: Sequence[Loader]) -> Iterator[Unknown]:
         """The members' parameters that are looked for; those of all recordings by the first of them that has the member."""
@@ -240,7 +243,7 @@ class Loader(Reader):
                 continue
             member, _, inner = name.partition(".")
             if variable.causality not in SETTABLE and variable.initial not in ("exact", "approx"):
-                self.tell(f"is {variable.causality}, no parameter. Name a parameter or an input.", *path)
+                self.add_problem(f"is {variable.causality}, no parameter. Name a parameter or an input.", *path)
                 continue
             given, problems = case.members[member].values(member, catalog[member])
             self.problems += problems
@@ -251,22 +254,22 @@ class Loader(Reader):
             for bound in (low, high):
                 wrong, advice = replace(variable, shape=()).outside(bound)
                 if wrong:
-                    self.tell(f"{wrong.removeprefix(': ')}. {advice}", *path)
+                    self.add_problem(f"{wrong.removeprefix(': ')}. {advice}", *path)
             own = self.name if separate else ""
             yield Unknown(named(name, own), variable.unit, low, high, start, keys.scale == "log", member, inner,
-                          variable.display_unit, self.place(*path), own)  # fmt: skip
+                          variable.display_unit, self.location(*path), own)  # fmt: skip
 
     def alone(self, unknowns: list[Unknown]) -> None:
         """A parameter set has one value for all members of a component."""
         case = self.whole
-        seen: dict[tuple[str, str], str] = {}
+        first_uses: dict[tuple[str, str], str] = {}
         for one in unknowns:
             if one.member not in case.members or one.recording:
                 continue
             component = case.members[one.member].component
-            other = seen.setdefault((component, one.variable), one.name)
+            other = first_uses.setdefault((component, one.variable), one.name)
             if other != one.name:
-                self.tell(
+                self.add_problem(
                     f"{other} is of component {component}, too, and a parameter set has one value for both. Look for one "
                     f"of them, and set the other.", "fit", one.name,
                 )  # fmt: skip
@@ -278,11 +281,11 @@ class Loader(Reader):
     def reduce(self) -> None:
         """Let the inputs drive the case, and leave out what has no influence then."""
         try:
-            whole = replay.driven(self.whole, self.catalog, [one.signal for one in self.keys.inputs.values()])
+            driven_case = replay.driven(self.whole, self.catalog, [one.signal for one in self.keys.inputs.values()])
         except TwinError as error:
-            self.tell(error, "inputs")
+            self.add_problem(error, "inputs")
             self.stop_if_wrong()
-        self.reduced = replay.with_influence(whole, [one.signal for one in self.keys.outputs.values()])
+        self.reduced = replay.with_influence(driven_case, [one.signal for one in self.keys.outputs.values()])
 
     @property
     def suffix(self) -> str:
@@ -300,44 +303,45 @@ class Loader(Reader):
             start = -int(-round(first * clock.NANOSECONDS) // step) * step
         begin = clock.seconds(start)
         end = min([clock.seconds(case.stop_ns), *(column.time[-1] for *_, column in inputs)])
-        late = [column for *_, column in inputs if column.time[0] > begin + clock.seconds(step)]
+        late_columns = [column for *_, column in inputs if column.time[0] > begin + clock.seconds(step)]
         self.notes += [
-            f"{one.name}: its first value, at {one.time[0]:.4g} s, is held from {begin:.4g} s on." for one in late
+            f"{one.name}: its first value, at {one.time[0]:.4g} s, is held from {begin:.4g} s on."
+            for one in late_columns
         ]
         first = -np.inf if self.keys.start is None else clock.seconds(self.keys.start)
         last = np.inf if self.keys.stop is None else clock.seconds(self.keys.stop)
         delays = {one.name: (one.low, one.high) for one in unknowns}
-        kept, needed = [], begin
+        trimmed_outputs, needed = [], begin
         for one in outputs:
             low, high = delays[one.delay] if isinstance(one.delay, str) else (one.delay, one.delay)
             inside = (one.time >= max(first, begin + high) - 1e-9) & (one.time <= min(last, end + low) + 1e-9)
             if not inside.any():
-                self.tell(
+                self.add_problem(
                     f"no value lies between {max(first, begin + high):.4g} s and {min(last, end + low):.4g} s of the run{self.suffix}: "
                     f"the file has {one.time[0]:.4g} s to {one.time[-1]:.4g} s. Change from, to or the start of its data.",
                     "outputs", one.column,
                 )  # fmt: skip
                 continue
-            kept.append(replace(one, time=one.time[inside], values=one.values[inside]))
-            needed = max(needed, float(kept[-1].time[-1]) - low)
+            trimmed_outputs.append(replace(one, time=one.time[inside], values=one.values[inside]))
+            needed = max(needed, float(trimmed_outputs[-1].time[-1]) - low)
         stop = start + max(1, int(-((start - round(needed * clock.NANOSECONDS)) // step))) * step
-        return replace(case, start_ns=start, stop_ns=stop), kept
+        return replace(case, start_ns=start, stop_ns=stop), trimmed_outputs
 
     def played(self, case: Case, inputs: list[tuple[str, InputKeys, Column]]) -> list[Input]:
         """The inputs at every communication point."""
         begin, step, per_second = clock.counted(case.start_ns, case.step_ns, case.stop_ns)
         times = (begin + np.arange((case.stop_ns - case.start_ns) // case.step_ns + 1) * step) / per_second
         gaps = {one.file: one.gap for one in self.keys.data}
-        found = []
+        replays = []
         for name, keys, column in inputs:
             try:
                 column.refuse_gaps(gaps.get(column.file), float(times[0]), float(times[-1]))
             except TwinError as error:
                 self.problems.append(str(error))
             values = np.ascontiguousarray(np.interp(times, column.time, column.values))
-            found.append(Input(name, column.file, keys.signal, values))
+            replays.append(Input(name, column.file, keys.signal, values))
         self.stop_if_wrong()
-        return found
+        return replays
 
 
 def owner(name: str, loaders: Sequence[Loader]) -> Loader:
@@ -348,17 +352,17 @@ def owner(name: str, loaders: Sequence[Loader]) -> Loader:
 
 def overruled(scenario: Scenario, case: Case, unknowns: list[Unknown]) -> list[str]:
     """Where a scenario's member says itself what is looked for: there a parameter set does not count."""
-    found = []
+    problems = []
     for one in unknowns:
         inside = ("members", one.member, "parameters")
         for path in (inside, ("variants", case.variant, *inside)) if one.member else ():
             entries = scenario.written.find(path).entries if reaches(scenario.written, path) else {}
-            found += [
+            problems += [
                 f"{node.place}: {one.member}.{name} is set there, which wins over a parameter set. Remove it there."
                 for name, node in entries.items()
                 if name.partition("[")[0] == one.variable.partition("[")[0]
             ]
-    return found
+    return problems
 
 
 def reaches(node: Node, path: tuple[str, ...]) -> bool:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Replay(Component):
-    """A recorded column: one value for every communication point, from memory that somebody else keeps."""
+    """A recorded column: one value for every communication point, read from memory that the caller owns."""
 
     value = output("", "the value now, in the unit of what it drives")
     table = parameter(0, "", "address of the values", type=Int64, fixed=True)
@@ -75,20 +75,20 @@ def with_influence(case: Case, outputs: Iterable[str]) -> Case:
     for one in case.connections:
         sources[one.target.partition(".")[0]].append(one.source.partition(".")[0])
     compared = {signal.partition(".")[0] for signal in outputs}
-    kept = compared | reached(sources, compared)
+    influential_members = compared | reached(sources, compared)
     signals = tuple(dict.fromkeys(signal.partition("[")[0] for signal in outputs))
     return replace(
         case,
-        members={name: one for name, one in case.members.items() if name in kept},
-        connections=tuple(one for one in case.connections if one.target.partition(".")[0] in kept),
-        events=tuple(one for one in case.events if one.variable.partition(".")[0] in kept),
+        members={name: one for name, one in case.members.items() if name in influential_members},
+        connections=tuple(one for one in case.connections if one.target.partition(".")[0] in influential_members),
+        events=tuple(one for one in case.events if one.variable.partition(".")[0] in influential_members),
         faults=(),
         record=RecordSpec(signals),
     )
 
 
 def held(case: Case, tables: Sequence[np.ndarray[tuple[int], np.dtype[np.float64]]]) -> Case:
-    """The case whose recorded members read these values; who calls this keeps them in memory."""
+    """Return the case whose recorded members read these values; the caller must keep them in memory during the run."""
     members = dict(case.members)
     for number, table in enumerate(tables):
         name = member_name(number)

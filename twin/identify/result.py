@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from twin.identify.intervals import Knowledge
     from twin.identify.problem import Problem
-    from twin.identify.search import Found
+    from twin.identify.search import Fit
 
     Array = np.ndarray[Any, Any]
 
@@ -38,7 +38,7 @@ class Result:
     """An identification that is done. `intervals` in the unknowns' units, NaN at open ends."""
 
     problem: Problem
-    found: Found
+    found: Fit
     knowledge: Knowledge
     predicted: list[Array]
     command: str
@@ -67,8 +67,8 @@ class Result:
     @property
     def covariance(self) -> Array:
         """Covariance of the values in their units; that of the place of a logarithm is linearized."""
-        found: Array = self.knowledge.covariance * np.outer(self.slopes, self.slopes)
-        return found
+        matrix: Array = self.knowledge.covariance * np.outer(self.slopes, self.slopes)
+        return matrix
 
     @property
     def passed(self) -> bool:
@@ -91,18 +91,18 @@ class Result:
 
     def remarks(self) -> list[str]:
         """What is to be known beside the verdicts."""
-        found, knowledge = self.found, self.knowledge
+        fit, knowledge = self.found, self.knowledge
         texts = [*self.problem.notes, *pairs(self.problem, knowledge)]
-        if found.interrupted:
+        if fit.interrupted:
             texts.append("interrupted: the best so far, which need not be the best there is.")
-        if len(found.starts) > 1 and found.agreeing == 1:
+        if len(fit.starts) > 1 and fit.agreeing == 1:
             texts.append(
-                f"only one of {len(found.starts)} starts came to this. Try more: --starts {4 * len(found.starts)}."
+                f"only one of {len(fit.starts)} starts came to this. Try more: --starts {4 * len(fit.starts)}."
             )
-        if "since" in found.derivatives:
-            texts.append(f"the Jacobian is made of {found.derivatives}.")
-        if found.failures:
-            texts.append(f"the model failed in {found.failures} of {found.simulations} simulations. Narrow the bounds.")
+        if "since" in fit.derivatives:
+            texts.append(f"the Jacobian is made of {fit.derivatives}.")
+        if fit.failures:
+            texts.append(f"the model failed in {fit.failures} of {fit.simulations} simulations. Narrow the bounds.")
         if rough := [
             one.name for one, is_rough in zip(self.problem.unknowns, knowledge.rough, strict=True) if is_rough
         ]:
@@ -123,17 +123,17 @@ class Result:
 
     def parameter_set(self, folder: Path = Path()) -> dict[str, dict[str, float]]:
         """Component -> parameter -> value, paths as from `folder`; what changes nothing is left out."""
-        found: dict[str, dict[str, float]] = {}
+        parameters: dict[str, dict[str, float]] = {}
         for i, one in enumerate(self.problem.unknowns):
             if one.member and not one.recording and self.knowledge.effect[i]:
                 component = self.problem.components[one.member]
                 name = os.path.relpath(component, folder) if Path(component).is_absolute() else component
-                found.setdefault(name, {})[one.variable] = self.values[i]
-        return found
+                parameters.setdefault(name, {})[one.variable] = self.values[i]
+        return parameters
 
     def identified(self) -> dict[str, Any]:
         """How it was found, as plain data."""
-        problem, found, knowledge = self.problem, self.found, self.knowledge
+        problem, fit, knowledge = self.problem, self.found, self.knowledge
         return {
             "unknowns": [one.name for one in problem.unknowns],
             "units": [one.unit for one in problem.unknowns],
@@ -154,12 +154,12 @@ class Result:
                     "unit": one.unit,
                     "noise": float(s),
                 }
-                for one, y, s in zip(problem.outputs, self.predicted, found.sigmas, strict=True)
+                for one, y, s in zip(problem.outputs, self.predicted, fit.sigmas, strict=True)
             ],
             "files": [{"file": one.shown, "sha256": one.sha256} for one in problem.files],
             "command": self.command,
             "started": self.started.isoformat(timespec="seconds"),
-            "interrupted": found.interrupted,
+            "interrupted": fit.interrupted,
             "versions": {**run_folder.versions(), "scipy": installed.version("scipy")},
         }
 
@@ -203,9 +203,9 @@ def read_estimate(path: str | Path) -> Estimate:
     try:
         values, bounds = (np.array(own[key], np.float64) for key in ("values", "bounds"))
         matrix = np.array(own["covariance"], np.float64)
-        found = Estimate(tuple(own["unknowns"]), tuple(own["units"]), values, matrix, bounds)
-        count = len(found.names)
-        sound = (len(found.units), values.shape, matrix.shape, bounds.shape) == (
+        estimate = Estimate(tuple(own["unknowns"]), tuple(own["units"]), values, matrix, bounds)
+        count = len(estimate.names)
+        sound = (len(estimate.units), values.shape, matrix.shape, bounds.shape) == (
             count,
             (count,),
             (count, count),
@@ -215,4 +215,4 @@ def read_estimate(path: str | Path) -> Estimate:
         sound = False
     if not sound:
         raise ScenarioError(f"{path}: `{KEY}` is damaged. Run `twin identify` again.")
-    return found
+    return estimate

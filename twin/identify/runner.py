@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from twin.errors import ScenarioError
-from twin.identify.intervals import METHODS, known
+from twin.identify.intervals import METHODS, estimate_uncertainty
 from twin.identify.loading import load
 from twin.identify.model import Model
 from twin.identify.result import Result
@@ -46,17 +46,17 @@ def identify(
     with Stop() as stop, ExitStack() as stack:
         with stop.armed():
             model = stack.enter_context(Model(problem, build))
-            found = search(model, starts, seed, progress)
+            fit = search(model, starts, seed, progress)
 
-        def tell(what: str, part: float) -> None:
+        def report(what: str, part: float) -> None:
             progress(what, part, "")
 
         try:
-            with nullcontext() if found.interrupted else stop.armed():
-                knowledge = known(model, found, "jacobian" if found.interrupted else intervals, seed, tell)
+            with nullcontext() if fit.interrupted else stop.armed():
+                knowledge = estimate_uncertainty(model, fit, "jacobian" if fit.interrupted else intervals, seed, report)
         except KeyboardInterrupt:
-            found.interrupted = True
-            knowledge = known(model, found, "jacobian", seed, tell)
-        predicted = model.predicted(found.places)
-        found.simulations, found.seconds = model.count, time.perf_counter() - begin
-    return Result(problem, found, knowledge, predicted, command, started)
+            fit.interrupted = True
+            knowledge = estimate_uncertainty(model, fit, "jacobian", seed, report)
+        predicted = model.predicted(fit.places)
+        fit.simulations, fit.seconds = model.count, time.perf_counter() - begin
+    return Result(problem, fit, knowledge, predicted, command, started)

@@ -24,12 +24,12 @@ def signal(value: Any) -> Any:
 def probability(value: Any) -> Any:
     """A probability, from `95 %` or 0.95."""
     try:
-        found = float(value.rstrip().removesuffix("%")) / 100 if isinstance(value, str) else float(value)
+        fraction = float(value.rstrip().removesuffix("%")) / 100 if isinstance(value, str) else float(value)
     except (TypeError, ValueError):
-        found = 0.0
-    if not 0.5 <= found < 1:
+        fraction = 0.0
+    if not 0.5 <= fraction < 1:
         raise ValueError("expected a probability from 50 % to below 100 %, such as 95 %")
-    return found
+    return fraction
 
 
 class FileKeys(Keys):

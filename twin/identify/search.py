@@ -43,7 +43,7 @@ class Start:
 
 
 @dataclass
-class Found:
+class Fit:
     """The best place: 0 at an unknown's lower bound to 1 at its upper one. `sigmas`: noise of each output."""
 
     places: Array
@@ -57,7 +57,7 @@ class Found:
 
     @property
     def agreeing(self) -> int:
-        """How many of the starts came to the best cost."""
+        """Number of starts that reached the best cost."""
         best = min((one.cost for one in self.starts), default=0.0)
         return sum(one.cost <= best * REACHED for one in self.starts)
 
@@ -70,10 +70,10 @@ class Residuals:
         self.measured = [one.values for one in model.problem.outputs] if measured is None else list(measured)
         self.best: tuple[float, Array] | None = None
         self.failures: list[str] = []
-        self.heard: Callable[[], object] = lambda: None
+        self.on_evaluation: Callable[[], object] = lambda: None
 
     def predicted(self, places: Array) -> list[Array] | None:
-        """What the outputs would have measured; None if the simulation fails."""
+        """Predict the measurements of the outputs; None if the simulation fails."""
         try:
             return self.model.predicted(places)
         except SimulationError as error:
@@ -90,13 +90,13 @@ class Residuals:
         return np.concatenate(parts)
 
     def __call__(self, places: Array) -> Array:
-        """Residuals at a place."""
-        found = self.weighted(self.predicted(places))
-        cost = self.cost(found)
+        """Return the residuals at a position."""
+        residuals = self.weighted(self.predicted(places))
+        cost = self.cost(residuals)
         if self.best is None or cost < self.best[0]:
             self.best = cost, np.array(places)
-        self.heard()
-        return found
+        self.on_evaluation()
+        return residuals
 
     def cost(self, residuals: Array) -> float:
         """Half of the sum of what each residual costs."""
@@ -115,32 +115,32 @@ class Residuals:
     ) -> Array:
         """Derivatives of the residuals by the places, by differences that stay between the bounds."""
         wanted = range(len(places)) if of is None else of
-        told = {} if central else self.told(places)
-        base = None if told.keys() >= set(wanted) else self.predicted(places)
+        known_columns = {} if central else self.analytic_columns(places)
+        base = None if known_columns.keys() >= set(wanted) else self.predicted(places)
         columns = []
         wide = np.broadcast_to(steps, places.shape)
         for i in wanted:
-            if i in told:
-                columns.append(told[i])
+            if i in known_columns:
+                columns.append(known_columns[i])
                 continue
             step = wide[i]
             both = [min(places[i] + step, 1.0), max(places[i] - step, 0.0)]
             if not central:
                 both = [both[0], places[i]] if places[i] + step <= 1 else [places[i], both[1]]
             ends = []
-            for place in both:
+            for position in both:
                 moved = np.array(places)
-                moved[i] = place
-                ends.append((place, base if place == places[i] else self.predicted(moved)))
-            there = [(place, one) for place, one in [*ends, (places[i], base)] if one is not None]
+                moved[i] = position
+                ends.append((position, base if position == places[i] else self.predicted(moved)))
+            there = [(position, one) for position, one in [*ends, (places[i], base)] if one is not None]
             first, second = there[0], there[1] if len(there) > 1 else there[0]
             width = first[0] - second[0]
             difference = self.weighted(first[1]) - self.weighted(second[1])
             columns.append(difference / width if width else np.zeros_like(difference))
-            self.heard()
+            self.on_evaluation()
         return np.stack(columns, 1)
 
-    def told(self, places: Array) -> dict[int, Array]:
+    def analytic_columns(self, places: Array) -> dict[int, Array]:
         """Columns of the Jacobian by the members' directional derivatives, as far as they tell them.
 
         The first time they are compared with differences: a member may tell what is not so, and its start may depend on
@@ -149,47 +149,47 @@ class Residuals:
         if (slopes := self.model.slopes(places)) is None:
             return {}
         problem = self.model.problem
-        found = {}
+        columns = {}
         for number, parts in slopes.items():
             scaled = [
                 one.weight * part / sigma for one, part, sigma in zip(problem.outputs, parts, self.sigmas, strict=True)
             ]
-            found[number] = np.concatenate(scaled) * problem.unknowns[number].slope(float(places[number]))
+            columns[number] = np.concatenate(scaled) * problem.unknowns[number].slope(float(places[number]))
         if not self.model.compared:
             self.model.compared = True
-            numbers = sorted(found)
+            numbers = sorted(columns)
             differences = self.jacobian(places, FINE, central=True, of=numbers)
             for number, column in zip(numbers, differences.T, strict=True):
-                off = float(np.linalg.norm(found[number] - column))
+                off = float(np.linalg.norm(columns[number] - column))
                 if off > ALIKE * float(np.linalg.norm(column)):
                     self.model.refused = (
                         f"directional derivatives by {problem.unknowns[number].name} are not what differences say"
                     )
                     return {}
         self.model.used = True
-        return found
+        return columns
 
     def searched(
         self, begin: Array, free: Sequence[int] | None = None, iterations: int = ITERATIONS, step: float = FINE
     ) -> tuple[Array, float]:
-        """Where a search from a place ends, and the cost there. `free`: unknowns that may change, all by default."""
+        """Search from a position; return its end and the cost there. `free`: unknowns that may change, all by default."""
         from scipy.optimize import least_squares
 
         own = list(range(len(begin)) if free is None else free)
 
-        def whole(part: Array) -> Array:
-            places = np.array(begin)
-            places[own] = part
-            return places
+        def full_vector(part: Array) -> Array:
+            position = np.array(begin)
+            position[own] = part
+            return position
 
         if not own:
             return begin, self.cost(self(begin))
         inside = np.clip(begin[own], 1e-6, 1 - 1e-6)  # the method begins inside of the bounds
         result = least_squares(
-            lambda part: self(whole(part)), inside, lambda part: self.jacobian(whole(part), step, of=own), bounds=(0.0, 1.0),
+            lambda part: self(full_vector(part)), inside, lambda part: self.jacobian(full_vector(part), step, of=own), bounds=(0.0, 1.0),
             loss=self.model.problem.keys.loss, ftol=TOLERANCE, xtol=TOLERANCE, gtol=TOLERANCE, max_nfev=iterations,
         )  # fmt: skip
-        return whole(result.x), float(result.cost)
+        return full_vector(result.x), float(result.cost)
 
 
 def first_sigmas(model: Model) -> list[float]:
@@ -197,12 +197,12 @@ def first_sigmas(model: Model) -> list[float]:
     return [one.noise or float(np.std(one.values)) or 1.0 for one in model.problem.outputs]
 
 
-def estimated(residuals: Residuals, places: Array) -> list[float]:
+def estimated(residuals: Residuals, position: Array) -> list[float]:
     """Noise of each output from its residuals, where it is not given."""
-    predicted = residuals.predicted(places)
+    predicted = residuals.predicted(position)
     if predicted is None:
         return residuals.sigmas
-    found = []
+    sigmas = []
     problem = residuals.model.problem
     for one, computed, before in zip(problem.outputs, predicted, residuals.sigmas, strict=True):
         difference = computed - one.values
@@ -210,59 +210,61 @@ def estimated(residuals: Residuals, places: Array) -> list[float]:
         spread = float(np.sqrt(np.mean(difference**2) / share))
         if problem.keys.loss != "linear":
             spread = GAUSS * float(np.median(np.abs(difference)))
-        found.append(one.noise or spread or before)
-    return found
+        sigmas.append(one.noise or spread or before)
+    return sigmas
 
 
-def search(model: Model, count: int, seed: int, progress: Progress) -> Found:
+def search(model: Model, count: int, seed: int, progress: Progress) -> Fit:
     """The best place of `count` searches; the first begins at the model's own values, the others somewhere."""
     residuals = Residuals(model, first_sigmas(model))
-    found = Found(np.array([one.place(one.start) for one in model.problem.unknowns]), residuals.sigmas)
+    fit = Fit(np.array([one.place(one.start) for one in model.problem.unknowns]), residuals.sigmas)
 
-    def tell(what: str, part: float) -> None:
+    def report(what: str, part: float) -> None:
         best = residuals.best
-        told = (
+        detail = (
             "" if best is None else f"residual {np.sqrt(2 * best[0] / model.problem.count):.4g} of the noise or spread"
         )
-        residuals.heard = lambda: progress(what, part, told)
-        residuals.heard()
+        residuals.on_evaluation = lambda: progress(what, part, detail)
+        residuals.on_evaluation()
 
     try:
-        for number, place in enumerate(begun(residuals, count, seed, tell)):
-            tell(f"start {number + 1} of {count}", number / count)
-            end, cost = residuals.searched(place, step=COARSE)
-            found.starts.append(Start(place, end, cost))
-        tell("best start", 1.0)
-        found.places = residuals.searched(best_of(residuals, found))[0]
-        found.sigmas = settle(residuals, found, tell)
+        for number, start in enumerate(initial_points(residuals, count, seed, report)):
+            report(f"start {number + 1} of {count}", number / count)
+            end, cost = residuals.searched(start, step=COARSE)
+            fit.starts.append(Start(start, end, cost))
+        report("best start", 1.0)
+        fit.places = residuals.searched(best_of(residuals, fit))[0]
+        fit.sigmas = settle(residuals, fit, report)
     except KeyboardInterrupt:
-        found.interrupted = True
+        fit.interrupted = True
         if residuals.best is not None:
-            found.places = residuals.best[1]
-        elif not found.starts:
+            fit.places = residuals.best[1]
+        elif not fit.starts:
             raise
-        found.sigmas = estimated(residuals, found.places)
-    found.failures = len(residuals.failures)
-    found.simulations, found.derivatives = model.count, model.derivatives
-    return found
+        fit.sigmas = estimated(residuals, fit.places)
+    fit.failures = len(residuals.failures)
+    fit.simulations, fit.derivatives = model.count, model.derivatives
+    return fit
 
 
-def begun(residuals: Residuals, count: int, seed: int, tell: Callable[[str, float], None]) -> list[Array]:
-    """Where the searches begin: Latin hypercube, the best of some. TwinError if the model runs nowhere."""
+def initial_points(residuals: Residuals, count: int, seed: int, report: Callable[[str, float], None]) -> list[Array]:
+    """Choose the initial points of the searches: the best of a Latin hypercube. TwinError if the model runs nowhere."""
     from scipy.stats import qmc
 
     first = np.array([one.place(one.start) for one in residuals.model.problem.unknowns])
-    tell("first guess", 0.0)
+    report("first guess", 0.0)
     residuals(first)
     if count == 1 and not residuals.failures:
         return [first]
     sampler = qmc.LatinHypercube(len(first), seed=np.random.default_rng(seed))
     looked: list[tuple[float, int, Array]] = []
-    for place in sampler.random(SCREENED * max(count - 1, 1)):
-        tell("looking for starts", 0.0)
-        looked.append((residuals.cost(residuals(place)), len(looked), place))
+    for position in sampler.random(SCREENED * max(count - 1, 1)):
+        report("looking for starts", 0.0)
+        looked.append((residuals.cost(residuals(position)), len(looked), position))
     there = [
-        place for cost, _, place in sorted(looked, key=lambda one: one[:2]) if cost < residuals.cost(failed(residuals))
+        position
+        for cost, _, position in sorted(looked, key=lambda one: one[:2])
+        if cost < residuals.cost(failed(residuals))
     ]
     if residuals.cost(residuals(first)) < residuals.cost(failed(residuals)):
         there = [first, *there]
@@ -276,28 +278,28 @@ def failed(residuals: Residuals) -> Array:
     return residuals.weighted(None)
 
 
-def best_of(residuals: Residuals, found: Found) -> Array:
+def best_of(residuals: Residuals, fit: Fit) -> Array:
     """The end of the best search, or what was better on the way."""
     assert residuals.best is not None
-    best = min(found.starts, key=lambda one: one.cost)
+    best = min(fit.starts, key=lambda one: one.cost)
     return best.end if best.cost <= residuals.best[0] else residuals.best[1]
 
 
-def settle(residuals: Residuals, found: Found, tell: Callable[[str, float], None]) -> list[float]:
+def settle(residuals: Residuals, fit: Fit, report: Callable[[str, float], None]) -> list[float]:
     """Estimate the noise and search on from the best, until both stay; what was best may change with the noise."""
     problem = residuals.model.problem
-    sigmas = estimated(residuals, found.places)
+    sigmas = estimated(residuals, fit.places)
     for _ in range(REWEIGHTED):
         change = max(abs(new / old - 1) for new, old in zip(sigmas, residuals.sigmas, strict=True))
         if change < SETTLED:
             break
         alike = len(problem.outputs) == 1 and problem.keys.loss == "linear"
         residuals.sigmas, residuals.best = sigmas, None
-        tell("noise", 1.0)
+        report("noise", 1.0)
         with suppress(SimulationError):
-            residuals(found.places)
+            residuals(fit.places)
         if alike:
             break
-        found.places = residuals.searched(found.places)[0]
-        sigmas = estimated(residuals, found.places)
+        fit.places = residuals.searched(fit.places)[0]
+        sigmas = estimated(residuals, fit.places)
     return sigmas

@@ -11,13 +11,13 @@ from twin.identify.intervals import SHARE, TOGETHER, WIDEST
 if TYPE_CHECKING:
     from twin.identify.intervals import Knowledge
     from twin.identify.problem import Problem
-    from twin.identify.search import Found
+    from twin.identify.search import Fit
 
 
 NARROW = 0.1  # interval as part of the range between the bounds, below which correlation does no harm
 
 
-def verdicts(problem: Problem, found: Found, knowledge: Knowledge) -> list[list[str]]:
+def verdicts(problem: Problem, fit: Fit, knowledge: Knowledge) -> list[list[str]]:
     """For each unknown why its value is not to be relied on; nothing if it is."""
     names = [one.name for one in problem.unknowns]
     texts: list[list[str]] = [[] for _ in names]
@@ -25,7 +25,7 @@ def verdicts(problem: Problem, found: Found, knowledge: Knowledge) -> list[list[
         if not knowledge.effect[i]:
             texts[i].append("not identifiable: it changes nothing of what is compared")
             continue
-        if bound := unknown.at_bound(float(found.places[i])):
+        if bound := unknown.at_bound(float(fit.places[i])):
             texts[i].append(f"at its {bound} bound: move the bound if the value makes no sense there")
         texts[i] += wide(knowledge, i)
         for k, name in enumerate(names):
@@ -69,11 +69,11 @@ def wide(knowledge: Knowledge, i: int) -> list[str]:
 
 def combinations(names: list[str], knowledge: Knowledge) -> list[tuple[int, str]]:
     """Unknowns of which the data tell only other combinations than one of three or more."""
-    found = []
+    rows = []
     for deviation, direction in zip(knowledge.singular, knowledge.directions, strict=True):
         own = [i for i in range(len(names)) if abs(direction[i]) > SHARE]
         if deviation > WIDEST and len(own) > 1:
             for i in own:
                 others = " and ".join(names[k] for k in own if k != i)
-                found.append((i, f"not identifiable beside {others}: the data do not tell one combination of them"))
-    return found
+                rows.append((i, f"not identifiable beside {others}: the data do not tell one combination of them"))
+    return rows

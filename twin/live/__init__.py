@@ -1,4 +1,4 @@
-"""A scenario that runs paced and in somebody's hands, in a process of its own; what was done runs again to the bit."""
+"""Live sessions: a scenario that runs paced, controlled by an operator, in a process of its own; its log reproduces it bit for bit."""
 
 from twin.live.catalog import Catalog, Control, Event, Signal
 from twin.live.channel import Channel, ClosedError

@@ -66,8 +66,8 @@ class Control:
         """What the input gets at a deflection, -1 to 1."""
         if self.kind == "press":
             return deflection > 0.5
-        way = max(abs(min(max(deflection, -1.0), 1.0)) - self.dead_zone, 0.0) / (1.0 - self.dead_zone)
-        return self.rest + way * ((self.high if deflection > 0.0 else self.low) - self.rest)
+        travel = max(abs(min(max(deflection, -1.0), 1.0)) - self.dead_zone, 0.0) / (1.0 - self.dead_zone)
+        return self.rest + travel * ((self.high if deflection > 0.0 else self.low) - self.rest)
 
 
 @dataclass(frozen=True)
@@ -113,16 +113,16 @@ class Catalog:
         }
 
     @classmethod
-    def of(cls, told: dict[str, Any]) -> Catalog:
+    def of(cls, data: dict[str, Any]) -> Catalog:
         """From plain data."""
-        signals = [Signal(**{**one, "shape": tuple(one["shape"])}) for one in told["signals"]]
+        signals = [Signal(**{**one, "shape": tuple(one["shape"])}) for one in data["signals"]]
         controls = [Control(**{**one, "keys": tuple(one["keys"]), "buttons": tuple(one["buttons"])})
-                    for one in told["controls"]]  # fmt: skip
+                    for one in data["controls"]]  # fmt: skip
         return cls(**{
-            **told,
+            **data,
             "signals": {one.name: one for one in signals},
             "controls": tuple(controls),
-            "events": tuple(Event(**one) for one in told["events"]),
-            "plots": tuple((title, unit, tuple(names)) for title, unit, names in told["plots"]),
-            "bands": {title: (low, high) for title, (low, high) in told["bands"].items()},
+            "events": tuple(Event(**one) for one in data["events"]),
+            "plots": tuple((title, unit, tuple(names)) for title, unit, names in data["plots"]),
+            "bands": {title: (low, high) for title, (low, high) in data["bands"].items()},
         })  # fmt: skip

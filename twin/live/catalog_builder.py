@@ -126,29 +126,29 @@ def prepared(
     `held`: inputs that a person holds, which no event of another variant sets; `faults`: simulated drives have them.
     """
     targets = connected(case, catalog)
-    found: dict[str, tuple[Event, EventSpec | FaultSpec]] = {}
-    seen = set()
+    triggers: dict[str, tuple[Event, EventSpec | FaultSpec]] = {}
+    names = set()
     for one in sorted(scenario.variants, key=lambda one: one.variant != variant):
         own = one.variant == variant
         events: list[EventSpec | FaultSpec] = [*one.events, *(one.faults if faults else ())]
         for event in events:
-            text = told(event)
-            if text in seen and not own:
+            text = event_text(event)
+            if text in names and not own:
                 continue
             if isinstance(event, EventSpec) and (
                 event_problems(event, catalog, targets)
                 or (event.kind == "set" and event.variable.partition("[")[0] in held and not own)
             ):
                 continue
-            seen.add(text)
-            key, kind = f"event_{len(found) + 1}", event.kind if isinstance(event, EventSpec) else "fault"
+            names.add(text)
+            key, kind = f"event_{len(triggers) + 1}", event.kind if isinstance(event, EventSpec) else "fault"
             at = clock.seconds(event.time_ns) if own else None
-            found[key] = Event(key, kind, text, "" if own else one.title, at, own), event
-    return found
+            triggers[key] = Event(key, kind, text, "" if own else one.title, at, own), event
+    return triggers
 
 
-def told(event: EventSpec | FaultSpec) -> str:
-    """What happens, for people."""
+def event_text(event: EventSpec | FaultSpec) -> str:
+    """Describe an event or a fault in one line."""
     if isinstance(event, EventSpec):
         return f"{event.variable} {DONE[event.kind]}{'' if event.kind == 'release' else f' {short(event.value)}'}"
     return f"fault {event.text}"

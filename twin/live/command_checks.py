@@ -83,7 +83,7 @@ class Orders:
         self.write(event, event.kind, text, by_hand)
 
     def write(self, event: EventSpec | FaultSpec, kind: str, text: str, by_hand: bool) -> None:
-        """What was done, into the file and for whoever looks."""
+        """Write an executed command to the log file and add it to `done`, which is sent next."""
         line = self.file.add(event)
         self.count += 1
         self.done.append({
@@ -102,7 +102,7 @@ class Orders:
         return name
 
     def set(self, name: Any, value: Any) -> None:
-        """Set a tunable parameter or a free input that nobody has to hold."""
+        """Set a tunable parameter, or a free input that need not be held."""
         signal = self.catalog.signals.get(self.known(name).partition("[")[0])
         if signal is not None and signal.held and not signal.settable:
             raise RefusedError(f"{name}: moves only while it is held. Hold it with its control.")
@@ -139,7 +139,7 @@ class Orders:
         return name, value, control.rest if control is not None else self.start(name)
 
     def start(self, name: str) -> Any:
-        """What an input had at first, where it goes when nobody holds it."""
+        """Return the start value of an input: its rest value, unless its control has another."""
         reference = find(name, self.variables)
         values = self.case.values(reference.member, self.variables[reference.member])
         value = values.get(reference.variable.name, reference.variable.start)

@@ -25,7 +25,7 @@ def do(session: Session, message: Message) -> tuple[str, bool]:
     """Do what a message asks: why not, or nothing; and whether its answer comes later."""
     kind = message.get("ask")
     try:
-        call = ASKED.get(kind) if isinstance(kind, str) else None
+        call = COMMAND_HANDLERS.get(kind) if isinstance(kind, str) else None
         if call is None:
             raise RefusedError(f"{short(str(kind))} is nothing that can be asked for.")
         return "", bool(call(session, message))
@@ -97,19 +97,19 @@ def stop(session: Session, _: Message) -> None:
 
 
 def set_value(session: Session, message: Message) -> None:
-    """Set a parameter, or an input that nobody has to hold."""
+    """Set a parameter, or an input that need not be held."""
     session.orders.set(message["name"], message["value"])
 
 
 def override(session: Session, message: Message) -> None:
     """Override a variable."""
-    refuse_by_hand(session)
+    refuse_with_drives(session)
     session.orders.do("override", message["name"], message["value"])
 
 
 def release(session: Session, message: Message) -> None:
     """End an override."""
-    refuse_by_hand(session)
+    refuse_with_drives(session)
     session.orders.do("release", message["name"])
 
 
@@ -118,7 +118,7 @@ def trigger(session: Session, message: Message) -> None:
     key = message["key"]
     if not isinstance(key, str) or key not in session.prepared:
         raise RefusedError(f"there is no event {short(str(key))}.")
-    refuse_by_hand(session)
+    refuse_with_drives(session)
     event = session.prepared[key][1]
     if isinstance(event, EventSpec) and event.kind == "set":
         session.orders.set(event.variable, event.value)  # what a person holds is not set, by whatever way
@@ -130,7 +130,7 @@ def trigger(session: Session, message: Message) -> None:
 
 
 def hold(session: Session, message: Message) -> None:
-    """A renewal of somebody who holds an input; it goes to rest if the value is refused."""
+    """Renew the hold of an input; the input goes to rest if the value is refused."""
     name, press, instant = message["name"], message["press"], message["instant"]
     if isinstance(press, bool) or not isinstance(press, int) or not 0 <= press < 2**63:
         raise RefusedError(f"hold: {short(str(press))} is no number of a press.")
@@ -160,17 +160,17 @@ def refuse_ended(session: Session, what: str) -> None:
 
 def refuse_wall_clock(session: Session, what: str) -> None:
     """RefusedError where drives keep the time, once they have begun."""
-    if session.wall_clock and session.begun_to_go:
+    if session.wall_clock and session.has_stepped:
         raise RefusedError(f"{what}: the drives keep the time. Stop the session instead.")
 
 
-def refuse_by_hand(session: Session) -> None:
-    """RefusedError where it would move drives that nobody holds."""
+def refuse_with_drives(session: Session) -> None:
+    """Raise RefusedError if drives keep the time: they move only while an input is held."""
     if session.wall_clock:
         raise RefusedError("with drives nothing is overridden or triggered by hand: inputs move while they are held.")
 
 
-ASKED: dict[str, Callable[[Session, Message], object]] = {
+COMMAND_HANDLERS: dict[str, Callable[[Session, Message], object]] = {
     "resume":   resume,
     "pause":    pause,
     "step":     step,

@@ -1,4 +1,4 @@
-"""The dead-man switch: an input moves while somebody holds it, and goes to rest by itself where that is not renewed."""
+"""Dead-man switch: an input moves while it is held, and goes to rest if the hold is not renewed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FOREVER = float("inf")
 
 @dataclass
 class Held:
-    """An input in somebody's hand. `until`: wall-clock time of its end; `over`: the press that ended without being let go."""
+    """A held input. `until`: wall-clock time of its end; `over`: the press that ended without being let go."""
 
     rest: Any
     value: Any
@@ -49,9 +49,9 @@ class DeadMan:
 
     def expire(self, now: float) -> list[str]:
         """Let go of what was not renewed in time; its names, those that moved."""
-        late = [name for name, one in self.inputs.items() if one.until <= now]
-        moved = [name for name in late if self.inputs[name].moves]
-        for name in late:
+        expired = [name for name, one in self.inputs.items() if one.until <= now]
+        moved = [name for name in expired if self.inputs[name].moves]
+        for name in expired:
             self.let_go(name)
         return moved
 

@@ -27,7 +27,7 @@ from twin.live.recording_reader import Reading, RefusedError, Samples
 
 ANSWER = 30.0  # the loop answers in this time, one long step of a member included [s]
 SOON = 0.5  # a stop in this time [s]: longer than any block
-KEPT = 50  # sentences
+MESSAGE_CAPACITY = 50  # sentences
 OVER = ("stopped", "failed")
 
 
@@ -69,21 +69,21 @@ class Done:
 class Live:
     """A scenario that runs in a process of its own. Safe to use from several threads."""
 
-    def __init__(self, process: subprocess.Popen[bytes], end: socket.socket, asked: dict[str, Any]) -> None:
+    def __init__(self, process: subprocess.Popen[bytes], end: socket.socket, job: dict[str, Any]) -> None:
         self.process = process
         self.catalog: Catalog | None = None
-        self.state = State(rate=asked["rate"])
+        self.state = State(rate=job["rate"])
         self.done: tuple[Done, ...] = ()
         self._problems: list[str] = []
         self._ends = False  # whether the process was sent a signal to end
-        self._said: deque[tuple[int, float, str]] = deque(maxlen=KEPT)
+        self._said: deque[tuple[int, float, str]] = deque(maxlen=MESSAGE_CAPACITY)
         self._numbers = itertools.count(1)
         self._answers: dict[int, Future[str]] = {}
         self._lock = threading.Lock()
         self._changed = threading.Condition()
         self._reading: Reading | None = None
         self._channel = Channel(end)
-        self._send(**asked)
+        self._send(**job)
         self._listener = threading.Thread(target=self._listen, name="live", daemon=True)
         self._listener.start()
         atexit.register(self.close)
@@ -123,15 +123,15 @@ class Live:
                 [sys.executable, "-m", "twin.live.worker", str(theirs.fileno())],
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL,
-                start_new_session=True,  # Ctrl-C is for whoever shows the session, who ends it
+                start_new_session=True,  # Ctrl-C goes to the process that shows the session, which ends it
                 env={**os.environ, "PYTHONUNBUFFERED": "1"},
             )
-        asked = {
+        job = {
             "scenario": str(scenario), "variant": variant, "seed": seed, "overrides": list(overrides), "rate": rate,
             "running": running, "hardware": str(hardware) if hardware else None, "arm": arm, "record": list(record),
             "form": form, "runs": str(runs), "build": str(build), "report": report,
         }  # fmt: skip
-        live = cls(process, ours, asked)
+        live = cls(process, ours, job)
         if wait:
             live.wait()
         return live
@@ -154,8 +154,8 @@ class Live:
                 for message in self._channel.receive(None):
                     with self._changed:
                         for kind, content in message.items():
-                            if kind in TOLD:
-                                TOLD[kind](self, content, message)
+                            if kind in MESSAGE_HANDLERS:
+                                MESSAGE_HANDLERS[kind](self, content, message)
                         self._changed.notify_all()
         except ClosedError:
             self._gone()
@@ -180,35 +180,35 @@ class Live:
             self._answers.clear()
             self._changed.notify_all()
 
-    def _tell_state(self, told: dict[str, Any], _message: dict[str, Any]) -> None:
-        self.state = replace(self.state, **told)
+    def _receive_state(self, data: dict[str, Any], _message: dict[str, Any]) -> None:
+        self.state = replace(self.state, **data)
 
-    def _tell_catalog(self, told: dict[str, Any], message: dict[str, Any]) -> None:
-        self.catalog, self.done = Catalog.of(told), ()
+    def _receive_catalog(self, data: dict[str, Any], message: dict[str, Any]) -> None:
+        self.catalog, self.done = Catalog.of(data), ()
         self.state = replace(self.state, folder=message["folder"], epoch=message["epoch"], message="")
 
-    def _tell_done(self, told: list[dict[str, Any]], _message: dict[str, Any]) -> None:
-        self.done = (*self.done, *(Done(**one) for one in told))
+    def _receive_done(self, entries: list[dict[str, Any]], _message: dict[str, Any]) -> None:
+        self.done = (*self.done, *(Done(**one) for one in entries))
 
-    def _say(self, told: Sequence[Any], _message: dict[str, Any] | None = None) -> None:
-        number, instant, text = told
+    def _say(self, entry: Sequence[Any], _message: dict[str, Any] | None = None) -> None:
+        number, instant, text = entry
         self._said.append((number, instant, text))
         self.state = replace(self.state, message=text, messages=tuple(self._said))
 
-    def _tell_progress(self, told: str, _message: dict[str, Any]) -> None:
-        self.state = replace(self.state, message=told)
+    def _receive_progress(self, text: str, _message: dict[str, Any]) -> None:
+        self.state = replace(self.state, message=text)
 
-    def _tell_phase(self, told: str, _message: dict[str, Any]) -> None:
-        self.state = replace(self.state, phase=told)
+    def _receive_phase(self, phase: str, _message: dict[str, Any]) -> None:
+        self.state = replace(self.state, phase=phase)
 
-    def _tell_hardware(self, told: dict[str, Any], _message: dict[str, Any]) -> None:
-        self.state = replace(self.state, hardware=told)
+    def _receive_hardware(self, status: dict[str, Any], _message: dict[str, Any]) -> None:
+        self.state = replace(self.state, hardware=status)
 
-    def _tell_failed(self, told: list[str], _message: dict[str, Any]) -> None:
-        self._problems = told
-        self.state = replace(self.state, phase="failed", message=told[0] if told else "")
+    def _receive_failed(self, problems: list[str], _message: dict[str, Any]) -> None:
+        self._problems = problems
+        self.state = replace(self.state, phase="failed", message=problems[0] if problems else "")
 
-    def _tell_answer(self, number: int, message: dict[str, Any]) -> None:
+    def _receive_answer(self, number: int, message: dict[str, Any]) -> None:
         if (waiting := self._answers.pop(number, None)) is not None:
             waiting.set_result(message.get("refused", ""))
 
@@ -244,7 +244,7 @@ class Live:
         with self._lock, suppress(ClosedError):
             self._channel.send(**message)
 
-    def _ask(self, kind: str, timeout: float | None = ANSWER, **more: Any) -> None:
+    def _request(self, kind: str, timeout: float | None = ANSWER, **more: Any) -> None:
         """Ask and wait; RefusedError says why not."""
         number, answer = next(self._numbers), Future[str]()
         self._answers[number] = answer
@@ -263,48 +263,48 @@ class Live:
 
     def resume(self) -> None:
         """Go on."""
-        self._ask("resume")
+        self._request("resume")
 
     def pause(self) -> None:
         """Stand still."""
-        self._ask("pause")
+        self._request("pause")
 
     def step(self, count: int = 1) -> None:
         """So many communication steps, and pause."""
-        self._ask("step", count=count)
+        self._request("step", count=count)
 
     def step_macro(self, count: int = 1) -> None:
         """To the next communication point of the slowest member."""
-        self._ask("step", count=count, macro=True)
+        self._request("step", count=count, macro=True)
 
     def pace(self, rate: float) -> None:
         """Simulated over wall-clock time: 0.1 to 10, or inf."""
-        self._ask("pace", rate=rate)
+        self._request("pace", rate=rate)
 
     def reset(self) -> None:
         """From the start again, paused, in a new folder; the one before is finished."""
         before = self.state.epoch
-        self._ask("reset")
+        self._request("reset")
         with self._changed:
             self._changed.wait_for(lambda: self.state.epoch > before or self.state.phase == "failed")
         if self.state.epoch == before:
             raise TwinError(self._problems or ["reset: failed."])
 
     def set(self, name: str, value: Any) -> None:
-        """Set a tunable parameter or a free input that nobody has to hold, from now on."""
-        self._ask("set", name=name, value=value)
+        """Set a tunable parameter, or a free input that need not be held, from now on."""
+        self._request("set", name=name, value=value)
 
     def override(self, name: str, value: Any) -> None:
         """From now on all see this value instead of an output's or input's own."""
-        self._ask("override", name=name, value=value)
+        self._request("override", name=name, value=value)
 
     def release(self, name: str) -> None:
         """End an override."""
-        self._ask("release", name=name)
+        self._request("release", name=name)
 
     def trigger(self, key: str) -> None:
         """Let an event of the catalog happen now."""
-        self._ask("trigger", key=key)
+        self._request("trigger", key=key)
 
     def hold(self, name: str, value: Any, press: int, age: float = 0.0) -> None:
         """Renew what is held, `age` [s] ago; it goes to rest if this does not come again within `HOLD`. Does not wait.
@@ -321,7 +321,7 @@ class Live:
         """End the session, drives by the one stop path, and finish its folder; TwinError if it has failed."""
         if self.process.poll() is None:
             try:
-                self._ask("stop", SOON)
+                self._request("stop", SOON)
             except SimulationError:  # it builds, brings drives up, or makes a long step: the same path by a signal
                 self._ends = True
                 self.process.terminate()
@@ -351,14 +351,14 @@ class Live:
         self.close()
 
 
-TOLD: dict[str, Callable[[Live, Any, dict[str, Any]], object]] = {
-    "state":    Live._tell_state,
-    "catalog":  Live._tell_catalog,
-    "done":     Live._tell_done,
+MESSAGE_HANDLERS: dict[str, Callable[[Live, Any, dict[str, Any]], object]] = {
+    "state":    Live._receive_state,
+    "catalog":  Live._receive_catalog,
+    "done":     Live._receive_done,
     "said":     Live._say,
-    "progress": Live._tell_progress,
-    "phase":    Live._tell_phase,
-    "hardware": Live._tell_hardware,
-    "failed":   Live._tell_failed,
-    "answer":   Live._tell_answer,
+    "progress": Live._receive_progress,
+    "phase":    Live._receive_phase,
+    "hardware": Live._receive_hardware,
+    "failed":   Live._receive_failed,
+    "answer":   Live._receive_answer,
 }  # fmt: skip

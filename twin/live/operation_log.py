@@ -78,8 +78,10 @@ def line(event: EventSpec | FaultSpec) -> str:
         what = {event.kind: [event.variable] if event.kind == "release" else {event.variable: event.value}}
     else:
         what = {key: one for key, one in event.tree.plain().items() if key != "at"}
-    told = [{"at": moment(event.time_ns), **what}]
-    text = str(yaml.dump(told, Dumper=Dumper, default_flow_style=True, sort_keys=False, allow_unicode=True, width=WIDE))
+    items = [{"at": moment(event.time_ns), **what}]
+    text = str(
+        yaml.dump(items, Dumper=Dumper, default_flow_style=True, sort_keys=False, allow_unicode=True, width=WIDE)
+    )
     return f"- {text.strip().removeprefix('[').removesuffix(']')}"
 
 
@@ -87,8 +89,8 @@ def moment(time: clock.Time) -> str:
     """A time [ns] exactly, as a scenario takes it: `12.345 s`, `301/30 s`."""
     if not isinstance(time, int):
         return f"{exact(time)} s"
-    whole, part = divmod(abs(time), clock.NANOSECONDS)
-    return f"{'-' * (time < 0)}{whole}.{part:09d}".rstrip("0").rstrip(".") + " s"
+    seconds, part = divmod(abs(time), clock.NANOSECONDS)
+    return f"{'-' * (time < 0)}{seconds}.{part:09d}".rstrip("0").rstrip(".") + " s"
 
 
 def exact(time: Fraction) -> Fraction:

@@ -47,11 +47,11 @@ class Pace:
         self._count = max(1, count)
         self._cost = (now - begin) / self._count
         if self.rate < inf:
-            late = begin - self.due(before)
-            self.late.append(late)
-            self.lag = max(late, 0.0)
-            if late > PATIENCE:
-                self._origin = self._origin[0] + late, self._origin[1]
+            delay = begin - self.due(before)
+            self.late.append(delay)
+            self.lag = max(delay, 0.0)
+            if delay > PATIENCE:
+                self._origin = self._origin[0] + delay, self._origin[1]
         self._passed.append((now, time))
         while len(self._passed) > 2 and now - self._passed[0][0] > SECOND:
             self._passed.popleft()
@@ -67,5 +67,5 @@ class Pace:
     @property
     def jitter(self) -> float:
         """How far 99 of 100 blocks began from their time at most [s]."""
-        late = sorted(abs(one) for one in self.late)
-        return late[min(len(late) - 1, int(0.99 * len(late)))] if late else 0.0
+        delays = sorted(abs(one) for one in self.late)
+        return delays[min(len(delays) - 1, int(0.99 * len(delays)))] if delays else 0.0

@@ -83,13 +83,13 @@ class Reading:
 
     def column(self, words: Array, name: str) -> Array:
         """A signal, or an element of one, `member.variable[2]`; RefusedError if it is not recorded."""
-        place, index = self.columns.get(name), ""
-        if place is None and name.endswith("]"):
-            whole, _, index = name[:-1].rpartition("[")
-            place = self.columns.get(whole)
-        if place is None:
+        position, index = self.columns.get(name), ""
+        if position is None and name.endswith("]"):
+            array_name, _, index = name[:-1].rpartition("[")
+            position = self.columns.get(array_name)
+        if position is None:
             raise RefusedError(f"{name}: is not recorded. Name it in `record` when the session begins.")
-        first, shape, kind = place
+        first, shape, kind = position
         if index:
             first, shape = first + self.element(name, index, shape), ()
         block = np.ascontiguousarray(words[:, first : first + prod(shape)])
@@ -99,16 +99,16 @@ class Reading:
     def element(self, name: str, index: str, shape: tuple[int, ...]) -> int:
         """Place of an element in its array, counted from 0."""
         try:
-            places = tuple(int(one) - 1 for one in index.split(","))
-            if any(one < 0 for one in places):
+            indices = tuple(int(one) - 1 for one in index.split(","))
+            if any(one < 0 for one in indices):
                 raise ValueError  # noqa: TRY301
-            return int(np.ravel_multi_index(places, shape))
+            return int(np.ravel_multi_index(indices, shape))
         except ValueError:
             size = " x ".join(map(str, shape))
             raise RefusedError(f"{name}: there is no such element. Its size is {size}, counted from 1.") from None
 
     def close(self) -> None:
-        """Close the file; what was mapped stays until nobody holds it."""
+        """Close the file; mapped arrays stay valid until the last reference to them is gone."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1

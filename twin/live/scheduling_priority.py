@@ -11,7 +11,7 @@ import os
 
 PRIORITY = 1  # of SCHED_FIFO: below all that drives use
 MOST = 0.5  # of the time that may be work, for that
-KEPT = 0.9  # of what is known of that share, from one block to the next
+SMOOTHING = 0.9  # weight of the previous estimate of the share, from one block to the next
 
 
 class Priority:
@@ -20,11 +20,11 @@ class Priority:
     def __init__(self) -> None:
         self.first = False
         self.allowed = hasattr(os, "sched_setscheduler") and (os.cpu_count() or 1) > 1  # the others need one
-        self.share = 1.0  # of the time that is work; nobody knows at first
+        self.share = 1.0  # part of the time that is work; 1 until it is measured
 
     def judge(self, worked: float, planned: float) -> None:
         """A block took so much processor time, and stands for so much of the wall clock's [s]."""
-        self.share = KEPT * self.share + (1.0 - KEPT) * (worked / planned if planned > 0.0 else 1.0)
+        self.share = SMOOTHING * self.share + (1.0 - SMOOTHING) * (worked / planned if planned > 0.0 else 1.0)
         self._go(self.share < MOST)
 
     def end(self) -> None:

@@ -44,14 +44,14 @@ class Drives(Protocol):
         """Between two targets that they are sent [ns]."""
 
     def status(self) -> dict[str, Any]:
-        """What a person who watches over them needs to see."""
+        """Status of the drives for the operator."""
 
     def strike(self, fault: FaultSpec) -> None:
         """Let a fault happen at its time; ScenarioError if it cannot."""
 
 
 class Session:
-    """A run in somebody's hands. `begun`: the scenario with all variants, whose events can be triggered."""
+    """A run that an operator controls. `begun`: the scenario with all variants, whose events can be triggered."""
 
     def __init__(self, channel: Channel, rate: float, running: bool) -> None:
         self.channel, self.rate, self.running = channel, rate, running
@@ -67,13 +67,13 @@ class Session:
         self.left: int | None = None  # communication steps to go while it is paused
         self.stepping: int | None = None  # number of the message that asked for them
         self.priority = Priority()
-        self._told = self._told_drives = -inf
+        self._last_status_time = self._last_drive_status_time = -inf
         self._message = 0
         self._orders: Orders | None = None
 
     # --------------------------------------------------------------------------------------------------- the course
 
-    def course(self, case: Case, simulated: CoSimulation, told: Callable[[str, float], object]) -> None:
+    def course(self, case: Case, simulated: CoSimulation, report_progress: Callable[[str, float], object]) -> None:
         """Take a case from its start to where a person ends it."""
         simulated.initialize(case.start_ns, None)
         folder = simulated.recorder.file.parent.parent  # type: ignore[attr-defined]
@@ -99,7 +99,7 @@ class Session:
         self.begin_pace()
         self.send(catalog=catalog.plain(), folder=self.folder, epoch=self.epoch, state=self.standing())
         try:
-            self.go(told)
+            self.go(report_progress)
             self.enter("finishing")
         except SimulationError as error:
             self.say(str(error))
@@ -108,7 +108,7 @@ class Session:
             self.priority.end()
             file.close()
 
-    def go(self, told: Callable[[str, float], object]) -> None:
+    def go(self, report_progress: Callable[[str, float], object]) -> None:
         """Until it is ended: listen, then let the loop go on when it is time."""
         simulated = self.simulated
         self.reached()
@@ -119,15 +119,15 @@ class Session:
             if not goes or due > now:
                 latest = min(due if goes else now + WAIT, self.hands.deadline, now + WAIT)
                 self.listen(max(latest - now, 0.0))
-                self.look_after_hands()
+                self.update_held_inputs()
                 if goes and wall.monotonic() >= due:
                     continue  # the block first: what is told can wait for its end
             else:
                 self.listen(0.0)
-                self.look_after_hands()
+                self.update_held_inputs()
                 if not self.ending and (self.phase == "running" or self.left):
                     self.block()
-            told(self.case.name, 0.0)
+            report_progress(self.case.name, 0.0)
             self.report()
         if not self.wall_clock and not simulated.finished:
             self.left = self.left_to_common()
@@ -135,7 +135,7 @@ class Session:
                 self.block()
 
     @property
-    def begun_to_go(self) -> bool:
+    def has_stepped(self) -> bool:
         """Whether it has made a step: then drives are up."""
         return self.simulated.time > self.case.start_ns
 
@@ -158,7 +158,7 @@ class Session:
             count = min(count, self.left)
         until = before + count * self.case.step_ns
         if self.drives is not None and self.wall_clock:
-            # it listens half way between two cycles, where nobody waits
+            # The session listens half way between two cycles, where no drive waits.
             half = self.drives.cycle // self.case.step_ns // 2 * self.case.step_ns
             until += (half - (until - self.case.start_ns)) % self.drives.cycle
         if self._next < len(self.case.events):
@@ -204,8 +204,8 @@ class Session:
 
     # ------------------------------------------------------------------------------------------------------- hands
 
-    def look_after_hands(self) -> None:
-        """Who does not renew lets go; then every held input gets its value, and what goes along with it."""
+    def update_held_inputs(self) -> None:
+        """Release expired holds, then apply the values of all held inputs and their companions."""
         orders = self._orders
         assert orders is not None
         for name in self.hands.expire(wall.monotonic()):
@@ -221,12 +221,12 @@ class Session:
             if (self.given[name] if name in self.given else orders.start(name)) != value:
                 orders.happens(EventSpec(self.simulated.time, "set", name, value, WHERE), by_hand=True)
                 self.given[name] = value
-                self._told = -inf  # a hand is seen at once
+                self._last_status_time = -inf  # The status shows a held input at once.
 
     # ---------------------------------------------------------------------------------------------------- listening
 
     def listen(self, timeout: float) -> None:
-        """Do what has come; if nobody is there any more all goes to rest, and the session ends."""
+        """Execute received messages; send all held inputs to rest if the session ends, as it does if the channel is closed."""
         try:
             for message in self.channel.receive(timeout):
                 self.answer(message)
@@ -262,7 +262,7 @@ class Session:
     # ------------------------------------------------------------------------------------------------------ telling
 
     def send(self, **message: Any) -> None:
-        """Tell something that must arrive; the session ends where nobody is there."""
+        """Send a message that must arrive; end the session if the channel is closed."""
         try:
             self.channel.send(**message)
         except ClosedError:
@@ -295,12 +295,12 @@ class Session:
             if orders.done:
                 self.send(done=orders.done)
                 orders.done = []
-            if instant - self._told < BLOCK and not now:
+            if instant - self._last_status_time < BLOCK and not now:
                 return
-            self._told = instant
+            self._last_status_time = instant
             self.channel.tell(state=self.standing())
-            if self.drives is not None and instant - self._told_drives >= SELDOM:
-                self._told_drives = instant
+            if self.drives is not None and instant - self._last_drive_status_time >= SELDOM:
+                self._last_drive_status_time = instant
                 self.channel.tell(hardware=self.drives.status())
         except ClosedError:
             self.gone = self.ending = True

@@ -28,29 +28,29 @@ if TYPE_CHECKING:
     from twin.live.session import Drives
     from twin.scenario import Case, Scenario
 
-NOTICED = 0.1  # the loop notices by itself that nobody is there in this time, while its steps are short [s]
+NOTICED = 0.1  # time within which a loop with short steps notices the closed channel by itself [s]
 LONGEST = 1_000_000 * clock.NANOSECONDS  # a session [ns]: a person ends it before
 
 
 class Process:
-    """Runs one session after another, until nobody wants more."""
+    """Runs sessions one after another until the channel is closed or no reset is requested."""
 
-    def __init__(self, channel: Channel, asked: dict[str, Any]) -> None:
-        self.channel, self.asked = channel, asked
-        self.session = Session(channel, checked_rate(asked["rate"]), asked["running"])
+    def __init__(self, channel: Channel, job: dict[str, Any]) -> None:
+        self.channel, self.job = channel, job
+        self.session = Session(channel, checked_rate(job["rate"]), job["running"])
         self.hardware: Hardware | None = None
         self.said = ""
 
     def prepare(self) -> Scenario:
         """The scenario of the session: one variant with one seed, with all that can be seen in its recording."""
-        asked, session = self.asked, self.session
-        scenario = load_scenario(asked["scenario"], asked["overrides"])
-        variant = asked["variant"] or scenario.variants[0].variant
-        seeds = scenario.seeds[0] if asked["seed"] is None else asked["seed"]
+        job, session = self.job, self.session
+        scenario = load_scenario(job["scenario"], job["overrides"])
+        variant = job["variant"] or scenario.variants[0].variant
+        seeds = scenario.seeds[0] if job["seed"] is None else job["seed"]
         case = scenario.cases([variant], [seeds])[0]
-        names = recorded_names(case, prepare(scenario)[variant], tuple(asked["record"]))
-        if asked["hardware"]:
-            self.hardware = load_drives(Path(asked["hardware"]), asked["arm"], Path(asked["build"]))
+        names = recorded_names(case, prepare(scenario)[variant], tuple(job["record"]))
+        if job["hardware"]:
+            self.hardware = load_drives(Path(job["hardware"]), job["arm"], Path(job["build"]))
             session.drives = cast("Drives", self.hardware)
             there = prepare(self.hardware.apply(scenario))[variant]  # a drive has no locals of what it stands for
             names = [one for one in names if one.partition(".")[2] in there[one.partition(".")[0]]]
@@ -61,17 +61,17 @@ class Process:
 
     def work(self) -> None:
         """Sessions, each begun by a reset of the one before."""
-        asked, session = self.asked, self.session
+        job, session = self.job, self.session
         own = self.prepare()
         while True:
             link = Link()
             outcome = run_scenario(
                 own,
-                Form(asked["form"]),
-                root=Path(asked["runs"]),
-                build=Path(asked["build"]),
+                Form(job["form"]),
+                root=Path(job["runs"]),
+                build=Path(job["build"]),
                 progress=self.progress,
-                report=asked["report"],
+                report=job["report"],
                 hardware=self.hardware,
                 link=link,
                 course=session.course,
@@ -120,7 +120,7 @@ def load_drives(file: Path, arm: bool, build: Path) -> Hardware:
 
 
 def look_out(end: socket.socket) -> None:
-    """End this process as a signal would where nobody is there any more and the loop has not noticed: one step is long."""
+    """Wait until the peer closes the socket; then send SIGTERM to this process unless its loop has noticed and ended it."""
     gone = select.poll()
     gone.register(end, getattr(select, "POLLRDHUP", 0) | select.POLLHUP)  # the first is Linux's own
     gone.poll()
@@ -130,14 +130,14 @@ def look_out(end: socket.socket) -> None:
 
 def main() -> None:
     """Serve the end of a socket pair that the first argument names."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # whoever started this process ends it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # The parent process ends this one.
     end = socket.socket(fileno=int(sys.argv[1]))
     channel = Channel(end)
     threading.Thread(target=look_out, args=[end], name="look out", daemon=True).start()
     try:
-        asked = next(iter(channel.receive(None)))
+        job = next(iter(channel.receive(None)))
         try:
-            Process(channel, asked).work()
+            Process(channel, job).work()
         except TwinError as error:
             channel.send(failed=error.problems)
         except ClosedError:

@@ -1,4 +1,4 @@
-"""What fails together: cases with the same broken expectations or the same message, and how they differ from the others."""
+"""Clusters of failures: cases with the same broken expectations or the same message, and how they differ from the others."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     Array = np.ndarray[Any, Any]
 
 NUMBER = re.compile(r"[-+]?\d+(\.\d+)?(e[-+]?\d+)?")
-TELLING = 0.15  # by which a factor has to separate: 0 by chance, 0.5 entirely
+SEPARATION_MINIMUM = 0.15  # by which a factor has to separate: 0 by chance, 0.5 entirely
 MOST = 3  # factors that are named
 FEWEST = 5  # cases from which one can tell what they have in common
 
@@ -60,27 +60,27 @@ def clusters(cases: Cases) -> list[Cluster]:
         else:
             continue
         ways.setdefault((cases.requests[i].variant, what), []).append(i)
-    found = []
-    for (variant, what), places in ways.items():
+    groups = []
+    for (variant, what), case_indices in ways.items():
         own = cases.where(SAMPLED, variant)
-        numbers = tuple(cases.requests[i].number for i in places)
-        marks = told_apart(study, values, places, own)
-        found.append(Cluster(variant, what, numbers, len(own), cases.rows[places[0]].why, marks))
-    return sorted(found, key=lambda one: -len(one.cases))
+        numbers = tuple(cases.requests[i].number for i in case_indices)
+        marks = discriminating_factors(study, values, case_indices, own)
+        groups.append(Cluster(variant, what, numbers, len(own), cases.rows[case_indices[0]].why, marks))
+    return sorted(groups, key=lambda one: -len(one.cases))
 
 
-def told_apart(study: Any, values: Array, places: list[int], own: list[int]) -> tuple[Mark, ...]:
+def discriminating_factors(study: Any, values: Array, case_indices: list[int], own: list[int]) -> tuple[Mark, ...]:
     """Factors that differ most between some cases and all others: by how often one of them is above one of the others."""
-    inside = np.array(places)
-    outside = np.array(sorted(set(own) - set(places)), int)
+    inside = np.array(case_indices)
+    outside = np.array(sorted(set(own) - set(case_indices)), int)
     if len(inside) < FEWEST or len(outside) < FEWEST:
         return ()
-    found = []
+    factors = []
     for k, factor in enumerate(study.factors):
         a, b = values[inside, k], values[outside, k]
         if not (np.isfinite(a).all() and np.isfinite(b).all()):
             continue
         above = float(stats.mannwhitneyu(a, b).statistic) / (len(a) * len(b)) - 0.5
-        if abs(above) >= TELLING:
-            found.append(Mark(factor.name, above, float(np.median(a)), float(np.median(b))))
-    return tuple(sorted(found, key=lambda one: -abs(one.separation))[:MOST])
+        if abs(above) >= SEPARATION_MINIMUM:
+            factors.append(Mark(factor.name, above, float(np.median(a)), float(np.median(b))))
+    return tuple(sorted(factors, key=lambda one: -abs(one.separation))[:MOST])

@@ -32,19 +32,19 @@ def write_report(outcome: StudyOutcome) -> None:
     if not outcome.cases.rows:
         return
     answers = Answers(outcome.cases)
-    told = {**answers.plain(), **searched(outcome)}
-    write_text(outcome.folder / ANSWERS, json.dumps(told, indent=1, allow_nan=False) + "\n")
+    summary = {**answers.plain(), **searched(outcome)}
+    write_text(outcome.folder / ANSWERS, json.dumps(summary, indent=1, allow_nan=False) + "\n")
     write_text(outcome.folder / PAGE, html(outcome, answers))
 
 
 def searched(outcome: StudyOutcome) -> dict[str, Any]:
     """What searches found, as plain data."""
-    found: dict[str, Any] = {}
+    sections: dict[str, Any] = {}
     if outcome.worst is not None:
-        found["worst"] = cleaned(vars(outcome.worst))
+        sections["worst"] = cleaned(vars(outcome.worst))
     if outcome.tuned is not None:
         own = outcome.tuned
-        found["tuned"] = cleaned(
+        sections["tuned"] = cleaned(
             {
                 "best": None if own.best is None else vars(own.best),
                 "own": vars(own.trials[0]),
@@ -52,7 +52,7 @@ def searched(outcome: StudyOutcome) -> dict[str, Any]:
                 "trials": [vars(one) for one in own.trials],
             }
         )
-    return found
+    return sections
 
 
 def html(outcome: StudyOutcome, answers: Answers) -> str:
@@ -73,10 +73,10 @@ def html(outcome: StudyOutcome, answers: Answers) -> str:
     return text
 
 
-def together(found: Iterable[tuple[str, Any, str]]) -> dict[str, list[tuple[Any, str]]]:
+def together(items: Iterable[tuple[str, Any, str]]) -> dict[str, list[tuple[Any, str]]]:
     """What belongs to each name, in order."""
     groups: dict[str, list[tuple[Any, str]]] = {}
-    for name, one, svg in found:
+    for name, one, svg in items:
         groups.setdefault(name, []).append((one, svg))
     return groups
 
@@ -93,7 +93,7 @@ def link(listed: set[int]) -> Any:
 def factors(outcome: StudyOutcome) -> list[dict[str, str]]:
     """What varies, as the table shows it."""
     values = outcome.cases.values
-    found = []
+    rows = []
     for k, one in enumerate(outcome.study.all_factors):
         own = values[np.isfinite(values[:, k]), k]
         span = f"{one.shown(own.min())} to {one.shown(own.max())}" if len(own) else "-"
@@ -104,30 +104,30 @@ def factors(outcome: StudyOutcome) -> list[dict[str, str]]:
                 f"median {one.shown(one.distribution.numbers[0])}, geometric deviation {one.distribution.numbers[1]:g}"
             )
         targets = ", ".join(one.sets) or f"{', '.join(one.scales)} (multiplied)"
-        found.append(
+        rows.append(
             {"name": one.name, "targets": targets, "kind": f"{kind}: {numbers}", "span": span, "source": one.source}
         )
-    return found
+    return rows
 
 
 def pictures(outcome: StudyOutcome, answers: Answers) -> list[tuple[str, str, str]]:
     """Titles, notes and plots of metrics and signals."""
     study, cases = outcome.study, outcome.cases
-    found = []
+    figures = []
     for index, name in enumerate(study.bands):
         if (outcome.folder / case_table.BANDS).exists():
             note = "median, quarters, 5 to 95 %, ends; red: beyond what is expected"
-            found.append((f"{name} over time", note, plots.bands(outcome.folder, cases, name, index)))
+            figures.append((f"{name} over time", note, plots.bands(outcome.folder, cases, name, index)))
     if study.design.method != "one_at_a_time":
         note = f"dotted: {', '.join(map(percent, study.keys.quantiles))}; red: cases in which anything fails"
-        found += [(one.metric, note, plots.histograms(cases, one.metric)) for one in first_of(answers)]
+        figures += [(one.metric, note, plots.histograms(cases, one.metric)) for one in first_of(answers)]
     if study.design.method not in ("one_at_a_time", "grid") and study.factors:
         for one in first_of(answers)[:2]:
             for variant in study.variants:
                 if any(item.metric == one.metric and item.variant == variant for item in answers.spreads):
                     note = "every case a line; red: cases in which anything fails"
-                    found.append((f"{one.metric}, {variant}", note, plots.parallel(cases, one.metric, variant)))
-    return found
+                    figures.append((f"{one.metric}, {variant}", note, plots.parallel(cases, one.metric, variant)))
+    return figures
 
 
 def first_of(answers: Answers) -> list[Any]:
@@ -137,12 +137,12 @@ def first_of(answers: Answers) -> list[Any]:
 
 def tornados(answers: Answers) -> list[tuple[str, str]]:
     """Plots of one factor at a time."""
-    found = []
+    figures = []
     for name in dict.fromkeys(one.metric for one in answers.changes):
         own = [one for one in answers.changes if one.metric == name]
         unit = answers.study.scenario.metrics[name].unit
-        found.append((name, plots.tornado(own, unit, name, [answers.change(one) for one in own])))
-    return found
+        figures.append((name, plots.tornado(own, unit, name, [answers.change(one) for one in own])))
+    return figures
 
 
 def worst(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
@@ -188,6 +188,6 @@ def tuned(outcome: StudyOutcome, answers: Answers) -> dict[str, Any] | None:
         "knobs": [k.factor.name for k in outcome.study.knobs],
         "rows": rows,
         "trials": len(own.trials),
-        "way": plots.way(own, unit, f"{what} of {keys.metric}"),
+        "way": plots.tuning_history(own, unit, f"{what} of {keys.metric}"),
         "limits": [limit.text for limit in outcome.study.limits],
     }

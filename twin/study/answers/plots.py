@@ -28,7 +28,7 @@ BAD, GOOD = "#b42335", "#0b62a4"
 BANDS = (0.0, 0.05, 0.25, 0.75, 0.95, 1.0)
 
 
-def drawn(size: tuple[float, float], salt: str, paint: Callable[[Any], None], **grid: Any) -> str:
+def render_svg(size: tuple[float, float], salt: str, paint: Callable[[Any], None], **grid: Any) -> str:
     """A figure with axes that `paint` fills, as SVG."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
@@ -42,11 +42,11 @@ def drawn(size: tuple[float, float], salt: str, paint: Callable[[Any], None], **
 def parallel(cases: Cases, metric: str, variant: str) -> str:
     """Each case a line through its factors to a metric; those that fail, and the worst, in red."""
     study = cases.study
-    places = cases.where(SAMPLED, variant)
-    every = max(1, -(-len(places) // LINES))
+    case_indices = cases.where(SAMPLED, variant)
+    every = max(1, -(-len(case_indices) // LINES))
     is_bad = failing(cases)
-    failed = [i for i in places if is_bad[i]]
-    shown = sorted(set(places[::every]) | set(failed[:LINES]))
+    failed = [i for i in case_indices if is_bad[i]]
+    shown = sorted(set(case_indices[::every]) | set(failed[:LINES]))
     own, axes_of = cases.values, [(one.name, k, 1.0, one.unit) for k, one in enumerate(study.factors)]
     columns = [own[shown, k] for _, k, _, _ in axes_of]
     unit = study.scenario.metrics[metric].unit
@@ -79,7 +79,7 @@ def parallel(cases: Cases, metric: str, variant: str) -> str:
         axis.set_ylim(-0.12, 1.12)
         axis.grid(visible=False)
 
-    return drawn((9.2, 4.2), f"parallel {metric} {variant}", paint)
+    return render_svg((9.2, 4.2), f"parallel {metric} {variant}", paint)
 
 
 def failing(cases: Cases) -> list[bool]:
@@ -95,33 +95,33 @@ def limits_of(study: Study, variant: str, metric: str) -> list[float]:
 
 
 def histograms(cases: Cases, metric: str) -> str:
-    """How a metric is distributed, the variants below each other on one axis; red: cases that fail in anything."""
+    """Draw histograms of a metric, one row per variant on a common axis; red: cases that fail in anything."""
     study = cases.study
     unit = study.scenario.metrics[metric].unit
     factor, offset = coherent(unit)
     values, is_bad = (cases.metric(metric) - offset) / factor, np.array(failing(cases))
-    places = {variant: np.array(cases.where(SAMPLED, variant), int) for variant in study.variants}
-    own = {variant: at for variant, every in places.items() if len(at := every[np.isfinite(values[every])])}
+    case_indices = {variant: np.array(cases.where(SAMPLED, variant), int) for variant in study.variants}
+    own = {variant: at for variant, every in case_indices.items() if len(at := every[np.isfinite(values[every])])}
     if not own:
         return ""
-    whole = np.concatenate([values[at] for at in own.values()])
-    low, high = float(whole.min()), float(np.quantile(whole, 0.995))
+    all_values = np.concatenate([values[at] for at in own.values()])
+    low, high = float(all_values.min()), float(np.quantile(all_values, 0.995))
     edges = np.linspace(low, high if high > low else low + abs(low) + 1e-12, 61)
 
     def paint(grid: Any) -> None:
         for axis, (variant, at) in zip(grid[:, 0], own.items(), strict=True):
-            found, bad = values[at], is_bad[at]
-            kinds = [np.minimum(one, edges[-1]) for one in (found[~bad], found[bad])]
+            finite_values, bad = values[at], is_bad[at]
+            kinds = [np.minimum(one, edges[-1]) for one in (finite_values[~bad], finite_values[bad])]
             axis.hist(kinds, bins=edges, color=[GOOD, BAD], stacked=True)
             for limit in limits_of(study, variant, metric):
                 axis.axvline((limit - offset) / factor, color=BAD, linewidth=1.0, linestyle=(0, (2, 1.5)))
             for part in study.keys.quantiles:
-                axis.axvline(np.quantile(found, part), color="#1f2933", linewidth=0.8, linestyle=":")
+                axis.axvline(np.quantile(finite_values, part), color="#1f2933", linewidth=0.8, linestyle=":")
             axis.set_title(variant, fontsize=9)
             axis.set_ylabel("cases")
         grid[-1, 0].set_xlabel(plotting.axis_label(metric, unit))
 
-    return drawn((9.2, 0.6 + 1.35 * len(own)), f"histogram {metric}", paint, nrows=len(own), sharex=True)
+    return render_svg((9.2, 0.6 + 1.35 * len(own)), f"histogram {metric}", paint, nrows=len(own), sharex=True)
 
 
 def bands(folder: Path, cases: Cases, name: str, index: int) -> str:
@@ -141,20 +141,22 @@ def bands(folder: Path, cases: Cases, name: str, index: int) -> str:
             for i in cases.where(SAMPLED, variant)
             if cases.requests[i].number in samples
         ]
-        kept = [np.asarray(one.values.to_numpy(zero_copy_only=False)) for one in rows if one.is_valid and len(one)]
-        if kept:
-            shortest = min(map(len, kept))
-            own[variant] = np.stack([one[:shortest] for one in kept])
+        sampled_rows = [
+            np.asarray(one.values.to_numpy(zero_copy_only=False)) for one in rows if one.is_valid and len(one)
+        ]
+        if sampled_rows:
+            shortest = min(map(len, sampled_rows))
+            own[variant] = np.stack([one[:shortest] for one in sampled_rows])
     if not own:
         return ""
 
     def paint(grid: Any) -> None:
-        for axis, (variant, found) in zip(grid[:, 0], own.items(), strict=True):
-            ends = [np.quantile((found - offset) / factor, part, axis=0) for part in BANDS]
-            time = begin + every * np.arange(found.shape[1])
+        for axis, (variant, curves) in zip(grid[:, 0], own.items(), strict=True):
+            ends = [np.quantile((curves - offset) / factor, part, axis=0) for part in BANDS]
+            time = begin + every * np.arange(curves.shape[1])
             for k, alpha in ((0, 0.12), (1, 0.25), (2, 0.45)):
                 axis.fill_between(time, ends[k], ends[5 - k], color=GOOD, alpha=alpha, linewidth=0)
-            axis.plot(time, np.median((found - offset) / factor, axis=0), color="#1f2933", linewidth=0.8)
+            axis.plot(time, np.median((curves - offset) / factor, axis=0), color="#1f2933", linewidth=0.8)
             for limit, sign, inside in expected(study, variant, name, time):
                 height, outer = (limit - offset) / factor, ends[5 if sign > 0 else 0]
                 axis.plot(
@@ -166,12 +168,12 @@ def bands(folder: Path, cases: Cases, name: str, index: int) -> str:
             axis.set_ylabel(plotting.axis_label(name, unit))
         grid[-1, 0].set_xlabel("time [s]")
 
-    return drawn((9.2, 0.6 + 1.6 * len(own)), f"bands {name} {index}", paint, nrows=len(own), sharex=True)
+    return render_svg((9.2, 0.6 + 1.6 * len(own)), f"bands {name} {index}", paint, nrows=len(own), sharex=True)
 
 
 def expected(study: Study, variant: str, name: str, time: Array) -> list[tuple[float, float, Array]]:
     """Limits on a signal over time, SI: value, 1 for an upper and -1 for a lower one, and when it is asked for."""
-    signal, found = ast.dump(study.bands[name].tree), []
+    signal, limit_lines = ast.dump(study.bands[name].tree), []
     for one in study.scenario.expectations:
         if one.signal is None or ast.dump(one.signal.tree) != signal or variant not in (one.variants or (variant,)):
             continue
@@ -179,8 +181,8 @@ def expected(study: Study, variant: str, name: str, time: Array) -> list[tuple[f
         inside = time >= (clock.seconds(start) if start is not None else -np.inf)
         inside &= time <= (clock.seconds(stop) if stop is not None else np.inf)
         limits = ((one.at_most, 1.0), (one.at_least, -1.0))
-        found += [(limit, sign, inside) for limit, sign in limits if limit is not None]
-    return found
+        limit_lines += [(limit, sign, inside) for limit, sign in limits if limit is not None]
+    return limit_lines
 
 
 def effects(one: Drivers, unit: str) -> str:
@@ -202,10 +204,10 @@ def effects(one: Drivers, unit: str) -> str:
         axis = grid[0, 0]
         height = 0.8 / len(kinds)
         for k, (label, value, half) in enumerate(kinds):
-            found = np.array([getattr(effect, value) for effect in one.effects]) / factor
+            sizes = np.array([getattr(effect, value) for effect in one.effects]) / factor
             errors = np.nan_to_num([getattr(effect, half) for effect in one.effects]) / factor
-            places = np.arange(len(names)) + (k - (len(kinds) - 1) / 2) * height
-            axis.barh(places, found, xerr=errors, height=height, label=label, color=(GOOD, "#9a6100")[k],
+            bar_positions = np.arange(len(names)) + (k - (len(kinds) - 1) / 2) * height
+            axis.barh(bar_positions, sizes, xerr=errors, height=height, label=label, color=(GOOD, "#9a6100")[k],
                       error_kw={"linewidth": 0.8})  # fmt: skip
         axis.set_yticks(range(len(names)), names)
         axis.invert_yaxis()
@@ -215,41 +217,41 @@ def effects(one: Drivers, unit: str) -> str:
             axis.legend(frameon=False, fontsize=8)
         axis.set_xlabel(quantity)
 
-    return drawn((9.2, 0.9 + 0.3 * len(names) * len(kinds)), f"effects {one.metric} {one.variant}", paint)
+    return render_svg((9.2, 0.9 + 0.3 * len(names) * len(kinds)), f"effects {one.metric} {one.variant}", paint)
 
 
-def tornado(found: Sequence[Change], unit: str, name: str, told: Sequence[str]) -> str:
-    """By how much a metric changes with one factor at a time, the largest change first; `told`: each change in words."""
+def tornado(changes: Sequence[Change], unit: str, name: str, labels: Sequence[str]) -> str:
+    """By how much a metric changes with one factor at a time, the largest change first; `labels`: each change in words."""
     factor, _ = coherent(unit)
-    order = sorted(range(len(found)), key=lambda i: -abs(found[i].now - found[i].before))
-    sizes = [(found[i].now - found[i].before) / factor for i in order]
+    order = sorted(range(len(changes)), key=lambda i: -abs(changes[i].now - changes[i].before))
+    sizes = [(changes[i].now - changes[i].before) / factor for i in order]
 
     def paint(grid: Any) -> None:
         axis = grid[0, 0]
         axis.barh(
             range(len(order)), np.nan_to_num(sizes), color=[BAD if one < 0 else GOOD for one in sizes], height=0.7
         )
-        axis.set_yticks(range(len(order)), [told[i] for i in order], fontsize=8)
+        axis.set_yticks(range(len(order)), [labels[i] for i in order], fontsize=8)
         axis.invert_yaxis()
         axis.grid(visible=False, axis="y")
         axis.axvline(0.0, color="#1f2933", linewidth=0.8)
         axis.set_xlabel(plotting.axis_label(f"change of {name}", unit))
 
-    return drawn((9.2, 0.9 + 0.24 * len(order)), f"tornado {name}", paint)
+    return render_svg((9.2, 0.9 + 0.24 * len(order)), f"tornado {name}", paint)
 
 
-def way(tuned: Tuned, unit: str, name: str) -> str:
+def tuning_history(tuned: Tuned, unit: str, name: str) -> str:
     """Objective of each trial of a tuning, and the best until then."""
     factor, offset = coherent(unit)
     values = np.array([one.objective if np.isfinite(one.objective) else np.nan for one in tuned.trials])
     good = np.array([one.is_feasible for one in tuned.trials])
-    places = np.array([one.index for one in tuned.trials])
+    trial_indices = np.array([one.index for one in tuned.trials])
 
     def paint(grid: Any) -> None:
         axis = grid[0, 0]
         shown = (values - offset) / factor
-        axis.plot(places[good], shown[good], "o", color=GOOD, markersize=4, label="keeps the limits")
-        axis.plot(places[~good], shown[~good], "x", color=BAD, markersize=4, label="breaks one")
+        axis.plot(trial_indices[good], shown[good], "o", color=GOOD, markersize=4, label="keeps the limits")
+        axis.plot(trial_indices[~good], shown[~good], "x", color=BAD, markersize=4, label="breaks one")
         axis.axhline(shown[0], color="#52606d", linewidth=0.8, linestyle=":", label="as in the scenario")
         if good.any():
             top = np.nanquantile(shown, 0.9)
@@ -258,4 +260,4 @@ def way(tuned: Tuned, unit: str, name: str) -> str:
         axis.set_ylabel(plotting.axis_label(name, unit))
         axis.legend(frameon=False, fontsize=8)
 
-    return drawn((9.2, 3.2), f"tuning {name}", paint)
+    return render_svg((9.2, 3.2), f"tuning {name}", paint)

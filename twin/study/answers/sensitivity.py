@@ -65,17 +65,19 @@ def drivers(cases: Cases) -> list[Drivers]:
     study = cases.study
     if not study.factors or study.design.method == "one_at_a_time":
         return []
-    found = []
+    results = []
     for metric in study.metrics.values():
         values = cases.metric(metric.name)
         for variant in study.variants:
-            places = cases.where(SAMPLED, variant)
-            if (metric.variants and variant not in metric.variants) or len(places) < FEWEST:
+            case_indices = cases.where(SAMPLED, variant)
+            if (metric.variants and variant not in metric.variants) or len(case_indices) < FEWEST:
                 continue
-            one = driven(study, metric.name, variant, cases.values[places][:, : len(study.factors)], values[places])
+            one = driven(
+                study, metric.name, variant, cases.values[case_indices][:, : len(study.factors)], values[case_indices]
+            )
             if one is not None:
-                found.append(one)
-    return found
+                results.append(one)
+    return results
 
 
 def driven(study: Study, metric: str, variant: str, inputs: Array, output: Array) -> Drivers | None:
@@ -86,8 +88,8 @@ def driven(study: Study, metric: str, variant: str, inputs: Array, output: Array
     kind = study.design.method
     note = ""
     if kind in ("sensitivity", "morris"):
-        whole = len(study.design.values) * len(study.seeds(1))
-        if len(output) != whole:
+        expected_count = len(study.design.values) * len(study.seeds(1))
+        if len(output) != expected_count:
             return None  # interrupted: the scheme is not complete
         if not good.all():
             note = f"{(~good).sum()} cases without a value count as the median."
@@ -116,26 +118,26 @@ def sobol(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
     """First order and total indices of Sobol, by Saltelli's estimators."""
     salib = wanted("SALib.analyze.sobol", "samples: method: sensitivity")
     scale = output.std() or 1.0  # the estimators are exact for a mean of zero
-    told = salib.analyze(
+    indices = salib.analyze(
         problem(study.factors), (output - output.mean()) / scale, calc_second_order=False, num_resamples=RESAMPLES,
         seed=study.keys.samples.seed,
     )  # fmt: skip
     names = [one.name for one in study.factors]
-    rows = zip(names, told["S1"], told["S1_conf"], told["ST"], told["ST_conf"], strict=True)
+    rows = zip(names, indices["S1"], indices["S1_conf"], indices["ST"], indices["ST_conf"], strict=True)
     return "sobol", by_size([Effect(name, *map(float, row)) for name, *row in rows])
 
 
 def morris(study: Study, output: Array) -> tuple[str, tuple[Effect, ...]]:
     """Mean absolute elementary effect, and the deviation of effects, over the whole range of each factor."""
     salib = wanted("SALib.analyze.morris", "samples: method: morris")
-    told = salib.analyze(
+    indices = salib.analyze(
         problem(study.factors), study.design.parts, output, num_levels=4, num_resamples=RESAMPLES,
         seed=study.keys.samples.seed,
     )  # fmt: skip
     names = [one.name for one in study.factors]
-    rows = zip(names, told["mu_star"], told["mu_star_conf"], told["sigma"], strict=True)
-    found = [Effect(name, float(mean), float(half), float(sigma)) for name, mean, half, sigma in rows]
-    return "morris", tuple(sorted(found, key=lambda one: -one.first))
+    rows = zip(names, indices["mu_star"], indices["mu_star_conf"], indices["sigma"], strict=True)
+    effects = [Effect(name, float(mean), float(half), float(sigma)) for name, mean, half, sigma in rows]
+    return "morris", tuple(sorted(effects, key=lambda one: -one.first))
 
 
 def changes(cases: Cases) -> list[Change]:
@@ -144,21 +146,21 @@ def changes(cases: Cases) -> list[Change]:
     if study.design.method != "one_at_a_time":
         return []
     values = cases.values
-    found = []
+    rows = []
     for metric in study.metrics.values():
         table = cases.metric(metric.name)
         for variant in study.variants:
             if metric.variants and variant not in metric.variants:
                 continue
-            places = cases.where(SAMPLED, variant)
-            first = [i for i in places if cases.requests[i].sample == 1]
+            case_indices = cases.where(SAMPLED, variant)
+            first = [i for i in case_indices if cases.requests[i].sample == 1]
             before = float(np.mean(table[first])) if first else float("nan")
-            for i in places:
+            for i in case_indices:
                 if cases.requests[i].sample == 1:
                     continue
                 (k,) = np.flatnonzero(np.isfinite(values[i, : len(study.factors)]))
                 factor, number = study.factors[int(k)], cases.requests[i].number
-                found.append(
+                rows.append(
                     Change(metric.name, variant, factor.name, float(values[i, k]), number, float(table[i]), before)
                 )
-    return found
+    return rows

@@ -64,16 +64,16 @@ class Share:
 
 def quantile(values: Array, part: float, confidence: float) -> Quantile:
     """A quantile with an interval between two order statistics: whatever the distribution is."""
-    found = np.sort(values)
-    count = len(found)
+    ordered = np.sort(values)
+    count = len(ordered)
     if not count:
         return Quantile(part, np.nan, np.nan, np.nan)
     # number of values below the quantile: binomial
     below = stats.binom(count, part)
     first, last = int(below.ppf((1 - confidence) / 2)) - 1, int(below.ppf((1 + confidence) / 2))
-    low = found[first] if first >= 0 else np.nan
-    high = found[last] if last < count else np.nan
-    return Quantile(part, float(np.quantile(found, part)), float(low), float(high))
+    low = ordered[first] if first >= 0 else np.nan
+    high = ordered[last] if last < count else np.nan
+    return Quantile(part, float(np.quantile(ordered, part)), float(low), float(high))
 
 
 def wilson(held: int, count: int, confidence: float) -> tuple[float, float]:
@@ -91,7 +91,7 @@ def spreads(cases: Cases) -> list[Spread]:
     """Every metric of every variant, over the samples."""
     study, table = cases.study, cases.metrics
     numbers = np.array([one.number for one in cases.requests])
-    found = []
+    distributions = []
     for metric in study.metrics.values():
         k = list(study.scenario.metrics).index(metric.name)
         for variant in study.variants:
@@ -102,28 +102,33 @@ def spreads(cases: Cases) -> list[Spread]:
             good = np.isfinite(values)
             if not good.any():
                 continue
-            kept, named = values[good], numbers[own][good]
-            ends = [(int(named[i]), float(kept[i])) for i in (int(np.argmin(kept)), int(np.argmax(kept)))]
-            found.append(
+            finite_values, named = values[good], numbers[own][good]
+            ends = [
+                (int(named[i]), float(finite_values[i]))
+                for i in (int(np.argmin(finite_values)), int(np.argmax(finite_values)))
+            ]
+            distributions.append(
                 Spread(
-                    metric.name, variant, len(kept), len(values) - len(kept), float(kept.mean()),
-                    float(kept.std(ddof=1)) if len(kept) > 1 else float("nan"),
-                    tuple(quantile(kept, part, study.keys.confidence) for part in study.keys.quantiles), *ends,
+                    metric.name, variant, len(finite_values), len(values) - len(finite_values), float(finite_values.mean()),
+                    float(finite_values.std(ddof=1)) if len(finite_values) > 1 else float("nan"),
+                    tuple(quantile(finite_values, part, study.keys.confidence) for part in study.keys.quantiles), *ends,
                 )
             )  # fmt: skip
-    return found
+    return distributions
 
 
 def shares(cases: Cases) -> list[Share]:
     """How often each expectation holds in each variant; an order of variants sample by sample."""
     study, holds = cases.study, cases.holds
     confidence = study.keys.confidence
-    found = []
+    pass_rates = []
     for k, one in enumerate(study.scenario.expectations):
         name = one.name or f"{one.metric or (one.signal.text if one.signal else '')} {k + 1}"
         if one.ordered and set(one.ordered) <= set(study.variants):
             held, failing, count = in_order(cases, one)
-            found.append(Share(name, ", ".join(one.ordered), held, count, *wilson(held, count, confidence), failing))
+            pass_rates.append(
+                Share(name, ", ".join(one.ordered), held, count, *wilson(held, count, confidence), failing)
+            )
             continue
         for variant in study.variants:
             judged = [(cases.requests[i].number, holds[i][k]) for i in cases.where(SAMPLED, variant)]
@@ -132,8 +137,8 @@ def shares(cases: Cases) -> list[Share]:
                 continue
             held = sum(bool(verdict) for _, verdict in judged)
             failing = tuple(number for number, verdict in judged if not verdict)
-            found.append(Share(name, variant, held, len(judged), *wilson(held, len(judged), confidence), failing))
-    return found
+            pass_rates.append(Share(name, variant, held, len(judged), *wilson(held, len(judged), confidence), failing))
+    return pass_rates
 
 
 def in_order(cases: Cases, one: Expectation) -> tuple[int, tuple[int, ...], int]:

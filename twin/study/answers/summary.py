@@ -62,7 +62,7 @@ class Answers:
 
     def plain(self) -> dict[str, Any]:
         """For a file: SI, nothing that is no number."""
-        found: dict[str, Any] = cleaned(
+        summary: dict[str, Any] = cleaned(
             {
                 "cases": len(self.cases.rows),
                 "failed": self.failed,
@@ -73,7 +73,7 @@ class Answers:
                 "changes": [vars(one) for one in self.changes],
             }
         )
-        return found
+        return summary
 
 
 def cleaned(value: Any) -> Any:
@@ -100,15 +100,15 @@ def percent(part: float) -> str:
 def noteworthy(cases: Cases, keep: KeepKeys) -> list[int]:
     """Numbers of the cases of which the study keeps everything: some that fail, and the worst of each metric and variant."""
     study = cases.study
-    found: list[int] = []
+    numbers: list[int] = []
     if keep.failed:
         for one in failing.clusters(cases):
-            found += one.cases[: keep.failed]
+            numbers += one.cases[: keep.failed]
     if keep.worst:
         for name in study.metrics:
             values = cases.metric(name)
             for variant in study.variants:
-                places = [i for i in cases.where(SAMPLED, variant) if np.isfinite(values[i])]
-                places.sort(key=lambda i: -abs(values[i]))
-                found += [cases.requests[i].number for i in places[: keep.worst]]
-    return list(dict.fromkeys(found))
+                case_indices = [i for i in cases.where(SAMPLED, variant) if np.isfinite(values[i])]
+                case_indices.sort(key=lambda i: -abs(values[i]))
+                numbers += [cases.requests[i].number for i in case_indices[: keep.worst]]
+    return list(dict.fromkeys(numbers))

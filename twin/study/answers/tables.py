@@ -75,14 +75,14 @@ def named(answers: Answers, examples: int, more: Iterable[int]) -> list[int]:
     numbers = [one.number for one in answers.cases.requests]
     if len(numbers) <= ALL:
         return numbers
-    known = {number for one in answers.shares for number in one.failing[:examples]}
-    known |= {end[0] for one in answers.spreads for end in (one.least, one.most)}
-    known |= {one.cases[0] for one in answers.clusters} | {one.number for one in answers.changes} | set(more)
+    case_numbers = {number for one in answers.shares for number in one.failing[:examples]}
+    case_numbers |= {end[0] for one in answers.spreads for end in (one.least, one.most)}
+    case_numbers |= {one.cases[0] for one in answers.clusters} | {one.number for one in answers.changes} | set(more)
     failing = [
         n for n, row in zip(numbers, answers.cases.rows, strict=True) if row.status != DONE or False in row.holds
     ]
-    known |= set(failing[: max(MOST - len(known), 0)])
-    return sorted(known & set(numbers))
+    case_numbers |= set(failing[: max(MOST - len(case_numbers), 0)])
+    return sorted(case_numbers & set(numbers))
 
 
 def singles(answers: Answers, numbers: Iterable[int], runs: dict[int, str]) -> dict[str, Any]:

@@ -114,8 +114,8 @@ class Distribution:
     def values(self, parts: Array) -> Array:
         """Values at parts (0 to 1) of the truncated distribution."""
         if self.levels:
-            place = np.minimum((np.asarray(parts) * len(self.numbers)).astype(int), len(self.numbers) - 1)
-            return np.asarray(np.asarray(self.numbers)[place])
+            index = np.minimum((np.asarray(parts) * len(self.numbers)).astype(int), len(self.numbers) - 1)
+            return np.asarray(np.asarray(self.numbers)[index])
         first, last = self.span
-        found = KINDS[self.kind][0](first + (last - first) * np.asarray(parts), *self.numbers)
-        return np.asarray(np.clip(found, self.low, self.high))
+        quantiles = KINDS[self.kind][0](first + (last - first) * np.asarray(parts), *self.numbers)
+        return np.asarray(np.clip(quantiles, self.low, self.high))

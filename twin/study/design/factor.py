@@ -62,8 +62,8 @@ class Assignment:
         for path in (path for factor in factors for path in (*factor.sets, *factor.scales)):
             member = path.partition(".")[0]
             if member in case.members:
-                found = find(path, catalog)
-                self._targets[path] = Target(member, found.variable.name, found.first, found.size)
+                reference = find(path, catalog)
+                self._targets[path] = Target(member, reference.variable.name, reference.first, reference.size)
         own = {target.member for target in self._targets.values()}
         given = {name: case.values(name, catalog[name]) for name in own}
         self._nominal: dict[tuple[str, str], Array] = {}
@@ -109,13 +109,13 @@ class Assignment:
 
     def options(self, values: Sequence[float]) -> list[str]:
         """The same as `--set` options, element by element; read again they are the same bits."""
-        found = []
+        factors = []
         for (member, name), value in self.values(values).items():
-            for place in np.ndindex(np.shape(value)):
-                index = f"[{','.join(str(i + 1) for i in place)}]" if place else ""
-                item = np.asarray(value)[place].item()
-                found.append(f"{member}.{name}{index}={str(item).lower() if isinstance(item, bool) else repr(item)}")
-        return found
+            for element_index in np.ndindex(np.shape(value)):
+                index = f"[{','.join(str(i + 1) for i in element_index)}]" if element_index else ""
+                item = np.asarray(value)[element_index].item()
+                factors.append(f"{member}.{name}{index}={str(item).lower() if isinstance(item, bool) else repr(item)}")
+        return factors
 
 
 def unit_of(paths: Sequence[str], catalog: Mapping[str, Any]) -> tuple[str, str]:

@@ -41,14 +41,14 @@ class Loader:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.problems: list[str] = []
-        keys, self.root, found = validate(read(path, str(path), self.problems), StudyKeysOrNone)
-        self.problems += found
+        keys, self.root, problems = validate(read(path, str(path), self.problems), StudyKeysOrNone)
+        self.problems += problems
         if not getattr(keys, "scenario", ""):
-            self.tell("is missing. Add it, such as `scenario: ../heart_wall_force.yaml`.", "scenario")
+            self.add_problem("is missing. Add it, such as `scenario: ../heart_wall_force.yaml`.", "scenario")
             self.stop()
         self.keys: StudyKeys = StudyKeys.model_validate(self.root.plain())
 
-    def tell(self, error: TwinError | str, *path: str | int) -> None:
+    def add_problem(self, error: TwinError | str, *path: str | int) -> None:
         """Keep a problem of a key."""
         texts = getattr(error, "problems", [str(error)])
         self.problems += [f"{self.root.find(path).place}: {dotted(path)}: {text}" for text in texts]
@@ -68,17 +68,17 @@ class Loader:
         factors += self._estimates()
         self._refuse_twice([one for one in factors if one])
         self.stop()
-        found = [one for one in factors if one]
-        correlation = self._correlation(found)
-        self._refuse_method(found, correlation)
+        valid_factors = [one for one in factors if one]
+        correlation = self._correlation(valid_factors)
+        self._refuse_method(valid_factors, correlation)
         bands = {name: self._expression(one.signal, "keep", "bands", name) for name, one in keys.keep.bands.items()}
         knobs, limits = self._knobs(), self._limits()
         self._refuse_metrics()
         self.stop()
         samples = keys.samples
         return Study(
-            self.path, keys, self.scenario, self.catalogs, self.variants, tuple(found), correlation,
-            design(samples.method, samples.count, samples.seed, found, correlation),
+            self.path, keys, self.scenario, self.catalogs, self.variants, tuple(valid_factors), correlation,
+            design(samples.method, samples.count, samples.seed, valid_factors, correlation),
             {name: one for name, one in bands.items() if one}, {k: one.unit for k, one in keys.keep.bands.items()},
             tuple(knobs), tuple(limits),
         )  # fmt: skip
@@ -89,31 +89,31 @@ class Loader:
             f"{path}={value!r}" if not isinstance(value, str) else f"{path}={value}"
             for path, value in self.keys.set.items()
         ]
-        place = self.path.parent / self.keys.scenario
+        scenario_path = self.path.parent / self.keys.scenario
         try:
-            if not place.suffix and not place.exists():  # a name
-                place = scenario_paths.located(self.keys.scenario)
-            found = load_scenario(place, options)
-            self.catalogs = prepare(found)
+            if not scenario_path.suffix and not scenario_path.exists():  # a name
+                scenario_path = scenario_paths.located(self.keys.scenario)
+            scenario = load_scenario(scenario_path, options)
+            self.catalogs = prepare(scenario)
         except ScenarioError as error:
             raise ScenarioError([*self.problems, *error.problems]) from None
-        return found
+        return scenario
 
     def _variants(self) -> tuple[str, ...]:
         """The variants of the scenario that are run."""
-        known = [case.variant for case in self.scenario.variants]
+        variant_names = [case.variant for case in self.scenario.variants]
         for i, name in enumerate(self.keys.variants):
-            if name not in known:
-                self.tell(f"there is no variant `{name}`.{nearest(name, known)}", "variants", i)
-        return tuple(name for name in self.keys.variants if name in known) or tuple(known)
+            if name not in variant_names:
+                self.add_problem(f"there is no variant `{name}`.{nearest(name, variant_names)}", "variants", i)
+        return tuple(name for name in self.keys.variants if name in variant_names) or tuple(variant_names)
 
     def _catalog(self, catalogs: dict[str, Catalog]) -> Catalog:
         """The variables of all variants' members; where they differ, the first variant's."""
-        found: dict[str, Any] = {}
+        merged: dict[str, Any] = {}
         for name in self.variants:
             for member, variables in catalogs.get(name, {}).items():
-                found[member] = {**variables, **found.get(member, {})}
-        return found
+                merged[member] = {**variables, **merged.get(member, {})}
+        return merged
 
     def _factor(self, name: str, keys: FactorKeys) -> Factor | None:
         """What varies, with its distribution in the unit of its variables."""
@@ -131,11 +131,11 @@ class Loader:
                 else:
                     symbol, display = unit, shown_in
             except CouplingError as error:
-                self.tell(error, "vary", name)
+                self.add_problem(error, "vary", name)
         if sets and keys.scales:
-            self.tell("both `sets` and `scales` are given. Make two factors of them.", "vary", name)
+            self.add_problem("both `sets` and `scales` are given. Make two factors of them.", "vary", name)
         if not keys.source:
-            self.tell("`source` is missing: where its distribution comes from, or `assumed: why`.", "vary", name)
+            self.add_problem("`source` is missing: where its distribution comes from, or `assumed: why`.", "vary", name)
         distribution = self._distribution(name, keys, symbol) if len(self.problems) == before else None
         where = str(self.root.find(("vary", name)).place)
         if distribution is None:
@@ -149,7 +149,7 @@ class Loader:
             what = (
                 f"{given[0]} and {given[1]} are given. Keep one" if given else f"has no distribution. Write `{EXAMPLE}`"
             )
-            self.tell(f"{what}.", "vary", name)
+            self.add_problem(f"{what}.", "vary", name)
             return None
         kind = given[0]
         raw = getattr(keys, kind)
@@ -168,7 +168,7 @@ class Loader:
         if kind == "grid":
             numbers, kind = list(np.linspace(numbers[0], numbers[1], max(1, round(numbers[2])))), "values"
         if wrong := wrong_numbers(kind, numbers, low, high):
-            self.tell(wrong, "vary", name)
+            self.add_problem(wrong, "vary", name)
             return None
         return Distribution(kind, tuple(float(one) for one in numbers), low, high)
 
@@ -181,18 +181,18 @@ class Loader:
                 return number(raw, symbol, "") - number(DIGITS.sub("0", raw), symbol, "")
             return number(raw, symbol, "")
         except CouplingError as error:
-            self.tell(str(error).removeprefix(": "), *path)
+            self.add_problem(str(error).removeprefix(": "), *path)
             return 0.0
 
     def _estimates(self) -> list[Factor | None]:
         """What `twin identify` found: normal with its covariance, between the bounds of its search."""
-        found: list[Factor | None] = []
+        factors: list[Factor | None] = []
         self._known: list[tuple[list[str], Any]] = []
         for i, one in enumerate(self.keys.estimates):
             try:
                 estimate = read_estimate(self.path.parent / one.file)
             except ScenarioError as error:
-                self.tell(error, "estimates", i)
+                self.add_problem(error, "estimates", i)
                 continue
             names = []
             for k, unknown in enumerate(estimate.names):
@@ -202,37 +202,39 @@ class Loader:
                 try:
                     unit, display = unit_of([path], self.catalog)
                 except CouplingError as error:
-                    self.tell(error, "estimates", i)
+                    self.add_problem(error, "estimates", i)
                     continue
                 deviation = float(np.sqrt(estimate.covariance[k, k]))
                 spread = Distribution("normal", (float(estimate.values[k]), deviation), *map(float, estimate.bounds[k]))
                 names.append((k, path))
-                found.append(Factor(path, (path,), (), spread, unit, display, f"twin identify: {one.file}", ""))
-            places = [k for k, _ in names]
-            matrix = estimate.covariance[np.ix_(places, places)]
+                factors.append(Factor(path, (path,), (), spread, unit, display, f"twin identify: {one.file}", ""))
+            indices = [k for k, _ in names]
+            matrix = estimate.covariance[np.ix_(indices, indices)]
             deviations = np.sqrt(np.diag(matrix))
             self._known.append(([path for _, path in names], matrix / np.outer(deviations, deviations)))
             if not names:
-                self.tell(f"nothing of {one.file} is in this scenario. Say by `names` what is what.", "estimates", i)
-        return found
+                self.add_problem(
+                    f"nothing of {one.file} is in this scenario. Say by `names` what is what.", "estimates", i
+                )
+        return factors
 
     def _correlation(self, factors: list[Factor]) -> Any:
         """Correlation of the factors' normal scores; None if all are independent."""
         names = [one.name for one in factors]
         matrix = np.eye(len(names))
-        for own, known in self._known:
-            places = [names.index(one) for one in own]
-            matrix[np.ix_(places, places)] = known
+        for own, block in self._known:
+            indices = [names.index(one) for one in own]
+            matrix[np.ix_(indices, indices)] = block
         for i, one in enumerate(self.keys.correlated):
             if unknown := [name for name in one.factors if name not in names]:
-                self.tell(f"nothing called `{unknown[0]}` varies.{nearest(unknown[0], names)}", "correlated", i)
+                self.add_problem(f"nothing called `{unknown[0]}` varies.{nearest(unknown[0], names)}", "correlated", i)
                 continue
             a, b = (names.index(name) for name in one.factors)
             matrix[a, b] = matrix[b, a] = one.coefficient
         if np.array_equal(matrix, np.eye(len(names))):
             return None
         if names and np.linalg.eigvalsh(matrix).min() <= 1e-12:
-            self.tell(
+            self.add_problem(
                 "no factors can be correlated like this: three of them contradict each other. Lower one.", "correlated"
             )
         return matrix
@@ -241,113 +243,119 @@ class Loader:
         """What a way of sampling cannot do."""
         method = self.keys.samples.method
         if method in LISTED and (plain := [one for one in factors if not one.distribution.levels]):
-            self.tell(
+            self.add_problem(
                 f"{method} needs `values` or `grid`, and {plain[0].name} has neither. Give them.", "samples", "method"
             )
         if method in INDEPENDENT and correlation is not None:
-            self.tell(
+            self.add_problem(
                 f"{method} needs independent factors. Leave the correlations out, or sample otherwise.", "samples"
             )
         if method in (*LISTED, *INDEPENDENT) and not factors:
-            self.tell(f"{method} has nothing to vary. Add `vary`.", "samples", "method")
+            self.add_problem(f"{method} has nothing to vary. Add `vary`.", "samples", "method")
         if method == "grid" and not self.problems:
             count = int(np.prod([len(one.distribution.levels) for one in factors]))
             if count > LARGEST:
-                self.tell(f"the grid has {count:,} samples. Keep below {LARGEST:,}.", "samples")
+                self.add_problem(f"the grid has {count:,} samples. Keep below {LARGEST:,}.", "samples")
 
     def _refuse_twice(self, factors: list[Factor]) -> None:
         """Two factors that set the same variable."""
-        seen: dict[str, str] = {}
+        first_uses: dict[str, str] = {}
         for one in factors:
             for path in one.sets:
-                if path in seen:
-                    self.tell(f"{path} is set by `{seen[path]}` too. Keep one of them.", "vary", one.name)
-                seen[path] = one.name
+                if path in first_uses:
+                    self.add_problem(f"{path} is set by `{first_uses[path]}` too. Keep one of them.", "vary", one.name)
+                first_uses[path] = one.name
 
     def _expression(self, text: str, *path: str | int) -> Any:
         """An expression over signals."""
         try:
-            found = expression.parse(text)
+            parsed = expression.parse(text)
         except ScenarioError as error:
-            self.tell(error, *path)
+            self.add_problem(error, *path)
             return None
-        for one in found.signals:
+        for one in parsed.signals:
             if one.name.partition(".")[0] not in self.catalog:
-                self.tell(f"there is no member `{one.name.partition('.')[0]}`.{nearest(one.name, self.catalog)}", *path)
-        return found
+                self.add_problem(
+                    f"there is no member `{one.name.partition('.')[0]}`.{nearest(one.name, self.catalog)}", *path
+                )
+        return parsed
 
     def _refuse_metrics(self) -> None:
         """Metrics, expectations and variants that searches name and the scenario lacks."""
         keys, metrics = self.keys, list(self.scenario.metrics)
         for i, name in enumerate(keys.metrics):
             if name not in metrics:
-                self.tell(f"there is no metric `{name}`.{nearest(name, metrics)}", "metrics", i)
+                self.add_problem(f"there is no metric `{name}`.{nearest(name, metrics)}", "metrics", i)
         named = [(one.metric, key) for key, one in (("worst", keys.worst), ("tune", keys.tune)) if one]
         for name, key in named:
             if name not in metrics:
-                self.tell(f"there is no metric `{name}`.{nearest(name, metrics)}", key, "metric")
+                self.add_problem(f"there is no metric `{name}`.{nearest(name, metrics)}", key, "metric")
         for key, one in (("worst", keys.worst), ("tune", keys.tune)):
             if one and one.variant and one.variant not in self.variants:
-                self.tell(f"there is no variant `{one.variant}`.{nearest(one.variant, self.variants)}", key, "variant")
+                self.add_problem(
+                    f"there is no variant `{one.variant}`.{nearest(one.variant, self.variants)}", key, "variant"
+                )
         if keys.worst and any(one.levels for one in (f.distribution for f in self._sampled())):
-            self.tell("a factor with `values` cannot be searched. Give it a distribution.", "worst")
+            self.add_problem("a factor with `values` cannot be searched. Give it a distribution.", "worst")
 
     def _sampled(self) -> list[Factor]:
         """Factors of the file, without telling their problems again."""
         before = list(self.problems)
-        found = [one for name, keys in self.keys.vary.items() if (one := self._factor(name, keys))]
+        factors = [one for name, keys in self.keys.vary.items() if (one := self._factor(name, keys))]
         self.problems = before
-        return found
+        return factors
 
     def _knobs(self) -> list[Knob]:
         """What is tuned."""
-        found = []
+        factors = []
         for name, one in (self.keys.tune.knobs if self.keys.tune else {}).items():
             path = ("tune", "knobs", name)
             sets = tuple(one.sets or [name])
             try:
                 unit, display = unit_of(sets, self.catalog)
             except CouplingError as error:
-                self.tell(error, *path)
+                self.add_problem(error, *path)
                 continue
             low, high = self._number(one.low, unit, *path, "from"), self._number(one.high, unit, *path, "to")
             if not low < high:
-                self.tell(f"from {short(one.low)} is not below to {short(one.high)}. Swap them.", *path)
+                self.add_problem(f"from {short(one.low)} is not below to {short(one.high)}. Swap them.", *path)
                 continue
             if one.scale == "log" and low <= 0:
-                self.tell(f"from {short(one.low)} is not above zero, as scale: log needs it. Raise it.", *path)
+                self.add_problem(f"from {short(one.low)} is not above zero, as scale: log needs it. Raise it.", *path)
                 continue
             span = Distribution("log_uniform" if one.scale == "log" else "uniform", (low, high))
-            found.append(Knob(Factor(name, sets, (), span, unit, display, "tuned"), low, high, one.scale == "log"))
-        return found
+            factors.append(Knob(Factor(name, sets, (), span, unit, display, "tuned"), low, high, one.scale == "log"))
+        return factors
 
     def _limits(self) -> list[Limit]:
         """What a tuning keeps."""
-        found = []
+        limits = []
         for i, one in enumerate(self.keys.tune.limits if self.keys.tune else []):
             path = ("tune", "limits", i)
             expectations = [e.name for e in self.scenario.expectations]
             if bool(one.metric) == bool(one.expectation):
-                self.tell("name a `metric` or an `expectation`, one of them.", *path)
+                self.add_problem("name a `metric` or an `expectation`, one of them.", *path)
             elif one.expectation and one.expectation not in expectations:
-                self.tell(
+                self.add_problem(
                     f"there is no expectation `{one.expectation}`.{nearest(one.expectation, expectations)}", *path
                 )
             elif any(one.expectation == e.name and e.nominal for e in self.scenario.expectations):
-                self.tell(
+                self.add_problem(
                     f"`{one.expectation}` holds for the file's own parameters alone (`nominal`). Name another.", *path
                 )
             elif one.metric and one.metric not in self.scenario.metrics:
-                self.tell(f"there is no metric `{one.metric}`.{nearest(one.metric, self.scenario.metrics)}", *path)
+                self.add_problem(
+                    f"there is no metric `{one.metric}`.{nearest(one.metric, self.scenario.metrics)}", *path
+                )
             elif one.at_most is None and one.at_least is None:
-                self.tell("has no limit. Add at_most or at_least.", *path)
+                self.add_problem("has no limit. Add at_most or at_least.", *path)
             else:
                 symbol = self.scenario.metrics[one.metric].unit if one.metric else ""
                 ends = [None if raw is None else si(self._share(raw), symbol) for raw in (one.at_most, one.at_least)]
                 what = one.expectation or f"{one.of} of {one.metric}"
                 text = f"{what} {'at most' if one.at_most is not None else 'at least'} {one.at_most if one.at_most is not None else one.at_least}"
-                found.append(Limit(one.metric, one.expectation, one.of, one.quantile, ends[0], ends[1], text))
-        return found
+                limits.append(Limit(one.metric, one.expectation, one.of, one.quantile, ends[0], ends[1], text))
+        return limits
 
     @staticmethod
     def _share(raw: Any) -> Any:

@@ -46,8 +46,8 @@ def sobol(count: int, factors: Sequence[Factor], seed: int) -> Array:
     return np.asarray(qmc.Sobol(len(factors), rng=np.random.default_rng(seed)).random_base2(power))[:count]
 
 
-def drawn(count: int, factors: Sequence[Factor], seed: int) -> Array:
-    """Independent draws."""
+def draw_samples(count: int, factors: Sequence[Factor], seed: int) -> Array:
+    """Draw independent uniform samples, shape (count, factors)."""
     return np.random.default_rng(seed).random((count, len(factors)))
 
 
@@ -79,7 +79,7 @@ def problem(factors: Sequence[Factor]) -> dict[str, Any]:
 SAMPLERS: dict[str, Callable[[int, Sequence[Factor], int], Array]] = {
     "latin_hypercube": latin_hypercube,
     "sobol": sobol,
-    "random": drawn,
+    "random": draw_samples,
     "sensitivity": sensitivity,
     "morris": morris,
 }

@@ -116,8 +116,8 @@ class Study:
                     values = tuple(float(one) for one in row)
                     yield Request(number, SAMPLED, sample, variant, seed, values, (float("nan"),) * len(self.knobs))
 
-    def told(self) -> dict[str, Any]:
-        """What decides what comes out, by what it is: hashes that notice a change."""
+    def input_hashes(self) -> dict[str, Any]:
+        """SHA-256 of the inputs that determine the results, by name, to detect changes."""
         texts = {
             "study file": json.dumps(
                 self.keys.model_dump(mode="json", exclude={"title", "description"}), sort_keys=True

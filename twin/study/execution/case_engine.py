@@ -109,10 +109,10 @@ class Engine:
             lost = tuple(False if a and b else None for a, b in zip(own, alone, strict=True))
             return Row(request.number, status, why, (None,) * len(metrics), lost)
         recorded = analyzed(self.scenario, request.variant, recorded)
-        found = evaluate(metrics, expectations, {(request.variant, request.seed): recorded}, paper_applies=False)
-        values = {one.metric.name: one.values[request.seed] for one in found.figures}
+        evaluation = evaluate(metrics, expectations, {(request.variant, request.seed): recorded}, paper_applies=False)
+        values = {one.metric.name: one.values[request.seed] for one in evaluation.figures}
         verdicts: list[bool | None] = []
-        for one, outcome in zip(expectations, found.outcomes, strict=True):
+        for one, outcome in zip(expectations, evaluation.outcomes, strict=True):
             is_alone = not (one.ordered or one.mean or one.ends) and outcome.verdict != "skipped"
             verdicts.append(outcome.verdict == "pass" if is_alone else None)
             if is_alone and outcome.verdict == "fail" and not why:
@@ -122,13 +122,13 @@ class Engine:
 
     def sampled(self, one: Expression, recorded: Signals) -> str:
         """A signal at multiples of the study's period, as text; empty if this variant has not got it."""
-        if not recorded.has(one) or (found := recorded.evaluate(one)) is None:
+        if not recorded.has(one) or (evaluated := recorded.evaluate(one)) is None:
             return ""
-        when, values = found
+        when, values = evaluated
         every = self.job.every_ns * 1e-9
-        places = np.arange(np.ceil(when[0] / every - 1e-9), np.floor(when[-1] / every + 1e-9) + 1) * every
-        kept = np.asarray(values)[np.minimum(np.searchsorted(when, places - 1e-9), len(when) - 1)]
-        return base64.b64encode(kept.astype(np.float32).tobytes()).decode()
+        sample_times = np.arange(np.ceil(when[0] / every - 1e-9), np.floor(when[-1] / every + 1e-9) + 1) * every
+        sampled_values = np.asarray(values)[np.minimum(np.searchsorted(when, sample_times - 1e-9), len(when) - 1)]
+        return base64.b64encode(sampled_values.astype(np.float32).tobytes()).decode()
 
     def close(self) -> None:
         """Free all members."""
@@ -208,13 +208,13 @@ class Cell:
 
 def seeded(case: Case, catalog: Catalog) -> dict[tuple[str, str], str]:
     """(member, variable) -> whose seed it is, of all that follow the case's seed."""
-    found = {}
+    parameters = {}
     for name in case.members:
         one, other = (replace(case, seed=seed).values(name, catalog[name]) for seed in (0, 1))
         for variable in one:
             if variable.rpartition(".")[2] == "seed" and one[variable] != other[variable]:
-                found[name, variable] = f"{name}.{variable}".removesuffix(".seed")
-    return found
+                parameters[name, variable] = f"{name}.{variable}".removesuffix(".seed")
+    return parameters
 
 
 def needed(scenario: Scenario, bands: Sequence[Expression], case: Case, catalog: Catalog) -> RecordSpec:

@@ -27,7 +27,7 @@ CHUNK = 1000  # rows
 
 @dataclass
 class Cases:
-    """All cases of a study that are done, as columns: the same order whoever ran them. Metrics (n, m) in SI, NaN without."""
+    """Finished cases of a study as columns, in the order of their numbers. Metrics (n, m) in SI, NaN without a value."""
 
     study: Study
     requests: list[Request]
@@ -44,11 +44,11 @@ class Cases:
     def metrics(self) -> Array:
         """Metrics, (n, m), in the order of the scenario."""
         names = list(self.study.scenario.metrics)
-        found = np.full((len(self.rows), len(names)), np.nan)
+        table = np.full((len(self.rows), len(names)), np.nan)
         for i, row in enumerate(self.rows):
             for k, value in enumerate(row.metrics):
-                found[i, k] = np.nan if value is None else value
-        return found
+                table[i, k] = np.nan if value is None else value
+        return table
 
     def metric(self, name: str) -> Array:
         """One metric, (n,)."""
@@ -61,12 +61,12 @@ class Cases:
         return [row.holds or (False,) * count for row in self.rows]
 
     def where(self, part: str, variant: str = "") -> list[int]:
-        """Places of the cases of a part of the study, of one variant."""
+        """Return the row indices of the cases of one part of the study and one variant (all variants by default)."""
         return [i for i, one in enumerate(self.requests) if one.part == part and variant in ("", one.variant)]
 
 
 def together(study: Study, requests: Sequence[Request], journal: Journal) -> Cases:
-    """What is done, by number."""
+    """Return the finished cases, sorted by number."""
     done = sorted((one for one in requests if one.number in journal.rows), key=lambda one: one.number)
     return Cases(study, done, [journal.rows[one.number] for one in done])
 
@@ -76,7 +76,7 @@ def columns(cases: Cases) -> list[tuple[str, Any, Any, str]]:
     import pyarrow as pa
 
     study, requests, rows = cases.study, cases.requests, cases.rows
-    found: list[tuple[str, Any, Any, str]] = [
+    fields: list[tuple[str, Any, Any, str]] = [
         ("case", [one.number for one in requests], pa.int64(), ""),
         ("part", [one.part for one in requests], pa.string(), ""),
         ("sample", [one.sample for one in requests], pa.int64(), ""),
@@ -86,16 +86,16 @@ def columns(cases: Cases) -> list[tuple[str, Any, Any, str]]:
     values = cases.values
     for i, factor in enumerate(study.all_factors):
         scenario_s = [None if np.isnan(one) else float(one) for one in values[:, i]]
-        found.append((factor.name, scenario_s, pa.float64(), factor.unit))
+        fields.append((factor.name, scenario_s, pa.float64(), factor.unit))
     metrics = cases.metrics
     for i, metric in enumerate(study.scenario.metrics.values()):
         own = [None if np.isnan(one) else float(one) for one in metrics[:, i]]
-        found.append((metric.name, own, pa.float64(), f"SI, shown in {metric.unit}" if metric.unit else ""))
+        fields.append((metric.name, own, pa.float64(), f"SI, shown in {metric.unit}" if metric.unit else ""))
     holds = cases.holds
     for i, one in enumerate(study.scenario.expectations):
-        found.append((f"{HOLDS}{one.name or one.metric or i + 1}", [row[i] for row in holds], pa.bool_(), ""))
+        fields.append((f"{HOLDS}{one.name or one.metric or i + 1}", [row[i] for row in holds], pa.bool_(), ""))
     return [
-        *found,
+        *fields,
         ("status", [one.status for one in rows], pa.string(), ""),
         ("why", [one.why for one in rows], pa.string(), ""),
         ("tries", [one.tries for one in rows], pa.int64(), ""),
@@ -149,5 +149,5 @@ def single(folder: Path, number: int) -> dict[str, Any]:
     if not rows:
         count = parquet.read_metadata(path).num_rows
         raise ScenarioError(f"{path}: has no case {number}. There are {count}.")
-    found: dict[str, Any] = rows[0]
-    return found
+    row: dict[str, Any] = rows[0]
+    return row

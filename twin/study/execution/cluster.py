@@ -53,8 +53,8 @@ class Place(WorkerPlugin):  # type: ignore[misc] # dask has no types
         if not hasattr(self.own, "process"):
             self.own.process = Process(self.here, self.memory, self.timeout)
             self.processes.append(self.own.process)
-        found: Process = self.own.process
-        return found
+        process: Process = self.own.process
+        return process
 
     def teardown(self, worker: Any) -> None:  # noqa: ARG002 - dask's signature
         """Leave nothing behind."""
@@ -112,12 +112,12 @@ class Cluster:
             request = wanted.pop(future)
             if (error := future.exception()) is not None:  # dask has tried it on other workers
                 lost = f"lost with its workers: {type(error).__name__}: {error}".splitlines()[0]
-                found: Row | str = Row(request.number, FAILED, lost, (), ())
+                result: Row | str = Row(request.number, FAILED, lost, (), ())
             else:
-                found = future.result()
-            if isinstance(found, str):
-                raise ScenarioError(found)
-            yield found
+                result = future.result()
+            if isinstance(result, str):
+                raise ScenarioError(result)
+            yield result
             send()
 
     def close(self) -> None:

@@ -36,9 +36,9 @@ class Journal:
         self._file.truncate(end)
         self._end = end
 
-    def _keep(self, row: Row, place: int) -> None:
+    def _keep(self, row: Row, offset: int) -> None:
         self.rows[row.number] = Row(**{**vars(row), "bands": ()})
-        self._places[row.number] = place
+        self._places[row.number] = offset
 
     def add(self, row: Row) -> None:
         """Write a row; it is there from now on, whatever happens to this process."""
@@ -69,8 +69,8 @@ class Journal:
 def parsed(line: bytes, path: Path) -> Row:
     """A row from its line."""
     try:
-        told: dict[str, Any] = json.loads(line)
-        whole: dict[str, Any] = {key: tuple(one) if key in LISTS else one for key, one in told.items()}
-        return Row(**whole)
+        data: dict[str, Any] = json.loads(line)
+        fields: dict[str, Any] = {key: tuple(one) if key in LISTS else one for key, one in data.items()}
+        return Row(**fields)
     except (ValueError, TypeError):
         raise ScenarioError(f"{path}: is damaged. Remove the folder, and run the study again.") from None

@@ -1,4 +1,4 @@
-"""What a study was made from and by whom: hashes that notice a change, versions, the command."""
+"""Manifest of a study: input hashes that reveal changes, versions of the packages, the command."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ PACKAGES = ("scipy", "SALib", "optuna", "distributed")
 
 def inputs(study: Study) -> dict[str, str]:
     """Name -> hash of everything that decides what comes out: the files, and what each component computes."""
-    return study.told() | components(study.scenario)
+    return study.input_hashes() | components(study.scenario)
 
 
 def components(scenario: Scenario) -> dict[str, str]:
     """Member -> hash of what it computes, of all variants."""
-    found = {}
+    hashes = {}
     for name, made in made_of(scenario):
         if isinstance(made, Path):
-            found[name] = hashlib.sha256(made.read_bytes()).hexdigest()
+            hashes[name] = hashlib.sha256(made.read_bytes()).hexdigest()
         else:
-            found[f"{name} ({compiler.model_name(made)})"] = content_hash(made)
-    return found
+            hashes[f"{name} ({compiler.model_name(made)})"] = content_hash(made)
+    return hashes
 
 
 def content_hash(cls: type[Component]) -> str:
@@ -65,43 +65,43 @@ def made_of(scenario: Scenario) -> Iterator[tuple[str, type[Component] | Path]]:
                 yield name, catalog.component(made) if isinstance(made, str) else made
 
 
-def write(folder: Path, **told: Any) -> None:
+def write(folder: Path, **entries: Any) -> None:
     """Write the manifest."""
-    write_text(folder / NAME, json.dumps(told, indent=2, allow_nan=False) + "\n")
+    write_text(folder / NAME, json.dumps(entries, indent=2, allow_nan=False) + "\n")
 
 
 def read(folder: Path) -> dict[str, Any]:
     """The manifest of a study. ScenarioError if there is none."""
     try:
-        found: dict[str, Any] = json.loads((folder / NAME).read_text(encoding="utf-8"))
+        data: dict[str, Any] = json.loads((folder / NAME).read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise ScenarioError(
             f"{folder}: has no {NAME}. Name the folder of a study, such as runs/thousand_patients/..."
         ) from None
     except ValueError:
         raise ScenarioError(f"{folder / NAME}: is damaged. Run the study again.") from None
-    return found
+    return data
 
 
 def versions() -> dict[str, str]:
     """Versions of all that has a part in the results."""
     from importlib.metadata import PackageNotFoundError
 
-    found = dict(run_folder.versions())
+    packages = dict(run_folder.versions())
     for name in PACKAGES:
         with suppress(PackageNotFoundError):  # of an extra
-            found[name] = installed.version(name)
-    return found
+            packages[name] = installed.version(name)
+    return packages
 
 
 def refuse_changed(folder: Path, now: dict[str, str]) -> dict[str, Any]:
     """The manifest of a study that is to go on. ScenarioError if what it is made from has changed since."""
-    known = read(folder)
-    before = known["inputs"]
+    stored = read(folder)
+    before = stored["inputs"]
     if changed := [name for name in {**before, **now} if before.get(name) != now.get(name)]:
         what = ", ".join(changed[:3]) + (f" and {len(changed) - 3} others" if len(changed) > 3 else "")
         raise ScenarioError(
             f"{folder}: cannot go on, since it was made from something else: {what} changed. "
             f"Change that back, or run the study anew without --resume."
         )
-    return known
+    return stored

@@ -60,7 +60,7 @@ class Process:
         self._hung = self._closed = False
         self._said = tempfile.TemporaryFile()  # noqa: SIM115 - as long as this object
 
-    def _begun(self) -> subprocess.Popen[bytes]:
+    def _start_process(self) -> subprocess.Popen[bytes]:
         if self._closed:
             raise LostError("closed")
         if self._process is None:
@@ -83,12 +83,12 @@ class Process:
 
     @property
     def patience(self) -> float:
-        """How long a case may take [s]."""
+        """Longest permitted time of a case [s]."""
         return self.timeout or (FIRST_PATIENCE if not self._longest else max(PATIENCE, LONGER * self._longest))
 
     def ask(self, request: Request) -> Row:
         """Run a case; LostError if the process does not come back from it."""
-        process = self._begun()
+        process = self._start_process()
         if self._is_first and (trouble := self._answer(process, FIRST_PATIENCE)):
             raise NotReadyError(trouble)
         self._is_first = False
@@ -116,7 +116,7 @@ class Process:
         self.kill()
 
     def _ended(self, patience: float) -> str:
-        """How the process ended, in words."""
+        """Describe how the process ended."""
         process, self._process = self._process, None
         code = shut(process)
         if self._hung:
@@ -166,7 +166,7 @@ class Process:
         self._said.close()
 
     def stop(self) -> None:
-        """Kill the process and start none again; whoever waits for it goes on."""
+        """Kill the process and start none again; callers that wait for it continue."""
         self._closed = True
         self.kill()
 
@@ -246,7 +246,7 @@ def cores() -> int:
 
 
 def memory_of_each(workers: int) -> int:
-    """What a process may have of the machine's memory [byte]; 0 where that is not known."""
+    """Return the memory that a process may use [byte]; 0 if it cannot be determined."""
     with suppress(ValueError, OSError, AttributeError):
         return int(SHARE * os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / workers)
     return 0

@@ -32,13 +32,13 @@ class Single:
 
     def different(self, run: Outcome) -> list[str]:
         """Metrics of a run that are not those of the study to the bit, with both values."""
-        found = []
+        differences = []
         for figure in run.evaluation.figures:
             name, value = figure.metric.name, figure.values.get(self.seed)
             before = self.row.get(name)
             if before != value:
-                found.append(f"{name} {figure.metric.shown(value)}, in the study {figure.metric.shown(before)}")
-        return found
+                differences.append(f"{name} {figure.metric.shown(value)}, in the study {figure.metric.shown(before)}")
+        return differences
 
     def compared(self, run: Outcome) -> str:
         """Whether a run did what the study did, in one line."""
@@ -58,10 +58,10 @@ def place_of(text: str, root: Path) -> tuple[Path, int]:
     if (path / manifest.NAME).exists():
         return path, int(digits)
     name = path.stem if path.suffix in STUDY_FILES else path.name
-    found = sorted(one.parent for one in (root / name).glob(f"*/{case_table.NAME}"))
-    if not found:
+    folders = sorted(one.parent for one in (root / name).glob(f"*/{case_table.NAME}"))
+    if not folders:
         raise ScenarioError(f"--case {text}: no study {name} has run in {root}. Name its folder, or run it first.")
-    return found[-1], int(digits)
+    return folders[-1], int(digits)
 
 
 def kept(text: str, root: Path) -> Path:
@@ -69,9 +69,9 @@ def kept(text: str, root: Path) -> Path:
     folder, number = place_of(text, root)
     runs = manifest.read(folder).get("runs", {})
     if str(number) not in runs:
-        known = f"Kept: {', '.join(runs)}. " if runs else ""
+        available = f"Kept: {', '.join(runs)}. " if runs else ""
         raise ScenarioError(
-            f"{text}: the study did not keep this case's signals. {known}Run it again: twin run --case {text}"
+            f"{text}: the study did not keep this case's signals. {available}Run it again: twin run --case {text}"
         )
     return folder / str(runs[str(number)])
 
@@ -79,23 +79,23 @@ def kept(text: str, root: Path) -> Path:
 def single(folder: Path, number: int) -> Single:
     """A case as a scenario with the options that make it what it was."""
     row = case_table.single(folder, number)
-    told = manifest.read(folder)
-    file, made = folder / told["frozen"], tuple(told["options"])
+    study_manifest = manifest.read(folder)
+    file, made = folder / study_manifest["frozen"], tuple(study_manifest["options"])
     frozen = load_scenario(file, made)
     variant = str(row["variant"])
     (case,) = (one for one in frozen.variants if one.variant == variant)
-    factors = factors_of(told)
+    factors = factors_of(study_manifest)
     values = [float("nan") if row[one.name] is None else float(row[one.name]) for one in factors]
     own = Assignment(case, prepare(frozen)[variant], factors).options(values)
     return Single(number, file, (*made, *own), variant, int(row["seed"]), row)
 
 
-def factors_of(told: dict[str, Any]) -> list[Factor]:
+def factors_of(study_manifest: dict[str, Any]) -> list[Factor]:
     """What varied, as the manifest tells it."""
     unknown = Distribution("values", (0.0,))
     return [
         Factor(one["name"], tuple(one["sets"]), tuple(one["scales"]), unknown, one["unit"], "", one["source"])
-        for one in told["factors"]
+        for one in study_manifest["factors"]
     ]
 
 

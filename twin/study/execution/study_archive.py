@@ -39,9 +39,9 @@ def packed(job: Job, variants: tuple[str, ...]) -> bytes:
     finally:
         engine.close()
     for path in sorted(build.rglob("*")):
-        place = path.relative_to(build)
-        if path.is_file() and place.parts[0] not in LEFT:
-            files[f"{BUILD}/{place.as_posix()}"] = path.read_bytes()
+        archive_name = path.relative_to(build)
+        if path.is_file() and archive_name.parts[0] not in LEFT:
+            files[f"{BUILD}/{archive_name.as_posix()}"] = path.read_bytes()
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in files.items():
@@ -52,10 +52,10 @@ def packed(job: Job, variants: tuple[str, ...]) -> bytes:
 def relative(text: str, files: dict[str, bytes]) -> str:
     """A frozen scenario's text with the files that it names in the archive, and theirs."""
 
-    def taken(found: re.Match[str]) -> str:
-        path = Path(found["path"])
+    def taken(match: re.Match[str]) -> str:
+        path = Path(match["path"])
         if not path.is_file():
-            return found["path"]
+            return match["path"]
         is_scenario = path.suffix in (".yaml", ".yml")
         data = load_scenario(path).frozen().encode() if is_scenario else path.read_bytes()
         name = f"files/{hashlib.sha256(str(path).encode()).hexdigest()[:12]}/{path.name}"  # its name is a component's

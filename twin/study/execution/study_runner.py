@@ -53,13 +53,13 @@ class Listener(Protocol):
         """Take note."""
 
 
-def unheard(_progress: StudyProgress) -> None:
-    """Nobody listens."""
+def noop(_progress: StudyProgress) -> None:
+    """No-op callback."""
 
 
 @dataclass
 class StudyOutcome:
-    """What a study gave."""
+    """Outcome of a study."""
 
     study: Study
     folder: Path
@@ -72,8 +72,8 @@ class StudyOutcome:
     before: int = 0  # cases that were done when it went on
 
 
-class Teller:
-    """Counts rows and tells how far it is."""
+class ProgressReporter:
+    """Counts rows and reports progress."""
 
     def __init__(self, journal: Journal, count: int, listen: Listener) -> None:
         self.journal, self.count, self.listen = journal, count, listen
@@ -99,15 +99,15 @@ class Teller:
 class Cases:
     """Runs what the journal does not have yet."""
 
-    def __init__(self, runner: Runner, journal: Journal, teller: Teller, stop: Stop) -> None:
-        self.runner, self.journal, self.teller, self.stop = runner, journal, teller, stop
+    def __init__(self, runner: Runner, journal: Journal, reporter: ProgressReporter, stop: Stop) -> None:
+        self.runner, self.journal, self.reporter, self.stop = runner, journal, reporter, stop
         self.requests: list[Request] = []
 
     def run(self, requests: Iterable[Request], part: str) -> list[Row]:
         """Rows of requests, in their order."""
         wanted = list(requests)
         self.requests += wanted
-        self.teller.part = part
+        self.reporter.part = part
         rows = self.runner.run(one for one in wanted if one.number not in self.journal.rows)
         while True:
             with self.stop.armed():
@@ -115,7 +115,7 @@ class Cases:
             if row is None:
                 break
             self.journal.add(row)
-            self.teller.take(row)
+            self.reporter.take(row)
         return [self.journal.rows[one.number] for one in wanted]
 
     def known(self, request: Request) -> Row:
@@ -133,7 +133,7 @@ def run_study(
     timeout: float = 0.0,
     memory: int = 0,
     resume: Path | None = None,
-    listen: Listener = unheard,
+    listen: Listener = noop,
     command: str = "twin.study.run_study",
     report: bool = True,
 ) -> StudyOutcome:
@@ -143,21 +143,23 @@ def run_study(
     `memory`: of each process [byte], by default an equal part of the machine's; `timeout`: of a case [s].
     """
     study = load_study(study) if isinstance(study, str | Path) else study
-    begun = time.perf_counter()
+    start_time = time.perf_counter()
     workers = workers or cores()
     with Stop() as stop, ExitStack() as stack:
-        folder, told = placed(study, root, resume, command)
+        folder, manifest_data = placed(study, root, resume, command)
         journal = stack.enter_context(Journal(folder))
         outcome = StudyOutcome(study, folder, case_table.together(study, [], journal), "completed", 0.0)
         outcome.before, requests = len(journal.rows), list[Request]()
-        outcome.runs = {int(number): run for number, run in told.get("runs", {}).items() if (folder / run).is_dir()}
+        outcome.runs = {
+            int(number): run for number, run in manifest_data.get("runs", {}).items() if (folder / run).is_dir()
+        }
         try:
             with stop.armed():
-                job = prepared(study, folder / told["frozen"], build)
+                job = prepared(study, folder / manifest_data["frozen"], build)
             with closing(
                 started(job, study.variants, scheduler, workers, memory or memory_of_each(workers), timeout)
             ) as runner:
-                cases = Cases(runner, journal, Teller(journal, expected(study), listen), stop)
+                cases = Cases(runner, journal, ProgressReporter(journal, expected(study), listen), stop)
                 requests = cases.requests
                 every_part(outcome, cases)
         except KeyboardInterrupt:
@@ -167,25 +169,25 @@ def run_study(
         except OSError as error:
             raise SimulationError(unwritten(folder, len(journal.rows), error)) from error
         outcome.cases = case_table.together(study, requests or list(study.requests()), journal)
-        outcome.seconds = time.perf_counter() - begun
-        finish(outcome, journal, {**told, **ended(outcome, workers, scheduler)}, build, stop, report)
+        outcome.seconds = time.perf_counter() - start_time
+        finish(outcome, journal, {**manifest_data, **ended(outcome, workers, scheduler)}, build, stop, report)
         if outcome.status == "completed":  # else it goes on from there
             (folder / JOURNAL).unlink()
     return outcome
 
 
 def finish(
-    outcome: StudyOutcome, journal: Journal, told: dict[str, Any], build: Path, stop: Stop, report: bool
+    outcome: StudyOutcome, journal: Journal, manifest_data: dict[str, Any], build: Path, stop: Stop, report: bool
 ) -> None:
     """Write tables, manifest and report, and the runs that are kept; SimulationError if they cannot be written."""
     folder = outcome.folder
     try:
         write_tables(outcome, journal)
-        manifest.write(folder, **told)
+        manifest.write(folder, **manifest_data)
         if report:
             if outcome.status == "completed":
                 keep_runs(outcome, build, stop)
-                manifest.write(folder, **{**told, "status": outcome.status, "runs": outcome.runs})
+                manifest.write(folder, **{**manifest_data, "status": outcome.status, "runs": outcome.runs})
             from twin.study.answers import write_report
 
             write_report(outcome)
@@ -201,17 +203,17 @@ def unwritten(folder: Path, count: int, error: OSError) -> str:
 
 def placed(study: Study, root: Path, resume: Path | None, command: str) -> tuple[Path, dict[str, Any]]:
     """The study's folder with its files and its manifest, which is given too."""
-    told = about(study, command)
+    manifest_data = about(study, command)
     if resume is not None:
         folder = resume
-        known = manifest.refuse_changed(folder, told["inputs"])
-        told |= {"started": known["started"], "runs": known.get("runs", {})}
+        stored = manifest.refuse_changed(folder, manifest_data["inputs"])
+        manifest_data |= {"started": stored["started"], "runs": stored.get("runs", {})}
     else:
         folder = run_folder.folder(root, study.name)
         write_text(folder / COPY, study.path.read_text(encoding="utf-8"))
-    write_text(folder / told["frozen"], study.scenario.frozen())
-    manifest.write(folder, **{**told, "status": "running"})
-    return folder, told
+    write_text(folder / manifest_data["frozen"], study.scenario.frozen())
+    manifest.write(folder, **{**manifest_data, "status": "running"})
+    return folder, manifest_data
 
 
 def prepared(study: Study, frozen: Path, build: Path) -> Job:
@@ -327,7 +329,7 @@ def keep_runs(outcome: StudyOutcome, build: Path, stop: Stop) -> None:
 
 def latest(root: Path, name: str) -> Path:
     """The newest folder of a study. ScenarioError if there is none."""
-    found = sorted(one.parent for one in (root / name).glob(f"*/{manifest.NAME}"))
-    if not found:
+    folders = sorted(one.parent for one in (root / name).glob(f"*/{manifest.NAME}"))
+    if not folders:
         raise ScenarioError(f"{root / name}: there is no study to go on with. Run it without --resume first.")
-    return found[-1]
+    return folders[-1]

@@ -68,28 +68,30 @@ def tune(study: Study, cases: Runs, number: int) -> Tuned:
         sampler = optuna.samplers.TPESampler(
             seed=keys.seed, constraints_func=lambda trial: trial.user_attrs["broken"] or (0.0,)
         )
-        asked = optuna.create_study(direction="minimize", sampler=sampler)
+        optimizer = optuna.create_study(direction="minimize", sampler=sampler)
         if all(one.low <= value <= one.high for one, value in zip(study.knobs, first.knobs, strict=True)):
-            asked.enqueue_trial({one.factor.name: value for one, value in zip(study.knobs, first.knobs, strict=True)})
+            optimizer.enqueue_trial(
+                {one.factor.name: value for one, value in zip(study.knobs, first.knobs, strict=True)}
+            )
         for index in range(1, keys.trials + 1):
-            proposed = asked.ask()
+            proposed = optimizer.ask()
             knobs = tuple(
                 proposed.suggest_float(one.factor.name, one.low, one.high, log=one.is_log) for one in study.knobs
             )
             if knobs == first.knobs:
                 trial = Trial(knobs, first.objective, first.broken, TUNE, index)
             else:
-                requests = asked_for(study, variant, knobs, study.design.values, TUNE, index, last)
+                requests = trial_requests(study, variant, knobs, study.design.values, TUNE, index, last)
                 last += len(requests)
                 trial = judged(study, cases.run(requests, TUNE), knobs, TUNE, index)
                 trials.append(trial)
             proposed.set_user_attr("broken", list(trial.broken))
-            asked.tell(proposed, sign * trial.objective if np.isfinite(trial.objective) else BAD)
+            optimizer.tell(proposed, sign * trial.objective if np.isfinite(trial.objective) else BAD)
     good = [one for one in trials if one.is_feasible]
     best = min(good, key=lambda one: sign * one.objective) if good else None
     unseen = []
     for k, one in enumerate([first, best] if best is not None else [first]):
-        requests = asked_for(study, variant, one.knobs, fresh(study), UNSEEN, k, last)
+        requests = trial_requests(study, variant, one.knobs, fresh(study), UNSEEN, k, last)
         last += len(requests)
         unseen.append(judged(study, cases.run(requests, UNSEEN), one.knobs, UNSEEN, k))
     return Tuned(trials, best, unseen, last)
@@ -109,17 +111,17 @@ def fresh(study: Study) -> Any:
     return design(samples.method, samples.count, seed, study.factors, study.correlation).values
 
 
-def asked_for(
+def trial_requests(
     study: Study, variant: str, knobs: tuple[float, ...], values: Any, part: str, index: int, number: int
 ) -> list[Request]:
     """The cases of a trial: every sample with the seed that it has in all trials."""
-    found: list[Request] = []
+    requests: list[Request] = []
     for sample, row in enumerate(values, 1):
         seeds = study.seeds(sample) if part == TUNE else [member_seed(one, UNSEEN) for one in study.seeds(sample)]
         for seed in seeds:
             number += 1
-            found.append(Request(number, f"{part} {index}", sample, variant, seed, tuple(map(float, row)), knobs))
-    return found
+            requests.append(Request(number, f"{part} {index}", sample, variant, seed, tuple(map(float, row)), knobs))
+    return requests
 
 
 def judged(study: Study, rows: list[Row], knobs: tuple[float, ...], part: str, index: int) -> Trial:
@@ -132,27 +134,27 @@ def judged(study: Study, rows: list[Row], knobs: tuple[float, ...], part: str, i
 
 def values(study: Study, rows: list[Row], metric: str) -> Any:
     """A metric of rows, infinite where a case failed."""
-    place = list(study.scenario.metrics).index(metric)
-    found = [row.metrics[place] if row.metrics else None for row in rows]
-    return np.array([np.inf if one is None else one for one in found])
+    column = list(study.scenario.metrics).index(metric)
+    metric_values = [row.metrics[column] if row.metrics else None for row in rows]
+    return np.array([np.inf if one is None else one for one in metric_values])
 
 
-def statistic(found: Any, of: str, quantile: float) -> float:
+def statistic(samples: Any, of: str, quantile: float) -> float:
     """What a metric's values come to."""
     if of == "quantile":
-        return float(np.quantile(found, quantile, method="higher"))
-    return float(STATISTICS[of](found))
+        return float(np.quantile(samples, quantile, method="higher"))
+    return float(STATISTICS[of](samples))
 
 
 def excess(study: Study, rows: list[Row], one: Limit) -> float:
     """By how much a limit is broken; what is not above zero keeps it."""
     if one.expectation:
-        place = [e.name for e in study.scenario.expectations].index(one.expectation)
-        holds = [row.holds[place] if row.holds else False for row in rows]
-        found = float(np.mean([bool(item) for item in holds if item is not None] or [False]))
+        column = [e.name for e in study.scenario.expectations].index(one.expectation)
+        holds = [row.holds[column] if row.holds else False for row in rows]
+        reached = float(np.mean([bool(item) for item in holds if item is not None] or [False]))
     else:
-        found = statistic(values(study, rows, one.metric), one.statistic, one.quantile)
-    over = found - one.at_most if one.at_most is not None else -np.inf
-    under = one.at_least - found if one.at_least is not None else -np.inf
+        reached = statistic(values(study, rows, one.metric), one.statistic, one.quantile)
+    over = reached - one.at_most if one.at_most is not None else -np.inf
+    under = one.at_least - reached if one.at_least is not None else -np.inf
     worst = max(over, under)
     return float(worst) if np.isfinite(worst) else BAD

@@ -34,7 +34,7 @@ def limit_memory(size: int) -> None:
 def serve(take: BinaryIO, give: BinaryIO) -> None:
     """Run cases until there are no more."""
     job: Job
-    job, memory = pickle.load(take)  # noqa: S301 - of whoever started us
+    job, memory = pickle.load(take)  # noqa: S301 - from the parent process
     from twin.errors import TwinError
     from twin.study.execution.case_engine import Engine
 

@@ -55,7 +55,7 @@ def search_worst(study: Study, cases: Runs, number: int) -> Found:
     keys = study.keys.worst
     assert keys is not None
     variant = keys.variant or study.variants[0]
-    place = list(study.scenario.metrics).index(keys.metric)
+    column = list(study.scenario.metrics).index(keys.metric)
     sign = -1.0 if keys.goal == "max" else 1.0
     seed = member_seed(keys.seed, f"{study.name}, worst")
     edge = (1.0 - keys.inside) / 2.0
@@ -64,8 +64,8 @@ def search_worst(study: Study, cases: Runs, number: int) -> Found:
     tried: list[tuple[float, Request]] = []
 
     def value(row: Row) -> float:
-        found = row.metrics[place] if row.metrics else None
-        return -FAILED_VALUE if found is None else sign * found
+        metric = row.metrics[column] if row.metrics else None
+        return -FAILED_VALUE if metric is None else sign * metric
 
     def evaluate(parts: Array) -> Array:
         values = valued(parts.T, study.factors, study.correlation)
@@ -76,9 +76,9 @@ def search_worst(study: Study, cases: Runs, number: int) -> Found:
             for i, row in enumerate(values)
         ]
         rows = cases.run(requests, WORST)
-        found = [value(row) for row in rows]
-        tried.extend(zip(found, requests, strict=True))
-        return np.array(found)
+        results = [value(row) for row in rows]
+        tried.extend(zip(results, requests, strict=True))
+        return np.array(results)
 
     generator = np.random.default_rng(keys.seed)
     begin = edge + (1.0 - 2.0 * edge) * latin(size, len(study.factors), generator)
@@ -87,10 +87,10 @@ def search_worst(study: Study, cases: Runs, number: int) -> Found:
         rng=generator, vectorized=True, updating="deferred", tol=0.0,
     )  # fmt: skip
     best, request = min(tried, key=lambda one: one[0])
-    known = [sign * row for row in sampled(study, cases, variant, place)]
+    initial_values = [sign * row for row in sampled(study, cases, variant, column)]
     return Found(
         keys.metric, variant, keys.goal, request.number, np.nan if abs(best) >= FAILED_VALUE else sign * best, request.values,
-        sign * min(known) if known else np.nan, len(tried), number + len(tried),
+        sign * min(initial_values) if initial_values else np.nan, len(tried), number + len(tried),
     )  # fmt: skip
 
 
@@ -101,7 +101,7 @@ def latin(size: int, count: int, generator: np.random.Generator) -> Array:
     return np.asarray(qmc.LatinHypercube(count, rng=generator).random(size))
 
 
-def sampled(study: Study, cases: Runs, variant: str, place: int) -> list[float]:
+def sampled(study: Study, cases: Runs, variant: str, column: int) -> list[float]:
     """The metric in the samples of a variant."""
     rows = [cases.known(one) for one in study.requests() if one.variant == variant]
-    return [value for row in rows if row.metrics and (value := row.metrics[place]) is not None]
+    return [value for row in rows if row.metrics and (value := row.metrics[column]) is not None]
