@@ -121,7 +121,7 @@ class Trace:
             data = str(word).encode("utf-8", "surrogatepass")
             self.digest.update(b"%d:" % len(data) + data)
 
-    def is_known(self, value: Any) -> bool:
+    def is_visited(self, value: Any) -> bool:
         """Whether an object was walked over before; then only its number counts."""
         if id(value) in self.numbers:
             self.put("known", self.numbers[id(value)])
@@ -220,7 +220,7 @@ class Trace:
             self.put("path", kind.__name__, value)
         else:
             self.class_(kind)
-            if not self.is_known(value):
+            if not self.is_visited(value):
                 self.state(value)
                 self.computed(value, computed_names(value, self.attributes))
 
@@ -245,7 +245,7 @@ class Trace:
         self.reach(name)
         if is_of_engine(getattr(module, "__file__", None)) and getattr(module, value.__name__, None) is value:
             return  # a class that the engine makes at run time is not there by its name
-        if not self.is_known(value):
+        if not self.is_visited(value):
             for base in value.__mro__[1:]:
                 self.class_(base)
             self.members(vars(value))
@@ -257,7 +257,7 @@ class Trace:
         """Hash a function's code and the values that it carries; its text and its globals count with its module."""
         self.put("function", value.__module__, value.__qualname__)
         file = value.__code__.co_filename
-        if is_of_engine(file) or is_fixed(value.__module__ or "") or self.is_known(value):
+        if is_of_engine(file) or is_fixed(value.__module__ or "") or self.is_visited(value):
             return
         self.code(value.__code__)
         self.reach(value.__module__)

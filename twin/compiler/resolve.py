@@ -45,7 +45,7 @@ class File:
         return _comments(self.text)[0]
 
     @property
-    def beside(self) -> dict[int, str]:
+    def trailing(self) -> dict[int, str]:
         """Comments behind code, by line."""
         return _comments(self.text)[1]
 
@@ -53,14 +53,14 @@ class File:
 @lru_cache(maxsize=256)
 def _comments(text: str) -> tuple[dict[int, str], dict[int, str]]:
     above: dict[int, str] = {}
-    beside: dict[int, str] = {}
+    trailing: dict[int, str] = {}
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if token.type == tokenize.COMMENT:
             comment = token.string.lstrip("#").strip()
             if comment and not comment.startswith(SILENT):
                 alone = token.line[: token.start[1]].strip() == ""
-                (above if alone else beside)[token.start[0]] = comment.partition("  #")[0]
-    return above, beside
+                (above if alone else trailing)[token.start[0]] = comment.partition("  #")[0]
+    return above, trailing
 
 
 @lru_cache(maxsize=256)
@@ -98,13 +98,13 @@ def file_of(path: str) -> File:
 @lru_cache(maxsize=256)
 def _codes(path: str, text: str) -> dict[tuple[str, int], CodeType]:
     """Code of all functions of a file by name and first line, as its text says now."""
-    found: dict[tuple[str, int], CodeType] = {}
+    codes: dict[tuple[str, int], CodeType] = {}
     waiting = [compile(text, path, "exec", dont_inherit=True)]
     while waiting:
         inner = [one for one in waiting.pop().co_consts if isinstance(one, CodeType)]
-        found |= {(one.co_name, one.co_firstlineno): one for one in inner}
+        codes |= {(one.co_name, one.co_firstlineno): one for one in inner}
         waiting += inner
-    return found
+    return codes
 
 
 def is_current(function: FunctionType) -> bool:
@@ -198,7 +198,7 @@ def remark(source: Source, name: str) -> str:
     file = source.file
     for _ in range(3):
         if name in file.assignments:
-            return file.beside.get(file.assignments[name], "")
+            return file.trailing.get(file.assignments[name], "")
         if name not in file.imports:
             return ""
         module, name = file.imports[name]

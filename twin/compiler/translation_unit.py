@@ -58,7 +58,7 @@ class Unit:
         for function in self.program.order:
             function.name = self.needs.names.take(self._name(function))
         for function in reversed(self.program.order):  # callers first
-            Signs(self.program, function).tell_callees()
+            Signs(self.program, function).propagate_to_callees()
         functions = [Writer(self.needs, self.program, function).text() for function in self.program.order]
         ends = [self._entry(entry, function) for entry, function in zip(entries, called, strict=True)]
         libm = [declare_libm(word) for name, word in sorted(self.needs.used.items()) if name in LIBM]

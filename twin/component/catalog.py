@@ -48,15 +48,15 @@ def _folders() -> list[Path]:
     All of them count, with or without `__init__.py`: a person's own components stand beside the project's. So do folders
     in them that hold components of one kind.
     """
-    here, found = Path.cwd(), places()
+    here, folders = Path.cwd(), places()
     try:
-        if found and "fmus" not in sys.modules and str(Path(found[-1]).parent) not in sys.path:
-            sys.path.append(str(Path(found[-1]).parent))
+        if folders and "fmus" not in sys.modules and str(Path(folders[-1]).parent) not in sys.path:
+            sys.path.append(str(Path(folders[-1]).parent))
         package = importlib.import_module("fmus")
     except ModuleNotFoundError:
         raise DeclarationError(f"There is no folder `fmus` in {here}. Run this from the project's folder.") from None
-    package.__path__ = list(dict.fromkeys([*found, *_kinds(found), *package.__path__]))
-    return [Path(place) for place in package.__path__]
+    package.__path__ = list(dict.fromkeys([*folders, *_kinds(folders), *package.__path__]))
+    return [Path(folder) for folder in package.__path__]
 
 
 def names() -> list[str]:
@@ -64,15 +64,15 @@ def names() -> list[str]:
     roots = places()
     if not roots:
         raise DeclarationError(f"There is no folder `fmus` in {Path.cwd()}. Run this from the project's folder.")
-    found = dict.fromkeys([*roots, *_kinds(roots), *getattr(sys.modules.get("fmus"), "__path__", ())])
-    return sorted({os.path.dirname(model) for folder in found for model in glob("*/model.py", root_dir=folder)})  # noqa: PTH120, PTH207
+    folders = dict.fromkeys([*roots, *_kinds(roots), *getattr(sys.modules.get("fmus"), "__path__", ())])
+    return sorted({os.path.dirname(model) for folder in folders for model in glob("*/model.py", root_dir=folder)})  # noqa: PTH120, PTH207
 
 
 def summary(name: str) -> str:
     """What the first line of a component's file says of it, or nothing. Nothing is imported."""
-    found = place(name)
+    folder = place(name)
     try:
-        said = ast.get_docstring(ast.parse((found / "model.py").read_text(encoding="utf-8"))) if found else None
+        said = ast.get_docstring(ast.parse((folder / "model.py").read_text(encoding="utf-8"))) if folder else None
     except (OSError, SyntaxError, ValueError):
         return ""
     return (said or "").partition("\n")[0]
@@ -95,15 +95,15 @@ def component(name: str) -> type[Component]:
     if folder is None or str(folder.parent) not in getattr(sys.modules.get("fmus"), "__path__", ()):
         refuse_unknown(name, names())
         folder = next(one / name for one in _folders() if (one / name / "model.py").exists())
-    found = _imported(f"fmus.{name}.model", name)
-    if not (folder / "model.py").samefile(found.__file__ or ""):
+    model = _imported(f"fmus.{name}.model", name)
+    if not (folder / "model.py").samefile(model.__file__ or ""):
         raise DeclarationError(
-            f"{folder}: is hidden by {found.__file__}. Add an empty __init__.py to it, or rename it."
+            f"{folder}: is hidden by {model.__file__}. Add an empty __init__.py to it, or rename it."
         )
-    classes = _defined(found)
+    classes = _defined(model)
     if len(classes) != 1:
         listed = ", ".join(sorted(classes)) or "none"
-        raise DeclarationError(f"{found.__name__}: one Component was expected, found {listed}. Move others elsewhere.")
+        raise DeclarationError(f"{model.__name__}: one Component was expected, found {listed}. Move others elsewhere.")
     return next(iter(classes.values()))
 
 
@@ -151,9 +151,11 @@ def _named(module: ModuleType, class_name: str, name: str) -> type[Component]:
     value = getattr(module, class_name, None)
     if inspect.isclass(value) and issubclass(value, Component):
         return value
-    known = sorted(_defined(module))
-    raise DeclarationError(f"{name}: {module.__name__} has no component {class_name!r}.{_hint(class_name, known)}")
+    class_names = sorted(_defined(module))
+    raise DeclarationError(
+        f"{name}: {module.__name__} has no component {class_name!r}.{_hint(class_name, class_names)}"
+    )
 
 
-def _hint(name: str, known: list[str]) -> str:
-    return f" {nearest(name, known)}" if known else ""
+def _hint(name: str, class_names: list[str]) -> str:
+    return f" {nearest(name, class_names)}" if class_names else ""

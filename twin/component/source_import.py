@@ -53,7 +53,7 @@ class TextFinder(MetaPathFinder):
 
 def install() -> None:
     """Put the finder before Python's own, behind those that others have put in front, such as pytest's."""
-    if any(isinstance(one, TextFinder) for one in sys.meta_path):
+    if any(isinstance(finder, TextFinder) for finder in sys.meta_path):
         return
-    places = [number for number, one in enumerate(sys.meta_path) if one is PathFinder]
-    sys.meta_path.insert(places[0] if places else len(sys.meta_path), TextFinder())
+    positions = [number for number, finder in enumerate(sys.meta_path) if finder is PathFinder]
+    sys.meta_path.insert(positions[0] if positions else len(sys.meta_path), TextFinder())

@@ -84,7 +84,7 @@ class Function:
             return node.id in self.active or self.is_record(node)
         return any(self.touches(child) for child in ast.iter_child_nodes(node))
 
-    def place(self, node: ast.AST) -> str | None:
+    def tangent_of(self, node: ast.AST) -> str | None:
         """Where the tangent of a variable or element is; None if it has none."""
         if isinstance(node, ast.Name):
             return dot(node) if node.id in self.active else None
@@ -93,7 +93,7 @@ class Function:
                 raise self.unknown(node, "is the engine's own")
             return f"{dot(node.value)}.{node.attr}" if node.attr in self.reals else None
         if isinstance(node, ast.Subscript):
-            base = self.place(node.value)
+            base = self.tangent_of(node.value)
             return None if base is None else f"{base}[{ast.unparse(node.slice)}]"
         return None
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 from typing import Any
 
-from twin.compiler.builtins import NAMED, WHOLE, Word
+from twin.compiler.builtins import NAMED, ROUNDING, Word
 from twin.compiler.codegen.code import UNARY, Code, number
 from twin.compiler.codegen.expressions import Expressions
 from twin.compiler.infer import Function, NotStaticError
@@ -76,10 +76,10 @@ class Calls(Expressions):
             return number(self.inference.static(node))
         (argument,) = node.args
         code, own = self.expression(argument), self.type(argument)
-        if called in WHOLE and own == INTEGER and self.is_narrow(argument):
+        if called in ROUNDING and own == INTEGER and self.is_narrow(argument):
             return Code(f"(int64_t){code.at(UNARY)}", UNARY)
-        if called in WHOLE:
-            return self._rounded(code, own, WHOLE[called])
+        if called in ROUNDING:
+            return self._rounded(code, own, ROUNDING[called])
         if kind == BOOLEAN:
             return self.condition(argument)
         if called is float or getattr(called, "__name__", "") == "float64":

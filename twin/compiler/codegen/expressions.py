@@ -73,7 +73,7 @@ class Expressions(Lines):
                 return self.keep(code, self.type(node))
         return code
 
-    def whole(self, node: ast.expr) -> Code:
+    def integer(self, node: ast.expr) -> Code:
         """A whole number."""
         return self.convert(self.expression(node), self.type(node), INTEGER)
 
@@ -86,9 +86,9 @@ class Expressions(Lines):
         if kind == wanted:
             return code
         if isinstance(kind, Tuple) and isinstance(wanted, Tuple):
-            whole = self.keep(code, kind).text
+            values = self.keep(code, kind).text
             pairs = zip(kind.items, wanted.items, strict=True)
-            parts = [self.convert(Code(f"{whole}.v{i}"), a, b).text for i, (a, b) in enumerate(pairs)]
+            parts = [self.convert(Code(f"{values}.v{i}"), a, b).text for i, (a, b) in enumerate(pairs)]
             return Code(f"({self.needs.c_type(wanted)}){{{', '.join(parts)}}}")
         if not isinstance(kind, Scalar):
             return code
@@ -166,10 +166,10 @@ class Expressions(Lines):
         own = base.struct.fields[node.attr]
         # a member of a group is held by its address
         inside = record.text[2:-1] if record.text.startswith("(&") else None
-        place = f"{inside}.{own.name}" if inside else f"{record.at(ATOM)}->{own.name}"
-        return Code(f"(&{place})") if own.struct is not None else Code(place)
+        member = f"{inside}.{own.name}" if inside else f"{record.at(ATOM)}->{own.name}"
+        return Code(f"(&{member})") if own.struct is not None else Code(member)
 
-    def place(self, node: ast.expr) -> Code:
+    def lvalue(self, node: ast.expr) -> Code:
         """Where a value is stored."""
         if isinstance(node, ast.Name):
             return Code(local_name(node.id))
@@ -192,12 +192,12 @@ class Expressions(Lines):
 
     def _item(self, node: ast.Subscript, base: Tuple, indices: list[ast.expr]) -> Code:
         """One of several values: a field of their struct, or a choice among all."""
-        whole = self.expression(node.value).at(ATOM)
+        values = self.expression(node.value).at(ATOM)
         try:
-            return Code(f"{whole}.v{self.inference.position(node, indices, len(base.items))}")
+            return Code(f"{values}.v{self.inference.position(node, indices, len(base.items))}")
         except NotStaticError:
             index, kind = self.index(indices[0], len(base.items)), self.type(node)
-        items = [self.convert(Code(f"{whole}.v{i}"), own, kind) for i, own in enumerate(base.items)]
+        items = [self.convert(Code(f"{values}.v{i}"), own, kind) for i, own in enumerate(base.items)]
         text = items[-1].text
         for i in range(len(items) - 2, -1, -1):
             text = f"{index.at(SHIFT)} == {i} ? {items[i].at(OR)} : {text if i == len(items) - 2 else f'({text})'}"
@@ -208,12 +208,12 @@ class Expressions(Lines):
         try:
             value = self.inference.static(node)
         except NotStaticError:
-            code = self.whole(node)
+            code = self.integer(node)
             if self.is_nonnegative(node):
                 return code
             return Code(f"{self.needs.word(NAMED['from_end'])}({code.text}, {size})")
         if isinstance(node, ast.Name) and value >= 0:
-            return self.whole(node)
+            return self.integer(node)
         return Code(str(value % size))
 
     def storage(self, target: ast.expr) -> str:

@@ -48,14 +48,14 @@ class Signs:
         names = {name for name in values if name not in self.source.parameters or name in given} | given
         while True:
             self.nonnegative = names
-            kept = {
+            remaining = {
                 name for name in names if all(v is not None and self.is_nonnegative(v) for v in values.get(name, ()))
             }
-            if kept == names:
+            if remaining == names:
                 return names
-            names = kept
+            names = remaining
 
-    def tell_callees(self) -> None:
+    def propagate_to_callees(self) -> None:
         """Take from the functions called here the arguments that may be negative."""
         for node in walk(self.source.tree):
             called = self.function.calls.get(id(node))

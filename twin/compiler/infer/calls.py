@@ -60,7 +60,7 @@ class Calls(Expressions):
         for argument, wanted in zip(node.args, word.arguments, strict=True):
             kind = self.number(argument)
             if wanted == INTEGER:
-                self.whole(argument, kind)
+                self.require_integer(argument, kind)
         self.function.calls[id(node)] = word
         self.function.acts = self.function.acts or word.acts
         return word.result
@@ -170,5 +170,5 @@ def hashable(value: Any) -> bool:
 SPECIAL: dict[Any, Callable[[Calls, ast.Call], Type]] = {
     min: Calls.extreme, max: Calls.extreme, pow: Calls.powered, abs: Calls.absolute, np.absolute: Calls.absolute,
     float: Calls.real, np.float64: Calls.real, bool: Calls.truth, np.bool_: Calls.truth,
-    len: Calls.length, range: Calls.counting, **dict.fromkeys(builtins.WHOLE, Calls.rounded),
+    len: Calls.length, range: Calls.counting, **dict.fromkeys(builtins.ROUNDING, Calls.rounded),
 }  # fmt: skip

@@ -72,13 +72,13 @@ class Inference(Calls):
     def block(self, statements: list[ast.stmt]) -> None:
         """Statements in their order; one that has no form in C keeps no other from being looked at."""
         for statement in statements:
-            known = STATEMENTS.get(type(statement))
+            rule = STATEMENTS.get(type(statement))
             try:
-                if known is None:
+                if rule is None:
                     raise self.error(
                         statement, "has no form in C", FORBIDDEN.get(type(statement), "Write it otherwise")
                     )
-                known(self, statement)
+                rule(self, statement)
             except TranslationError as error:
                 self.program.problems[str(error)] = None
                 for node in walk(statement):
@@ -96,8 +96,8 @@ class Inference(Calls):
             if len(target.elts) != len(node.value.elts):
                 raise self.error(node, "has not as many values as names", "Give each name one value")
             kinds = [self.expression(one) for one in node.value.elts]
-            for place, kind, value in zip(target.elts, kinds, node.value.elts, strict=True):
-                self.store(place, kind, value)
+            for item_target, kind, value in zip(target.elts, kinds, node.value.elts, strict=True):
+                self.store(item_target, kind, value)
             return
         self.store(target, self.expression(node.value), node.value)
 
@@ -117,8 +117,8 @@ class Inference(Calls):
             self.store_name(target, kind, value)
         elif isinstance(target, ast.Tuple):
             items = self.parts(target, kind)
-            for place, item in zip(target.elts, items, strict=True):
-                self.store(place, item, None)
+            for item_target, item in zip(target.elts, items, strict=True):
+                self.store(item_target, item, None)
         elif isinstance(target, ast.Attribute | ast.Subscript):
             own = self.expression(target)
             if isinstance(kind, Unknown):
@@ -214,7 +214,7 @@ class Inference(Calls):
         if call.keywords or not 1 <= len(call.args) <= 3:
             raise self.error(call, "has no bounds that C has", "Give one to three numbers")
         for bound in call.args:
-            self.whole(bound, self.expression(bound))
+            self.require_integer(bound, self.expression(bound))
         if len(call.args) == 3:
             try:
                 step = self.static(call.args[2])
@@ -268,7 +268,7 @@ def is_range(node: ast.expr, source: Source) -> bool:
 
 def program() -> Program:
     """An empty program, whose functions are inferred here."""
-    return Program(lambda whole, function: Inference(whole, function).run())
+    return Program(lambda program, function: Inference(program, function).run())
 
 
 STATEMENTS: dict[type[ast.stmt], Callable[[Inference, Any], None]] = {

@@ -41,11 +41,11 @@ class Static:
 
     def static(self, node: ast.expr) -> Any:
         """The value of an expression that needs no run; NotStaticError otherwise."""
-        known = STATIC.get(type(node))
-        if known is None:
+        rule = STATIC.get(type(node))
+        if rule is None:
             raise NotStaticError
         try:
-            return known(self, node)
+            return rule(self, node)
         except NotStaticError:
             raise
         except (ArithmeticError, ValueError, TypeError, LookupError, AttributeError):
