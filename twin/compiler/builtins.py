@@ -1,4 +1,4 @@
-"""What components may call, and the few operations of Python that C has no operator for.
+"""Functions that components may call, and operations of Python without an operator in C.
 
 A word is a C function: one of libm, which is declared where it is used, or one of the short helpers below, whose text
 becomes part of the file. Python's meaning is kept where C's differs: signs of `%` and `//`, which of equals `max`

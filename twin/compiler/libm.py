@@ -1,4 +1,4 @@
-"""The one library a component refers to, as the linkers want to see it: a stub with names, and no libc behind it.
+"""Stubs of libm, the only library that a component links to: names without code, independent of a libc.
 
 Linux    libm.so.6 with the versions that glibc 2.17 has
 Windows  ucrtbase.dll, by an import library; and the few lines every library carries that has no C runtime

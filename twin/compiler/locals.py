@@ -106,7 +106,7 @@ class Finder:
                 n for n in loops if isinstance(n.target, ast.Name) and n.target.id == name and id(n) in self.ranges
             ]
             if counted and name not in self.sites.read and len(counted) == len(self.uses[name]):
-                continue  # only counts, and nobody asks
+                continue  # a counter that is never read outside its loops
             if self._is_counter(name, loops):
                 self.sites.counters.add(name)
             else:
@@ -114,7 +114,7 @@ class Finder:
         return self.sites
 
     def _is_counter(self, name: str, loops: list[ast.For]) -> bool:
-        """Whether a name only counts loops, and nobody asks for it outside of them."""
+        """Whether a name is only a loop counter and is never read outside of its loops."""
         own = [n for n in loops if isinstance(n.target, ast.Name) and n.target.id == name and id(n) in self.ranges]
         if not own:
             return False

@@ -1,4 +1,4 @@
-"""Components as native code: their C, kept in `build/c`, its objects, and their addresses in this process."""
+"""Native code of components: their C in `build/c`, the object files, and the addresses in this process."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def model_name(cls: type[Component]) -> str:
 
 
 def sources(cls: type[Component], name: str, build: Path) -> Sources:
-    """The C of a component; translated anew unless everything that the last translation could read is as it was."""
+    """Return the C of a component; translate it again if anything that the last translation could read has changed."""
     if issubclass(cls, PythonComponent):
         raise BuildError(f"{cls.__name__}: is Python-side and cannot be compiled. Derive it from Component instead.")
     with toolchain.SYNTAX:
@@ -52,7 +52,7 @@ def sources(cls: type[Component], name: str, build: Path) -> Sources:
 
 
 def _stored_sources(folder: Path, name: str) -> Sources | None:
-    """The C that was kept in a folder; None if there is none, or if it is not what was written."""
+    """Read the C stored in a folder; None if it is missing or its hash does not match."""
     try:
         header, text = (read_own(folder / f"{name}.{suffix}").decode() for suffix in "hc")
         written = read_own(folder / "hash").decode()
@@ -62,7 +62,7 @@ def _stored_sources(folder: Path, name: str) -> Sources | None:
 
 
 def problems(cls: type[Component], build: Path | None = None) -> list[str]:
-    """What keeps a component from becoming C, one line each: what the linter sees, else what the translator does.
+    """List the reasons why a component cannot be translated to C, one line each: from the linter, else from the translator.
 
     `build`: the folder to keep the C in, if there is any.
     """
@@ -79,7 +79,7 @@ def problems(cls: type[Component], build: Path | None = None) -> list[str]:
 
 
 def is_translated(cls: type[Component], build: Path) -> bool:
-    """Whether the C of a component as it is now is there."""
+    """Return whether the C of the current state of a component is stored."""
     folder = _folder(cls, model_name(cls), build)
     return folder is not None and (folder / "hash").exists()
 
@@ -98,7 +98,7 @@ def component_fingerprint(cls: type[Component], *more: str) -> str | None:
 
 
 def reset_fingerprints() -> None:
-    """Look at sources and values anew from now on; to be called when a run begins."""
+    """Discard cached fingerprints, so that sources and values are read again; call this when a run begins."""
     _fingerprints.clear()
 
 

@@ -183,7 +183,7 @@ def struct_text(struct: Struct) -> str:
 
 
 def nested(struct: Struct) -> list[Struct]:
-    """The struct and those it holds, in the order in which C needs them."""
+    """Return the struct and its nested structs in order of definition in C."""
     ordered: list[Struct] = []
     for own in struct.fields.values():
         ordered += [one for one in nested(own.struct) if one not in ordered] if own.struct is not None else []

@@ -1,4 +1,4 @@
-"""One C file: the functions that its entries reach, and before them all that they use."""
+"""A C translation unit: the functions reachable from its entries, preceded by the declarations that they use."""
 
 from __future__ import annotations
 

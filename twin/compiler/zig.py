@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
 PLACED = re.compile(r"^(?:\./)?(?P<place>[^\s:]+:\d+):\d+: (?:fatal )?error: (?P<message>.*)$", re.MULTILINE)
-HASH = 32  # bytes of a hash at the end of a kept file
+HASH = 32  # bytes of the hash at the end of a cache file
 WRITABLE_BY_OTHERS = 0o022
 ERROR = re.compile(r"error: (?P<message>.*)$", re.MULTILINE)
 
@@ -48,7 +48,7 @@ def headers() -> Path:
 
 
 def make(where: str, build: Path, files: Mapping[str, str | bytes], *command: str, out: str) -> bytes:
-    """Run a tool in a folder of its own with these files; what it wrote to `out`. Its failure is one line."""
+    """Run a tool in a temporary folder with these files and return the content of `out`. A failure is one line."""
     import subprocess
     import tempfile
 
@@ -72,7 +72,7 @@ def _environment(build: Path) -> dict[str, str]:
 
 
 def _reason(text: str, status: int) -> str:
-    """Why a tool failed: its first error, with its place where it has one."""
+    """Return the first error message of a tool, with its location if there is one."""
     if match := PLACED.search(text):
         return f"{match['place']}: {match['message'].strip()}"
     if match := ERROR.search(text):
@@ -90,7 +90,7 @@ def digest(*parts: str | bytes) -> str:
 
 
 def put(path: Path, data: bytes) -> None:
-    """Write a file atomically, so that nobody but its owner can change it."""
+    """Write a file atomically, writable by its owner only."""
     path.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(path, data, mode=~WRITABLE_BY_OTHERS)
 
@@ -114,7 +114,7 @@ def refuse_foreign(status: os.stat_result, path: Path) -> None:
 
 
 def get_or_create(path: Path, make_: Callable[[], bytes]) -> bytes:
-    """What a file of the cache holds, made if it is not there, or is not what was once written: its hash ends it."""
+    """Return the content of a cache file; create it if it is missing or does not match the hash at its end."""
     with contextlib.suppress(OSError):
         content = read_own(path)
         data = content[:-HASH]

@@ -25,7 +25,7 @@ source_import.install()
 
 def places() -> list[str]:
     """Folders called `fmus`: that of the current directory first, then those on the path, then the project's."""
-    here = os.getcwd()  # noqa: PTH109 - asked for each component: paths of pathlib take ten times as long
+    here = os.getcwd()  # noqa: PTH109 - called for each component: paths of pathlib take ten times as long
     roots = [here, *(entry or here for entry in sys.path), str(Path(__file__).parents[2])]
     folders = dict.fromkeys(os.path.join(here, root, "fmus") for root in roots)  # noqa: PTH118
     return [place for place in folders if os.path.isdir(place)]  # noqa: PTH112
@@ -45,7 +45,7 @@ def _kinds(roots: list[str]) -> list[str]:
 def _folders() -> list[Path]:
     """Folders of the `fmus` package, as it is then imported.
 
-    All of them count, with or without `__init__.py`: a person's own components stand beside the project's. So do folders
+    All of them count, with or without `__init__.py`: user components are added to the project's. So do folders
     in them that hold components of one kind.
     """
     here, folders = Path.cwd(), places()
@@ -69,7 +69,7 @@ def names() -> list[str]:
 
 
 def summary(name: str) -> str:
-    """What the first line of a component's file says of it, or nothing. Nothing is imported."""
+    """Return the first docstring line of a component's file, or an empty string. Nothing is imported."""
     folder = place(name)
     try:
         said = ast.get_docstring(ast.parse((folder / "model.py").read_text(encoding="utf-8"))) if folder else None
@@ -79,7 +79,7 @@ def summary(name: str) -> str:
 
 
 def place(name: str) -> Path | None:
-    """Folder of a component, by a few looks instead of listing all that there are; None if these find nothing."""
+    """Return the folder of a component without listing all components; None if there is none in the usual folders."""
     roots = places() if name.isidentifier() else []
     kinds = (f"{root}/{kind}" for root in roots for kind in sorted(os.listdir(root)))  # noqa: PTH208 - quicker
     looked = (folder for folder in chain(roots, kinds) if os.path.isfile(f"{folder}/{name}/model.py"))  # noqa: PTH113
@@ -108,7 +108,7 @@ def component(name: str) -> type[Component]:
 
 
 def refuse_unknown(name: str, every: list[str]) -> None:
-    """DeclarationError if there is no component with this name among those that there are."""
+    """Raise DeclarationError if there is no component with this name."""
     if name not in every:
         raise DeclarationError(f"There is no component {name!r} in fmus/.{_hint(name, every)}")
 
@@ -136,7 +136,7 @@ def _imported(module: str, name: str) -> ModuleType:
 
 
 def _defined(module: ModuleType) -> dict[str, type[Component]]:
-    """Component classes that a module defines itself; names that begin with an underscore are its own affair."""
+    """Component classes that a module defines itself; names that begin with an underscore are private."""
     return {
         key: value
         for key, value in vars(module).items()

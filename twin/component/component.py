@@ -75,7 +75,7 @@ def inputs_of(variables: Iterable[Variable]) -> solver.Inputs:
 
 
 def unknown(part: Component, name: str) -> DeclarationError:
-    """A name that is no variable of a component."""
+    """Return the error for a name that is no variable of a component."""
     names = [variable.name for variable in part.variables if variable.role is not Role.derivative]
     return DeclarationError(f"{type(part).__name__}: no variable {name!r}. {nearest(name, names)}")
 

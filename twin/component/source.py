@@ -1,4 +1,4 @@
-"""The linter for components: what cannot be compiled is found in the source, with its line and what to write instead.
+"""Linter for components: report code that cannot be compiled, with its line and what to write instead.
 
 A component never raises: an exception in native code would be lost. It writes no input and no parameter. It allocates
 nothing: arrays are declared, and loops go over their elements.
@@ -80,7 +80,7 @@ def _check(cls: type[Component]) -> list[str]:
 
 
 def _declaration_problems(cls: type[Component]) -> Iterator[str]:
-    """What the declarations alone tell: unknown units, states without a derivative."""
+    """Problems of the declarations: unknown units, states without a derivative."""
     named = {name for one in _reachable(getattr(cls, "derivatives", None), set()) for name in one.__code__.co_names}
     for variable in cls.variables:
         where = f"{cls.__name__}.{variable.name}"
@@ -135,7 +135,7 @@ def _problems(
 
 
 def _index_problems(node: ast.Subscript, me: str, variables: dict[str, Any]) -> Iterator[tuple[ast.AST, str]]:
-    """A constant index outside of its array: native code would read or write beside it."""
+    """A constant index outside of its array: native code would read or write out of bounds."""
     array = node.value
     if not (isinstance(array, ast.Attribute) and isinstance(array.value, ast.Name) and array.value.id == me):
         return

@@ -1,6 +1,6 @@
-"""Import of components from the text of their files, never from bytecode that Python kept.
+"""Import of components from the text of their files, never from cached bytecode.
 
-Python takes kept bytecode for current if the source has the same size and modification time, so that an edit of equal length
+Python takes cached bytecode for current if the source has the same size and modification time, so that an edit of equal length
 with a preserved time (`cp -p`, a container's layer) would go unseen. Applies to modules outside of the engine, the standard
 library and installed packages; a person's `fmus` counts wherever it is.
 """

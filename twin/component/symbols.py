@@ -1,7 +1,7 @@
-"""Units in common use, exactly: what nearly every text of a unit is made of, without loading pint.
+"""Exact parser for units in common use, without loading pint.
 
-`mm/(s*N)` is read here in microseconds, where pint takes a third of a second to load. What is not known here, or is
-written in another way, is pint's business; what is known here means the same there (tests/component/test_symbols.py).
+`mm/(s*N)` is read here in microseconds, where pint takes a third of a second to load. Other units and spellings
+are left to pint; units defined here mean the same there (tests/component/test_symbols.py).
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ SYMBOLS: dict[str, tuple[str, Fraction | int, tuple[int, ...]]] = {
 
 
 def exactly(text: str) -> Exact | None:
-    """A unit by its text, such as `N/mm` or `mm/(s^2*N)`; None if it is for pint to say."""
+    """Parse a unit such as `N/mm` or `mm/(s^2*N)`; None if pint must parse it."""
     tokens = TOKEN.findall(text[: LONGEST + 1])[::-1]
     try:
         unit = _product(tokens) if len(text) <= LONGEST else None

@@ -1,4 +1,4 @@
-"""Units: SI inside, what people prefer at the border. The only file that imports pint, for what `symbols` leaves.
+"""Units: SI inside, display units at the interfaces. Pint, imported only here, parses what `symbols` does not know.
 
 A unit's text may come from anybody: a scenario, an FMU, the header of a table, an analysis. `spelled` is the one door:
 pint would compute `m**9**9**9` forever.
@@ -100,7 +100,7 @@ class Unit:
 def registry() -> Any:
     """Pint's registry, made on first use: with pint's import it takes 0.35 s.
 
-    Nothing of it is kept on disk: pint keeps pickles, and whoever can write them can run code here.
+    Nothing of it is kept on disk: pint stores pickles, and write access to them would allow running code here.
     """
     import pint
 
@@ -135,7 +135,7 @@ def describe(unit: str) -> Unit:
         described = read(unit)
     except CouplingError:
         raise
-    except Exception:  # whatever pint raises at what somebody wrote
+    except Exception:  # pint raises exceptions of many types at invalid input
         raise CouplingError(f"unit {short(unit)} is not known. {ADVICE}") from None
     if not SMALLEST < described.factor < 1.0 / SMALLEST:
         raise CouplingError(f"unit {short(unit)} has no size that can be computed with. {ADVICE}")
@@ -143,7 +143,7 @@ def describe(unit: str) -> Unit:
 
 
 def read(unit: str) -> Unit:
-    """A unit by its definition, by its symbols, or by what pint says."""
+    """Parse a unit by its definition, by its symbols, or with pint."""
     if matched := DEFINED.fullmatch(unit):
         size = describe(matched["unit"])
         return Unit(float(matched["factor"]) * size.factor, float(matched["offset"]), size.exponents)
@@ -155,7 +155,7 @@ def read(unit: str) -> Unit:
 def defined(name: str, meant: Unit) -> str:
     """The text of a unit as an FMU defines it: its name, and `{1.5 kg/s + 3}` behind it if that is not what it is here.
 
-    A name whose definition nobody can compute with stays alone.
+    A name whose definition cannot be computed with is returned unchanged.
     """
     with suppress(CouplingError):
         described = describe(name)
@@ -180,7 +180,7 @@ def shown(unit: str) -> str:
 
 
 def parse_with_pint(text: str) -> Unit:
-    """What pint says of a text that `spelled` let through."""
+    """Parse with pint a text that `spelled` accepted."""
     if unstable := [word for word in WORD.findall(text) if word in UNSTABLE or word.removesuffix("s") in UNSTABLE]:
         raise CouplingError(f"unit {short(unstable[0])}: versions of pint differ about its size. {ADVICE}")
     units = registry()

@@ -1,4 +1,4 @@
-"""One declaration of a variable, and the memory layout that follows from a list of them.
+"""Declarations of variables, and the memory layout that follows from a list of them.
 
 The record's dtype, both modelDescription.xml, value references, documentation and command-line help are generated
 from the declarations; a unit, a sign or a meaning stands there and nowhere else. Words are those of FMI 3.0.
@@ -133,7 +133,7 @@ def input(unit: str, description: str, *, start: Start = 0.0, **options: Any) ->
 
 
 def output(unit: str, description: str, *, start: Start = 0.0, **options: Any) -> Any:
-    """Declare an output: written by the component's functions, seen by others."""
+    """Declare an output: written by the component's functions, read by others."""
     return _declare(Role.output, unit, description, start, options)
 
 
@@ -143,7 +143,7 @@ def parameter(start: Start, unit: str, description: str, **options: Any) -> Any:
 
 
 def local(start: Start, unit: str, description: str, **options: Any) -> Any:
-    """Declare a local variable: memory of the component, visible but nobody else's to write."""
+    """Declare a local variable: memory that only the component writes, visible from outside."""
     return _declare(Role.local, unit, description, start, options)
 
 

@@ -1,4 +1,4 @@
-"""A function while it is rewritten: which of its names and places carry a tangent, and its new lines."""
+"""State of a function being differentiated: the names and targets that carry a tangent, and the new lines."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class Function:
         return any(self.touches(child) for child in ast.iter_child_nodes(node))
 
     def tangent_of(self, node: ast.AST) -> str | None:
-        """Where the tangent of a variable or element is; None if it has none."""
+        """Return the expression of the tangent of a variable or element; None if it has none."""
         if isinstance(node, ast.Name):
             return dot(node) if node.id in self.active else None
         if isinstance(node, ast.Attribute) and self.is_record(node.value):
@@ -98,7 +98,7 @@ class Function:
         return None
 
     def unknown(self, node: ast.AST, why: str = "is not understood") -> UnknownError:
-        """The reason, with its place."""
+        """Return an error with the reason and its location."""
         code = ast.unparse(node).partition("\n")[0]
         line = getattr(node, "lineno", self.source.tree.lineno)
         return UnknownError(f"`{code}` ({self.source.function.__name__}, line {line}) {why}")

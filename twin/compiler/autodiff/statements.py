@@ -30,7 +30,7 @@ def inner(f: Function, head: str, statements: list[ast.stmt]) -> None:
 
 
 def store(f: Function, target: ast.expr, value: Dual) -> None:
-    """A value goes to its place, and its tangent where the place has one."""
+    """Emit the assignment of a value, and of its tangent if the target has one."""
     text, tangent = value
     if isinstance(target, ast.Name) and tangent is not None:
         f.active.add(target.id)

@@ -74,11 +74,11 @@ class Expressions(Lines):
         return code
 
     def integer(self, node: ast.expr) -> Code:
-        """A whole number."""
+        """Return an expression converted to integer."""
         return self.convert(self.expression(node), self.type(node), INTEGER)
 
     def real(self, node: ast.expr) -> Code:
-        """A real number."""
+        """Return an expression converted to real."""
         return self.convert(self.expression(node), self.type(node), REAL)
 
     def convert(self, code: Code, kind: Type, wanted: Type) -> Code:
@@ -170,7 +170,7 @@ class Expressions(Lines):
         return Code(f"(&{member})") if own.struct is not None else Code(member)
 
     def lvalue(self, node: ast.expr) -> Code:
-        """Where a value is stored."""
+        """Return the C lvalue of a target."""
         if isinstance(node, ast.Name):
             return Code(local_name(node.id))
         return self.expressions[type(node)](self, node)
@@ -204,7 +204,7 @@ class Expressions(Lines):
         return Code(text, CHOICE)
 
     def index(self, node: ast.expr, size: int) -> Code:
-        """A place in an array; one that may be negative counts from the end, as in Python."""
+        """Return an array index; one that may be negative counts from the end, as in Python."""
         try:
             value = self.inference.static(node)
         except NotStaticError:

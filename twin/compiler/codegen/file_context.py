@@ -1,4 +1,4 @@
-"""What functions need before them in their file: helpers, prototypes, constants, structs of several results."""
+"""Declarations that precede the functions of a C file: helpers, prototypes, constants, structs of several results."""
 
 from __future__ import annotations
 

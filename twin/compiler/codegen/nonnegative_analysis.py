@@ -1,4 +1,4 @@
-"""Which whole numbers are never negative: an index that may be counts from the end, and needs a line more in C."""
+"""Analysis of integers that are never negative: other indices count from the end and need an extra line of C."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Signs:
             names = remaining
 
     def propagate_to_callees(self) -> None:
-        """Take from the functions called here the arguments that may be negative."""
+        """Remove arguments that may be negative from the nonnegative sets of the functions called here."""
         for node in walk(self.source.tree):
             called = self.function.calls.get(id(node))
             if isinstance(called, Function):
@@ -66,7 +66,7 @@ class Signs:
                         called.nonnegative.discard(name)
 
     def is_nonnegative(self, node: ast.expr) -> bool:
-        """Whether a whole number is surely not negative."""
+        """Return whether an integer is provably not negative."""
         try:
             return bool(self.inference.static(node) >= 0)
         except (NotStaticError, TypeError):

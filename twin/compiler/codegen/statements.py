@@ -87,7 +87,7 @@ class Writer(Calls):
             self.statement(statement)
 
     def statement(self, node: ast.stmt) -> None:
-        """One statement, with the comments that stand above it and beside it, and what has to be declared before it."""
+        """Emit a statement, its comments (above and trailing) and the declarations that must precede it."""
         if isinstance(node, ast.Pass):
             return
         for name in self.sites.before.get(id(node), []):
@@ -159,7 +159,7 @@ class Writer(Calls):
             self.store(target, code, kind, node)
 
     def store(self, target: ast.expr, code: Code, kind: Type, node: ast.stmt) -> None:
-        """A value goes to its place."""
+        """Emit the assignment of a value to its target."""
         if isinstance(target, ast.Name):
             wanted = self.function.locals[target.id]
             text = self.convert(code, kind, wanted).text

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 SET_FROM_OUTSIDE = (Role.input, Role.parameter)
 
-# what was found before: sources do not change while a process lives
+# cached for the life of the process, in which sources do not change
 _flows: WeakKeyDictionary[type[Component], dict[tuple[str, ...], dict[str, frozenset[str]]]] = WeakKeyDictionary()
 
 

@@ -58,7 +58,7 @@ class Reader:
         return names
 
     def component_index(self, call: ast.Call) -> int | None:
-        """Which argument of a call is the component itself, as in `publish(self)`."""
+        """Return the index of the argument that is the component itself, as in `publish(self)`; None if there is none."""
         indices = [
             i for i, argument in enumerate(call.args) if isinstance(argument, ast.Name) and argument.id == self.me
         ]

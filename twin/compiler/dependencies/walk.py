@@ -21,7 +21,7 @@ OPAQUE = ast.Try | ast.With | ast.FunctionDef | ast.Lambda | ast.Match | ast.Glo
 def followed(
     function: FunctionType, me: int | None, arrays: Mapping[str, bool], call_chain: tuple[FunctionType, ...] = ()
 ) -> Flows:
-    """What a function does whose argument at place `me` is the component; UnsureError if that cannot be told."""
+    """Return the data flow of a function whose argument `me` (index) is the component; UnsureError if it is undecidable."""
     try:
         source = source_of(function)
         reader = Reader(source, None if me is None else source.parameters[me], arrays)
@@ -35,7 +35,7 @@ def followed(
 
 
 class _Walk(ast.NodeVisitor):
-    """Notes in `flows` what each statement does; `seen`: this function and those it was called from."""
+    """Record the data flow of each statement in `flows`; `call_chain`: this function and its callers."""
 
     def __init__(self, reader: Reader, call_chain: tuple[FunctionType, ...]) -> None:
         self.reader, self.call_chain, self.flows = reader, call_chain, Flows()
@@ -152,7 +152,7 @@ class _Walk(ast.NodeVisitor):
                 self.flows.write(own(f"{LOCAL}{name}", helper.__name__), self.reader.reads(argument))
 
     def _mutates(self, called: ast.expr, index: int) -> bool:
-        """Whether a called function may write its argument at a place."""
+        """Whether a called function may write its argument of this index."""
         source = self.reader.source
         if isinstance(called, ast.Attribute):
             module = source.reached(called.value)
@@ -165,18 +165,18 @@ class _Walk(ast.NodeVisitor):
 
 
 def _pairs(target: ast.AST, value: ast.AST) -> list[tuple[ast.AST, ast.AST]]:
-    """What goes where: one value to its place, or several to several."""
+    """Pair targets with values: one to one, or element by element."""
     if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple) and len(target.elts) == len(value.elts):
         return [pair for one, other in zip(target.elts, value.elts, strict=True) for pair in _pairs(one, other)]
     return [(target, value)]
 
 
-# what was found before: sources do not change while a process lives
+# cached for the life of the process, in which sources do not change
 _mutated_cache: WeakKeyDictionary[FunctionType, set[int]] = WeakKeyDictionary()
 
 
 def _mutated_arguments(helper: FunctionType, call_chain: tuple[FunctionType, ...]) -> set[int]:
-    """Which of its arguments a function writes in place."""
+    """Indices of the arguments that a function mutates."""
     if helper not in _mutated_cache:
         mutated = followed(helper, None, {}, call_chain).mutated
         _mutated_cache[helper] = {

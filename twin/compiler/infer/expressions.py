@@ -59,7 +59,7 @@ class Expressions(Static):
         return kind
 
     def require_integer(self, node: ast.expr, kind: Type) -> None:
-        """Refuse what is no whole number."""
+        """Raise an error if the type is not an integer."""
         if not isinstance(kind, Unknown) and kind not in (INTEGER, BOOLEAN):
             raise self.error(node, f"is {describe(kind)}, not a whole one", "Use int(...)")
 

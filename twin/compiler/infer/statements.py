@@ -112,7 +112,7 @@ class Inference(Calls):
         self.store(node.target, value, None)
 
     def store(self, target: ast.expr, kind: Type, value: ast.expr | None) -> None:
-        """A value goes to a name, a variable, an element, or several values to several."""
+        """Store a value to a name, a variable or an element, or several values to a tuple of targets."""
         if isinstance(target, ast.Name):
             self.store_name(target, kind, value)
         elif isinstance(target, ast.Tuple):
