@@ -71,7 +71,7 @@ def heads(statement: ast.stmt) -> list[ast.AST]:
     return [statement]
 
 
-class Finder:
+class DeclarationSiteFinder:
     """Decides for all local names of a function."""
 
     def __init__(self, tree: ast.FunctionDef, parameters: list[str], ranges: set[int]) -> None:

@@ -9,7 +9,7 @@ from twin.compiler.builtins import NAMED, ROUNDING, Word
 from twin.compiler.codegen.code import UNARY, Code, number
 from twin.compiler.codegen.expressions import Expressions
 from twin.compiler.infer import Function, NotStaticError
-from twin.compiler.types import BOOLEAN, INTEGER, REAL, Known, Scalar, Type, of_constant
+from twin.compiler.types import BOOLEAN, INTEGER, REAL, Scalar, StaticObject, Type, of_constant
 
 EXTREMES: dict[Any, dict[Scalar, str]] = {
     min: {REAL: "real_min", INTEGER: "int_min"},
@@ -46,7 +46,7 @@ class Calls(Expressions):
     def user(self, node: ast.Call, called: Function) -> Code:
         parts = []
         for one, kind in zip(self.function.bound[id(node)], called.arguments, strict=True):
-            if isinstance(kind, Known):
+            if isinstance(kind, StaticObject):
                 continue
             if not isinstance(one, ast.expr):
                 parts.append(self._default(one, kind, called))

@@ -27,7 +27,7 @@ from twin.compiler.codegen.code import (
 from twin.compiler.codegen.lines import Lines
 from twin.compiler.infer import OPERATORS, NotStaticError, element
 from twin.compiler.structs import SIZES
-from twin.compiler.types import BOOLEAN, INTEGER, REAL, Array, Known, Record, Scalar, Tuple, Type
+from twin.compiler.types import BOOLEAN, INTEGER, REAL, Array, Record, Scalar, StaticObject, Tuple, Type
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -67,7 +67,7 @@ class Expressions(Lines):
         """An expression; in an ordered statement its reads and calls are kept in lines before it."""
         code = self.expressions[type(node)](self, node)
         if self.ordered and isinstance(self.type(node), Scalar):
-            is_read = isinstance(node, ast.Attribute | ast.Subscript) and not isinstance(self.type(node), Known)
+            is_read = isinstance(node, ast.Attribute | ast.Subscript) and not isinstance(self.type(node), StaticObject)
             is_call = isinstance(node, ast.Call) and id(node) in self.function.calls
             if is_call or (is_read and not code.text.isidentifier()):
                 return self.keep(code, self.type(node))
@@ -146,7 +146,7 @@ class Expressions(Lines):
     def global_value(self, node: ast.expr, name: str, value: Any) -> Code:
         """A constant of a module by its name."""
         kind = self.type(node)
-        if isinstance(kind, Known):
+        if isinstance(kind, StaticObject):
             return Code("")
         return Code(self.needs.constant(self.source, name, value))
 
@@ -180,7 +180,7 @@ class Expressions(Lines):
         indices = node.slice.elts if isinstance(node.slice, ast.Tuple) else [node.slice]
         if isinstance(base, Tuple):
             return self._item(node, base, indices)
-        if isinstance(base, Known):
+        if isinstance(base, StaticObject):
             value = self.inference.static(node)
             name = "".join(c if c.isalnum() else "_" for c in ast.unparse(node)).strip("_")
             return self.global_value(node, name, value)
@@ -274,7 +274,7 @@ class Expressions(Lines):
         if self.type(node) == BOOLEAN:
             return True
         if isinstance(node, ast.Attribute | ast.Subscript) and not self.ordered:
-            if isinstance(node, ast.Subscript) and isinstance(self.type(node.value), Tuple | Known):
+            if isinstance(node, ast.Subscript) and isinstance(self.type(node.value), Tuple | StaticObject):
                 return False
             if isinstance(node, ast.Attribute) and not isinstance(self.type(node.value), Record):
                 return False

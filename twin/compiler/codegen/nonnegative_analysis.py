@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from twin.compiler.resolve import Source
 
 
-class Signs:
+class NonnegativeAnalysis:
     """The local numbers of one function that are never negative, given what its callers pass."""
 
     def __init__(self, program: Program, function: Function) -> None:

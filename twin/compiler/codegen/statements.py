@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 from twin.compiler.codegen.calls import Calls
 from twin.compiler.codegen.code import ATOM, BREAK, SHIFT, UNARY, Code, local_name, wrapped
 from twin.compiler.codegen.expressions import SYMBOLS
-from twin.compiler.codegen.file_context import Needs
+from twin.compiler.codegen.file_context import FileContext
 from twin.compiler.infer import Function, NotStaticError, Program, element, is_range
-from twin.compiler.locals import DeclarationSites, Finder
+from twin.compiler.locals import DeclarationSiteFinder, DeclarationSites
 from twin.compiler.structs import SIZES, block_comment, clean
 from twin.compiler.syntax_tree import walk
-from twin.compiler.types import BOOLEAN, COMPUTED, INTEGER, REAL, Array, Known, Nothing, Tuple, Type
+from twin.compiler.types import BOOLEAN, COMPUTED, INTEGER, REAL, Array, Nothing, StaticObject, Tuple, Type
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 class Writer(Calls):
     """One function as C."""
 
-    def __init__(self, needs: Needs, program: Program, function: Function) -> None:
+    def __init__(self, needs: FileContext, program: Program, function: Function) -> None:
         super().__init__(needs, program, function)
         loops = (node for node in walk(self.source.tree) if isinstance(node, ast.For))
         ranges = {id(node) for node in loops if is_range(node.iter, self.source)}
-        self.sites: DeclarationSites = Finder(self.source.tree, self.source.parameters, ranges).find()
+        self.sites: DeclarationSites = DeclarationSiteFinder(self.source.tree, self.source.parameters, ranges).find()
         self.last_line = 0
 
     def text(self) -> str:
@@ -52,7 +52,7 @@ class Writer(Calls):
     def _parameters(self) -> str:
         parts = []
         for name, kind in zip(self.source.parameters, self.function.arguments, strict=True):
-            if isinstance(kind, Known):
+            if isinstance(kind, StaticObject):
                 continue
             is_const = name not in self.function.mutable
             if isinstance(kind, Array):
@@ -78,7 +78,7 @@ class Writer(Calls):
     def _unused_parameters(self) -> None:
         used = {n.id for n in walk(self.source.tree) if isinstance(n, ast.Name)}
         for name, kind in zip(self.source.parameters, self.function.arguments, strict=True):
-            if name not in used and not isinstance(kind, Known):
+            if name not in used and not isinstance(kind, StaticObject):
                 self.emit(f"(void){local_name(name)};")
 
     def block(self, statements: Sequence[ast.stmt]) -> None:

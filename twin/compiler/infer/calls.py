@@ -12,7 +12,19 @@ import numpy as np
 from twin.compiler import builtins
 from twin.compiler.builtins import Word
 from twin.compiler.infer.expressions import Expressions
-from twin.compiler.types import BOOLEAN, INTEGER, REAL, UNKNOWN, Array, Known, Tuple, Type, Unknown, join, of_constant
+from twin.compiler.types import (
+    BOOLEAN,
+    INTEGER,
+    REAL,
+    UNKNOWN,
+    Array,
+    StaticObject,
+    Tuple,
+    Type,
+    Unknown,
+    join,
+    of_constant,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,7 +37,7 @@ class Calls(Expressions):
 
     def call(self, node: ast.Call) -> Type:
         kind = self.expression(node.func) if isinstance(node.func, ast.Name | ast.Attribute) else UNKNOWN
-        if not isinstance(kind, Known):
+        if not isinstance(kind, StaticObject):
             raise self.error(node, "calls what is no function", "Call functions by their names")
         called = kind.value
         if isinstance(called, FunctionType):

@@ -16,10 +16,10 @@ from twin.compiler.types import (
     REAL,
     UNKNOWN,
     Array,
-    Known,
     MixedError,
     Record,
     Scalar,
+    StaticObject,
     Tuple,
     Type,
     Unknown,
@@ -100,7 +100,7 @@ class Expressions(Static):
             return self.field(node, base)
         if isinstance(base, Array) and node.attr in ("shape", "size", "ndim"):
             return of_constant(getattr(np.empty(base.shape), node.attr))
-        if isinstance(base, Known):
+        if isinstance(base, StaticObject):
             try:
                 return self.of_object(node, getattr(base.value, node.attr))
             except AttributeError:
@@ -123,7 +123,7 @@ class Expressions(Static):
             raise self.error(node, "is a slice", "Loop over the elements")
         if isinstance(base, Tuple):
             return self.item(node, base, indices)
-        if isinstance(base, Known) and isinstance(base.value, tuple | dict):
+        if isinstance(base, StaticObject) and isinstance(base.value, tuple | dict):
             try:
                 return of_constant(self.static(node))
             except NotStaticError:

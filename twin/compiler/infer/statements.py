@@ -16,11 +16,11 @@ from twin.compiler.types import (
     NOTHING,
     UNKNOWN,
     Array,
-    Known,
     MixedError,
     Nothing,
     Record,
     Scalar,
+    StaticObject,
     Tuple,
     Type,
     Unknown,
@@ -137,9 +137,9 @@ class Inference(Calls):
         name = target.id
         if isinstance(kind, Nothing):
             raise self.error(value or target, "returns nothing", "Call it as a statement")
-        if isinstance(kind, Known) and kind.value is None:
+        if isinstance(kind, StaticObject) and kind.value is None:
             raise self.error(target, "gets None", "Use a number that cannot occur")
-        if isinstance(kind, Known):
+        if isinstance(kind, StaticObject):
             raise self.error(target, "gets no number", "Call functions by their own names")
         if name in self.source.parameters and isinstance(self.function.locals[name], Array | Record):
             raise self.error(target, "is an argument that holds an array", "Use another name")
@@ -225,9 +225,9 @@ class Inference(Calls):
 
     def give(self, node: ast.Return) -> None:
         kind: Type = NOTHING if node.value is None else self.expression(node.value)
-        if isinstance(kind, Known) and kind.value is None:
+        if isinstance(kind, StaticObject) and kind.value is None:
             kind = NOTHING
-        if isinstance(kind, Array | Record | Known):
+        if isinstance(kind, Array | Record | StaticObject):
             raise self.error(node, f"returns {describe(kind)}", "Return numbers")
         try:
             self.function.result = join(self.function.result, kind)
